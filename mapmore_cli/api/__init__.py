@@ -1,11 +1,11 @@
-"""The program in Python: the words of the YAML spec as keyword arguments.
+"""Use the program from Python, with the words of the YAML spec as keyword arguments.
 
     import mapmore_cli as mm
 
-`fit` makes a model of arrays, of data frames or of files; `run` does what `mapmore run` does;
-`load_model` reads what either wrote; `example` gives data to try them on; `FROLS` is the regression
-engine as an estimator. Nothing is written but by `run`, and by `save`, `to_yaml` and `export` of a
-model.
+`fit` makes a model from arrays, data frames or files. `run` does what `mapmore run` does.
+`load_model` reads a model that either of them wrote. `example` returns data for experiments.
+`FROLS` is the regression engine as an estimator. Only `run`, and the methods `save`, `to_yaml` and
+`export` of a model, write files.
 """
 
 from mapmore_cli.api.estimator import FROLS

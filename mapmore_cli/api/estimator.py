@@ -1,5 +1,5 @@
-"""The regression engine as an estimator that keeps the protocol of scikit-learn, which it does not
-need.
+"""Provide the regression engine as an estimator with the interface of scikit-learn, which need not
+be installed.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from mapmore_cli.modelling.expressions.states import IDENTIFIER
 from mapmore_cli.modelling.frols.engine import frols
 from mapmore_cli.pipeline.frames import Door, labels_of
 
-TOLERANCE = 1e-4  # of `stop: tolerance` where none is given
-FEWEST = 3  # terms that few samples may have
-# part of a power of a column that rounding may take from what tells it from others
+TOLERANCE = 1e-4  # default tolerance of `stop: tolerance`
+FEWEST = 3  # number of terms that a model may have even with few samples
+# fraction of a power of a column that rounding may remove from its difference to others
 LOST = 1e-10
-ROUNDING = 1e-13  # of the sum of its parts: a coefficient that small is none
+ROUNDING = 1e-13  # fraction of the sum of its parts; a smaller coefficient is zero
 
 
 class NotFitted(ValueError, AttributeError):
-    """`fit` was not called yet."""
+    """`fit` has not been called yet."""
 
 
 @dataclass(eq=False, repr=False)
@@ -43,20 +43,21 @@ class FROLS:
     """Few terms of a polynomial in the columns of X, selected by error reduction ratio
     (`mapmore_cli.modelling.frols`).
 
-    - `order`: total degree of the candidate monomials; `constant`: whether the constant is one.
-    - `max_terms`, `tolerance`, `stop`: as in `frols`. Without a tolerance the extended Bayesian
-      criterion (`ebic`) chooses the number of terms, up to half of the number of samples: what is
-      noise is then left unexplained.
+    - `order`: total degree of the candidate monomials; `constant`: whether the constant is a
+      candidate.
+    - `max_terms`, `tolerance`, `stop`: as in `frols`. Without a tolerance, the extended Bayesian
+      criterion (`ebic`) chooses the number of terms, up to half of the number of samples, so that
+      noise is left unexplained.
 
     `X` and `y` may be arrays and frames of any kind. Units, and values that are missing or masked,
     are refused.
 
     After `fit`, `terms_`, `coef_` and `err_` are the terms, their coefficients and error reduction
-    ratios, (k,). Monomials of a column that stands far from zero, as `1e6 + x`, are the same but
-    for rounding errors: the terms are then selected among those of the column less its mean, as
-    `selection_` and `table_` have them, and `predict` computes with. `terms_` and `coef_` are the
-    same model in the column itself; a term that comes with others has no ratio of its own, which is
-    then zero.
+    ratios, (k,). Monomials of a column far from zero, for example `1e6 + x`, differ only by
+    rounding errors. The terms are then selected from monomials of the column minus its mean;
+    `selection_` and `table_` contain these terms, and `predict` computes with them. `terms_` and
+    `coef_` are the same model in the original column. A term that appears only because powers are
+    multiplied out has no ratio of its own; its ratio is zero.
 
     >>> x = np.linspace(0, 1, 50)
     >>> model = FROLS(order=2, max_terms=2).fit(np.column_stack([x, np.cos(9 * x)]), 3 * x**2 - 1)
@@ -116,8 +117,8 @@ class FROLS:
         return self
 
     def _centre_of(self, values: Array) -> Array:
-        """Return the offset that is subtracted from each column, (m,): its mean if it is so far
-        from zero that powers of the column would be equal but for rounding, otherwise 0.
+        """Return the offset that is subtracted from each column, (m,): the mean of a column that is
+        so far from zero that its powers would differ by rounding errors only, otherwise 0.
         """
         mean, spread = values.mean(axis=0), values.std(axis=0)
         far = spread * (LOST / np.finfo(float).eps) ** (1 / max(self.order, 1)) < np.abs(mean)
@@ -130,8 +131,8 @@ class FROLS:
     def _in_columns(
         self, candidates: Sequence[Expression], selection: Selection
     ) -> tuple[tuple[str, ...], Array, Array]:
-        """Return the model in the columns themselves: terms, coefficients and error reduction
-        ratios, (k,) each. Powers of differences are multiplied out in exact fractions.
+        """Return the model in the original columns: terms, coefficients and error reduction ratios,
+        (k,) each. Powers of differences are multiplied out in exact fractions.
         """
         m, total = len(self._columns), dict.fromkeys(selection.chosen.tolist(), Fraction(0))
         twos = dict(zip(self._columns, 1 + np.eye(m), strict=True))
@@ -174,10 +175,10 @@ class FROLS:
         return np.asarray(self._dictionary(self._terms, values) @ self.selection_.theta)
 
     def score(self, X: ArrayLike, y: ArrayLike) -> float:
-        """R² of the prediction."""
+        """Return R² of the prediction."""
         predicted = self.predict(X)
         target = _target(y, len(predicted))
-        unit = float(np.abs(target).max()) or 1.0  # whose square is a number
+        unit = float(np.abs(target).max()) or 1.0  # so that its square is finite
         predicted, target = predicted / unit, target / unit
         spread = float(np.sum((target - target.mean()) ** 2))
         return 1.0 - float(np.sum((target - predicted) ** 2)) / spread if spread else 0.0
@@ -200,7 +201,7 @@ class FROLS:
 
     @property
     def equations_(self) -> tuple[str, ...]:
-        """The model as text, six digits."""
+        """The model as text, with six digits."""
         self._check_fitted()
         parts = [
             f"{c:.6g}" if t == "1" else f"{c:.6g}*{t}"
@@ -213,7 +214,7 @@ class FROLS:
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     def set_params(self, **given: object) -> Self:
-        """Set parameters; raises `ValueError` for one that there is not."""
+        """Set parameters. Raises ValueError for an unknown name."""
         known = self.get_params()
         for name, value in given.items():
             if name not in known:
@@ -233,7 +234,7 @@ class FROLS:
         return f"FROLS({', '.join(changed)})"
 
     def __sklearn_tags__(self) -> Any:
-        """Return what scikit-learn asks of an estimator."""
+        """Return the tags that scikit-learn expects of an estimator."""
         from sklearn.utils import InputTags, RegressorTags, Tags, TargetTags
 
         return Tags(
@@ -253,9 +254,7 @@ class FROLS:
 
 
 def _names_of_frame(X: object) -> list[str] | None:
-    """Return the names of a frame's columns; None if there are none, or they are not all
-    text.
-    """
+    """Return the names of a frame's columns; None if there are none, or if not all are texts."""
     labels = labels_of(X) or ()
     names = [label for label in labels if isinstance(label, str)]
     if len(set(names)) < len(names):
@@ -264,7 +263,7 @@ def _names_of_frame(X: object) -> list[str] | None:
 
 
 def _numeric_table(X: object) -> Array:
-    """Return a table of numbers, (n, m); raises `ValueError` or `TypeError` for anything else."""
+    """Return a table of numbers, (n, m). Raises ValueError or TypeError for anything else."""
     if hasattr(X, "toarray"):
         raise TypeError(
             "Sparse data was passed for X, but dense data is required. Use '.toarray()' to "
@@ -300,12 +299,16 @@ def _target(y: object, rows: int) -> Array:
 
 
 def _of_sklearn(name: str, otherwise: type) -> Any:
-    """Return a class that scikit-learn has for a fault, where that is loaded."""
+    """Return the class that scikit-learn uses for an error if scikit-learn is loaded, and
+    `otherwise` if not.
+    """
     return getattr(sys.modules.get("sklearn.exceptions"), name, otherwise)
 
 
 class NotNumbers(ValueError, TypeError):
-    """What is no table of numbers; scikit-learn asks for one of the two, depending on why."""
+    """The input is no table of numbers. It is both a ValueError and a TypeError, because
+    scikit-learn expects one or the other.
+    """
 
 
 def _no_unit(numbers: Array, unit: str) -> Array:
@@ -315,7 +318,7 @@ def _no_unit(numbers: Array, unit: str) -> Array:
 
 
 def _finite_numbers(values: object, name: str) -> Array:
-    """Finite real numbers; raises `ValueError` for others."""
+    """Return finite real numbers; raises ValueError for other values."""
     try:
         found = Door(_no_unit).numbers(values, name)
     except DataError as fault:

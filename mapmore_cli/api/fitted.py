@@ -1,4 +1,4 @@
-"""What a fit returns in Python: the model, its scores, and how it was made."""
+"""Return the result of a fit in Python: the model, its scores, and how it was made."""
 
 from __future__ import annotations
 
@@ -43,23 +43,23 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
 HERE = "fit(...)"
-"""How messages call the spec that the keyword arguments make."""
+"""Name in messages of the spec that the keyword arguments form."""
 
 PATIENCE = 2.0
-"""Seconds that a fit may take before progress shows."""
+"""Seconds after which a fit shows its progress."""
 
 LINE_EVERY = 5.0
 """Seconds between two lines of progress in a file, which cannot show a bar."""
 
 _SHOWN = 8
-"""Equations that a notebook shows."""
+"""Largest number of equations that a notebook shows."""
 
 
 class Scores(tuple[Mapping[str, Any], ...]):
-    """The rows of `scores.json`, each a mapping as `{"model": "mapmore", "split": "validate",
+    """The rows of `scores.json`, each a mapping such as `{"model": "mapmore", "split": "validate",
     "nrmse": 0.01, ...}`.
 
-    It prints as the table of the pooled rows.
+    Printed, they are the table of the pooled rows.
     """
 
     table: ScoreTable
@@ -99,11 +99,11 @@ class Scores(tuple[Mapping[str, Any], ...]):
 
 @dataclass(frozen=True)
 class Study:
-    """Hold what `fit` was given: the spec as a `document`, the `frames` in memory, and the folder
-    at which paths start.
+    """What `fit` received: the spec as a `document`, the `frames` in memory, and the folder at
+    which paths start.
 
-    There are no frames where files are read. With `check`, an error of `mapmore check` ends the
-    fit. `progress` says whether a bar shows how far it is (`_Bar`).
+    `frames` is empty if files are read. With `check`, an error of `mapmore check` ends the fit.
+    `progress` says whether a bar shows the progress (`_Bar`).
     """
 
     document: Mapping[str, Any]
@@ -114,7 +114,7 @@ class Study:
 
     @property
     def columns(self) -> Mapping[str, Any]:
-        """The section `columns` as it was given."""
+        """The section `columns` as the caller gave it."""
         section: Mapping[str, Any] = self.document["data"].get("columns", {})
         return section
 
@@ -168,15 +168,15 @@ class Study:
 
 
 class _Bar:
-    """Progress of a fit on stderr or in a notebook, from `PATIENCE` seconds on; use it as a context
-    manager.
+    """Progress bar of a fit on stderr or in a notebook, shown after `PATIENCE` seconds; use it as a
+    context manager.
 
-    `is_wanted` is True to show it at once, also if stderr is a file; None to show it only to a
-    person, in a terminal or in a notebook; False for none.
+    `is_wanted` is True to show it at once, even if stderr is a file; None to show it only in a
+    terminal or a notebook; False never to show it.
     """
 
     def __init__(self, is_wanted: bool | None) -> None:
-        from rich.console import Console  # many fits show no bar
+        from rich.console import Console  # imported here because many fits show no bar
 
         self._console = Console(stderr=True)
         self._bar: Progress | None = None
@@ -194,7 +194,7 @@ class _Bar:
             self._bar.stop()
 
     def __call__(self, what: str, done: int, total: int) -> None:
-        """Show how far long work has come."""
+        """Show the progress of long work."""
         if time.monotonic() < self._due and not (self._is_begun and done == total):
             return
         self._is_begun = True

@@ -1,4 +1,4 @@
-"""`run`: what `mapmore run` does, in Python; and models that it wrote."""
+"""Provide `run`, which does the same as the command `mapmore run`, and the models that it wrote."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Run(Finished):
 
     @cached_property
     def model(self) -> LoadedModel:
-        """The model, as a function."""
+        """The model, as a function of its inputs."""
         return LoadedModel(RunFiles(self.run_dir).model(), self.scores)
 
     @property

@@ -1,4 +1,4 @@
-"""`fit`: the sections of a spec as keyword arguments; and data to try it on."""
+"""Provide `fit`, with the sections of a spec as keyword arguments, and example data."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from mapmore_cli.study.diagnostics import did_you_mean
 from mapmore_cli.study.sections.data import Data
 
 Section = Mapping[str, Any]
-"""A section of the spec, its keys as in YAML."""
+"""A section of the spec, with the keys of the YAML file."""
 
 
 def fit(
@@ -62,39 +62,41 @@ def fit(
         need no entry. If `columns` is left out and `target` is the label of a column, all
         quantities have the labels of their columns.
     target
-        what is modelled: `static`, `hysteresis`, `damping` or `dynamic` force, or a quantity, or
-        several that share segments and terms, as `'static'`
+        What the model predicts: the `static`, `hysteresis`, `damping` or `dynamic` force, a
+        quantity, or several quantities that share segments and terms.
     levels
-        what is held constant within a curve, as `{'at': 'auto', 'of': 'pressure'}`
+        The quantity that is constant within a curve, for example `{"of": "pressure", "at":
+        "auto"}`.
     split
-        which data are held out of training, as `{'validate': {'pressure': [250]}}`
+        Which data are held out of training, for example `{"validate": {"pressure": [250]}}`.
     segment
-        how each variable is cut into segments; `none` pools the curves of the levels, as
-        `{'strain': {'count': 4, 'method': 'even'}}`
+        How the range of each variable is cut into segments, for example `{"strain": {"method":
+        "even", "count": 4}}`. `none` uses the curves of all levels together.
     dictionary
-        families of candidate terms, as `[{'polynomial': {'of': ['strain'], 'order': 4}}]`
+        Families of candidate terms, for example `[{"polynomial": {"of": ["strain"], "order": 4}}]`.
     model
-        which kind of model, and what the pieces stand on, as `{'backbone': 'sarosi'}`
+        Kind of the model, and the formula to which the segment functions are added, for example
+        `{"backbone": "sarosi"}`.
     fit
-        how terms are chosen, and how many, as `{'max_terms': 2}`
+        How terms are chosen, and how many, for example `{"max_terms": 2}`.
     fuse
-        how pieces are joined, and what happens beyond the data, as `{'transition': 'linear', 'z_s':
-        0.25}`
+        How the segment functions are joined, and what the model does outside the measured range,
+        for example `{"transition": "linear", "z_s": 0.25}`.
     validate
-        competitors, metrics and limits, as `{'against': ['sarosi'], 'require': {'nrmse': 0.05}}`
+        Competitors of the model, and limits for its scores, for example `{"against": ["sarosi"],
+        "require": {"nrmse": 0.05}}`.
     formulas
-        formulas of your own, each a file or written out, to be named like those of the literature,
-        as `['my_formula.yaml']`
+        Formulas of your own, each as a file or as a mapping, for example `["my_formula.yaml"]`.
     muscle
-        what was measured, as `{'diameter': '20 mm', 'length': '88 mm'}`
+        The muscle that was measured, for example `{"length": "88 mm", "diameter": "20 mm"}`.
     units
-        units of quantities in the model and on pages, as `{'pressure': 'bar'}`
+        Units of quantities in the model and on pages, for example `{"pressure": "bar"}`.
     needs
-        specs of the runs that this one builds on, as `{'static': 'static.yaml'}`
+        Specs of other runs on which this one builds, for example `{"static": "static.yaml"}`.
     report
-        figures and files of the report, as `{'formats': ['html', 'pdf']}`
+        Figures and files of the report, for example `{"formats": ["html", "pdf"]}`.
     name
-        name of the run and of its folder, as `'my-muscle'`
+        Name of the model.
     check
         With `check=False`, an error of `mapmore check` becomes a warning, and the fit goes on.
     progress
@@ -169,9 +171,9 @@ def fit(
 def _data_of(
     frame: object, section: dict[str, Any], target: object
 ) -> tuple[dict[str, Any], tuple[Any, ...]]:
-    """Return the section `data`, and the frames in memory: none if files are read.
+    """Return the section `data` and the frames in memory; no frames if files are read.
 
-    Raises `SpecError` for no table, and for frames beside files.
+    Raises SpecError if there is no table, or if frames and files are mixed.
     """
     tables = list(frame) if isinstance(frame, list | tuple) else [frame]
     frames = tuple(one for one in tables if labels_of(one) is not None)
@@ -194,9 +196,9 @@ def _data_of(
 
 
 def _reader_of(path: object) -> str:
-    """Return the reader of files that begin or end so; `csv` for others.
+    """Return the reader for files with this name; `csv` for unknown names.
 
-    Raises `SpecError` for what is no path.
+    Raises SpecError for a value that is no path.
     """
     if not isinstance(path, str | Path):
         raise SpecError(

@@ -1,1 +1,1 @@
-"""The rules of `mapmore check`, which every run applies as well."""
+"""Define the rules of `mapmore check`, which every run applies too."""

@@ -1,4 +1,4 @@
-"""The rules, in lists by what they need, and how they are applied to a spec and its data."""
+"""List the rules by what they need, and apply them to a spec and its data."""
 
 from __future__ import annotations
 
@@ -31,7 +31,8 @@ OF_RECORDINGS: tuple[Rule, ...] = (
     *(samples.recorded_twice, odd_values.spikes_in, odd_values.below_vacuum),
     *(pairs.computed_from, pairs.untold_difference),
 )
-"""Rules that need the recordings alone, so that they can say why no curves could be made of them.
+"""Rules that need only the recordings, so that they can also explain why no curves could be
+made.
 """
 
 OF_CURVES: tuple[Rule, ...] = (
@@ -49,14 +50,14 @@ OF_CHECK: tuple[Rule, ...] = (
     fits.contradicted_shape,
     curves.beyond_training,
 )
-"""Rules that `check` alone applies: hints, and what a run tells by itself as it scores."""
+"""Rules that only `check` applies: hints, and facts that a run reports itself with its scores."""
 
 
 def issues_of(
     loaded: LoadedSpec, dataset: Dataset, *, curves: bool = True, hints: bool = False
 ) -> list[Issue]:
-    """Return what the rules say of a dataset, or of its recordings alone; of hints, only where they
-    are asked for.
+    """Return the issues that the rules find in a dataset, or in its recordings only; with hints if
+    `hints` is True.
     """
     units = slice_of(loaded.spec).units
     subjects = [
@@ -81,10 +82,10 @@ def issues_of(
 
 
 def issues_without_curves(loaded: LoadedSpec) -> list[Issue]:
-    """Return what the rules say of recordings of which no curves can be made; nothing if they
-    cannot be read either.
+    """Return the issues of recordings from which no curves can be made; nothing if they cannot be
+    read either.
 
-    That strain is in per cent is why no sample was at its level.
+    For example, a strain in per cent can be the reason why no sample is at its level.
     """
     bare: dict[str, Any] = {
         "derive": {},

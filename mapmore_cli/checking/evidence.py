@@ -1,5 +1,5 @@
-"""What the numbers of recordings show: rest, one signal in two units, outputs that differ at equal
-inputs, and spikes.
+"""Find facts in the numbers of recordings: rest, one signal in two units, different outputs at
+equal inputs, and spikes.
 """
 
 from __future__ import annotations
@@ -17,26 +17,27 @@ from mapmore_cli.modelling.signals.rates import rate
 from mapmore_cli.modelling.signals.sampling import PART, correlation, even_parts, even_share
 from mapmore_cli.study.units import convert
 
-FEWEST = 30  # samples, below which what they show may be chance
-COMPARED = 200  # recordings, one with each other: of more, an even share
-ROUNDING = 1e-4  # of a range or a correlation: columns that agree so far are one
-LITTLE = 0.01  # of samples or a range: may be chance
-SOME = 0.05  # of samples or a range: is worth a warning
-MUCH = 0.5  # of samples, a value or a difference: is most of it
+FEWEST = 30  # samples; with fewer, a finding may be chance
+COMPARED = 200  # recordings that are compared with each other; more are thinned evenly
+# fraction of a range or a correlation; columns that agree this closely are the same
+ROUNDING = 1e-4
+LITTLE = 0.01  # fraction of samples or of a range that may be chance
+SOME = 0.05  # fraction of samples or of a range that is worth a warning
+MUCH = 0.5  # fraction of samples, of a value or of a difference that counts as most of it
 
-SLOW = 0.04  # of the pressure range per second
-SHORTEST = 0.1  # s, width of the window in which the rate is found
-SAMPLES = 8  # that the window must hold
-MIDDLE = (0.1, 0.9)  # of the pressure range
+SLOW = 0.04  # fraction of the pressure range per second
+SHORTEST = 0.1  # s, smallest width of the window for the rate
+SAMPLES = 8  # samples that the window must contain
+MIDDLE = (0.1, 0.9)  # fractions of the pressure range
 
 
 @dataclass(frozen=True)
 class Settling:
     """How a pressure settles.
 
-    A sample counts as settled below the rate `limit` per second, a round number, found in a
-    `window` in s. That is a `share` of all samples, and `share_between` of those in the middle of
-    the pressure range: staircases rest there, and sweeps do not.
+    A sample is settled if its rate is below `limit` per second, a round number; the rate is
+    computed in a `window` in s. `share` is the settled share of all samples, and `share_between`
+    that of the samples in the middle of the pressure range: staircases rest there, sweeps do not.
     """
 
     limit: float
@@ -46,10 +47,9 @@ class Settling:
 
 
 def settling(recordings: Sequence[Recording], unit: str = "s") -> Settling | None:
-    """Find which share of the samples is settled, of recordings with a pressure and a time in
-    `unit`.
+    """Find the share of settled samples in recordings with a pressure and a time in `unit`.
 
-    None if the pressure does not move, or the time stamps do not let a rate be found.
+    None if the pressure does not move, or if the time stamps do not allow a rate.
     """
     records = [
         (convert(recording.columns["time"][part], unit, "s"), recording.columns["pressure"][part])
@@ -67,7 +67,7 @@ def settling(recordings: Sequence[Recording], unit: str = "s") -> Settling | Non
         rates = np.concatenate(
             [rate(time, pressure, window, order=2) for time, pressure in records]
         )
-    except DataError:  # gaps that are wider than the window
+    except DataError:  # some gaps are wider than the window
         return None
     settled = np.abs(rates) < limit
     low, high = (pressures.min() + place * np.ptp(pressures) for place in MIDDLE)
@@ -78,7 +78,7 @@ def settling(recordings: Sequence[Recording], unit: str = "s") -> Settling | Non
 
 
 def two_digits(value: float) -> float:
-    """Return a positive number, rounded to two digits, as a person would choose it."""
+    """Return a positive number rounded to two digits, as a person would choose it."""
     return float(f"{round(value, 1 - math.floor(math.log10(value))):.6g}")
 
 
@@ -87,10 +87,10 @@ def two_digits(value: float) -> float:
 
 
 def same_signals(columns: Sequence[Array]) -> list[list[int]]:
-    """Return the places of columns `(n,)` that are one another times a constant, plus one, a list
-    for each repeated signal.
+    """Return groups of indices of columns, (n,), that equal each other up to a factor and an
+    offset, one list for each repeated signal.
 
-    Columns of different lengths, as where one lacks values, are not compared.
+    Columns of different lengths, for example because one lacks values, are not compared.
     """
     families: list[list[int]] = []
     shares: dict[int, Array] = {}
@@ -114,11 +114,11 @@ def same_signals(columns: Sequence[Array]) -> list[list[int]]:
 
 @dataclass(frozen=True)
 class Unequal:
-    """Two recordings whose inputs are equal, sample for sample, and whose outputs differ.
+    """Two recordings with equal inputs, sample for sample, and different outputs.
 
-    All are root mean squares relative to the range of the `target`: how far the outputs are
-    `apart`, and what remains (`left`) where one is taken as a factor times the other (`gain`), as
-    the other plus a constant (`offset`), or as both (`offset gain`).
+    All numbers are root mean squares divided by the range of the `target`. `apart` is the distance
+    of the outputs. `left` is the distance that remains if one output is the other times a factor
+    (`gain`), plus a constant (`offset`), or both (`offset gain`).
     """
 
     one: Recording
@@ -130,8 +130,9 @@ class Unequal:
 
     @property
     def effects(self) -> list[str]:
-        """What tells most of the difference, as `data.groups` calls it: the one that leaves less,
-        or both where they leave far less together; empty if most of the difference remains.
+        """Effects that explain most of the difference, with the names of `data.groups`: the better
+        of the two, or both if they leave far less together; empty if most of the difference
+        remains.
         """
         best = min(("gain", "offset"), key=lambda effect: self.left[effect])
         both = "offset gain"
@@ -141,11 +142,13 @@ class Unequal:
 
     @property
     def is_large(self) -> bool:
-        """Whether hardly any repetition differs so far."""
+        """True if repetitions hardly ever differ so much."""
         return self.apart > SOME
 
     def words(self) -> str:
-        """Return it as a sentence, with what each effect explains of the sum of squares."""
+        """Return a sentence about the difference and the share of the sum of squares that each
+        effect explains.
+        """
         gain, offset, both = (f"{1 - (left / self.apart) ** 2:.0%}" for left in self.left.values())
         return (
             f"{self.other.name} has the same {', '.join(self.inputs)} as {self.one.name}, "
@@ -156,12 +159,13 @@ class Unequal:
 
 
 def unequal(recordings: Sequence[Recording], inputs: Sequence[str], target: str) -> Unequal | None:
-    """Return the two recordings whose outputs differ most at equal inputs; None if these differ
-    by less than 1 % of the range of the target, or by less than 5 % that nothing explains.
+    """Return the two recordings whose outputs differ most at equal inputs. None if they differ by
+    less than 1 % of the target's range, or by less than 5 % without an effect that explains it.
 
-    Inputs are equal where they differ by less than 1 % of their ranges (rms), from the first sample
-    to the end of the shorter recording, which has half of the samples at least. What stays within
-    1 % of its largest value was held. Of more than 200 recordings an even share is compared.
+    Inputs are equal if they differ by less than 1 % of their ranges (rms), from the first sample to
+    the end of the shorter recording, which must have at least half of the samples. A quantity was
+    held constant if it stays within 1 % of its largest value. More than 200 recordings are thinned
+    evenly.
     """
     usable = [recording for recording in recordings if recording.rows_kept >= FEWEST]
     if not usable:
@@ -189,7 +193,7 @@ def unequal(recordings: Sequence[Recording], inputs: Sequence[str], target: str)
 def _with_equal_inputs(
     recordings: Sequence[Recording], ranges: Mapping[str, float]
 ) -> Iterator[tuple[Recording, Recording, int]]:
-    """Yield all pairs of recordings with equal inputs, and how many samples they have in common."""
+    """Yield all pairs of recordings with equal inputs, and their number of common samples."""
     begins = np.array(
         [
             [recording.columns[x][:FEWEST] / size for x, size in ranges.items()]
@@ -210,7 +214,9 @@ def _with_equal_inputs(
 
 
 def _left(first: Array, second: Array) -> tuple[float, dict[str, float]]:
-    """Return how far outputs are apart, and what a gain, an offset and both leave of it."""
+    """Return the distance of two outputs, and the distances that remain after a gain, an offset, or
+    both.
+    """
     less, more = sorted((first, second), key=_rms)
     ones, apart = np.ones_like(more), less - more
 
@@ -232,16 +238,17 @@ def _rms(values: Array) -> float:
 # Single samples
 # --------------------------------------------------------------------------------------------------
 
-STANDS_OUT = 4.0  # times as high as anything else changes
+STANDS_OUT = 4.0  # ratio of a spike to the largest other change
 
 
 def spikes(values: Array) -> IntArray:
-    """Return the numbers of the samples of a record, `(n,)`, that stand alone far from their
-    neighbours; none if these are more than 1 %, which is what was measured.
+    """Return the indices of the samples of a record, (n,), that lie alone far from their
+    neighbours; nothing if they are more than 1 % of the record, because the signal is then really
+    like that.
 
-    Such a sample lies to one side of both neighbours. It is four times as high as these differ, as
-    the record changes from one sample to the next anywhere else, and as a quarter of its range:
-    steps, and signals of two values, have no such sample.
+    Such a sample lies to one side of both neighbours. Its height is at least four times the
+    difference of the neighbours, four times the largest change anywhere else in the record, and a
+    quarter of its range. Steps, and signals of two values, have no such sample.
     """
     none = np.zeros(0, dtype=np.int64)
     if len(values) < FEWEST:
@@ -256,13 +263,13 @@ def spikes(values: Array) -> IntArray:
     span = float(np.ptp(np.delete(values, lone)))
     steps = np.delete(np.abs(np.diff(values)), np.union1d(lone - 1, lone))
     usual = max(STANDS_OUT * float(steps.max(initial=0.0)), span / STANDS_OUT)
-    # where a record rests, nothing says what is far
+    # in a constant record, no distance counts as far
     return lone[height[lone] > usual] if span else none
 
 
 def _heights(x: Array) -> Array:
-    """Return how far each sample but the ends lies from its nearest neighbour, (n - 2,); below zero
-    where it lies between both.
+    """Return the distance of each sample (except the ends) from its nearest neighbour, (n - 2,);
+    negative if it lies between both.
     """
     steps = np.diff(x)
     before, after = steps[:-1], steps[1:]

@@ -1,5 +1,5 @@
-"""What the rules found in a run: told by every command that brings it up to date, and kept in its
-folder.
+"""Keep what the rules found in a run. Every command that brings the run up to date reports it, and
+the run folder stores it.
 """
 
 from __future__ import annotations
@@ -19,21 +19,20 @@ if TYPE_CHECKING:
     from mapmore_cli.study.loader import LoadedSpec
 
 Severity = Literal["error", "warning", "hint"]
-"""An error makes the study wrong or impossible, a warning probably wrong; a hint says what could be
+"""An error makes the study wrong or impossible, a warning probably wrong. A hint says what could be
 better.
 """
 
 Cause = Literal["spec", "data"]
-"""What has to be mended."""
+"""What must be corrected."""
 
 
 @dataclass(frozen=True)
 class Issue:
-    """One thing that a user should look at: its `message` says what is wrong, its `remedy` what to
-    do.
+    """A finding that a user should look at: `message` says what is wrong, and `remedy` what to do.
 
-    `id` is the rule's name for it, which stays the same from release to release; `place` is a
-    `file:line:column` of the spec, or the recording; `cause` is what has to be mended, and decides
+    `id` is the name of the finding, which stays the same in all releases. `place` is a
+    `file:line:column` of the spec, or the recording. `cause` is what must be corrected; it decides
     the exit code of an error.
     """
 
@@ -46,7 +45,7 @@ class Issue:
 
     @property
     def text(self) -> str:
-        """The place, the message and the id, and the remedy on a line of its own."""
+        """The place, the message and the id, with the remedy on its own line."""
         return f"{self.place}: {self.message} [{self.id}]\n  {self.remedy}"
 
     @property
@@ -58,13 +57,13 @@ class Issue:
 
 
 def is_for_the_spec(errors: Iterable[Issue]) -> bool:
-    """Return whether the spec has to be mended first: the data are looked at again after that."""
+    """Return True if the spec must be corrected first; the data are checked again after that."""
     return any(issue.cause == "spec" for issue in errors)
 
 
 def refusal(issues: Iterable[Issue]) -> SpecError | DataError | None:
-    """Return the error that ends a run: every issue that is one, with its place and its remedy;
-    None without errors.
+    """Return the error that ends a run: all issues that are errors, with places and remedies; None
+    without errors.
     """
     errors = [issue for issue in issues if issue.severity == "error"]
     if not errors:
@@ -80,15 +79,15 @@ def refusal(issues: Iterable[Issue]) -> SpecError | DataError | None:
 
 
 FINDINGS = "check.json"
-"""The file in the folder of a run."""
+"""Name of the file in the run folder."""
 
 REVISION = 4
-"""Raised when a rule changes: findings of older rules do not count."""
+"""Number that is raised when a rule changes, so that older findings no longer count."""
 
 
 @dataclass(frozen=True)
 class Kept:
-    """Content of the file: the findings, and what they depend on."""
+    """Contents of the file: the findings, and what they depend on."""
 
     mark: str
     issues: tuple[Issue, ...]
@@ -98,14 +97,14 @@ _KEPT = TypeAdapter(Kept)
 
 
 def mark_of(loaded: LoadedSpec, ingested: str) -> str:
-    """Return what findings depend on, as one text: the rules, the spec, and the fingerprint of its
-    ingested data.
+    """Return a text of everything on which findings depend: the rules, the spec, and the
+    fingerprint of the ingested data.
     """
     return hashlib.sha256(f"{REVISION} {ingested} {loaded.resolved}".encode()).hexdigest()
 
 
 def kept(run_dir: Path, mark: str | None = None) -> tuple[Issue, ...] | None:
-    """Return the findings of a run; None if there are none that have this `mark`."""
+    """Return the findings of a run; None if it has none with this `mark`."""
     with suppress(OSError, ValueError):
         stored = _KEPT.validate_json((run_dir / FINDINGS).read_bytes())
         if mark in (None, stored.mark):
@@ -114,10 +113,10 @@ def kept(run_dir: Path, mark: str | None = None) -> tuple[Issue, ...] | None:
 
 
 def as_text(mark: str, issues: Sequence[Issue]) -> str:
-    """Return the findings as they are kept in the folder of the run."""
+    """Return the findings as the text that is stored in the run folder."""
     return _KEPT.dump_json(Kept(mark, tuple(issues)), indent=1).decode() + "\n"
 
 
 def sentences(run_dir: Path) -> tuple[str, ...]:
-    """Return what the rules said of a run."""
+    """Return the findings of a run as sentences."""
     return tuple(issue.sentence for issue in kept(run_dir) or ())

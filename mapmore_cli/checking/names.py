@@ -1,4 +1,4 @@
-"""What names say: titles of columns, and words in names of files, folders and sheets."""
+"""Interpret names: titles of columns, and words in names of files, folders and sheets."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from mapmore_cli.study.units import CANONICAL, spell_pressures, unit_of
 
 POSITIONS = ("strain", "displacement", "length")
-"""Quantities that say how far a muscle has contracted, the most telling first."""
+"""Quantities that say how far a muscle has contracted; the most informative comes first."""
 
 _WORDS = {
     "time": "t time times timestamp seconds elapsed zeit clock tout",
@@ -31,10 +31,10 @@ _COMMANDS = {
 
 @dataclass(frozen=True)
 class ColumnTitle:
-    """A column's name, read: the `quantity` it names, and its `unit` where the name has one.
+    """The meaning of a column's name: the `quantity` that it names, and its `unit` if the name has
+    one.
 
-    `plain` is True if nothing else stands in the name: `force_N` is plainer than
-    `force_N_total`.
+    `plain` is True if the name contains nothing else: `force_N` is plainer than `force_N_total`.
     """
 
     quantity: str
@@ -43,21 +43,22 @@ class ColumnTitle:
 
 
 def read_label(name: str) -> ColumnTitle | None:
-    """Return what a column's name says: `pressure_kPa` and `P [kPa]` are pressures in kPa; None for
-    a name that says nothing.
+    """Return the meaning of a column's name: `pressure_kPa` and `P [kPa]` are pressures in kPa;
+    None for a name without a known meaning.
 
-    The first word that names a quantity decides, and a unit is looked for behind it; without such a
-    word, a unit of pressure does.
+    The first word that names a quantity decides, and a unit is expected after it. Without such a
+    word, a unit of pressure decides.
     """
-    # camel case, and `pL` of a pair; kPa and MPa stay whole
+    # camel case, and `pL` of a pair; kPa and MPa are not split
     apart = re.sub(
         r"(?<=[a-z]{3})(?=[A-Z])|(?<=\bp)(?=[LRAB]\b)", " ", spell_pressures(name).replace("_", " ")
     )
     parts = [(match[0].casefold(), match.end()) for match in _WORD.finditer(apart)]
     named = [(word, end) for word, end in parts if word in _OF_WORD]
+    # the `V` in `y_V` means volts
     named = [
         word_and_end for word_and_end in named if word_and_end == parts[0] or word_and_end[0] != "v"
-    ]  # volts of `y_V`
+    ]
     is_command = any(word in _COMMANDS for word, _ in parts)
     quantity = "input" if is_command else _OF_WORD[named[0][0]] if named else None
     if quantity is None:
@@ -71,8 +72,8 @@ def read_label(name: str) -> ColumnTitle | None:
 
 
 def unit_in(quantity: str, text: str) -> str | None:
-    """Return the unit of a quantity that a text holds, as `[kN]` under a column's name; None for
-    none.
+    """Return the unit of a quantity that a text contains, for example `[kN]` below a column's name;
+    None without one.
     """
     like = CANONICAL.get(quantity)
     units = (unit_of(word, like) for word in _TOKEN.findall(spell_pressures(text)))

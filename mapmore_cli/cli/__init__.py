@@ -1,1 +1,3 @@
-"""Commands: parse, call one function below, print."""
+"""Define the commands: each parses its arguments, calls one function of a lower layer, and prints
+the result.
+"""

@@ -1,4 +1,6 @@
-"""Messages as workflow commands, which GitHub Actions shows beside the lines that they concern."""
+"""Print messages as workflow commands, which GitHub Actions shows beside the lines that they
+concern.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""The `mapmore` command: its subcommands in the order of the work, and where every error ends.
+"""Define the command `mapmore`: its subcommands in the order of the work, and the place where every
+error ends.
 
-Nothing heavy is imported here or in the modules of the commands. Only the command of the line is
-imported, and it imports what it needs when it runs.
+Nothing large is imported here or in the modules of the commands. Only the module of the requested
+command is imported, and it imports what it needs when it runs.
 """
 
 from __future__ import annotations
@@ -34,8 +35,8 @@ MODULES = {
     "check": "check",
     "clean": "clean",
 }
-"""The module of `cli/` that has the function of each command, which bears its name. Others add
-themselves (`domain.plugins`).
+"""Module of `cli/` with the function of each command, which has the same name. Plugins add others
+(`domain.plugins`).
 """
 
 ORDER = (
@@ -43,7 +44,7 @@ ORDER = (
     *("predict", "adapt", "invert", "freeze", "compare", "export", "figure"),
     *("show", "clean", "init", "example", "check", "schema"),
 )
-"""The order of the work, in which `--help` lists what there is."""
+"""Order of the work, in which `--help` lists the commands."""
 
 REMOVED = {
     "paper": (
@@ -55,14 +56,16 @@ REMOVED = {
         "run `python -m datasets.rig SPEC` in a checkout of the sources",
     ),
 }
-"""What became of commands that there were, and what to do instead."""
+"""Explanation and replacement for commands that no longer exist."""
 
 AS_JSON = "mapmore.json"
-"""Key of the context: whether the line asks for JSON, in which errors are then told too."""
+"""Key of the context: True if the command line asks for JSON, in which errors are then also
+reported.
+"""
 
 
 def _function(name: str) -> Callable[..., None]:
-    """Return the function of a command; raises NotInstalled."""
+    """Return the function of a command. Raises NotInstalled if its part is missing."""
     if name in MODULES:
         function: Callable[..., None]
         function = getattr(import_module(f"mapmore_cli.cli.{MODULES[name]}"), name)
@@ -71,7 +74,7 @@ def _function(name: str) -> Callable[..., None]:
 
 
 def _command(name: str, function: Callable[..., None], any_line: bool = False) -> Command:
-    """Return the command that calls a function, on any line whatever it says, or on its own."""
+    """Return the command that calls a function. With `any_line`, it accepts any arguments."""
     settings = {"ignore_unknown_options": any_line, "allow_extra_args": any_line}
     alone = typer.Typer(add_completion=False, rich_markup_mode=None)
     alone.command(name, context_settings=settings)(function)
@@ -79,7 +82,7 @@ def _command(name: str, function: Callable[..., None], any_line: bool = False) -
 
 
 def _absent(name: str, fault: UsageError) -> Command:
-    """Return a command that says why it is missing."""
+    """Return a command that only reports why it is missing."""
 
     def absent() -> None:
         """Not installed."""
@@ -89,13 +92,14 @@ def _absent(name: str, fault: UsageError) -> Command:
 
 
 class Commands(TyperGroup):
-    """The group of subcommands: imports a command when it is asked for, turns errors into exit
-    codes, and takes `--debug`, `--no-plugins`, `--no-color` and `--env` anywhere on the line.
+    """Group of subcommands, which imports a command when it is requested, turns errors into exit
+    codes, and accepts `--debug`, `--no-plugins`, `--no-color` and `--env` anywhere on the command
+    line.
     """
 
     def list_commands(self, ctx: Context) -> list[str]:  # noqa: ARG002 - as click calls it
         """Return the names of all commands, in the order of the work."""
-        if not self.commands:  # what is installed is looked at when the line is known
+        if not self.commands:  # look for installed commands only when the command line is known
             added = plugins.entry_points("commands")
             for name in added.keys() & MODULES.keys():
                 plugins.leave_plugin_out("commands", name, ValueError("mapmore has such a command"))
@@ -105,7 +109,7 @@ class Commands(TyperGroup):
         return [*self.commands]
 
     def get_command(self, ctx: Context, cmd_name: str) -> Command | None:
-        """Return a command, built the first time that it is asked for; None for others."""
+        """Return a command, which is built at the first request; None for an unknown name."""
         if cmd_name in REMOVED:
             return _absent(cmd_name, UsageError(*REMOVED[cmd_name]))
         self.list_commands(ctx)
@@ -124,7 +128,7 @@ class Commands(TyperGroup):
         if "--no-plugins" in args:
             plugins.leave_out_others()
         if "--no-color" in args:
-            os.environ["NO_COLOR"] = "1"  # as Rich and other programs read it
+            os.environ["NO_COLOR"] = "1"  # Rich and other programs read this variable
         for anywhere in {"--debug", "--no-plugins", "--no-color"} & {*args}:
             args = [anywhere, *(arg for arg in args if arg != anywhere)]
         for _ in range(args.count("--env")):
@@ -133,11 +137,11 @@ class Commands(TyperGroup):
         return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Context) -> None:
-        """Run the command and flush what it printed, so that a broken pipe shows here and not at
+        """Run the command and flush its output, so that a broken pipe is noticed here and not at
         exit.
         """
-        # The base of BadParameter is the usage error of the click that this Typer uses, its own
-        # copy or the package.
+        # The base of BadParameter is the usage error of the click that this Typer uses (its own
+        # copy, or the package).
         typers_own: tuple[type[BaseException], ...] = (
             typer.Exit,
             typer.Abort,
@@ -172,7 +176,7 @@ def _print_version(wanted: bool) -> None:
 
 
 def _let_read(names: list[str]) -> list[str]:
-    """Let specs read more variables, in this process and those that it starts."""
+    """Let specs read more environment variables, in this process and in its child processes."""
     if names:
         os.environ["MAPMORE_ENV"] = ",".join([*names, os.environ.get("MAPMORE_ENV", "")])
     return names
@@ -206,8 +210,8 @@ def _common(
         Option("--no-color", help="Print without colours (as with NO_COLOR=1 in the environment)."),
     ] = False,
 ) -> None:
-    """Models of soft fluidic muscles from measured curves: one spec, one command, a validated model
-    and a page to look at.
+    """Build and test models of soft fluidic muscles from measured curves: one spec, one command, a
+    validated model, and a page with the results.
     """
 
 
@@ -219,8 +223,8 @@ def _show_warning(
     file: TextIO | None = None,
     line: str | None = None,
 ) -> None:
-    """Say which plug-in is left out as other warnings are said; others, which are for us, as Python
-    says them.
+    """Print the warning about a plugin that is left out like other warnings of the command; print
+    all others as Python does.
     """
     if not issubclass(category, plugins.PluginLeftOut):
         (file or sys.stderr).write(
@@ -231,11 +235,12 @@ def _show_warning(
 
 
 def main() -> None:
-    """Run the installed command and of `python -m mapmore_cli`."""
+    """Run the command `mapmore`, also as `python -m mapmore_cli`."""
     warnings.showwarning = _show_warning
-    # a terminal without ² and – still shows the table
+    # so that a terminal without ² and – still shows the table
     cast(io.TextIOWrapper, sys.stdout).reconfigure(errors="replace")
     try:
         app(prog_name="mapmore")
-    except (OSError, MemoryError) as error:  # outside a command, as where --help is printed
+    # errors outside of commands, for example while --help is printed
+    except (OSError, MemoryError) as error:
         sys.exit(console.settle(error, debug=False, as_json=False))

@@ -1,4 +1,4 @@
-"""Is a spec right, and do its data fit? `mapmore check`."""
+"""Implement `mapmore check`: is the spec valid, and do its data fit?"""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def check(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Check a spec and its data, or a campaign; compute nothing."""
+    """Check a spec and its data, or a campaign, without computing a model."""
     from mapmore_cli.cli.compared import of_campaign, of_inspection
     from mapmore_cli.pipeline.inspection import inspect
     from mapmore_cli.study.campaign import expanded
@@ -75,7 +75,7 @@ def check(
                 ),
                 as_json,
             )
-            if inspection.verdict is not None:  # its issues stand in the document
+            if inspection.verdict is not None:  # the issues are part of the document
                 print(message(inspection.verdict), file=sys.stderr)
                 raise Exit(exit_code(inspection.verdict))
             return

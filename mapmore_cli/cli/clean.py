@@ -25,12 +25,12 @@ def clean(
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """List runs that no spec names, by file; remove them with --yes.
+    """List the runs that no spec names, with their files; remove them with --yes.
 
-    Kept are the runs of the specs and campaigns, their variations, and the runs that they are built
-    on or compared with. A run is removed as a whole or not at all: a file that its record does not
-    list, or that has changed since, and a folder or a link of somebody else, keep it. They are
-    named.
+    The runs of the given specs and campaigns are kept, with their variations and the runs on which
+    they build or with which they are compared. A run is removed as a whole or not at all: it is
+    kept if its folder contains a file that its record does not list, a file that has changed since,
+    or somebody else's folder or link. These are named.
     """
     from mapmore_cli.pipeline.runs_page import write_runs_page
     from mapmore_cli.pipeline.staleness import named_runs
@@ -64,8 +64,8 @@ def clean(
 
 
 def _unnamed(runs: Path, names: set[str]) -> list[Path]:
-    """Return the folders of runs, and no links, that none of the names leads to, as the file system
-    takes names.
+    """Return the folders of runs (not links) to which none of the names leads, by the file system's
+    rules for names.
     """
     from mapmore_cli.storage.run_record import load_origin
 
@@ -78,7 +78,7 @@ def _unnamed(runs: Path, names: set[str]) -> list[Path]:
 
 
 def _identity(place: Path) -> tuple[int, int]:
-    """Return what tells a folder from others, however its name is written."""
+    """Return a value that identifies a folder, however its name is written."""
     state = place.stat()
     return state.st_dev, state.st_ino
 
@@ -86,7 +86,7 @@ def _identity(place: Path) -> tuple[int, int]:
 def _view(
     gone: dict[Path, tuple[str, ...]], kept: dict[Path, tuple[str, ...]], yes: bool, where: str
 ) -> View:
-    """Return what was removed, or would be, and what keeps other runs."""
+    """Return which runs were or would be removed, and what keeps the others."""
     files = [str(folder / path) for folder, paths in gone.items() for path in paths]
     count = f"{len(files)} files of {len(gone)} runs"
     done = f"{count} {'moved' if where else 'removed'}{where}"

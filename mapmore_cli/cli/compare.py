@@ -1,4 +1,6 @@
-"""`mapmore compare`: has this muscle changed? `mapmore freeze`: keep a model to compare with."""
+"""Implement `mapmore compare` (has this muscle changed?) and `mapmore freeze` (keep a model for
+later comparisons).
+"""
 
 from __future__ import annotations
 
@@ -71,9 +73,10 @@ def compare(
 ) -> None:
     """Say whether a muscle has changed.
 
-    The first model is compared with each of the others, which come in the order of time. Two
-    campaigns are compared run by run. Models that were made by other settings are refused; of the
-    same recordings, a difference is that of the settings.
+    The first model is compared with each of the others, which must be in the order of time. Two
+    campaigns are compared run by run. Models with different settings are refused, because the
+    settings could be the cause of a difference. If both models are of the same recordings, the
+    settings are its cause.
     """
     from mapmore_cli.cli.compared import of_campaigns
     from mapmore_cli.pipeline.archive import compared, find_campaign, find_model
@@ -120,7 +123,8 @@ def compare(
 def _of_models(
     names: Sequence[str], paths: Sequence[Path], margin: float, other_settings: bool
 ) -> tuple[dict[str, Comparison], View]:
-    """Return what became of the first model, by the last one's name; of several outputs, by these.
+    """Return the comparison of the first model with the last one, by the name of the last; with
+    several outputs, by the names of the outputs.
 
     Raises UsageError for more than two models of several outputs.
     """
@@ -152,7 +156,7 @@ def _draw(names: Sequence[str], models: Sequence[Path], figure: Path) -> None:
 
 
 def _limit(fail_on: str | None) -> float | None:
-    """Return the relative change that is too large; None if none is given, or the word `changed`
+    """Return the relative change that is too large; None without a limit, or if the word `changed`
     decides.
     """
     if fail_on in (None, "changed"):
@@ -185,9 +189,10 @@ def freeze(
     runs: Runs = RUNS,
     quiet: Quiet = False,
 ) -> None:
-    """Keep the model of a run, or those of a campaign, under a tag.
+    """Keep the model of a run, or the models of a campaign, under a tag.
 
-    Its scores, spec and hashes go with it, to ARCHIVE/NAME@TAG, where no later run writes.
+    The scores, the spec and the hashes are copied too, to ARCHIVE/NAME@TAG, where no later run
+    writes.
     """
     from mapmore_cli.pipeline import archive as frozen
 

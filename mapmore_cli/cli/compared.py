@@ -1,4 +1,4 @@
-"""Views of what was compared or tried, and of what `mapmore check` and `mapmore plan` found."""
+"""Show comparisons, searches, and the findings of `mapmore check` and `mapmore plan`."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
 
 ONE_CURVE = 2 / 3
-"""Weight of one curve from which on the statement is about that curve above all."""
+"""Weight of one curve from which on the result is mainly about that curve."""
 
 
 def of_comparisons(names: Sequence[str], results: Sequence[Comparison]) -> View:
-    """Return the last model against the first, curve by curve; every model where there are more
-    than two. The document has every term.
+    """Return the comparison of the last model with the first, curve by curve; with more than two
+    models, a row for each model. The document has every term.
     """
     last = results[-1]
     document = {
@@ -53,8 +53,8 @@ ANSWER = (
 def of_campaigns(
     names: Sequence[str], results: Mapping[str, Comparison], what: str = "runs"
 ) -> View:
-    """Return every run of two campaigns, or every output of two models, against its earlier
-    self.
+    """Return the comparison of every run of two campaigns, or every output of two models, with its
+    earlier version.
     """
     runs = [{"run": run, **members(result, *ANSWER)} for run, result in results.items()]
     counts = Counter(result.answer for result in results.values())
@@ -66,7 +66,7 @@ def of_campaigns(
 
 
 def _verdict(before: str, after: str, comparison: Comparison) -> str:
-    """Return one of three answers, with its numbers and where the change is largest."""
+    """Return one of the possible answers, with its numbers and the place of the largest change."""
     low, high = comparison.interval
     margin = f"{100 * comparison.margin:g} %"
     size = (
@@ -100,7 +100,7 @@ def _verdict(before: str, after: str, comparison: Comparison) -> str:
 
 
 def _cautions(comparison: Comparison) -> list[str]:
-    """Return what the reader has to know of the interval."""
+    """Return what the reader must know about the interval."""
     heaviest = max(comparison.curves, key=lambda curve: curve.weight)
     notes = list(_of_settings(comparison))
     if heaviest.weight > ONE_CURVE:
@@ -117,13 +117,13 @@ def _cautions(comparison: Comparison) -> list[str]:
 
 
 def _of_settings(comparison: Comparison) -> Iterator[str]:
-    """Yield what differs in how the two models were made."""
+    """Yield the differences in how the two models were made."""
     if comparison.settings:
         yield f"The settings differ: {'; '.join(comparison.settings)}."
 
 
 def search_document(search: Search) -> Document:
-    """Return the search as JSON has it."""
+    """Return a search as a JSON document."""
     keys = ("family", "structure=words", "sections", "parameters", "error")
     errors = ("standard_error=spread", "above_best=excess", "parts_error=parts", "seconds")
     tried = [
@@ -138,8 +138,8 @@ def search_document(search: Search) -> Document:
 
 
 def of_inspection(inspection: Inspection, unconfirmed: Sequence[str] = ()) -> View:
-    """Return the curves if any, then the issues with their remedies, the worst first, and guesses
-    that nobody has confirmed.
+    """Return the curves if there are any, then the issues with their remedies, the worst first, and
+    the guesses that nobody has confirmed.
     """
     view = View({}) if inspection.dataset is None else of_dataset(inspection.dataset)
     lines = [*view.lines, *_issue_lines(inspection.issues)]
@@ -151,7 +151,7 @@ def of_inspection(inspection: Inspection, unconfirmed: Sequence[str] = ()) -> Vi
 
 
 def of_campaign(results: Mapping[str, Inspection | MapmoreError]) -> View:
-    """Return the issues of every run, or why it could not be looked at."""
+    """Return the issues of every run, or the reason why a run could not be checked."""
     document: Document = {}
     lines: list[str] = []
     for run, result in results.items():

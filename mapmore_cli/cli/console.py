@@ -1,5 +1,5 @@
-"""What commands share: results on stdout as tables or as one JSON document, files beside them,
-errors with their codes, and options.
+"""Provide what commands share: results on stdout as tables or as one JSON document, files, errors
+with their exit codes, and options.
 """
 
 from __future__ import annotations
@@ -94,34 +94,33 @@ OutputOrStdout = Annotated[
 ]
 
 RUNS, ARCHIVE, STANDARD = Path("runs"), Path("archive"), Path("-")
-"""Defaults of `Runs`, of `Archive`, and of what may be stdin or stdout."""
+"""Defaults of `Runs`, of `Archive`, and of files that may be stdin or stdout."""
 
 NONE: list[Any] = []
-"""Default of options that can be repeated; Typer makes a new list of what the user gives."""
+"""Default of options that can be repeated. Typer makes a new list of the given values."""
 
 # Results
-# --------------------------------------------------------------------------------------------------
 
 
 Document = dict[str, Any]
-"""Members of a JSON document."""
+"""Contents of a JSON document."""
 
 
 @dataclass(frozen=True)
 class View:
-    """A result as the members of one JSON document, as tables, and as closing lines for people."""
+    """A result as the contents of one JSON document, as tables, and as closing lines for people."""
 
     document: Mapping[str, Any]
     tables: tuple[Table, ...] = ()
     lines: tuple[str, ...] = ()
 
     def under(self, head: Mapping[str, Any]) -> View:
-        """Return the same view with `head` in front of its document."""
+        """Return the same view with `head` at the beginning of its document."""
         return View({**head, **self.document}, self.tables, self.lines)
 
 
 def members(of: object, *names: str) -> Document:
-    """Return attributes by their names, or as `key=attribute` by another."""
+    """Return attributes by their names; `key=attribute` stores an attribute under another name."""
     return {(parts := name.split("="))[0]: getattr(of, parts[-1]) for name in names}
 
 
@@ -139,7 +138,7 @@ def print_view(view: View, as_json: bool) -> None:
 
 
 def print_document(document: Mapping[str, Any]) -> None:
-    """Print one JSON document; NaN and infinities, which JSON does not have, become null."""
+    """Print one JSON document. NaN and infinities, which JSON does not have, become null."""
     print(json.dumps(_as_json(document), indent=2, allow_nan=False), file=_documents.get())
 
 
@@ -148,7 +147,7 @@ _documents: ContextVar[TextIO | None] = ContextVar("_documents", default=None)
 
 @contextmanager
 def documents_alone() -> Iterator[None]:
-    """Let nothing but documents go to stdout meanwhile: what a plug-in prints goes to stderr."""
+    """Let only documents go to stdout: what a plugin prints meanwhile goes to stderr."""
     token = _documents.set(sys.stdout)
     try:
         with redirect_stdout(sys.stderr):
@@ -158,39 +157,39 @@ def documents_alone() -> Iterator[None]:
 
 
 def _as_json(value: object) -> object:
-    """Rebuild a document from what JSON knows: records become objects, arrays and tuples lists,
+    """Convert a document to JSON types: records become objects, arrays and tuples become lists, and
     non-finite numbers None.
     """
     if is_dataclass(value):
         value = {field.name: getattr(value, field.name) for field in fields(value)}
     if isinstance(value, Mapping):
         return {str(key): _as_json(item) for key, item in value.items()}
-    if hasattr(value, "tolist"):  # of NumPy, which is not imported for documents without arrays
+    # a NumPy value; NumPy is not imported for documents without arrays
+    if hasattr(value, "tolist"):
         return _as_json(value.tolist())
     if isinstance(value, (list, tuple)):
         return [_as_json(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-# Files beside them
-# --------------------------------------------------------------------------------------------------
+# Files
 
 FIGURE_FILES, TABLE_FILES = ("svg", "pdf", "png", "pgf"), ("csv", "tex")
 
 
 def folder_of(run: Path, runs: Path) -> Path:
-    """Return the folder of a run that is named, or given by its path.
+    """Return the folder of a run from its name or its path.
 
-    A run of this name comes before a folder that is called likewise, as the folder of its study may
-    be.
+    A run with this name is preferred to a folder with the same name, which may be the folder of its
+    study.
     """
     named = runs / run
     return run if run.is_dir() and not named.is_dir() else named
 
 
 def spec_of(config: Path, overrides: list[str], runs: Path) -> tuple[Path, list[str]]:
-    """Return the spec that is given by its path, or that of a run which is given by its name or
-    folder, with the settings of that run before the given `overrides`.
+    """Return the spec at a path; or the spec of a run, from its name or folder, with the settings
+    of that run before the given `overrides`.
     """
     from mapmore_cli.storage.run_record import load_origin
 
@@ -207,14 +206,14 @@ def refuse_endings(
     endings: Sequence[str] = (*FIGURE_FILES, *TABLE_FILES),
     what: str = "figures and tables cannot have this file ending",
 ) -> None:
-    """Refuse files that have another ending, before anything is computed; `what` says why."""
+    """Refuse files with another ending before anything is computed; `what` is the reason."""
     for path in paths:
         if path.suffix.removeprefix(".") not in endings:
             raise UsageError(f"{path}: {what}", f"choose .{', .'.join(endings)}")
 
 
 def write_figure(path: Path, drawing: Drawing) -> None:
-    """Write a figure in the format that the ending says."""
+    """Write a figure in the format of its ending."""
     from mapmore_cli.reporting.figures.drawing import compose, to_bytes
     from mapmore_cli.reporting.figures.style import figure_style
 
@@ -231,7 +230,7 @@ def write_ci_files(
     ended: Mapping[str, Finished | BaseException],
     tables: Sequence[Table] = (),
 ) -> None:
-    """Write how runs ended for machines, and a summary for people, where they are asked for."""
+    """Write a JUnit file and a Markdown summary of how runs ended, if they are requested."""
     if junit is None and summary is None:
         return
     from mapmore_cli.reporting.ci import RunReport, to_junit, to_summary
@@ -265,15 +264,15 @@ _STDOUT = {
         "leave stdout open; use `-q` and `> /dev/null` for a quiet run",
     ),
 }
-"""What is told where stdout fails; files are storage's to explain."""
+"""Message for each error of stdout. Errors of files are explained by the storage layer."""
 
 
 def settle(error: BaseException, debug: bool, as_json: bool) -> int:
-    """Say on stderr what went wrong, and return the exit code; the traceback is for `--debug`
-    alone.
+    """Print what went wrong on stderr, and return the exit code. The traceback is printed with
+    `--debug` only.
 
-    With `--json` the error is the document on stdout too, unless that has been printed: a missed
-    limit stands in it.
+    With `--json`, the error is also the document on stdout, unless a document has been printed: a
+    missed limit is part of that document.
     """
     if isinstance(error, BrokenPipeError):
         _silence_stdout()
@@ -292,7 +291,7 @@ def settle(error: BaseException, debug: bool, as_json: bool) -> int:
 
 
 def error_document(error: BaseException) -> dict[str, object]:
-    """Return an error as a member of a JSON document."""
+    """Return an error as a part of a JSON document."""
     error = explained(error)
     if isinstance(error, MapmoreError):
         return {"message": error.message, "remedy": error.remedy, "exit_code": error.exit_code}
@@ -310,7 +309,7 @@ def exit_code(error: BaseException) -> int:
 
 
 def message(error: BaseException) -> str:
-    """Return what a user is told; an internal fault is one line."""
+    """Return the message for the user. An internal fault is a single line."""
     error = explained(error)
     if isinstance(error, KeyboardInterrupt):
         return str(error) or "interrupted"
@@ -324,5 +323,7 @@ def message(error: BaseException) -> str:
 
 
 def _silence_stdout() -> None:
-    """Point stdout at nothing: Python would complain when it cannot flush the rest at exit."""
+    """Redirect stdout to nothing, because Python would complain at exit that it cannot flush the
+    rest.
+    """
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,4 +1,6 @@
-"""What a run or the package holds: `mapmore show`, `schema`, `figure` and `example`."""
+"""Implement `mapmore show`, `schema`, `figure` and `example`, which show parts of a run or of the
+package.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,7 @@ def show(
     unverified: Unverified = False,
     quiet: Quiet = False,
 ) -> None:
-    """Print what a result file holds."""
+    """Print the contents of a result file."""
     from mapmore_cli.cli.views import of_file
 
     with Reporter(quiet) as reporter:
@@ -49,9 +51,9 @@ def example(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Copy a small study to start from, which is called as its folder.
+    """Copy a small example study. The name of the study is the name of the folder.
 
-    Its recordings are of a simulated muscle.
+    Its recordings are from a simulated muscle.
     """
     from mapmore_cli.cli.console import View
     from mapmore_cli.pipeline.example import write_example
@@ -145,10 +147,11 @@ def figure(
     runs: Runs = RUNS,
     quiet: Quiet = False,
 ) -> None:
-    """Draw one figure of a run as a file.
+    """Draw one figure of a run and write it to a file.
 
-    All of it, or the panel of one curve by itself, also of a curve that the page leaves out. Width,
-    font, size, labels and colours are those of the spec's report.style, or of --set.
+    The figure is drawn as a whole, or one panel only, also the panel of a curve that the page
+    leaves out. Width, font, size, labels and colours are those of the spec's report.style, or of
+    --set.
     """
     from mapmore_cli.pipeline.report import drawn_figure
 

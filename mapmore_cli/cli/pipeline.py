@@ -1,5 +1,5 @@
-"""`ingest`, `segment`, `fit`, `fuse`, `validate`, `report`, and `run`, which is all of them:
-make-like commands over one spec.
+"""Implement `ingest`, `segment`, `fit`, `fuse`, `validate`, `report`, and `run`, which does all of
+them: like make, they do only what is not up to date.
 """
 
 from __future__ import annotations
@@ -51,7 +51,9 @@ def _bring_up_to_date(
     junit: Path | None = None,
     summary: Path | None = None,
 ) -> None:
-    """Do what is stale up to the stage of a command, and print what the command is for."""
+    """Run the stages that are not up to date, up to the stage of a command, and print the result of
+    the command.
+    """
     from mapmore_cli.pipeline import runner
     from mapmore_cli.pipeline.jobs import Finished
     from mapmore_cli.pipeline.runs_page import write_runs_page
@@ -101,7 +103,9 @@ def _bring_up_to_date(
 
 
 def _of_reasons(name: str, reasons: dict[str, str | None]) -> View:
-    """Return which stages would run, and why; null in the document is one that is up to date."""
+    """Return which stages would run, and why. In the document, null means that a stage is up to
+    date.
+    """
     from mapmore_cli.reporting.table import Table
 
     rows = tuple((stage, reason or "up to date") for stage, reason in reasons.items())
@@ -112,7 +116,7 @@ def _of_reasons(name: str, reasons: dict[str, str | None]) -> View:
 def _of_outcome(
     outcome: RunOutcome, command: str, finished: Finished | None, questions: tuple[str, ...]
 ) -> View:
-    """Return the scores of a run that came to its end, otherwise what its last stage found."""
+    """Return the scores of a completed run, and otherwise the result of its last stage."""
     from mapmore_cli.cli.compared import search_document
     from mapmore_cli.cli.views import of_scores, of_stage, page_lines, verdict_lines
     from mapmore_cli.storage.run_folder import RunFiles
@@ -134,8 +138,7 @@ def _of_outcome(
     return View({**head, **scores.document, **remarks}, scores.tables, lines)
 
 
-# The commands
-# --------------------------------------------------------------------------------------------------
+# Commands
 
 Figures = Annotated[
     str | None,
@@ -154,7 +157,7 @@ PrintSpec = Annotated[
 
 
 def _with_figures(overrides: list[str], figures: str | None) -> list[str]:
-    """Return the values to replace in a spec, with what --figures says of the report."""
+    """Return the overrides of the spec, extended by those for --figures."""
     from mapmore_cli.reporting.order import FIGURES
 
     if figures is None:
@@ -165,7 +168,7 @@ def _with_figures(overrides: list[str], figures: str | None) -> list[str]:
 
 
 def _stage(name: str, about: str) -> Callable[..., None]:
-    """Return the command that brings a run up to date as far as a stage, with its help."""
+    """Return the command that brings a run up to date up to a stage, with its help."""
 
     def bring(
         config: Config,
@@ -217,7 +220,7 @@ def run(
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
-    """Run all stages; print scores and the page's path."""
+    """Run all stages; print the scores and the path of the page."""
     overrides = _with_figures(overrides, figures)
     if print_spec:
         from mapmore_cli.study.loader import load

@@ -1,5 +1,5 @@
-"""`mapmore predict`, `invert` and `adapt`: a model on a table or on a grid, inverted, or for one
-specimen.
+"""Implement `mapmore predict`, `invert` and `adapt`: evaluate a model on a table or a grid, invert
+it, or adapt it to one specimen.
 """
 
 from __future__ import annotations
@@ -107,26 +107,27 @@ def predict(
 ) -> None:
     """Evaluate a model on a table.
 
-    Every column is kept; <output>_predicted and outside_range (true or false) are added, row for
-    row.
+    All columns are kept. For each row, <output>_predicted and outside_range (true or false) are
+    added.
 
-    A workbook, a Parquet file or another recording is read as a spec reads it, and so is a text
-    with `--delimiter`, `--decimal`, `--thousands`, `--columns` or `--units`. Of these, the columns
-    that the model needs are written, in its units.
+    A workbook, a Parquet file or another recording is read as in a spec. The same holds for a text
+    file with `--delimiter`, `--decimal`, `--thousands`, `--columns` or `--units`. From such a
+    table, only the columns that the model needs are written, in the units of the model.
 
-    Tables may be larger than memory, and gzipped where the name ends in .gz. Where an input is
-    empty, so is the prediction.
+    Tables may be larger than memory, and may be gzipped if the name ends in .gz. If an input is
+    empty, the prediction is empty too.
 
-    An interval holds a sample of a new curve with that probability, within the training range. It
-    is made from left-out data: the spec of the model needs `validate: {intervals: true}`.
+    An interval contains a sample of a new curve with the given probability, within the training
+    range. It is computed from data that were left out: the spec of the model needs `validate:
+    {intervals: true}`.
 
-    With --as force, a model of the strain gives the force at the strain of each row:
-    force_predicted. Where no force of the training range makes that strain, it is the nearest one
-    that does, and outside_range is true.
+    With --as force, a model of the strain returns the force at the strain of each row:
+    force_predicted. If no force of the training range gives this strain, the nearest one is
+    returned, and outside_range is true.
 
-    A model with memory needs the column time (in s), and the measured output where it goes on from
-    that: it runs free from the first rows of every recording, and starts again where the column
-    recording changes, where time is set back, and after gaps.
+    A model with memory needs the column time (in s). If the model feeds its output back, it also
+    needs the measured output: it runs free from the first rows of every recording, and restarts
+    when the column recording changes, when time goes back, and after gaps.
     """
     from mapmore_cli.modelling.kinds import runs_over_time
     from mapmore_cli.pipeline.predict import predicted_lines
@@ -179,7 +180,7 @@ def predict(
 def _lines_of(
     table: Path, model: Model, solved_for: str | None, options: TableOptions, reporter: Reporter
 ) -> tuple[Iterator[str], str]:
-    """Return the lines of a table in the model's names and units, and what messages call it."""
+    """Return the lines of a table in the names and units of the model, and its name in messages."""
     from mapmore_cli.pipeline.foreign import columns_of, foreign_lines, is_foreign, units_of
 
     if table == STANDARD and options.says_something:
@@ -199,14 +200,14 @@ def _lines_of(
 def _open_table(
     table: Path, told: Callable[[int, int], None] = lambda _read, _size: None
 ) -> tuple[Iterator[str], str]:
-    """Return the lines of a table or of stdin, and what messages call it."""
+    """Return the lines of a table or of stdin, and the name of the table in messages."""
     from mapmore_cli.storage.tables.lines import as_text, lines_of
 
     if table != STANDARD:
         return lines_of(table, told), str(table)
     try:
         os.read(0, 0)
-    except OSError as fault:  # closed, or a folder
+    except OSError as fault:  # the file is closed, or a folder
         raise UsageError(
             f"stdin: cannot be read ({os.strerror(fault.errno or 0)})",
             "pipe a table into it, or name a file",
@@ -215,8 +216,8 @@ def _open_table(
 
 
 def _constants_of(model: Model, settings: Sequence[str]) -> dict[str, float]:
-    """Return the inputs that `--set` gives, in the model's units; raises UsageError for what is no
-    input or no number.
+    """Return the inputs that `--set` gives, in the units of the model. Raises UsageError for an
+    unknown input or a value that is no number.
     """
     from mapmore_cli.study.units import parse_quantity
 
@@ -239,7 +240,7 @@ def _constants_of(model: Model, settings: Sequence[str]) -> dict[str, float]:
 
 
 def _write_lines(lines: Iterator[str], output: Path) -> None:
-    """Write lines to a file as they come, or to stdout."""
+    """Write lines to a file or to stdout as soon as they are available."""
     from mapmore_cli.storage.tables.lines import TEXT_ERRORS, replaced
 
     if output == STANDARD:
@@ -283,11 +284,13 @@ def invert(
 ) -> None:
     """Find the input for a wanted output.
 
-    <input>_found, <input>_solutions (all of them) and <input>_status (none, one, several or flat;
-    unique of a model with `fit.shape` along the input) are added, row for row.
+    For each row, three columns are added: <input>_found, <input>_solutions (all solutions) and
+    <input>_status (none, one, several or flat; unique if the model has a `fit.shape` along the
+    input).
 
-    Solutions are looked for within the training range. A flat one fills a range, as where a muscle
-    is slack: its low end counts.
+    Solutions are searched within the training range. The status flat means that all inputs of a
+    range give the same output, for example when a muscle is slack; the lower end of the range is
+    then returned.
     """
     from mapmore_cli.pipeline.predict import inverted_lines
     from mapmore_cli.storage.artefacts import read_model
@@ -322,11 +325,11 @@ def adapt(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Adapt a family's model to a specimen by few points.
+    """Adapt the model of a family to a specimen with a few measured points.
 
-    The specimen's force and strain each get a scale, with a prior of 1 +- 15 %. The model that is
-    written is of pressure and strain, and serves wherever a model does. Without a TABLE, it is that
-    of the dimension alone. Its intervals stay those of the family.
+    The force and the strain of the specimen are multiplied by one scale each, with a prior of 1 +-
+    15 %. The new model has the inputs pressure and strain, and can be used like any other model.
+    Without a TABLE, it follows from the dimension alone. Its intervals remain those of the family.
     """
     from mapmore_cli.pipeline.predict import adapt, dimension_of
     from mapmore_cli.reporting.table import Column, Table

@@ -1,4 +1,4 @@
-"""What a command says on stderr while it works: stages, progress, warnings."""
+"""Report on stderr while a command works: stages, progress, warnings."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ if TYPE_CHECKING:
     from mapmore_cli.pipeline.runner import Listeners
 
 PATIENCE = 1.0
-"""Seconds that work may take before progress shows."""
+"""Seconds after which work shows its progress."""
 
 SOME_RUNS = 3
-"""Runs that are named beside a warning which concerns more of them."""
+"""Largest number of runs that are named with a warning."""
 
 MOST_OF_A_KIND = 10
-"""Warnings that are printed of those which differ only in words with a digit."""
+"""Largest number of printed warnings that differ only in words with a digit."""
 
 LINE_EVERY = 5.0
-"""Seconds between two progress lines where stderr is no terminal."""
+"""Seconds between two lines of progress if stderr is no terminal."""
 
 
 def _kind(message: str) -> str:
@@ -38,10 +38,10 @@ def _kind(message: str) -> str:
 
 
 class Reporter:
-    """Voice of a command on stderr, silent with `quiet`; use it as a context manager.
+    """Messages of a command on stderr, suppressed by `quiet`; use it as a context manager.
 
-    A progress bar where stderr is a terminal, plain lines elsewhere, and neither before `PATIENCE`
-    seconds have passed.
+    If stderr is a terminal, progress is shown as a bar, and otherwise as lines. It is shown after
+    `PATIENCE` seconds.
     """
 
     def __init__(self, quiet: bool = False, verbose: bool = False) -> None:
@@ -50,7 +50,7 @@ class Reporter:
         self._quiet = quiet
         self._verbose = verbose
         self._bar: Progress | None = None
-        # what is in progress, and the time of its next sign of life
+        # what is in progress, and the time of its next message
         self._task, self._due = (
             "",
             0.0,
@@ -88,7 +88,7 @@ class Reporter:
             self.complain(message)
 
     def warn(self, message: str) -> None:
-        """Keep a warning for the end of the work, when it is told once, with the runs that it
+        """Keep a warning until the end of the work. It is then printed once, with the runs that it
         concerns.
         """
         run, text = (
@@ -117,18 +117,18 @@ class Reporter:
                 self.say(f"warning: {more} more warnings like this one, {counts[kind]} in all")
 
     def complain(self, message: str) -> None:
-        """Print what went wrong, which `quiet` does not suppress."""
+        """Print an error, which `quiet` does not suppress."""
         self._end_task()
         print(printable(message), file=sys.stderr, flush=True)
 
     def stage(self, name: str, reason: str | None) -> None:
-        """Say why a stage runs, or that it is up to date."""
+        """Print why a stage runs, or that it is up to date."""
         self._end_stage()
         self.say(f"{name}: {'up to date' if reason is None else f'runs ({reason})'}")
         self._stage = None if reason is None else (name, time.monotonic())
 
     def progress(self, what: str, done: int, total: int) -> None:
-        """Show how far long work has come (a `stages.stage.Progress`)."""
+        """Show the progress of long work (a `stages.stage.Progress`)."""
         if self._quiet:
             return
         now = time.monotonic()
@@ -148,8 +148,8 @@ class Reporter:
             from rich.console import Console
             from rich.progress import Progress
 
-            # Drawn by hand, at most ten times a second: no thread of Rich's competes with the
-            # computation.
+            # Drawn here at most ten times a second, because a thread of Rich's would compete with
+            # the computation.
             self._bar = Progress(console=Console(stderr=True), transient=True, auto_refresh=False)
             self._bar.start()
             self._bar.add_task(what)

@@ -1,4 +1,4 @@
-"""How `predict` and `invert` are told to read a table that another program wrote."""
+"""Read the options of `predict` and `invert` for tables that another program wrote."""
 
 from __future__ import annotations
 
@@ -46,7 +46,9 @@ def table_options(
     columns: Sequence[str],
     units: Sequence[str],
 ) -> TableOptions:
-    """Return what was said of a table; UsageError for what has no `=`."""
+    """Return the options for reading a table. Raises UsageError for a `--columns` or `--units`
+    without `=`.
+    """
     from mapmore_cli.pipeline.foreign import TableOptions
 
     keys = {"delimiter": delimiter, "decimal": decimal, "thousands": thousands, "sheet": sheet}
@@ -55,7 +57,7 @@ def table_options(
         name: int(title) if title.isascii() and title.isdigit() else title
         for name, title in _pairs("--columns", columns)
     }
-    # units have no commas, so that several may stand behind one `--units`
+    # units contain no commas, so several may follow one `--units`
     each = [part for text in units for part in text.split(",")]
     return TableOptions(settings, titles, dict(_pairs("--units", each)))
 
@@ -77,12 +79,12 @@ AS_OPTIONS = (
     (r"`unit: ([^`]+)`", r"`--units NAME=\1`"),
     (r"[^.;]*`(?:missing: |columns`|header: |scale|encoding: )[^.;]*(?:[.;]|$) ?", ""),
 )
-"""What remedies for a spec say, and what they say where a table is read by options."""
+"""Parts of remedies for a spec, and their replacements for a table that is read by options."""
 
 
 @contextmanager
 def remedies_by_options(options: TableOptions) -> Iterator[None]:
-    """Let the remedies of errors in a table name options, where those for a spec name its keys."""
+    """Let the remedies of errors in a table name options instead of keys of a spec."""
     try:
         yield
     except DataError as error:

@@ -1,5 +1,5 @@
-"""Results of a run as people and scripts see them: its folder, its files, what a stage found; each
-as a JSON document and as tables.
+"""Show the results of a run (its folder, its files, the results of a stage) as a JSON document and
+as tables.
 """
 
 from __future__ import annotations
@@ -54,10 +54,10 @@ if TYPE_CHECKING:
 
 
 def of_file(path: Path, warn: Callable[[str], None], unverified: bool) -> View:
-    """Return what a result file or a run folder holds; DataError if it is neither.
+    """Return the contents of a result file or a run folder. Raises DataError if it is neither.
 
-    `warn` is told where nothing shows that a file is as it was written; one that is not is only
-    read where it may be `unverified`.
+    `warn` is called if nothing proves that a file is unchanged. A file that has been changed is
+    read only if it may be `unverified`.
     """
     if path.is_dir():
         return _of_run(path)
@@ -70,7 +70,7 @@ def of_file(path: Path, warn: Callable[[str], None], unverified: bool) -> View:
 
 
 def of_stage(stage: str, run_dir: Path) -> View:
-    """Return what a stage found."""
+    """Return the results of a stage."""
     if stage in RESULTS:
         return _of_hdf5(run_dir / RESULTS[stage])
     paths = sorted((run_dir / RUN_PAGE).parent.rglob("*"))
@@ -79,7 +79,7 @@ def of_stage(stage: str, run_dir: Path) -> View:
 
 
 def _of_run(run_dir: Path) -> View:
-    """Return what a run is made of: why each stage ran, and the scores."""
+    """Return the parts of a run: why each stage ran, and the scores."""
     record = run_dir / "run.json"
     if not record.is_file():
         raise DataError(
@@ -99,8 +99,8 @@ def _of_run(run_dir: Path) -> View:
 
 
 def _stale(run_dir: Path) -> dict[str, str]:
-    """Return the stages of a run whose results are older than what they were made from, each with a
-    line that says so.
+    """Return the stages of a run whose results are older than their sources, each with a line that
+    says so.
     """
     return {
         name: (
@@ -112,7 +112,9 @@ def _stale(run_dir: Path) -> dict[str, str]:
 
 
 def verdict_lines(run_dir: Path) -> tuple[str, ...]:
-    """Compare the model of a run with its competitors, and its pieces with their backbone."""
+    """Return lines that compare the model of a run with its competitors, and its pieces with their
+    backbone.
+    """
     files = RunFiles(run_dir)
     table, data, body = files.scores(), files.dataset(), files.model().body
     outputs = zip(table.each, data.each, strict=True)
@@ -133,7 +135,7 @@ def verdict_lines(run_dir: Path) -> tuple[str, ...]:
 
 
 def page_lines(run_dir: Path) -> tuple[str, ...]:
-    """Say where the page is, for people; nothing if the spec asks for none."""
+    """Return lines for people that say where the page is; nothing if the spec asks for no page."""
     page = run_dir / RUN_PAGE
     return (f"page: {page}",) if page.is_file() else ()
 
@@ -153,7 +155,9 @@ def _of_hdf5(
 
 
 def _of_json(path: Path) -> View:
-    """Return `scores.json` or `run.json`, as they are; the table has what fits on a screen."""
+    """Return `scores.json` or `run.json` unchanged; the table has the part that fits on a
+    screen.
+    """
     remedy = "give a file that mapmore wrote"
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
@@ -177,8 +181,8 @@ def _of_json(path: Path) -> View:
 
 
 def of_scores(table: ScoreTable, published: Published | None = None) -> View:
-    """Return the score rows of every curve in the document; the pooled ones in the table, beside
-    what a publication reports.
+    """Return the score rows of every curve in the document, and the pooled ones in the table,
+    beside the numbers of a publication.
     """
     rows = [score_row(score) for score in table.scores]
     pooled = (
@@ -188,7 +192,9 @@ def of_scores(table: ScoreTable, published: Published | None = None) -> View:
 
 
 def _of_validation(validation: Validation) -> View:
-    """Return the scores pooled and by curve, and the formulas that were fitted as competitors."""
+    """Return the pooled scores, those by curve, and the formulas that were fitted as
+    competitors.
+    """
     if validation.others:
         views = map(_of_validation, validation.each)
         return View(
@@ -210,8 +216,8 @@ def _of_validation(validation: Validation) -> View:
 
 
 def of_dataset(dataset: Dataset) -> View:
-    """Return the rows kept and dropped of every recording; the curves with what trains and what
-    validates.
+    """Return the kept and dropped rows of every recording, and the training and validation samples
+    of the curves.
     """
     curves = [
         {
@@ -232,7 +238,7 @@ def of_dataset(dataset: Dataset) -> View:
 
 
 def _of_segmentation(curves: Sequence[SegmentedCurve]) -> View:
-    """Say where every segment lies, and how many samples it has."""
+    """Return the range of every segment, and its number of samples."""
     names = list(dict.fromkeys(name for curve in curves for name in curve.variables))
     columns = ("segment", "samples", *(f"{name} {end}" for name in names for end in FROM_TO))
     documents: list[Document] = []
@@ -291,7 +297,7 @@ def _of_fit(result: FitResult) -> View:
 
 
 def _of_outputs(names: Iterable[str], views: Iterable[View]) -> tuple[Document, tuple[Table, ...]]:
-    """Return the documents of outputs by their names, and their tables, titled by these."""
+    """Return the documents of all outputs by name, and their tables, titled with these names."""
     own = dict(zip(names, views, strict=True))
     tables = (
         replace(table, title=f"{name}: {table.title}")
@@ -323,8 +329,8 @@ def _formula_lines(formula: FormulaFit | None) -> tuple[str, ...]:
 
 
 def _memory_tables(memory: MemoryModel) -> list[Table]:
-    """Return the coefficients with standard errors, and the numbers behind the states where there
-    are any.
+    """Return the coefficients with standard errors, and the numbers of the states if there are
+    any.
     """
     columns = ("term", "coefficient #.6g", "standard error .3g")
     numbers = (memory.theta.tolist(), memory.theta_error.tolist())
@@ -345,7 +351,7 @@ def _memory_tables(memory: MemoryModel) -> list[Table]:
 
 
 def _of_model(model: Model) -> View:
-    """Return the inputs, what the kind has to show, and the equations; weights, limits and
+    """Return the inputs, the part that its kind shows, and the equations; weights, limits and
     equations are in physical units.
     """
     from mapmore_cli.modelling.kinds import equations, rules
@@ -363,15 +369,17 @@ def _of_model(model: Model) -> View:
 
 @runtime_checkable
 class Shown(Protocol):
-    """A kind that adds itself, and says what `mapmore show` has of its models."""
+    """A kind of a plugin that defines how `mapmore show` shows its models."""
 
     def show(self, model: Model, show_other: Callable[[Model], View]) -> View:
-        """Return what there is beside the equations; `show_other` does so for a model within."""
+        """Return what is shown besides the equations. `show_other` does the same for a model
+        inside.
+        """
 
 
 def _view_of(model: Model) -> View:
-    """Return a model with what its kind shows beside the equations; one that has nothing of its own
-    to show is shown as it is stored.
+    """Return a model as its kind shows it, besides the equations. If the kind defines nothing, the
+    model is shown as it is stored.
     """
     from mapmore_cli.modelling.kinds import kind_of
 
@@ -406,8 +414,8 @@ def _view_of(model: Model) -> View:
 
 
 def _weights_document(pieces: Pieces) -> Document:
-    """Return how pieces are joined, with the transition zone, start and end, at each inner boundary
-    of every curve (M2 eq 10-11).
+    """Return how pieces are joined, with the start and end of the transition zone at each inner
+    boundary of every curve (M2 eq 10-11).
     """
     from mapmore_cli.modelling.pieces.definition import zones_of
 
@@ -436,4 +444,4 @@ VIEWS: dict[str, Callable[[Any], View]] = {
     "model": _of_model,
     "validation": _of_validation,
 }
-"""What a file shows, by its kind."""
+"""Function that shows each kind of file."""

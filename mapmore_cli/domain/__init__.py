@@ -1,1 +1,1 @@
-"""Frozen types that pass between the layers, and the errors that users see."""
+"""Define the frozen types that pass between the layers, and the errors that users see."""

@@ -1,8 +1,8 @@
-"""Array types that every layer speaks, and columns taken and made block by block.
+"""Define the array types of all layers, and operations on columns that work block by block.
 
-A column that is longer than memory is an array like any other: it is mapped from a file, and cannot
-be written to. Whoever goes through it by blocks needs the memory of a block, and whoever takes it
-as a whole needs the memory of the whole.
+A column that is longer than memory is an ordinary array: it is mapped from a file, and is
+read-only. Code that goes through it in blocks needs the memory of one block; code that uses it as a
+whole needs the memory of the whole.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from mapmore_cli.domain.declared import Checked, QuantityName
 
 _Shape = tuple[Any, ...]
 
-Array = np.ndarray[_Shape, np.dtype[np.float64]]  # written out: NumPy 2.5 made NDArray an alias
+# written out, because NumPy 2.5 made NDArray an alias
+Array = np.ndarray[_Shape, np.dtype[np.float64]]
 """Measured or computed values; shapes are given where the array is used."""
 
 FINITE = Checked("is not finite", lambda values: np.isfinite(values).all())
@@ -31,25 +32,25 @@ Number = Annotated[float, FINITE]
 Span = Annotated[tuple[Number, Number], ASCENDING]
 
 Numbers = Annotated[Array, FINITE]
-"""Values that a model cannot do without."""
+"""Values without which a model cannot be used; they must be finite."""
 
 IntArray = np.ndarray[_Shape, np.dtype[np.int64]]
 """Row numbers and identifiers."""
 
 Rows = range | IntArray
-"""Row numbers; those that follow each other take no room."""
+"""Row numbers. Consecutive rows are a range, which needs no memory."""
 
 BoolArray = np.ndarray[_Shape, np.dtype[np.bool_]]
 """Masks over samples."""
 
 Value = Array | np.float64
-"""One number for every row, or one for all."""
+"""One number for every row, or one number for all rows."""
 
 Columns = Mapping[QuantityName, Array]
-"""Quantities by canonical name, each `(n,)`, row for row of one table."""
+"""Quantities by canonical name, shape (n,) each, with the rows of one table."""
 
 Ranges = Mapping[QuantityName, Span]
-"""Least and greatest value of each quantity."""
+"""Smallest and largest value of each quantity."""
 
 
 def row_count(columns: Columns) -> int:
@@ -58,20 +59,20 @@ def row_count(columns: Columns) -> int:
 
 
 ROWS, WIDE = 1 << 14, 1 << 17
-"""Samples of a block: of 128 KB of a column, so that what is computed of it stays in the
-processor's cache; and of one for work that costs much to begin, as a model does.
+"""Samples in a block: a column of 128 KB, so that values computed from it stay in the processor's
+cache; and in a block for work with a high cost per call, such as a model.
 """
 
 
 def row_blocks(size: int, rows: int = ROWS) -> Iterator[slice]:
-    """Slices of so many `rows` that follow each other over `size` rows, at least one."""
+    """Yield consecutive slices of `rows` rows that cover `size` rows, at least one slice."""
     return (slice(start, min(start + rows, size)) for start in range(0, max(size, 1), rows))
 
 
 def in_blocks(*columns: Any, overlap: int = 0, rows: int = ROWS) -> Iterator[tuple[Any, ...]]:
-    """Blocks of columns of one length, `(n, ...)` each, at least one.
+    """Yield blocks of columns of equal length, shape (n, ...) each, at least one block.
 
-    Every block but the first begins with the last `overlap` rows of the one before.
+    Every block but the first begins with the last `overlap` rows of the block before.
     """
     for part in row_blocks(len(columns[0]), rows):
         yield tuple(column[max(0, part.start - overlap) : part.stop] for column in columns)
@@ -81,12 +82,12 @@ def in_blocks(*columns: Any, overlap: int = 0, rows: int = ROWS) -> Iterator[tup
 
 
 def extremes(column: Array, mask: BoolArray | None = None) -> tuple[float, float]:
-    """Return the least and the largest value of a column, (n,), or of those where `mask`; NaN where
-    one is NaN. Raises ValueError if there is no value.
+    """Return the smallest and the largest value of a column, (n,), optionally of the rows in `mask`
+    only; NaN if a value is NaN. Raises ValueError if there is no value.
     """
     if mask is not None and not mask.all():
         return _ends_of(blocks_where(column, mask))
-    # what is in a file does not change
+    # the contents of the file do not change
     of = _map_of(column)
     known = {} if of is None else _mapped.setdefault(of, {})
     place = (column.__array_interface__["data"][0], column.shape, column.strides)
@@ -101,28 +102,30 @@ def _ends_of(blocks: Iterable[Array]) -> tuple[float, float]:
 
 
 def blocks_where(column: Array, mask: BoolArray) -> Iterator[Array]:
-    """Yield the values of a column where `mask`, block by block."""
+    """Yield the values of a column on the rows of `mask`, block by block."""
     return (values[where] for values, where in in_blocks(column, mask))
 
 
 LONG = 8_000_000
-"""Bytes of a column from which on it is kept in a file: a million numbers."""
+"""Bytes from which on a column is kept in a file: a million numbers."""
 
 MOST = 200
-"""Columns in files at one time, since each keeps one open; those beyond stay in memory."""
+"""Largest number of columns in files at the same time, because each keeps a file open. Further
+columns stay in memory.
+"""
 
 SCRATCH: ContextVar[str | None] = ContextVar("SCRATCH", default=None)
-"""The folder of these files, which have no name and end with their columns, or with the program;
-None for that of the system.
+"""Folder of these files, which have no name and end with their columns or with the program; None
+for the temporary folder of the system.
 """
 
 _mapped: WeakKeyDictionary[mmap.mmap, dict[Any, tuple[float, float]]] = WeakKeyDictionary()
-"""The ends of columns that are in files, as far as they are known."""
+"""Known extremes of columns that are in files."""
 
 
 def stacked(blocks: Iterable[Sequence[Any]]) -> list[Any]:
-    """Return columns one after the other of their parts, (b,) each, which come in blocks, at least
-    one. Raises OSError if the disk is full.
+    """Return columns that are put together from blocks, of which each has a part of every column,
+    (b,); there is at least one block. Raises OSError if the disk is full.
     """
     held: list[Sequence[Any]] = []
     size, rest = 0, iter(blocks)
@@ -150,14 +153,18 @@ def _in_files(blocks: Iterable[Sequence[Any]], kinds: Sequence[Any]) -> list[Any
 
 
 def by_blocks(function: Callable[..., Any], *columns: Any, rows: int = ROWS) -> Any:
-    """`function(*columns)`, where each row, or each choice of rows, depends on these rows alone."""
-    if len(columns[0]) <= rows:  # thousands of short curves
+    """Return `function(*columns)`, computed in blocks. Each row of the result may depend only on
+    the same row of the columns.
+    """
+    if len(columns[0]) <= rows:  # one of thousands of short curves
         return function(*(column[:rows] for column in columns))
     return stacked([function(*block)] for block in in_blocks(*columns, rows=rows))[0]
 
 
 def row_by_row(function: Callable[[dict[str, Any]], Any], columns: Mapping[str, Any]) -> Any:
-    """`function(columns)`, (n,), where each row depends on this row of the columns alone."""
+    """Return `function(columns)`, (n,), computed in blocks. Each row of the result may depend only
+    on the same row of the columns.
+    """
     return by_blocks(
         lambda *block: function(dict(zip(columns, block, strict=True))),
         *columns.values(),
@@ -166,8 +173,8 @@ def row_by_row(function: Callable[[dict[str, Any]], Any], columns: Mapping[str, 
 
 
 def picked(values: Any, rows: Rows | BoolArray) -> Any:
-    """Return the values at some rows (or the row numbers), given by numbers or by a mask, (n,), in
-    parts that each read little of a long column.
+    """Return the values at some rows, (n,), or their row numbers. The rows are numbers or a mask. A
+    long column is read in small parts.
     """
     if isinstance(rows, range):
         return values[rows.start : rows.stop]
@@ -184,18 +191,18 @@ def picked(values: Any, rows: Rows | BoolArray) -> Any:
 
 
 def joined(columns: Sequence[Any]) -> Any:
-    """Return columns one after the other, (n,)."""
+    """Return columns one after the other as a single column, (n,)."""
     blocks = (block for column in columns for block in in_blocks(column))
     return columns[0] if len(columns) == 1 else stacked(blocks)[0]
 
 
 def row_numbers(rows: Rows) -> IntArray:
-    """Return row numbers, (n,), of which those that follow each other need not be in memory."""
+    """Return row numbers, (n,). Consecutive rows stay a range, which needs no memory."""
     return np.arange(rows.start, rows.stop, rows.step) if isinstance(rows, range) else rows
 
 
 def rows_where(mask: BoolArray) -> Rows:
-    """Return the numbers of the rows where `mask`, (n,)."""
+    """Return the numbers of the rows on which `mask`, (n,), is True."""
     first, count = int(mask.argmax()), int(np.count_nonzero(mask))
     if mask[first : first + count].all():
         return range(first, first + count)
@@ -204,15 +211,15 @@ def rows_where(mask: BoolArray) -> Rows:
 
 
 def give_back(column: object) -> None:
-    """Let go of the memory that a column mapped from a file takes; its values are read from the
-    file again where they are needed.
+    """Release the memory of a column that is mapped from a file. Its values are read again from the
+    file when they are needed.
     """
     if (owner := _map_of(column)) is not None and hasattr(mmap, "MADV_DONTNEED"):
         owner.madvise(mmap.MADV_DONTNEED)
 
 
 def _map_of(column: object) -> mmap.mmap | None:
-    """Return the file that a column is mapped from; None of one in memory."""
+    """Return the file from which a column is mapped; None for a column in memory."""
     while isinstance(column, np.ndarray):
         column = column.base
     column = column.obj if isinstance(column, memoryview) else column

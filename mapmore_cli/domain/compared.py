@@ -1,4 +1,4 @@
-"""Arrays of the samples that belong to one row of the score table, and sums over them."""
+"""Define the samples that belong to one row of the score table, and sums over them."""
 
 from __future__ import annotations
 
@@ -15,41 +15,43 @@ from mapmore_cli.domain.arrays import Array, BoolArray
 
 @dataclass(frozen=True)
 class Normaliser:
-    """What errors are divided by; a table always names it."""
+    """Divisor of errors. A table always names it."""
 
     name: str
     value: float
     extent: float = math.nan  # range of the same samples
 
     def fraction(self, error: float) -> float:
-        """Return the error as a fraction; NaN where there is nothing to divide by."""
+        """Return the error as a fraction of the normaliser; NaN if the normaliser is zero or
+        unknown.
+        """
         return error / self.value if self.value > 0 else math.nan
 
 
 class SampleBlock(NamedTuple):
-    """Samples, (n,) each, with what a model says of them; NaN where it says nothing, or nothing is
-    known. `recorded` has in addition the history that a model with memory goes on from.
+    """Samples, (n,) each, with the predictions of a model; NaN if there is no prediction or no
+    known value. `recorded` also includes the history with which a model with memory starts.
     """
 
     recorded: Array
     measured: Array
     predicted: Array
     one_step: Array  # predictions from the measured past
-    half: Array  # half of the width of the interval
-    sigma: Array  # uncertainty of what was measured
+    half: Array  # half the width of the interval
+    sigma: Array  # uncertainty of the measured values
 
     @property
     def error(self) -> Array:
-        """Return what the model says too much."""
+        """Prediction minus measured value."""
         return self.predicted - self.measured
 
 
 @dataclass(frozen=True)
 class Compared:
-    """All samples of a row of the score table; each call of `blocks` yields them, block by block.
+    """All samples of a row of the score table. Each call of `blocks` yields them, block by block.
 
-    - `scale`: what errors are divided by.
-    - `free`: the numbers that were fitted to these samples.
+    - `scale`: divisor of errors.
+    - `free`: number of parameters that were fitted to these samples.
     """
 
     blocks: Callable[[], Iterable[SampleBlock]]
@@ -67,8 +69,8 @@ class Compared:
         return self.total(lambda block: (of(block) - mean) ** 2)
 
     def median(self, of: Callable[[SampleBlock], Array]) -> float:
-        """Return the median of the known values, of at most a million that are evenly taken; NaN if
-        there are none.
+        """Return the median of the finite values, taken from at most a million evenly spread
+        values; NaN if there are none.
         """
         every = 1 + self.n // MOST_VALUES
         values = np.concatenate([of(block)[::every] for block in self.blocks()])
@@ -77,40 +79,40 @@ class Compared:
 
     @cached_property
     def n(self) -> int:
-        """Return the number of samples."""
+        """Number of samples."""
         return sum(len(block.measured) for block in self.blocks())
 
     @cached_property
     def squared_error(self) -> float:
-        """Return the sum of the squared errors."""
+        """Sum of the squared errors."""
         return self.total(lambda block: block.error**2)
 
     @property
     def rmse(self) -> float:
-        """Return the root of the mean squared error."""
+        """Root of the mean squared error."""
         return math.sqrt(self.squared_error / self.n)
 
     @cached_property
     def worst(self) -> float:
-        """Return the largest absolute error."""
+        """Largest absolute error."""
         return float(np.max([np.abs(block.error).max(initial=0.0) for block in self.blocks()]))
 
     @cached_property
     def recorded_spread(self) -> float:
-        """Return the sum of squares of what was recorded about its mean, the history included, as
-        is usual for the RRSE.
+        """Sum of squares of the recorded values about their mean, including the history, as is
+        usual for the RRSE.
         """
         return self.spread(lambda block: block.recorded)
 
     @cached_property
     def chi2(self) -> float:
-        """Return the sum of squares of the errors over their uncertainty; NaN without one."""
+        """Sum of squares of the errors divided by their uncertainty; NaN without uncertainty."""
         return self.total(lambda block: (block.error / block.sigma) ** 2)
 
     @property
     def correlation(self) -> float:
-        """Return W's correlation index `sum y yhat / sqrt(sum y^2 sum yhat^2)`, not Pearson's; NaN
-        where either is zero throughout.
+        """Correlation index of W, `sum y yhat / sqrt(sum y^2 sum yhat^2)`, which is not Pearson's;
+        NaN if either signal is zero throughout.
         """
         products = self.total(lambda block: block.measured * block.predicted)
         squares = self.total(lambda block: block.measured**2)
@@ -119,9 +121,9 @@ class Compared:
 
 
 MOST_VALUES = 1_000_000
-"""Values that a median is of; of more, an even share."""
+"""Largest number of values from which a median is computed; more are thinned evenly."""
 
 
 def ratio(above: float, below: float) -> float:
-    """Return a quotient; NaN where there is nothing to divide by."""
+    """Return a quotient; NaN if the divisor is zero."""
     return above / below if below > 0 else math.nan

@@ -1,11 +1,11 @@
-"""A setting is declared once: a field of a frozen dataclass beside the mathematics that uses it.
+"""Declare each setting once, as a field of a frozen dataclass beside the mathematics that uses it.
 
     z_s: Annotated[float, Interval(ge=0, le=0.5)] = 0.25
 
-Type and default are the field's own, bounds are `annotated_types`, a unit is an `InUnit`, the text
-stands in the docstring of the class. The spec validates these classes, and its JSON schema and
-`docs/spec.md` come from them. What pydantic asks of a type it asks by the names of methods, so that
-nothing of it is imported here.
+Type and default are those of the field, bounds are `annotated_types`, a unit is an `InUnit`, and
+the explanation is in the docstring of the class. The spec validates these classes, and its JSON
+schema and `docs/spec.md` are made from them. Pydantic calls special methods of these types by name,
+so pydantic is not imported here.
 """
 
 from __future__ import annotations
@@ -29,25 +29,27 @@ def prose(docstring: str | None) -> str:
 
 
 class Handler(Protocol):
-    """What pydantic hands over to make the schema of a type."""
+    """Function that pydantic passes, with which the schema of a type is made."""
 
     def __call__(self, source: object, /) -> dict[str, object]:
-        """Return the schema that the type has without us."""
+        """Return the schema of the type without our changes."""
 
     def generate_schema(self, source: object, /) -> dict[str, object]:
         """Return the schema of another type."""
 
 
 class Info(Protocol):
-    """What pydantic knows of a value: `context` is the loader's `study.fields.Context`, or None."""
+    """What pydantic knows about a value. `context` is the loader's `study.fields.Context`, or
+    None.
+    """
 
     context: Any
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Base of the dataclasses whose fields are keys of a section: the section is strict, and knows
-    no other keys.
+    """Base class of dataclasses whose fields are the keys of a section. The section is strict and
+    refuses unknown keys.
     """
 
     __pydantic_config__: ClassVar[dict[str, Any]] = {
@@ -58,7 +60,7 @@ class Settings:
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: object, handler: Handler) -> object:
-        """Take mappings too, although the values in them are strict."""
+        """Accept mappings too, although the values in them are strict."""
         schema = {**handler(source), "strict": False}
         ref = schema.pop("ref", None)
         noted = before(schema, cls._noted)
@@ -66,7 +68,7 @@ class Settings:
 
     @classmethod
     def _noted(cls, given: object, info: Info) -> object:
-        """Tell the loader which keys a mapping may have."""
+        """Report to the loader which keys a mapping may have."""
         if info.context is not None and isinstance(given, Mapping):
             info.context.note(given, [key.name for key in fields(cls)])
         return given
@@ -78,17 +80,17 @@ class Settings:
 
 
 def before(schema: object, function: Callable[[Any, Any], object]) -> dict[str, object]:
-    """Return a schema of pydantic with a function before it, of the value and what is known of it.
+    """Return a schema of pydantic that applies `function` to the value and its `Info` first.
 
-    `info.context` is the loader's `spec.fields.Context`, or None.
+    `info.context` is the loader's `study.fields.Context`, or None.
     """
     step = {"type": "with-info", "function": function}
     return {"type": "function-before", "function": step, "schema": schema}
 
 
 class Contradiction(ValueError):
-    """Settings that do not fit each other, or a value that does not fit its key; shown at the first
-    key of `near` that the section has, else at the value.
+    """Settings contradict each other, or a value does not fit its key. The error is shown at the
+    first key in `near` that the section has, or at the value.
     """
 
     def __init__(self, message: str, remedy: str | None, *near: str) -> None:
@@ -97,7 +99,9 @@ class Contradiction(ValueError):
 
 
 def from_fields(of: type[S], settings: object, **own: object) -> S:
-    """Return an `of` with the fields that it shares with `settings`, and with its `own`."""
+    """Return an `of` with the fields that it shares with `settings`, and with the values in
+    `own`.
+    """
     names = [field.name for field in fields(of)]  # type: ignore[arg-type]
     shared = {name: getattr(settings, name) for name in names if hasattr(settings, name)}
     return of(**{**shared, **own})
@@ -117,7 +121,7 @@ _SHAPES: tuple[tuple[Any, str], ...] = (
 
 
 def shape(value: object) -> str:
-    """Return what a value is in YAML's terms, in words for messages."""
+    """Return the kind of a value in the words of YAML, for messages."""
     return _shape_of(type(value))
 
 
@@ -134,16 +138,18 @@ def _shape_of(type_: Any) -> str:
 
 @dataclass(frozen=True)
 class Either:
-    """Marks a union in which the form of the value decides about the member, so that a mistake
+    """Mark of a union in which the form of the value decides which member applies. A mistake then
     gives one message instead of one for each member.
 
-    Of two mappings, the member with the key `key` is the one whose value has it.
+    Of two mappings, the member with the key `key` applies if the value has this key.
     """
 
     key: str | None = None
 
     def __get_pydantic_core_schema__(self, source: object, handler: Handler) -> object:
-        """Return the members by their tags, and what tells the tag of a value."""
+        """Return a schema with a tag for each member, and a function that returns the tag of a
+        value.
+        """
         members = get_args(source)
         choices = {self._tag(member): handler.generate_schema(member) for member in members}
         has_unit = any(
@@ -170,10 +176,10 @@ class Either:
 
 @dataclass(frozen=True)
 class ListToo:
-    """Marks a tuple that may be written as a list."""
+    """Mark of a tuple that may be written as a list."""
 
     def __get_pydantic_core_schema__(self, source: object, handler: Handler) -> object:
-        """Return the tuple's schema; its values stay strict."""
+        """Return the schema of the tuple; its values remain strict."""
         return {**handler(source), "strict": False}
 
 
@@ -182,12 +188,12 @@ Pair = Annotated[tuple[float, float], ListToo()]
 
 @dataclass(frozen=True)
 class Matching:
-    """Marks a text of which a pattern is true."""
+    """Mark of a text that must match a pattern."""
 
     pattern: str
 
     def __get_pydantic_core_schema__(self, source: object, handler: Handler) -> object:
-        """Return the text's schema with the pattern."""
+        """Return the schema of the text with the pattern."""
         return {**handler(source), "pattern": self.pattern}
 
 
@@ -196,8 +202,8 @@ class Matching:
 
 @dataclass(frozen=True)
 class Checked:
-    """Marks a stored value: `holds` is true of each that a file may hold; `words` say what is wrong
-    with any other.
+    """Mark of a stored value. `holds` returns True for valid values; `words` say what is wrong with
+    any other.
     """
 
     words: str
@@ -205,12 +211,12 @@ class Checked:
 
 
 def one_of(*words: str) -> Checked:
-    """Mark a text that is one of a few words."""
+    """Mark a text that must be one of a few words."""
     return Checked(f"is none of {', '.join(words)}", words.__contains__)
 
 
 def is_label(text: str) -> bool:
-    """Whether a text can be the name of a curve, a file or a unit."""
+    """Return True if a text can be the name of a curve, a file or a unit."""
     return len(text) <= 1000 and is_one_line(text) and not {*'"`$<>\\'} & {*text}
 
 
@@ -237,7 +243,7 @@ Label = Annotated[
         is_label,
     ),
 ]
-"""The name of a curve, a file or a unit: letters of any script."""
+"""Name of a curve, a file or a unit, in letters of any script."""
 
 
 # Numbers with units
@@ -246,10 +252,11 @@ Label = Annotated[
 
 @dataclass(frozen=True)
 class InUnit:
-    """Marks a number that may be written with a unit; `unit` says which one it is converted to,
-    given the place of the number (`spec.fields.Place`), and `words` say it to a reader.
+    """Mark of a number that may be written with a unit. `unit` returns the unit to which it is
+    converted, from the place of the number (`study.fields.Place`), and `words` describe this unit
+    to a reader.
 
-    The number is a value of its quantity. A width, a tolerance, an error or what is added is a
+    The number is a value of its quantity. A width, a tolerance, an error or an offset is a
     `Difference` of two values: 1 K more is 1 degC more.
     """
 
@@ -259,7 +266,7 @@ class InUnit:
     is_difference: ClassVar[bool] = False
 
     def __get_pydantic_core_schema__(self, source: object, handler: Handler) -> object:
-        """Return the number's schema, and the conversion before it."""
+        """Return the schema of the number, preceded by the conversion."""
         return before(handler(source), self._converted)
 
     def _converted(self, given: object, info: Info) -> object:
@@ -268,7 +275,9 @@ class InUnit:
         return info.context.converted(given, self.unit, self.is_difference)
 
     def __get_pydantic_json_schema__(self, schema: object, handler: Handler) -> object:
-        """Return the schema of a number, or of text that starts with one (or with a variable)."""
+        """Return the schema of a number, or of a text that starts with a number (or with a
+        variable).
+        """
         written = {"type": "string", "pattern": r"^\s*[-+]?[0-9.]|\$\{"}
         unit = f"{self.words}, as a difference" if self.is_difference else self.words
         return {"anyOf": [handler(schema), written], "unit": unit}
@@ -276,15 +285,13 @@ class InUnit:
 
 @dataclass(frozen=True)
 class Difference(InUnit):
-    """Marks a difference of two values of a quantity likewise; where the zero of its unit lies does
-    not matter.
-    """
+    """Mark of a difference of two values of a quantity. The zero of the unit does not matter."""
 
     is_difference: ClassVar[bool] = True
 
 
 def always_in(unit: str) -> InUnit:
-    """Mark a number in a unit that is always the same."""
+    """Mark a number whose unit is always the same."""
     return InUnit(lambda _: unit, unit)
 
 
@@ -297,20 +304,20 @@ Seconds = Annotated[float, Gt(0), always_in("s")]
 OfKey = Annotated[
     float, InUnit(lambda place: place.unit_of(place.quantity), "that of the quantity")
 ]
-"""In the unit of the quantity that the key above names."""
+"""Number in the unit of the quantity that the key above it names."""
 OfTarget = Annotated[
     float, Difference(lambda place: place.unit_of(place.target), "that of the target")
 ]
-"""An error, a residual or a coefficient: what is added to the target."""
+"""An error, a residual or a coefficient, in the unit of the target."""
 OfHeld = Annotated[float, InUnit(lambda place: place.unit_of(place.level), "that of `levels.of`")]
-"""In the unit of the quantity that is constant within a curve."""
+"""Number in the unit of the quantity that is constant within a curve."""
 
 
 Name = Annotated[str, MaxLen(100), Matching(r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
-"""The name of a run, which is a folder's as well."""
+"""Name of a run, which is also the name of its folder."""
 
 Word = Literal["increasing", "decreasing", "convex", "concave", "positive"]
-"""What is known of the output along an input; `positive` of the output itself."""
+"""Known shape of the output along an input; `positive` is about the output itself."""
 
 Beyond = Literal["continue", "continue_linear", "saturate", "zero"]
-"""What happens beyond a limit (M2 eq 12)."""
+"""Behaviour outside a limit (M2 eq 12)."""

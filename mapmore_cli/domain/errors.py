@@ -1,8 +1,8 @@
-"""One error class for each way in which a command can end, with its exit code; and warnings of
-other runs.
+"""Define an error class with an exit code for each way in which a command can end, and warnings
+about other runs.
 
-Scripts rely on the codes (docs/messages.md, "Exit codes"); the command line turns a `MapmoreError`
-into its message and its code, and anything else into an internal fault.
+Scripts rely on the codes (docs/messages.md, "Exit codes"). The command line turns a `MapmoreError`
+into its message and its code, and any other exception into an internal fault.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ _PATHS = (
     errno.EIO,
     errno.ESRCH,
 )
-"""What the file system says of paths that lead to nothing readable."""
+"""Errors of the file system for paths that lead to nothing readable."""
 
 _NO_MEMORY = ("annot allocate memory", "failed to map segment")
-"""What the system says, also of a library that it cannot load."""
+"""Messages of the system for too little memory, also while a library is loaded."""
 
 
 class MapmoreError(Exception):
-    """Base of every error that a user can mend.
+    """Base class of every error that a user can correct.
 
-    The message names the place (file, row or line) and `remedy` says what to do.
+    The message names the place (file, row or line), and `remedy` says what to do.
     """
 
     exit_code = 1
@@ -45,8 +45,8 @@ class MapmoreError(Exception):
 
 
 def explained(error: BaseException) -> BaseException:
-    """Return the error itself, or one that says what the user can do about it: a file or folder
-    that may not be read, a path that leads nowhere, too little memory.
+    """Return the error itself, or an error that says what the user can do: about a file or folder
+    without read permission, a path that leads nowhere, or too little memory.
 
     If Ctrl-C arrives inside a C function, Python may raise a SystemError. Its cause, the
     interruption, is then returned.
@@ -77,7 +77,7 @@ def explained(error: BaseException) -> BaseException:
 
 
 def error_text(error: BaseException) -> str:
-    """Return what a user is told of an error; a fault of the program itself is one line."""
+    """Return the message of an error for the user; a fault of the program itself is one line."""
     error = explained(error)
     if isinstance(error, MapmoreError):
         return str(error)
@@ -106,26 +106,28 @@ class DataError(MapmoreError):
 
 
 class FitError(MapmoreError):
-    """A fit that the run cannot do without failed (exit 5)."""
+    """A fit without which the run cannot continue has failed (exit 5)."""
 
     exit_code = 5
 
 
 class LimitMissed(MapmoreError):
-    """A `validate.require` limit is missed (exit 6)."""
+    """A limit in `validate.require` is missed (exit 6)."""
 
     exit_code = 6
 
 
 class WriteError(MapmoreError):
-    """A result cannot be written: folder, full disk, or a lock held by another process (exit 7)."""
+    """A result cannot be written: no permission, a full disk, or a lock held by another process
+    (exit 7).
+    """
 
     exit_code = 7
 
 
 class Stopped(KeyboardInterrupt):
-    """The process was asked to end, by the signal `number`; the exit code is the one that shells
-    report, 128 + number.
+    """The process was asked to end by the signal `number`. The exit code is 128 + number, as shells
+    report it.
     """
 
     def __init__(self, number: int) -> None:
@@ -134,8 +136,8 @@ class Stopped(KeyboardInterrupt):
 
 
 class RunWarning(str):
-    """A warning about another run than the one that was asked for: the text says which, `run` and
-    `message` hold the two apart.
+    """A warning about another run than the one that was requested. The text names the run; `run`
+    and `message` hold both parts separately.
     """
 
     run: str
@@ -143,8 +145,8 @@ class RunWarning(str):
 
     @classmethod
     def of(cls, run: str, message: str) -> RunWarning:
-        """Return the warning of a run; where it is about yet another one already, it stays as it
-        is.
+        """Return the warning of a run. A warning that already names another run is returned
+        unchanged.
         """
         if isinstance(message, RunWarning):
             return message

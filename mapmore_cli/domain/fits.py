@@ -1,5 +1,5 @@
-"""What fitting finds out: scalings, FROLS selections, segment fits, fits of formulas, models with
-memory and how they were found.
+"""Define the results of fitting: scalings, FROLS selections, segment fits, fits of formulas, models
+with memory, and how they were found.
 """
 
 from __future__ import annotations
@@ -39,11 +39,13 @@ BY_RECORDING = (
     "than terms, this is a guess."
 )
 ErrorsNote = Annotated[str, "what the standard errors take residuals to be"]
-"""Of everything that has standard errors, which are lower bounds where nothing better is known."""
+"""Assumption about residuals on which the standard errors are based. Standard errors are lower
+bounds if nothing better is known.
+"""
 
 
 class Fit:
-    """Base of what was fitted, by its kind (`modelling.kinds`)."""
+    """Base class of fits, one for each kind (`modelling.kinds`)."""
 
 
 @dataclass(frozen=True)
@@ -51,8 +53,8 @@ class Scaling:
     """Elementwise linear scaling `z_j = slope_j x_j + intercept_j`, `y = y_slope y_scaled +
     y_intercept` (M2 eq 8).
 
-    `placement` has one word for each variable, as `left,right`; `-` where the rule places no
-    origin.
+    `placement` has one word for each variable, for example `left,right`; it is `-` if the rule
+    places no origin.
     """
 
     rule: Annotated[Label, "`unit_square`, `max_abs`, `none` or `range`"]
@@ -68,7 +70,7 @@ class Scaling:
 
 @dataclass(frozen=True)
 class ChosenTerms:
-    """What FROLS found out about the k chosen terms (M2 eq 2-7), in scaled coordinates."""
+    """Results of FROLS for the k chosen terms (M2 eq 2-7), in scaled coordinates."""
 
     theta: Annotated[Array, "(k) coefficients of the terms, A theta = g"]
     theta_error: Annotated[Array, "(k) standard errors of theta; NaN without a degree of freedom"]
@@ -78,12 +80,12 @@ class ChosenTerms:
 
 @dataclass(frozen=True, repr=False)
 class Selection(ChosenTerms):
-    """Everything that FROLS found out about one segment (M2 eq 2-7): k terms chosen of M
-    candidates, in scaled coordinates.
+    """All results of FROLS for one segment (M2 eq 2-7): k terms chosen from M candidates, in scaled
+    coordinates.
 
-    `candidates` are the names of the dictionary's M columns, where they were given; they are not
-    stored. `stop` is `tolerance`, `max_terms`, `no_gain`, `rank`, `bic`,
-    `free_run`, or `pruned` (from more terms to `max_terms`).
+    `candidates` holds the names of the dictionary's M columns if they were given; they are not
+    stored. `stop` is `tolerance`, `max_terms`, `no_gain`, `rank`, `bic`, `free_run`, or `pruned`
+    (from more terms to `max_terms`).
     """
 
     chosen: Annotated[IntArray, "(k) candidates in the order of selection, from 0", "-"]
@@ -124,7 +126,7 @@ class Selection(ChosenTerms):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The chosen terms, in the order of selection; `p3` for column 3 where columns have no
+        """The chosen terms in the order of selection; `p3` for column 3 if the columns have no
         names.
         """
         return tuple(
@@ -139,15 +141,16 @@ class Selection(ChosenTerms):
 
     @property
     def errors_note(self) -> str:
-        """What the standard errors take residuals to be, in a sentence."""
+        """Assumption about residuals on which the standard errors are based, in a sentence."""
         if self.curves:
             return BY_CURVE
         return LOWER_BOUND if math.isnan(self.worth) else BY_RECORDING
 
     @property
     def freedom(self) -> int:
-        """Degrees of freedom of the standard errors: of curves where these are summed, else of
-        the samples, or of the fewer that these are worth.
+        """Degrees of freedom of the standard errors: of curves if residuals are summed by curve,
+        otherwise of the samples, or of the smaller number of independent samples to which they are
+        equivalent.
         """
         left = self.samples - len(self.theta)
         if self.curves:
@@ -157,9 +160,9 @@ class Selection(ChosenTerms):
         )
 
     def table(self) -> list[dict[str, Any]]:
-        """Return a row for each term, in the order of selection: `{"term", "coefficient",
-        "standard_error", "t", "err"}`; t is the coefficient in standard errors, of which
-        `errors_note` says what they take residuals to be.
+        """Return a row for each term in the order of selection: `{"term", "coefficient",
+        "standard_error", "t", "err"}`; t is the coefficient divided by its standard error.
+        `errors_note` states the assumption about residuals.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             t = self.theta / self.theta_error
@@ -168,7 +171,7 @@ class Selection(ChosenTerms):
         return [dict(zip(keys, row, strict=True)) for row in zip(*columns, strict=True)]
 
     def __repr__(self) -> str:
-        """Return the model as one reads it, with the share of `y'y` that each term explains."""
+        """Return the model in readable form, with the share of `y'y` that each term explains."""
         terms = (
             f"{row['coefficient']:.6g}" + ("" if row["term"] == "1" else f"*{row['term']}")
             for row in self.table()
@@ -180,7 +183,7 @@ class Selection(ChosenTerms):
 
 @dataclass(frozen=True)
 class GridCell:
-    """One cell of the grid that a training curve is cut into."""
+    """One cell of the grid into which a training curve is cut."""
 
     id: Annotated[Label, "identifier of the segment, as `pressure=150/strain:2`"]
     curve: Annotated[Label, "identifier of its curve"]
@@ -189,7 +192,7 @@ class GridCell:
 
 @dataclass(frozen=True)
 class Segment(GridCell):
-    """Rows of a training curve that one segment function is fitted to."""
+    """Rows of a training curve to which one segment function is fitted."""
 
     rows: Annotated[
         Rows,
@@ -201,7 +204,7 @@ class Segment(GridCell):
 
 @dataclass(frozen=True)
 class SegmentedCurve(CurveRange):
-    """A training curve cut up; samples stay in the dataset file."""
+    """A training curve cut into segments; the samples stay in the dataset file."""
 
     variables: Annotated[tuple[QuantityName, ...], "(p) segmented variables"]
     boundaries: Annotated[
@@ -238,9 +241,9 @@ class Optimum:
 class FormulaFit(Fit):
     """A literature model fitted to training data.
 
-    `method` is `linear least squares`, `variable projection` or `levenberg_marquardt`. Training
-    data hardly tell which of the `rivals` is right; the least error comes first. `definition` is
-    the formula itself, where a spec defines it.
+    `method` is `linear least squares`, `variable projection` or `levenberg_marquardt`. The training
+    data hardly distinguish the `rivals` from the best fit; the one with the smallest error comes
+    first. `definition` is the formula itself, if a spec defines it.
     """
 
     name: Annotated[Label, "name of the formula"]
@@ -271,7 +274,7 @@ class FormulaFit(Fit):
 
     @property
     def formula(self) -> str:
-        """What the formula is found by: its definition, otherwise its name."""
+        """Key by which the formula is looked up: its definition, or its name."""
         return self.definition or self.name
 
     @property
@@ -284,7 +287,7 @@ class FormulaFit(Fit):
 # --------------------------------------------------------------------------------------------------
 
 PIECE = "memory"
-"""What tables and equations call the model with memory, where others have segments."""
+"""Name of the model with memory in tables and equations in which other models have segments."""
 
 
 @dataclass(frozen=True)
@@ -329,12 +332,12 @@ class StateSet:
 
     @property
     def longest_step(self) -> float:
-        """The time between samples, s, beyond which memory begins anew."""
+        """Time step, s, beyond which the memory restarts."""
         return math.inf if self.ordered else self.step
 
     @property
     def scaled(self) -> bool:
-        """Whether states are scaled to their training range."""
+        """True if states are scaled to their training range."""
         return len(self.low) > 0
 
 
@@ -342,7 +345,8 @@ class StateSet:
 class MemoryModel:
     """`output[k] = constant + sum_j theta_j D_j(states[k])`.
 
-    A free run begins with measured outputs. One that leaves `limits` a hundredfold has diverged.
+    A free run begins with measured outputs. It has diverged if it leaves `limits` by more than a
+    hundred times their range.
     """
 
     output: Annotated[QuantityName, "the quantity whose delays are fed back"]
@@ -362,12 +366,12 @@ class MemoryModel:
 
     @property
     def scaling(self) -> Scaling:
-        """The scaling of the states, as that of a segment's variables; the constant is its
+        """Scaling of the states, in the form of a segment's variables; the constant is its
         intercept of y.
         """
         states = self.states
         width = states.high - states.low if states.scaled else np.ones(len(states.names))
-        # a state that stood still in training is zero
+        # a state that was constant in training is zero
         slope = np.divide(1.0, width, out=np.zeros(len(width)), where=width > 0)
         low = states.low if states.scaled else np.zeros(len(width))
         return Scaling(
@@ -383,9 +387,9 @@ class MemoryModel:
 
 @dataclass(frozen=True)
 class Identified:
-    """Numbers of operators that training found.
+    """Parameters of operators that training estimated.
 
-    Where the search ended at a bound (`held`), the data do not say what the number is.
+    If the search ended at a bound (`held`), the data do not determine the parameter.
     """
 
     names: Annotated[tuple[TermName, ...], "(m) as `p of wen(force[k-1])`"]
@@ -395,7 +399,7 @@ class Identified:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """One for each number at a bound."""
+        """One note for each parameter at a bound."""
         told = "lies at a bound of its search: the training data ask for more, or do not tell it"
         ends = zip(self.names, self.numbers.tolist(), self.held.tolist(), strict=True)
         return tuple(f"{name} = {number:.4g} {told}" for name, number, held in ends if held)
@@ -403,10 +407,10 @@ class Identified:
 
 @dataclass(frozen=True)
 class MemoryFit(Fit):
-    """A model with memory, and how its k terms were chosen of M candidates.
+    """A model with memory, and how its k terms were chosen from M candidates.
 
-    Where terms were pruned, the ERR of `selection` are those among the terms kept, and NaN in the
-    tables for all others.
+    If terms were pruned, the ERR of `selection` is that among the remaining terms; in the tables,
+    all other terms are NaN.
     """
 
     model: Annotated[MemoryModel, "the model"]
@@ -429,5 +433,5 @@ class MemoryFit(Fit):
 
     @property
     def piece(self) -> SegmentFit:
-        """The fit as that of a single segment, for tables of terms."""
+        """The fit in the form of a single segment, for tables of terms."""
         return SegmentFit(PIECE, PIECE, (), self.candidates, self.model.scaling, self.selection)

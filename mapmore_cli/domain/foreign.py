@@ -1,7 +1,7 @@
-"""Text of a stranger within another language: terminals, CSV, C, Python, TeX and XML. Every writer
-of files takes it from here.
+"""Escape foreign text for another language: terminals, CSV, C, Python, TeX and XML. Every writer of
+files uses these functions.
 
-The rule is an alphabet, not a list of dangerous words: what is outside a small alphabet is
+The rule is an alphabet, not a list of dangerous words: every character outside a small alphabet is
 escaped, and the alphabet has no character that could end a comment, a string or a line.
 """
 
@@ -13,56 +13,56 @@ import unicodedata
 from itertools import accumulate
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
-"""What a terminal obeys instead of showing it, all but tabs and line feeds; and marks that turn the
-order of letters.
+"""Characters that a terminal obeys instead of showing them (except tabs and line feeds), and marks
+that change the direction of writing.
 """
 
 _BROKEN = re.compile(rf"{_CONTROL.pattern}|[\t\n\ud800-\udfff]")
 
 _FORMULA = ("=", "+", "-", "@")
-"""How cells begin that a spreadsheet computes."""
+"""First characters of cells that a spreadsheet would compute."""
 
 PLAIN = frozenset(string.ascii_letters + string.digits + " .,:;=+-_()[]<>/^|%'")
-"""What stands in comments as it is: no double quotes, backslashes, asterisks, question marks,
-number signs, dollars or line ends.
+"""Characters that may stand in comments unchanged: no double quotes, backslashes, asterisks,
+question marks, number signs, dollars or line ends.
 """
 
 
 def printable(text: str) -> str:
-    """Return the text with its control characters as escapes: `\\x1b` for the one that begins
-    commands to a terminal.
+    """Return the text with its control characters escaped, for example `\\x1b` for the character
+    that begins commands to a terminal.
     """
     return _CONTROL.sub(lambda match: match[0].encode("unicode_escape").decode("ascii"), text)
 
 
 def is_one_line(text: str) -> bool:
-    """Return whether the text is one line without control characters and halves of characters."""
+    """Return True if the text is one line without control characters and surrogates."""
     return not _BROKEN.search(text)
 
 
 def csv_cell(text: str) -> str:
-    """Return the text as a cell of a CSV table, on one line; one that a spreadsheet would compute
-    begins with an apostrophe.
+    """Return the text as a cell of a CSV table, on one line. A cell that a spreadsheet would
+    compute begins with an apostrophe.
     """
     text = _BROKEN.sub(" ", text)
     return f"'{text}" if text.lstrip().startswith(_FORMULA) else text
 
 
 def plain(text: str) -> str:
-    """Return the text in the alphabet `PLAIN`, on one line; any other character is its number in
-    braces, as `{2A}`.
+    """Return the text in the alphabet `PLAIN`, on one line. Any other character becomes its number
+    in braces, for example `{2A}`.
     """
     return "".join(char if char in PLAIN else f"{{{ord(char):X}}}" for char in text)
 
 
 def tex_comment(*lines: str) -> list[str]:
-    """Return comments in TeX, one a line."""
+    """Return TeX comments, one for each line."""
     return [f"% {plain(line)}" for line in lines]
 
 
 def xml_text(text: str, kept: str = "") -> str:
-    """Return the text without what XML cannot hold, not even escaped: only printable characters
-    stay, and those `kept`.
+    """Return the text without characters that XML cannot contain even escaped: only printable
+    characters and those in `kept` remain.
     """
     return text.translate(
         {
@@ -96,12 +96,12 @@ _TEX = str.maketrans(
     | {"–": "--", "²": r"\textsuperscript{2}", "³": r"\textsuperscript{3}"}
     | {letter: _greek(letter) for letter in "αβγδεζηθικλμνξπρςστυφχψωΓΔΘΛΞΠΣΥΦΨΩ"}
     | {c: f"\\{c}" for c in "&%$#_{}"}
-    | {c: f"{{{c}}}" for c in "[]*"}  # else an argument of the line break before a row
+    | {c: f"{{{c}}}" for c in "[]*"}  # otherwise an argument of the line break before a row
 )
 
 
 def tex_text(text: str) -> str:
-    """Return LaTeX source that prints the text and does nothing else, on one line."""
+    """Return one line of LaTeX source that prints the text and does nothing else."""
     return _printed(text).translate(_TEX)
 
 
@@ -126,8 +126,8 @@ _FORMULAS = re.compile(r"(?<!\\)\$((?:[^$\\]|\\.)*)\$")
 
 
 def tex_label(text: str) -> str:
-    """Return LaTeX source for a label with formulas between dollars, of symbols and a few commands;
-    any other is printed as it stands.
+    """Return LaTeX source for a label with formulas between dollars. Formulas may contain symbols
+    and a few commands; any other formula is printed as text.
     """
     text, found, end = _printed(text), "", 0
     for match in _FORMULAS.finditer(text):
@@ -138,6 +138,6 @@ def tex_label(text: str) -> str:
 
 
 def _is_balanced(formula: str) -> bool:
-    """Return whether every brace that opens is closed, in this order."""
+    """Return True if every brace that opens is closed, in the right order."""
     depths = [0, *accumulate((char == "{") - (char == "}") for char in formula)]
     return min(depths) == depths[-1] == 0

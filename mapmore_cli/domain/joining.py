@@ -1,4 +1,4 @@
-"""How segment functions are joined (M2 eq 9-12), for the spec and the stored model."""
+"""Define how segment functions are joined (M2 eq 9-12), for the spec and the stored model."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mapmore_cli.domain.arrays import Number
 from mapmore_cli.domain.declared import Beyond, QuantityName, Settings
 
 Side = Beyond | Number
-"""Behaviour beyond one limit: `continue`, `continue_linear`, `saturate`, `zero`, or a value (M2 eq
+"""Behaviour outside one limit: `continue`, `continue_linear`, `saturate`, `zero`, or a value (M2 eq
 12).
 """
 
@@ -20,9 +20,9 @@ Side = Beyond | Number
 class Transition(NamedTuple):
     """Course of a weight over a transition zone (M2 figure 5).
 
-    - `words`: what is said of it, as `w = 3*t^2 - 2*t^3`.
-    - `s`: s(t) for t in [0, 1], of the arithmetic that branches by `where` and of t; from 0 to 1,
-      and `s(t) + s(1 - t) = 1`.
+    - `words`: its description, for example `w = 3*t^2 - 2*t^3`.
+    - `s`: function s(t) for t in [0, 1], which takes the operations (for branches with `where`) and
+      t. It rises from 0 to 1, and `s(t) + s(1 - t) = 1`.
     """
 
     words: str
@@ -37,20 +37,23 @@ TRANSITIONS: Mapping[str, Transition] = {
     ),
     "cubic": Transition("w = 3*t^2 - 2*t^3", lambda _m, t: 3 * t**2 - 2 * t**3),
 }
-"""Every transition by its name in a spec; a further one is a further row."""
+"""Transitions by the name that a spec uses. To add a transition, add a row."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Joining(Settings):
-    """How segment functions are joined, as the spec says it and the model keeps it (M2 eq 9-11).
+    """How segment functions are joined, in the spec and in the model (M2 eq 9-11).
 
-    - `transition`: course of a weight over a transition zone (M2 figure 5), as `cubic`
-    - `z_s`: how far a transition zone reaches to each side of a boundary, as a fraction of the
-      segment, as `0.25`
-    - `levels`: interpolation between curves: by triangles (`linear`), or keeping their shape
-      (`pchip`), as `pchip`
-    - `hold`: whether a segment function is held beyond its `samples` by more than `z_s` of their
-      width; `none` is M2 eq 9-11, as `none`
+    - `transition`: Course of a weight over a transition zone (M2 figure 5). `linear` has kinks at
+      the ends of the zone, smoother courses have none. Example: `cubic`
+    - `z_s`: Distance by which a transition zone reaches to each side of a boundary, as a fraction
+      of the segment. A wider zone is smoother, but mixes the functions over a larger range.
+      Example: `0.25`
+    - `levels`: Interpolation between the curves of two levels: by straight lines (`linear`), or by
+      a smooth curve that keeps the shape of the values (`pchip`). Example: `pchip`
+    - `hold`: With `samples`, a segment function is held constant at a distance of `z_s` times their
+      width outside its samples. With `none`, it is evaluated without a limit, as in M2 eq 9-11.
+      Example: `none`
     """
 
     transition: Annotated[
@@ -75,11 +78,12 @@ class Joining(Settings):
 class Fusion(Joining):
     """How the pieces are joined (M2 eq 9-12).
 
-    `hold: samples` holds a segment function beyond its samples by more than `z_s` of their width,
-    as far as transition zones reach there; `none` leaves it as it is (M2 eq 9-11 to the letter).
+    With `hold: samples`, a segment function is held constant outside its samples, at a distance of
+    `z_s` times their width, if transition zones reach that far. With `none`, it is evaluated
+    without a limit (exactly M2 eq 9-11).
 
     `shrink` is the share g of the pieces on a backbone that is carried to the middle between two
-    levels: `g + (1 - g)(1 - 2t)^2` at the place t between them.
+    levels: at the place t between them, it is `g + (1 - g)(1 - 2t)^2`.
     """
 
     extrapolation: Annotated[

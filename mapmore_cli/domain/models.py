@@ -1,4 +1,4 @@
-"""A model as data: what model.h5 holds and what predicts without any recording."""
+"""Define a model as data: the contents of model.h5, which predicts without any recording."""
 
 from __future__ import annotations
 
@@ -70,30 +70,30 @@ class FoldError:
 
 
 class Body:
-    """Base of what a model consists of, by its kind: `modelling.kinds` says what each kind can do.
+    """Base class of the contents of a model. `modelling.kinds` defines what each kind can do.
 
-    `models` are those that it is made of, `memories` the parts that have memory.
+    `models` are the models that it contains, `memories` the parts with memory.
     """
 
     @property
     def models(self) -> tuple[Model, ...]:
-        """None."""
+        """Empty by default."""
         return ()
 
     @property
     def memories(self) -> tuple[MemoryModel, ...]:
-        """None."""
+        """Empty by default."""
         return ()
 
 
 B = TypeVar("B", bound=Body)
 
 
-@dataclass(frozen=True, eq=False)  # equal to itself alone: arrays have no hash
+@dataclass(frozen=True, eq=False)  # equal only to itself, because arrays have no hash
 class Pieces(Body):
     """MAPMORE: `output = backbone + sum_i f_i prod_j w_ij` (M2 eq 9).
 
-    `level` is None if all curves are pooled. Curves have no segments where the residual on the
+    `level` is None if all curves are pooled. Curves have no segments if the residual on the
     backbone was dropped.
     """
 
@@ -112,7 +112,7 @@ class Pieces(Body):
         return self.curves
 
     def joined(self, **how: Any) -> Pieces:
-        """Return the pieces joined in another way: `how` has fields of `Fusion`."""
+        """Return the pieces with other fields of `Fusion`."""
         return replace(self, fusion=replace(self.fusion, **how))
 
     @property
@@ -137,9 +137,9 @@ class Formula(Body):
 
 @dataclass(frozen=True)
 class Memory(Body):
-    """A model with memory, on a backbone or by itself.
+    """A model with memory, alone or on a backbone.
 
-    It takes a recording with its `time`, from the first measured outputs where those are fed back.
+    It needs a recording with its `time`, and the first measured outputs if they are fed back.
     """
 
     model: Annotated[MemoryModel, "states, terms and coefficients"]
@@ -148,7 +148,7 @@ class Memory(Body):
 
     @property
     def memories(self) -> tuple[MemoryModel, ...]:
-        """The one part that has memory."""
+        """The single part with memory."""
         return (self.model,)
 
 
@@ -169,15 +169,15 @@ class Outputs(Body):
 
 
 LeftOutKind = Literal["levels", "recordings", "blocks", "specimens"]
-"""What was left out of the training data in turn."""
+"""What was left out of the training data, one part after the other."""
 
 
 @dataclass(frozen=True)
 class LeftOut:
-    """How models of the rest missed each part of the training data that was left out of them: what
-    intervals are made of.
+    """Errors of models on each part of the training data that was left out of their fits, from
+    which intervals are computed.
 
-    Of levels, those between two others are left out.
+    Of levels, only those between two others are left out.
     """
 
     kind: Annotated[
@@ -217,8 +217,8 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class KeptShape:
-    """What the output does along one input, by the word of the spec: where it decides about the
-    coefficients, and what they would do without it.
+    """Known shape of the output along one input, with the word of the spec: where it determines the
+    coefficients, and how a fit without it would violate it.
     """
 
     quantity: Annotated[QuantityName, "the input; of `positive` the output itself"]
@@ -229,10 +229,10 @@ class KeptShape:
 
 @dataclass(frozen=True)
 class Shape:
-    """The shape that a model keeps over its training range, and `beyond` as a share of it, where
-    the training output stands more than the share `slack` of its range above its minimum.
+    """The shape that a model keeps over its training range, extended by the share `beyond`,
+    wherever the training output is more than the share `slack` of its range above its minimum.
 
-    Errors are root mean squares, with the shape and without.
+    Errors are root mean squares, with the shape and without it.
     """
 
     kept: Annotated[tuple[KeptShape, ...], "what was asked"]
@@ -245,12 +245,12 @@ class Shape:
 
     @property
     def monotone(self) -> frozenset[str]:
-        """Inputs along which the output rises, or falls, everywhere."""
+        """Inputs along which the output rises everywhere, or falls everywhere."""
         return frozenset(k.quantity for k in self.kept if k.word in ("increasing", "decreasing"))
 
     @property
     def promise(self) -> str:
-        """What the model keeps, in one line, as headers of exports say it."""
+        """The shape that the model keeps, in one line, for headers of exported files."""
         words = ", ".join(
             kept.word if kept.word == "positive" else f"{kept.word} in {kept.quantity}"
             for kept in self.kept
@@ -261,8 +261,8 @@ class Shape:
 
 @dataclass(frozen=True)
 class Model:
-    """A model that predicts without any other file: what all kinds have in common, and the body of
-    one kind.
+    """A model that predicts without any other file: the part that all kinds have in common, and the
+    body of one kind.
     """
 
     name: Annotated[Label, "name of the run"]
@@ -279,23 +279,23 @@ class Model:
     shape: Annotated[Shape | None, "the shape that it keeps, where the spec asked for one"] = None
 
     def body_of(self, kind: type[B]) -> B:
-        """Return the body, which is of this kind."""
+        """Return the body, which must be of this kind."""
         assert isinstance(self.body, kind)
         return self.body
 
     @property
     def each(self) -> tuple[Model, ...]:
-        """The model of each output; itself where there is one."""
+        """The model of each output; with one output, the model itself."""
         return self.body.models if isinstance(self.body, Outputs) else (self,)
 
     @property
     def outputs(self) -> tuple[Quantity, ...]:
-        """What it predicts."""
+        """The predicted quantities."""
         return tuple(model.output for model in self.each)
 
     def of(self, output: str) -> Model:
-        """Return the model of one of several outputs; itself where there is one, or none of the
-        name.
+        """Return the model of one of several outputs; the model itself if it has one output, or
+        none with this name.
         """
         return next((model for model in self.each if model.output.name == output), self)
 
@@ -306,22 +306,22 @@ class Model:
 
     @property
     def level(self) -> str | None:
-        """The input that is constant within a training curve, where there is one."""
+        """The input that is constant within a training curve, or None."""
         return getattr(self.body, "level", None)
 
     @property
     def backbone(self) -> FormulaFit | None:
-        """The formula that the model is built on, or that it is."""
+        """The formula on which the model is built, or which is the model."""
         return getattr(self.body, "backbone", None)
 
     @property
     def every(self) -> tuple[Model, ...]:
-        """The model, and all that it is made of."""
+        """The model itself and all models that it contains."""
         return (self, *(inner for model in self.body.models for inner in model.every))
 
     @property
     def memories(self) -> tuple[MemoryModel, ...]:
-        """Every part that has memory: its own, and those of the models that it is made of."""
+        """Every part with memory: its own, and those of the models that it contains."""
         return tuple(memory for model in self.every for memory in model.body.memories)
 
 
@@ -329,10 +329,11 @@ class Model:
 class Equation:
     """One piece of a model in physical units.
 
-    - `id`: of a segment, or the name of a formula.
-    - `text`: a line that can be copied and computed; `latex`, `mathml`: the same, typeset, the
-      second by parts between which a line may end.
-    - `weight`: where the piece counts, and where it is held; empty if it counts everywhere.
+    - `id`: id of a segment, or name of a formula.
+    - `text`: one line that can be copied and computed; `latex`, `mathml`: the same for typesetting,
+      `mathml` in parts between which a line may break.
+    - `weight`: range in which the piece counts, and where it is held; empty if it counts
+      everywhere.
     """
 
     id: str

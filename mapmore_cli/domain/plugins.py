@@ -1,12 +1,11 @@
-"""What adds itself to `mapmore`: by a file in one of our folders, or by an entry point of anybody's
-package.
+"""Find extensions of `mapmore`: files in one of its own folders, or entry points of other packages.
 
 Both have one form. An entry point `NAME = "module"` or `NAME = "module:OBJECT"` in the group
-`mapmore.GROUP` names what a file of ours holds: for `readers` a `READER`, or several `READERS`.
-Groups are `formulas`, `readers`, `operators`, `families`, `figures`, `exports`, `kinds` and
-`commands`; our annexes also use `stages` and `python`. Nothing is imported before it is asked for.
-A part that is broken is named in a warning and left out, and so is one that has the name of a part
-of ours. Where the variable MAPMORE_NO_PLUGINS is set, there are only ours.
+`mapmore.GROUP` names the same contents as one of our files: for `readers`, a `READER` or several
+`READERS`. Groups are `formulas`, `readers`, `operators`, `families`, `figures`, `exports`, `kinds`
+and `commands`; our annexes also use `stages` and `python`. Nothing is imported before it is needed.
+A part that is broken, or has the name of one of our parts, is named in a warning and left out. If
+the variable MAPMORE_NO_PLUGINS is set, only our own parts are used.
 """
 
 from __future__ import annotations
@@ -27,18 +26,18 @@ from mapmore_cli.domain.errors import UsageError
 
 
 class NotInstalled(UsageError):
-    """A part that an entry point names cannot be imported."""
+    """The part that an entry point names cannot be imported."""
 
 
 class PluginLeftOut(UserWarning):
-    """A part of a plug-in that is broken, and left out."""
+    """A part of a plugin is broken and was left out."""
 
 
 P = TypeVar("P")
 
 
 class Added(NamedTuple, Generic[P]):
-    """A part by its own name, and the file or object that holds it."""
+    """A part with its own name, and the file or object that holds it."""
 
     name: str
     value: P
@@ -49,8 +48,8 @@ def parts(group: str, form: type[P], package: str = "") -> Iterator[Added[P]]:
     """Yield every part of a group, of the type `form`: those in the files of our `package` in the
     order of their names, then those of entry points.
 
-    A part is called by its `name`, else by that of its entry point. Of two with one name the first
-    counts.
+    The name of a part is its attribute `name`, or the name of its entry point. If two have the same
+    name, the first counts.
     """
     taken = set[str]()
     for one in iter_modules(sys.modules[package].__path__) if package else ():
@@ -67,7 +66,7 @@ def parts(group: str, form: type[P], package: str = "") -> Iterator[Added[P]]:
                 if part.name in taken:
                     raise ValueError(f"there is already a `{part.name}`")
                 found.append(Added(part.name, part.value, part.source))
-        except Exception as fault:  # whatever is wrong there, the rest goes on without it
+        except Exception as fault:  # whatever is wrong there, the other parts must work
             leave_plugin_out(group, name, fault.__cause__ or fault)
             continue
         taken.update(part.name for part in found)
@@ -75,7 +74,7 @@ def parts(group: str, form: type[P], package: str = "") -> Iterator[Added[P]]:
 
 
 def leave_plugin_out(group: str, name: str, fault: BaseException) -> None:
-    """Warn that a part of a plug-in is left out, and why."""
+    """Warn that a part of a plugin is left out, and why."""
     _leave_out(group, entry_points(group)[name], f"{type(fault).__name__}: {fault}")
 
 
@@ -85,12 +84,12 @@ def _leave_out(group: str, point: EntryPoint, why: str) -> None:
 
 
 def _owner(point: EntryPoint) -> str:
-    """Return the name of the package that an entry point comes with."""
+    """Return the name of the package to which an entry point belongs."""
     return point.dist.name if point.dist else point.module
 
 
 def blamed(fault: BaseException) -> str | None:
-    """Return the package whose plug-in was at work when something failed; None for our own."""
+    """Return the package whose plugin was running when something failed; None for our own."""
     packages = {point.module.partition(".")[0] for point in _installed()}
     frames = (frame for frame, _ in walk_tb(fault.__traceback__))
     names = (str(frame.f_globals.get("__name__")).partition(".")[0] for frame in frames)
@@ -98,8 +97,8 @@ def blamed(fault: BaseException) -> str | None:
 
 
 def _parts_in(group: str, name: str, source: object) -> Iterator[Added[object]]:
-    """Yield the parts that a module holds under the name of the group, in the singular or in the
-    plural; an object without them is itself the part.
+    """Yield the parts that a module holds under the name of the group, singular or plural. An
+    object without these names is itself the part.
     """
     many = group.upper()
     single = f"{many[:-3]}Y" if many.endswith("IES") else many[:-1]
@@ -109,22 +108,22 @@ def _parts_in(group: str, name: str, source: object) -> Iterator[Added[object]]:
 
 
 OURS = "mapmore"
-"""The package whose parts none of another package replaces."""
+"""The package whose parts no other package can replace."""
 
 NONE_OF_OTHERS = "MAPMORE_NO_PLUGINS"
-"""The variable that leaves out the plug-ins of other packages, also in worker processes."""
+"""Variable that leaves out the plugins of other packages, also in worker processes."""
 
 
 def leave_out_others() -> None:
-    """Leave out the plug-ins of all other packages, in this process and those that it starts."""
+    """Leave out the plugins of all other packages, in this process and in its child processes."""
     os.environ[NONE_OF_OTHERS] = "1"
     for remembered in (_installed, entry_points):
         remembered.cache_clear()
 
 
-@cache  # reading what is installed takes longer than all else at the start
+@cache  # reading the installed packages is the slowest part of the start
 def _installed() -> tuple[EntryPoint, ...]:
-    """Return the entry points of mapmore and those of other packages for it; a package whose list
+    """Return the entry points of mapmore, and those of other packages for it. A package whose list
     of entry points cannot be read is left out.
     """
     found, packages = list[EntryPoint](), set[str]()
@@ -135,8 +134,8 @@ def _installed() -> tuple[EntryPoint, ...]:
             if not ours or package.name in packages:
                 continue
             packages.add(package.name)
-            _ = [point.module for point in ours]  # asks for the form of the value
-        except Exception as fault:  # whatever is wrong there, the rest goes on without it
+            _ = [point.module for point in ours]  # checks the form of the value
+        except Exception as fault:  # whatever is wrong there, the other packages must work
             what = f"the plug-ins of {_name_of(package)} are left out"
             why = f"its entry_points.txt cannot be read ({type(fault).__name__}: {fault})"
             warnings.warn(f"{what}: {why}", PluginLeftOut, stacklevel=2)
@@ -154,8 +153,8 @@ def _name_of(package: Distribution) -> str:
 
 @cache
 def entry_points(group: str) -> dict[str, EntryPoint]:
-    """Return the entry points of a group by name; of two with one name, ours, otherwise the first
-    by module. The other one is named in a warning.
+    """Return the entry points of a group by name. If two have the same name, ours counts, otherwise
+    the first by module; a warning names the other.
     """
     found = dict[str, EntryPoint]()
     of_group = (point for point in _installed() if point.group == f"mapmore.{group}")
@@ -171,8 +170,8 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
 
 @contextmanager
 def _printing_to_stderr() -> Iterator[None]:
-    """Let what is printed meanwhile go to stderr, also by libraries in C: results alone belong on
-    stdout.
+    """Redirect everything that is printed meanwhile to stderr, also by libraries in C, because only
+    results belong on stdout.
     """
     with redirect_stdout(sys.stderr):
         kept = os.dup(1)
@@ -186,7 +185,7 @@ def _printing_to_stderr() -> Iterator[None]:
 
 @cache
 def load(group: str, name: str) -> Any:
-    """Return what an entry point names; raises NotInstalled if it cannot be imported."""
+    """Return the object that an entry point names. Raises NotInstalled if it cannot be imported."""
     point = entry_points(group)[name]
     try:
         with nullcontext() if _owner(point) == OURS else _printing_to_stderr():

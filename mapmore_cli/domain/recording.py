@@ -1,4 +1,4 @@
-"""What was measured: recordings as read, and the curves made from them."""
+"""Define measurements: recordings as read, and the curves made from them."""
 
 from __future__ import annotations
 
@@ -23,15 +23,14 @@ from mapmore_cli.domain.arrays import (
 from mapmore_cli.domain.declared import Count, Label, QuantityName, one_of
 
 STATIC_FORCE, DAMPING = "static_force", "damping"
-"""What a static model says of a step response, and what it leaves (M2 eq 1)."""
+"""Names of the prediction of a static model for a step response, and of its residual (M2 eq 1)."""
 
 DIRECTION = "direction"
-"""The quantity that tells rise (+1) from fall (-1), by the name that formulas and segments know it.
-"""
+"""Name in formulas and segments of the quantity that distinguishes rise (+1) and fall (-1)."""
 
 
 def uncertainty_of(name: str) -> str:
-    """Return the column that holds the standard deviation of each sample of a quantity."""
+    """Return the name of the column with the standard deviation of each sample of a quantity."""
     return f"{name}_uncertainty"
 
 
@@ -45,9 +44,10 @@ class Quantity:
 
 @dataclass(frozen=True)
 class BaseUnits:
-    """A unit by the base units of the SI: `x` of it are `factor x + offset` of their product.
+    """A unit in base units of the SI: `x` of it are `factor x + offset` of the product of the base
+    units.
 
-    `powers` of the base units, by their names: kg, m, s, A, K, mol, cd, rad.
+    `powers` holds the powers of the base units by name: kg, m, s, A, K, mol, cd, rad.
     """
 
     factor: float
@@ -59,8 +59,8 @@ class BaseUnits:
 class Recording:
     """One source file as read, in the units of the model.
 
-    `dropped` counts the samples that `columns` lacks by reason: without resampling, `rows_read ==
-    rows_kept + sum(dropped.values())`. `log` names the log that was cut at gaps.
+    `dropped` counts the samples that are missing in `columns`, by reason. Without resampling,
+    `rows_read == rows_kept + sum(dropped.values())`. `log` names the log that was cut at gaps.
     """
 
     id: Annotated[Label, "identifier of the recording"]
@@ -77,7 +77,7 @@ class Recording:
 
     @property
     def name(self) -> str:
-        """How messages call it: the file, and the id where that says more, as of a sheet."""
+        """Name in messages: the file, and the id if it adds something, for example the sheet."""
         by_file = re.fullmatch(
             rf"(.*-)?{re.escape(self.id)}(\.\w+)*", self.source.replace("/", "-")
         )
@@ -85,11 +85,11 @@ class Recording:
 
     @property
     def rows_kept(self) -> int:
-        """Samples that remain, n."""
+        """Number of remaining samples, n."""
         return row_count(self.columns)
 
     def at(self, rows: IntArray) -> Recording:
-        """Return the recording with these samples alone."""
+        """Return the recording with these samples only."""
         columns = {name: picked(x, rows) for name, x in self.columns.items()}
         return replace(self, columns=columns, first_row=0)
 
@@ -103,7 +103,7 @@ class CurveRange:
     limits: Annotated[Ranges, "least and greatest training value of each input", "[*]"]
 
     def of(self, names: Iterable[str]) -> CurveRange:
-        """Return the range of some inputs alone."""
+        """Return the range with some inputs only."""
         return CurveRange(self.curve, self.level, {name: self.limits[name] for name in names})
 
 
@@ -111,9 +111,9 @@ class CurveRange:
 class Curve:
     """Samples at one value of the level quantity, or of one recording.
 
-    `level` is None without levels, and `id` then that of the recording. `at_rest` is None if
-    nothing is said of plateaus, `origin` where it is not known; the samples of one recording are in
-    order of time.
+    Without levels, `level` is None and `id` is that of the recording. `at_rest` is None without
+    plateaus, and `origin` is None if it is unknown. The samples of one recording are in the order
+    of time.
     """
 
     id: Annotated[Label, "identifier of the curve, as `pressure=150`"]
@@ -144,11 +144,11 @@ class Curve:
 
     @property
     def training(self) -> BoolArray:
-        """`(n,)`; True if a sample trains."""
+        """True for training samples, (n,)."""
         return ~self.held_out if self.at_rest is None else ~(self.held_out | self.at_rest)
 
     def at(self, rows: IntArray | BoolArray) -> Curve:
-        """Return some rows of the curve, and of its recordings those that still have rows."""
+        """Return some rows of the curve. Recordings without remaining rows are dropped."""
         origin, recordings = None, self.recordings
         if self.origin is not None:
             left, origin = np.unique(self.origin[rows], return_inverse=True)
@@ -163,18 +163,20 @@ class Curve:
         )
 
     def limits(self, name: str) -> tuple[float, float]:
-        """Range of a quantity over the training samples, and over what was measured for them."""
+        """Return the range of a quantity over the training samples, and over the raw samples from
+        which they were made.
+        """
         least, largest = extremes(self.columns[name], self.training)
         low, high = self.measured.get(name, (least, largest))
         return min(least, low), max(largest, high)
 
     @property
     def stretches(self) -> tuple[slice | IntArray, ...]:
-        """Where the samples of each recording are: a slice where there is a single one."""
+        """The samples of each recording: row numbers, or a slice if there is only one recording."""
         return (slice(None),) if self.origin is None else self.logs
 
     def together(self, parts: Sequence[Array]) -> Array:
-        """Return one column, (n,), of those of its stretches."""
+        """Return one column, (n,), put together from those of its stretches."""
         if self.origin is None:
             return parts[0]
         whole = np.empty(self.size)
@@ -184,14 +186,14 @@ class Curve:
 
     @property
     def logs(self) -> tuple[IntArray, ...]:
-        """Row numbers of the samples of each recording, in order of time."""
+        """Row numbers of the samples of each recording, in the order of time."""
         if self.origin is None:
             return (np.arange(self.size),)
         return tuple(np.flatnonzero(self.origin == number) for number in np.unique(self.origin))
 
 
 def united(ranges: Iterable[Ranges]) -> dict[str, tuple[float, float]]:
-    """Return the least range of each quantity that holds all given ones."""
+    """Return the smallest range of each quantity that contains all given ranges."""
     whole: dict[str, tuple[float, float]] = {}
     for limits in ranges:
         for name, (low, high) in limits.items():
@@ -216,25 +218,24 @@ class Dataset:
 
     @property
     def each(self) -> tuple[Dataset, ...]:
-        """The dataset of each output alone; others are no inputs."""
+        """The dataset of each single output; the other outputs are no inputs."""
         return tuple(replace(self, target=name, also=()) for name in (self.target, *self.also))
 
     @property
     def logs(self) -> Mapping[str, str]:
-        """The log that each recording is a piece of, by the id of the recording."""
+        """The log to which each recording belongs, by the id of the recording."""
         return {recording.id: recording.log or recording.id for recording in self.recordings}
 
     def unit(self, name: str) -> str:
-        """Return unit of a column."""
+        """Return the unit of a column."""
         return self.quantities[name].unit
 
 
 @dataclass(frozen=True)
 class Signal:
-    """An input that follows from another one over time.
+    """An input that is computed from another one over time.
 
-    A rate is `factor` times the derivative by the time in seconds, where the time comes in units of
-    so many `seconds`.
+    A rate is `factor` times the derivative by the time in seconds; one unit of time is `seconds` s.
     """
 
     name: Annotated[QuantityName, "name of the input"]

@@ -1,4 +1,4 @@
-"""What fits, simulations, forecasts, searches and plans hand on."""
+"""Define the results that fits, simulations, forecasts, searches and plans return."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class PiecesFit(Fit):
 
 @dataclass(frozen=True)
 class Outlier:
-    """A training sample that lies far from the fit: it counts less, and stays in the data."""
+    """A training sample that lies far from the fit. It has less weight, and stays in the data."""
 
     file: Annotated[str, "file that it comes from"]
     place: Annotated[
@@ -39,10 +39,10 @@ class Outlier:
 
 @dataclass(frozen=True)
 class FitResult:
-    """What was fitted, with every intermediate result of the selection of terms.
+    """The result of a fit, with all intermediate results of the selection of terms.
 
-    `body` is of the kind's own type (`modelling.kinds`), fitted to what `backbone` leaves where
-    there is one.
+    `body` has the type of its kind (`modelling.kinds`). It is fitted to the residual of `backbone`
+    if there is one.
     """
 
     body: Annotated[Fit | None, "what was fitted; absent where models are only added up"]
@@ -56,24 +56,24 @@ class FitResult:
 
     @property
     def pieces(self) -> tuple[SegmentFit, ...]:
-        """Everything that terms were chosen for: the segments, or the model with memory as one
+        """Everything for which terms were chosen: the segments, or the model with memory as one
         piece.
         """
         return self.segments if self.memory is None else (self.memory.piece,)
 
     @property
     def segments(self) -> tuple[SegmentFit, ...]:
-        """The segment functions, where the model consists of pieces."""
+        """The segment functions of a model of pieces."""
         return self.body.segments if isinstance(self.body, PiecesFit) else ()
 
     @property
     def memory(self) -> MemoryFit | None:
-        """The fit where it is one with memory."""
+        """The fit of a model with memory, or None."""
         return self.body if isinstance(self.body, MemoryFit) else None
 
     @property
     def formula(self) -> FormulaFit | None:
-        """The formula that was fitted: the backbone, or the model itself."""
+        """The formula that was fitted, as the backbone or as the model itself; or None."""
         return self.body if isinstance(self.body, FormulaFit) else self.backbone
 
 
@@ -86,8 +86,8 @@ class OutputsFit(Fit):
 
 @dataclass(frozen=True)
 class ErrorBand:
-    """Samples whose absolute value lies between `low` and `high`; the RMSE is by model, NaN where
-    it has no prediction there.
+    """Samples whose absolute value lies between `low` and `high`. The RMSE is by model, NaN for a
+    model without predictions there.
     """
 
     low: Annotated[float, "least absolute value", "[target]"]
@@ -99,13 +99,13 @@ class ErrorBand:
 AUTOCORRELATION = "autocorrelation"
 
 RARE = 0.01
-"""Probability below which noise is not taken as the reason."""
+"""Probability below which noise does not count as the reason."""
 
 
 @dataclass(frozen=True)
 class ResidualTest:
-    """Is anything left in the errors: their correlations at some lags, with themselves or with an
-    input, or their means in parts of an input's range?
+    """Test whether the errors contain more than noise: their correlations at some lags, with
+    themselves or with an input, or their means in parts of an input's range.
 
     The correlation of a residual with itself, which is one, is not tested.
     """
@@ -117,19 +117,19 @@ class ResidualTest:
 
     @property
     def tested(self) -> int:
-        """How many values could lie outside their bounds."""
+        """Number of values that could lie outside their bounds."""
         return len(self.x) - (self.name == AUTOCORRELATION)
 
     @property
     def beyond(self) -> int:
-        """How many do."""
+        """Number of values that lie outside their bounds."""
         outside = np.abs(self.values) > self.bounds
         return int(outside[len(self.x) - self.tested :].sum())
 
     @property
     def fails(self) -> bool:
-        """Whether noise alone has so many outside less often than once in a hundred times, where
-        each is outside by itself with 5 %.
+        """True if noise alone would have so many values outside in less than one of a hundred
+        cases, when each single value is outside with a probability of 5 %.
         """
         n, chance = self.tested, 0.05
         counts = range(self.beyond, n + 1)
@@ -137,7 +137,7 @@ class ResidualTest:
 
     @property
     def words(self) -> str:
-        """Description of the samples outside, in words."""
+        """Description of the values outside, in words."""
         count = f"{self.beyond} of {self.tested}"
         if self.name == AUTOCORRELATION:
             return f"{count} lags"
@@ -149,8 +149,8 @@ class Validation:
     """Predictions of the run's own model (`mapmore`) and of its competitors, and their scores.
 
     `predictions[model][c]` is `(n_c,)`, row for row of curve number c of `shown`, or of the whole
-    dataset where that is short. `formulas` and `fits` are the fits behind competitors. Scores,
-    `bands` and `residual_tests` are of all samples.
+    dataset if it is short. `formulas` and `fits` are the fits behind competitors. Scores, `bands`
+    and `residual_tests` are of all samples.
     """
 
     predictions: Annotated[
@@ -185,7 +185,7 @@ class Validation:
 
     @property
     def alert(self) -> str:
-        """What residual tests found in the errors of the run's own model; empty if they pass."""
+        """Findings of the residual tests for the run's own model; empty if all tests pass."""
         failing = [test.words for test in self.residual_tests if test.fails]
         if not failing:
             return ""
@@ -193,7 +193,7 @@ class Validation:
 
     @property
     def table(self) -> ScoreTable:
-        """The numbers alone, of all outputs."""
+        """The numbers without predictions, for all outputs."""
         failed = [
             name
             for output in self.each
@@ -213,40 +213,40 @@ class Validation:
 class SimulatedRun:
     """Predictions of one recording, (n,).
 
-    They are NaN as long as there is not enough history, and from the row at which a run diverges to
-    the end of its uninterrupted piece.
+    They are NaN while there is not enough history, and from the row at which a run diverges to the
+    end of its uninterrupted piece.
     """
 
     values: Array
-    diverged: tuple[int, ...] = ()  # rows of such samples
+    diverged: tuple[int, ...] = ()  # rows at which a run diverged
 
 
 @dataclass(frozen=True)
 class Forecast:
     """Predictions of the samples of a curve, (n,) each."""
 
-    # the model's prediction, in free run where it has memory; NaN before there is history, and from
-    # where a run diverged
+    # prediction of the model, in free run if it has memory; NaN before there is history, and after
+    # a run has diverged
     values: Array
-    # samples with enough history to be predicted; what is NaN among them has diverged
+    # samples with enough history for a prediction; a NaN among them has diverged
     ready: BoolArray
     one_step: Array | None = (
         None  # prediction of every sample from the measured past; None for a model without memory
     )
     half: Array | None = (
-        # half of the width of the interval, NaN where there is none; None for a model without
+        # half the width of the interval, NaN without an interval; None for a model without
         # intervals
         None
     )
 
     @classmethod
     def of(cls, values: Array) -> Forecast:
-        """Return predictions that need no history; a value that is NaN is no prediction."""
+        """Return predictions that need no history; NaN counts as no prediction."""
         return cls(values, np.broadcast_to(np.True_, len(values)))
 
     @property
     def diverged(self) -> tuple[int, ...]:
-        """Rows at which a free run diverges."""
+        """Rows at which a free run has diverged."""
         if self.one_step is None:
             return ()
         lost = self.ready & np.isnan(self.values)
@@ -255,26 +255,25 @@ class Forecast:
 
 @dataclass(frozen=True)
 class Tried:
-    """One structure that was tried."""
+    """A structure that was tried in a search."""
 
-    family: str  # its kind
-    words: str  # what it is called
-    sections: Mapping[str, Any]  # of a spec that make it, by their names
-    parameters: int = 0  # free numbers of its model of all training data
+    family: str  # kind of the structure
+    words: str  # name of the structure
+    sections: Mapping[str, Any]  # sections of a spec that define it, by name
+    parameters: int = 0  # free parameters of its model of all training data
     errors: tuple[
         float, ...
-        # RMSE on each fold of a model without it, as a fraction of `Search.scale`; empty if a
-        # fit
+        # RMSE on each fold of a model without it, as a fraction of `Search.scale`; empty if a fit
         # failed
     ] = ()
-    error: float = math.nan  # their root mean square
-    # the same over left-out levels or recordings; NaN where there are too few of them
+    error: float = math.nan  # root mean square of these errors
+    # the same over left-out levels or recordings; NaN if there are too few of them
     parts: float = math.nan
-    # mean over all folds of the logarithm of the error over that of the best structure
+    # mean over all folds of the logarithm of the ratio of its error to that of the best structure
     excess: float = math.nan
     spread: float = math.nan  # standard error of that mean
-    seconds: float = 0.0  # that it took
-    failure: str = ""  # why a fit failed
+    seconds: float = 0.0  # computing time
+    failure: str = ""  # reason why a fit failed
 
 
 @dataclass(frozen=True)
@@ -283,15 +282,15 @@ class Search:
 
     name: str
     target: str
-    left_out: str  # by the folds
-    parts: str  # likewise, of `Tried.parts`
-    scale: float  # what errors are divided by, in the unit of the target
+    left_out: str  # what the folds leave out
+    parts: str  # what the folds of `Tried.parts` leave out
+    scale: float  # divisor of errors, in the unit of the target
     tried: tuple[Tried, ...]
-    best: int  # number of the one that errs least
-    chosen: int  # number of the simplest that is as good
-    rule: str = ""  # by which one was taken
-    cut: int = 0  # structures that were not tried for want of time
-    notes: tuple[str, ...] = ()  # for the user
+    best: int  # index of the structure with the smallest error
+    chosen: int  # index of the simplest structure that is as good
+    rule: str = ""  # rule by which one was chosen
+    cut: int = 0  # structures that were not tried because of the time limit
+    notes: tuple[str, ...] = ()  # notes for the user
 
     @property
     def found(self) -> Tried:

@@ -1,4 +1,4 @@
-"""The numbers that a validation ends with, and the page that shows them."""
+"""Define the numbers with which a validation ends."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from mapmore_cli.domain.compared import Compared, ratio
 from mapmore_cli.domain.declared import Label
 
 OWN = "mapmore"
-"""Name of the run's own model in its scores, and of the needed static model in a composite."""
+"""Name of the run's own model in its scores, and of the needed static model in a sum."""
 
 REPEATABILITY = "repeatability"
-"""Name of the rows that say how far repeated measurements lie apart: the floor of every model's
-error, and no model itself.
+"""Name of the rows that say how much repeated measurements differ. This is the floor of every
+model's error, and no model.
 """
 
 
 @dataclass(frozen=True)
 class Measure:
-    """How a number of a score row is made and shown.
+    """How a number of a score row is computed and shown.
 
-    - `of`: its formula, of the samples of the row.
-    - `heading`: its column on pages, `UNIT` for the unit of the target; in per cent where it says
-      so, and none if it is empty.
-    - `shown`: whether a row has something to say in that column, where not every row has.
-    - `at_least`: whether a limit is a lower one, as of what is no error.
+    - `of`: function of the samples of the row.
+    - `heading`: heading of its column on pages, with `UNIT` for the unit of the target; the number
+      is in per cent if the heading says so, and has no column if it is empty.
+    - `shown`: function that returns whether a row has a value for this column.
+    - `at_least`: True if a limit is a lower one, because larger values are better.
     """
 
     of: Callable[[Compared], float]
@@ -42,16 +42,16 @@ class Measure:
 class Score:
     """One row of the score table.
 
-    `nrmse = rmse / normaliser` is a fraction; `normaliser` is the number and `normaliser_name` says
-    what it is, as `max|force| over validate`. `rmse`, `normaliser` and `max_abs_error` carry the
-    target's unit. `rrse` is the root relative squared error, of a free run where the model has
-    memory; `rrse_one_step` then that of predictions from the measured past, else NaN. `r_uncentred`
-    is the correlation about zero, `sum y yhat / sqrt(sum y^2 sum yhat^2)`, which W prints.
-    `interval_coverage` and `interval_half_width` are of the run's own model on held-out rows, where
-    the spec asks for intervals. `chi2_dof` is `sum (error / uncertainty)^2 / (n - p)`, with the p
-    free numbers of the run's own model on the rows that it is fitted to, else p = 0. `nrmse_range`
-    divides by the range of the samples that the
-    normaliser is of: it tells more of a target that lies far from zero.
+    `nrmse = rmse / normaliser` is a fraction; `normaliser` is the number, and `normaliser_name` its
+    meaning, for example `max|force| over validate`. `rmse`, `normaliser` and `max_abs_error` carry
+    the target's unit. `rrse` is the root relative squared error; for a model with memory, it is
+    that of a free run, and `rrse_one_step` is that of predictions from the measured past (NaN for
+    other models). `r_uncentred` is the correlation about zero, `sum y yhat / sqrt(sum y^2 sum
+    yhat^2)`, which W prints. `interval_coverage` and `interval_half_width` are those of the run's
+    own model on held-out rows, if the spec asks for intervals. `chi2_dof` is `sum (error /
+    uncertainty)^2 / (n - p)`, where p is the number of free parameters for the run's own model on
+    its training rows, and 0 otherwise. `nrmse_range` is divided by the range of the normaliser's
+    samples, which is more informative for a target far from zero.
     """
 
     model: Annotated[Label, "`mapmore`, or the name of a literature model"]
@@ -178,19 +178,19 @@ class Score:
 
     @property
     def far(self) -> bool:
-        """Whether the full scale is mostly how far the target lies from zero."""
+        """True if the normaliser is large mostly because the target lies far from zero."""
         return self.nrmse_range > FAR_FROM_ZERO * self.nrmse
 
     @property
     def runs_free(self) -> bool:
-        """Whether the model feeds its own output back, so that the measured past would have told it
-        more.
+        """True if the model feeds its own output back, so that the measured past would have helped
+        it.
         """
         return math.isfinite(self.rrse_one_step) and self.rrse_one_step != self.rrse
 
 
 FAR_FROM_ZERO = 3.0
-"""A target lies far from zero where its mean is more than so many times its range."""
+"""Ratio of the mean to the range of a target from which on the target lies far from zero."""
 
 _NUMBERS = {
     name: hint.__metadata__
@@ -201,14 +201,14 @@ MEASURES: Mapping[str, Measure] = {name: marks[-1] for name, marks in _NUMBERS.i
 """The numbers of a score row."""
 assert all(isinstance(measure, Measure) for measure in MEASURES.values()), "a score has no formula"
 METRICS: Mapping[str, str] = {name: marks[0] for name, marks in _NUMBERS.items()}
-"""What they mean."""
+"""Meaning of each number."""
 OF_TARGET = frozenset(name for name, marks in _NUMBERS.items() if "[target]" in marks)
-"""Those in the unit of the target."""
+"""Numbers in the unit of the target."""
 
 
 @dataclass(frozen=True)
 class Limit:
-    """A limit that the score row of a run's own model is held to, with the value that it has."""
+    """A limit for a number in the score row of a run's own model, with the value of that number."""
 
     metric: str
     model: str
@@ -218,14 +218,14 @@ class Limit:
 
     @property
     def kept(self) -> bool:
-        """Whether the value keeps the limit; NaN never does."""
+        """True if the value keeps the limit; a NaN never does."""
         return (
             self.value >= self.limit if MEASURES[self.metric].at_least else self.value <= self.limit
         )
 
     @property
     def sentence(self) -> str:
-        """The value beside its limit."""
+        """A sentence with the value and its limit."""
         return (
             f"{self.metric} of {self.model} on the {self.split} rows is {self.value:.6g}; the "
             f"limit is {self.limit:g}"
@@ -234,19 +234,19 @@ class Limit:
 
 @dataclass(frozen=True)
 class Published:
-    """Numbers of a publication by model, all of held-out data; shown beside ours and used in no
-    computation.
+    """Numbers of a publication by model, all for held-out data. They are shown beside ours and used
+    in no computation.
     """
 
     source: str
     nrmse: Mapping[str, float] = field(default_factory=dict)  # fractions
-    rmse: Mapping[str, float] = field(default_factory=dict)  # in the target's unit
-    # where only a lower bound was printed
+    rmse: Mapping[str, float] = field(default_factory=dict)  # in the unit of the target
+    # lower bounds, if no more was printed
     rmse_at_least: Mapping[str, float] = field(default_factory=dict)
 
     def shown_rmse(self, model: str) -> float | str | None:
-        """Return the RMSE as a cell of a table: a bound is told as one, and None if nothing was
-        printed.
+        """Return the RMSE as a cell of a table; a lower bound is marked as such. None if nothing
+        was printed.
         """
         if model in self.rmse_at_least:
             return f">= {self.rmse_at_least[model]:.3g}"
@@ -255,8 +255,8 @@ class Published:
 
 @dataclass(frozen=True)
 class ScoreTable:
-    """What a validation says in numbers: the rows, the unit of every target, models without scores,
-    what must be known before, and by target what residual tests found.
+    """Numerical results of a validation: the rows, the unit of every target, models without scores,
+    what a reader must know first, and findings of residual tests by target.
     """
 
     scores: tuple[Score, ...]
@@ -272,7 +272,7 @@ class ScoreTable:
 
     @property
     def each(self) -> tuple[ScoreTable, ...]:
-        """The table of each target; itself where there is one."""
+        """The table of each target; with one target, the table itself."""
         targets = dict.fromkeys(score.target for score in self.scores)
         if len(targets) < 2:
             return (self,)
@@ -289,11 +289,11 @@ class ScoreTable:
 
 @dataclass(frozen=True)
 class Alert:
-    """One sentence that speaks against a number.
+    """A sentence that warns about a number.
 
-    - `kind`: what it is about, a word for scripts, as `residuals`.
-    - `section`: the section of the page that shows it.
-    - `target`: the output that it is about; empty where it is about all of them.
+    - `kind`: subject of the warning, as a word for scripts, for example `residuals`.
+    - `section`: section of the page that shows it.
+    - `target`: the output that it concerns; empty if it concerns all of them.
     """
 
     kind: str
@@ -303,12 +303,12 @@ class Alert:
 
 
 STRUCTURE_SEEN = "the structure was chosen with all "
-"""What a warning and a verdict begin with, where a structure was chosen with held-out data."""
+"""First words of a warning and of a verdict if a structure was chosen with held-out data."""
 
 
 def deciding(scores: Iterable[Score]) -> list[Score]:
-    """Return the rows that decide: all curves pooled, of the held-out data where there are any,
-    else of the training data.
+    """Return the decisive rows: all curves pooled, for the held-out data if there are any,
+    otherwise for the training data.
     """
     pooled = [score for score in scores if score.curve == "all"]
     held_out = [score for score in pooled if score.split == "validate"]

@@ -1,1 +1,1 @@
-"""From the sections of a spec to models, competitors and folds."""
+"""Make models, competitors and folds from the sections of a spec."""

@@ -1,8 +1,8 @@
-"""Black boxes (`modelling/learners.py`) as competitors: how they are fitted, and what they predict.
+"""Fit black boxes (`modelling/learners.py`) as competitors, and predict with them.
 
-Inputs are those of the run's own model, scaled to mean 0 and deviation 1 on the training samples.
-Against a model that runs along recordings they also get every input some samples before (`DELAYS`),
-since without a past they could not compete; the output is never fed back.
+Their inputs are those of the run's own model, scaled to mean 0 and standard deviation 1 on the
+training samples. Against a model that runs along recordings, they also get every input some samples
+before (`DELAYS`), because they could not compete without a past. The output is never fed back.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from mapmore_cli.modelling.learners import LEARNERS
 from mapmore_cli.modelling.signals.sampling import even_share
 
 DELAYS = (0, 1, 2, 4, 8, 16, 32)
-"""Samples by which inputs are delayed where the run's own model has a past."""
+"""Samples by which inputs are delayed if the run's own model uses the past."""
 
 
 def predictions(name: str, dataset: Dataset, model: Model) -> list[Array]:
@@ -29,7 +29,7 @@ def predictions(name: str, dataset: Dataset, model: Model) -> list[Array]:
     each.
 
     - `name`: one of `LEARNERS`.
-    - `model`: the run's own model, for the names of the inputs.
+    - `model`: the run's own model, which gives the names of the inputs.
     """
     names = [quantity.name for quantity in model.inputs if quantity.name != dataset.target]
     delays = DELAYS if runs_over_time(model) else (0,)
@@ -46,22 +46,22 @@ def predictions(name: str, dataset: Dataset, model: Model) -> list[Array]:
 
 
 def learned(name: str, x: Array, y: Array) -> Callable[[Array], Array]:
-    """Fit a baseline to inputs (n, features) and outputs (n,); what predicts (m,) from (m,
-    features).
+    """Fit a baseline to inputs, (n, features), and outputs, (n,); return a function that predicts
+    (m,) from (m, features).
     """
     centre, width = x.mean(axis=0), _width(x)
     middle, height = float(y.mean()), float(_width(y))
     learner = LEARNERS[name].make(x.shape[1])
     with warnings.catch_warnings():
-        # a search that stopped early: its score says what it is worth
+        # a search that stopped early is valid; its score shows how good it is
         warnings.filterwarnings("ignore", module="sklearn")
         learner.fit((x - centre) / width, (y - middle) / height)
     return lambda of: _learner_says(learner, (of - centre) / width) * height + middle
 
 
 def features(curve: Curve, names: Sequence[str], delays: Sequence[int]) -> Array:
-    """Return the inputs of every sample and those before it in its recording, (n, features); the
-    first stands for what came before.
+    """Return the inputs of every sample and the delayed inputs within its recording, (n, features).
+    The first sample stands for all earlier ones.
     """
     delayed = np.empty((curve.size, len(names) * len(delays)))
     for rows in curve.logs:
@@ -76,13 +76,13 @@ def features(curve: Curve, names: Sequence[str], delays: Sequence[int]) -> Array
 
 
 def _width(values: Array) -> Array:
-    """Return standard deviations; 1 where nothing varies."""
+    """Return standard deviations; 1 for constant columns."""
     deviation = values.std(axis=0)
     return np.where(deviation > 0, deviation, 1.0)
 
 
 def _learner_says(learner: Any, inputs: Array) -> Array:
-    """Return predictions (n,), NaN where an input is."""
+    """Return predictions, (n,); NaN if an input is NaN."""
     output = np.full(len(inputs), np.nan)
     known = np.isfinite(inputs).all(axis=1)
     if known.any():

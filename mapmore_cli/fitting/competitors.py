@@ -1,6 +1,4 @@
-"""What a model is compared with: formulas, other runs, and sums of a static and a damping
-formula.
-"""
+"""Compare a model with formulas, other runs, and sums of a static and a damping formula."""
 
 from __future__ import annotations
 
@@ -32,14 +30,13 @@ from mapmore_cli.storage.run_folder import RunFiles
 from mapmore_cli.study.experiment import Competitor
 
 Forecasts = tuple[Forecast, ...]
-"""Of one model, for every curve of the dataset."""
+"""Forecasts of one model for every curve of the dataset."""
 
 
 @dataclass(frozen=True)
 class Rival:
-    """A competitor with what it says of every curve; `formulas` are the fits behind it by the name
-    they are shown under, `own_fit` that of another run, and
-    `run` the folder of that run.
+    """A competitor with its forecast of every curve. `formulas` are the fits behind it, by their
+    displayed names; `own_fit` is the fit of another run, and `run` the folder of that run.
     """
 
     name: str
@@ -56,12 +53,12 @@ class Rival:
 
 @dataclass(frozen=True)
 class Contest:
-    """The data and the other runs of a comparison: `model` is the run's own, `static_run` the
-    needed run of the static force.
+    """The data and the other runs of a comparison. `model` is the run's own model; `static_run` is
+    the run of the static force in `needs`.
 
-    `lengths` are the muscle's `length` and `diameter` (m); `spec_dir` is the folder that paths of
-    frozen models start at. Where the dataset is a fold of a cross-validation, `refit` makes the
-    model of another run again on its training samples.
+    `lengths` are the muscle's `length` and `diameter` (m). Paths of frozen models start at the
+    folder `spec_dir`. If the dataset is a fold of a cross-validation, `refit` fits the model of
+    another run again to its training samples.
     """
 
     dataset: Dataset
@@ -75,8 +72,8 @@ class Contest:
     def rival(self, competitor: str | Competitor) -> Rival:
         """Fit a competitor to the same training data and predict every sample.
 
-        Raises SpecError, DataError if another run is of other quantities, or a formula lacks
-        what it is fitted to.
+        Raises SpecError or DataError if another run has other quantities, or if a formula lacks the
+        data to which it is fitted.
         """
         if isinstance(competitor, str):
             competitor = Competitor(model=competitor)
@@ -108,10 +105,10 @@ class Contest:
         return Rival(label, _forecasts(_formula_says(fit, curves)), {label: fit})
 
     def simple_beside(self, named: Collection[str]) -> tuple[str, ...]:
-        """Return the simple competitors that the model allows and that are not `named` already.
+        """Return the simple competitors that the model allows and that are not in `named`.
 
-        They are polynomials of its inputs, its backbone where it is more than that, and an ARX
-        where it runs over time.
+        They are polynomials of its inputs, its backbone if the model has more than that, and an ARX
+        model if it runs over time.
         """
         samples = sum(int(curve.training.sum()) for curve in self.dataset.curves)
         inputs = len(self._inputs)
@@ -128,7 +125,9 @@ class Contest:
         return tuple(name for name in beside if name not in named)
 
     def _of_simple(self, name: str) -> Sequence[Array]:
-        """Return the predictions of a simple competitor for every curve; NaN where it has none."""
+        """Return the predictions of a simple competitor for every curve; NaN for samples without a
+        prediction.
+        """
         outputs: Sequence[Array] | None = None
         if name == "arx":
             outputs = simple.arx(self.dataset, self._inputs)
@@ -147,8 +146,8 @@ class Contest:
 
     @property
     def _inputs(self) -> list[str]:
-        """What the scored quantity is predicted from: the model's inputs, and its output where it
-        is inverted.
+        """Inputs for the prediction of the scored quantity: the model's inputs, and also its output
+        if it is inverted.
         """
         return [
             q.name for q in (self.model.output, *self.model.inputs) if q.name != self.dataset.target
@@ -156,7 +155,7 @@ class Contest:
 
     @property
     def _backbone(self) -> FormulaFit | None:
-        """The backbone of the model where it predicts the scored quantity."""
+        """The backbone of the model, if the model predicts the scored quantity."""
         fit: FormulaFit | None = getattr(self.model.body, "backbone", None)
         return fit if self.model.output.name == self.dataset.target else None
 
@@ -173,7 +172,7 @@ class Contest:
         return forecast_each(other, self.dataset.curves, target)
 
     def _sum(self, competitor: Competitor) -> Rival:
-        """Fit formulas with signs and inputs of their own, together, to the training data."""
+        """Fit formulas with signs and renamed inputs together to the training data."""
         maker = maker_of("sum")
         assert isinstance(maker, FitsSums)
         assert competitor.sum is not None
@@ -181,11 +180,11 @@ class Contest:
         return Rival(competitor.label, _forecasts(values), {competitor.label: fit})
 
     def _composite(self, competitor: Competitor) -> Rival:
-        """Return a static formula fitted to the static run's training data, and a damping formula
-        fitted to what it leaves here.
+        """Return the sum of a static formula, fitted to the training data of the static run, and a
+        damping formula, fitted to the remaining force here.
 
-        Against a damping model, the sum is treated as the measured force is: less the study's
-        static force, less its mean on the plateau.
+        For a damping model, the sum is treated like the measured force: the static force of the
+        study is subtracted, then the mean on the plateau.
         """
         assert competitor.static is not None
         assert competitor.damping is not None
@@ -236,7 +235,7 @@ class Contest:
 
     @property
     def _static(self) -> RunFiles:
-        """The results of the needed static run."""
+        """Results of the static run in `needs`."""
         if self.static_run is None:
             raise SpecError(
                 "validate.against: a competitor is fitted to the data of a static run, and "
@@ -247,7 +246,7 @@ class Contest:
 
 
 def _at_levels(dataset: Dataset) -> list[Curve]:
-    """Return the curves with the quantity that was held at its nominal value."""
+    """Return the curves with the level quantity at its nominal value."""
     name = dataset.level
     return [
         replace(curve, columns={**curve.columns, name: np.full(curve.size, curve.level)})

@@ -1,5 +1,5 @@
-"""Cross-validation over levels, recordings or blocks: what models of the rest say of the data that
-were left out of them.
+"""Cross-validate over levels, recordings or blocks: predict data with models that were fitted
+without them.
 """
 
 from __future__ import annotations
@@ -35,29 +35,32 @@ if TYPE_CHECKING:
     from mapmore_cli.fitting.stage import Progress, Workspace
 
 Said = dict[str, Forecasts]
-"""What models say of every curve, by their names."""
+"""Forecasts of every curve, by the name of the model."""
 
 Compare = Callable[[Contest], tuple[Said, Sequence[str]]]
-"""What every model of a comparison says, but those whose fit failed, and what the user is to be
-warned of.
+"""Function that returns the forecasts of every model of a comparison whose fit did not fail, and
+warnings for the user.
 """
 
 Masks = tuple[BoolArray, ...]
-"""For every curve, the samples that are left out."""
+"""Samples that are left out, for every curve."""
 
 
 MOST_SEARCHES = 12
-"""Searches of a structure for one cross-validation; each takes as long as that of the run."""
+"""Largest number of structure searches in one cross-validation; each takes as long as the search of
+the run.
+"""
 
 
 def choices_by_fold(
     run_dir: Path | None, choices: ModelChoices, dataset: Dataset, folds: Sequence[Masks]
 ) -> Callable[[int], ModelChoices]:
-    """Return by what a model is made without a fold, by the number of the fold.
+    """Return a function that gives, for the number of a fold, the settings of the model without
+    that fold.
 
-    Where the structure of the run was searched, it is searched again without the fold. Of more than
-    `MOST_SEARCHES` folds, every twelfth one shares a search, which is without all of these: no
-    structure has seen what it is scored on.
+    If the structure of the run was searched, it is searched again without the fold. With more than
+    `MOST_SEARCHES` folds, several folds share a search that leaves out all of them, so that no
+    structure has seen the data with which it is scored.
     """
     again = None if run_dir is None else _searching_again(run_dir)
     if again is None:
@@ -73,12 +76,12 @@ def choices_by_fold(
 
 
 def was_searched(run_dir: Path) -> bool:
-    """Return whether the structure of a run was found by a search."""
+    """Return True if the structure of a run was found by a search."""
     return SEARCH_STAGE in load_records(run_dir, lambda _message: None)
 
 
 def _searching_again(run_dir: Path) -> Callable[[Dataset], ModelChoices] | None:
-    """Return what searches a structure as a run did; None if it did not."""
+    """Return a function that searches a structure as a run did; None if the run did not search."""
     if not was_searched(run_dir):
         return None
     again: Callable[[Dataset], ModelChoices]
@@ -94,14 +97,14 @@ def left_out(
     fitted_to: str,
     group: str | None = None,
 ) -> tuple[Dataset, Said, list[str]]:
-    """Return the dataset with every sample held out, what models of the other levels say of each
-    curve, and warnings.
+    """Return the dataset with every sample held out, forecasts of each curve by models of the other
+    levels, and warnings.
 
-    With `group`, the quantity that tells groups apart, each group is left out in place of a level.
-    Everything is made again without it: the structure where it was searched, cuts, terms, backbone,
-    how much of its residual is trusted, and every competitor. The run's own model is `fitted_to` a
-    quantity, which need not be the one that is scored. A model that fails without some level is
-    left out.
+    With `group`, the quantity that distinguishes groups, each group is left out instead of a level.
+    Everything is made again without it: the structure if it was searched, cuts, terms, backbone,
+    the share of its residual, and every competitor. The run's own model is `fitted_to` a quantity,
+    which need not be the scored one. A model that fails without some level is left out of the
+    comparison.
     """
     refuse_over_time(choices)
     dataset = contest.dataset
@@ -146,8 +149,8 @@ def _level_folds(dataset: Dataset) -> list[Masks]:
 
 
 def _group_folds(dataset: Dataset, of: str) -> list[Masks]:
-    """Return, for every value of the quantity, which samples of each curve have it; DataError for a
-    single one.
+    """Return for every value of the quantity the samples of each curve that have it. Raises
+    DataError if there is only one value.
     """
     values = np.unique(np.concatenate([curve.columns[of] for curve in dataset.curves]))
     if len(values) < 2:
@@ -160,7 +163,7 @@ def _group_folds(dataset: Dataset, of: str) -> list[Masks]:
 
 
 def _by_fold(parts: Sequence[Forecasts], folds: Sequence[Masks]) -> Forecasts:
-    """Return of each sample the forecast of the fold that it was left out of."""
+    """Return for each sample the forecast of the fold that leaves it out."""
     pooled = []
     for of_curve, outs in zip(zip(*parts, strict=True), zip(*folds, strict=True), strict=True):
         whole = next(
@@ -182,7 +185,7 @@ def refuse_over_time(choices: ModelChoices) -> None:
 
 
 def refit_run(run_dir: Path, dataset: Dataset) -> Model:
-    """Return the model of another run, made again by its own spec on the training samples of a
+    """Return the model of another run, fitted again with its own spec to the training samples of a
     dataset.
     """
     again = _searching_again(run_dir)
@@ -193,12 +196,14 @@ def refit_run(run_dir: Path, dataset: Dataset) -> Model:
 
 
 MUCH = 0.1
-"""Share of the held-out samples, from which on a model that was trained on them has seen them."""
+"""Share of the held-out samples from which on a model that was trained with them counts as having
+seen them.
+"""
 
 
 def trained_on(run_dir: Path, dataset: Dataset) -> bool:
-    """Return whether the model of another run was trained on samples that a dataset holds out: on
-    rows of the same numbers, beyond those that its training samples have as well by chance.
+    """Return True if the model of another run was trained with samples that a dataset holds out:
+    with rows of the same numbers, beyond the number that its training samples share by chance.
     """
     other = RunFiles(run_dir).dataset()
     names = [name for name in dataset.curves[0].columns if name in other.curves[0].columns]
@@ -224,16 +229,16 @@ def residuals(
     model: Model,
     run_dir: Path | None = None,
 ) -> LeftOut:
-    """Leave each part of the training data out, make everything again, and return the errors that
-    stand for the `model`.
+    """Leave out each part of the training data, fit everything again, and return the errors as an
+    estimate for the `model`.
 
-    `needed` are the folders of the runs that a sum adds up, which are made again as well. In
-    `run_dir` the search of the structure is known, where there was one: it is made again too.
-    Held-out data are never used.
+    `needed` holds the folders of the runs whose models are added; they are fitted again as well. If
+    `run_dir` contains a search of the structure, the search is repeated too. Held-out data are
+    never used.
 
-    Raises SpecError if runs are added up that were trained on fewer than three levels or
-    recordings; DataError, FitError if a model cannot be fitted without a part, or has no
-    prediction for it; the part is named.
+    Raises SpecError if the added runs were trained on fewer than three levels or recordings;
+    DataError or FitError, which name the part, if a model cannot be fitted without a part or has no
+    prediction for it.
     """
     kind, count, parts = parts_of(dataset, choices)
     made_by = choices_by_fold(run_dir, choices, dataset, [*parts.values()])
@@ -276,8 +281,8 @@ def residuals(
 def _training_residuals(
     dataset: Dataset, model: Model, but: object
 ) -> dict[float | None, list[Array]]:
-    """Return the training residuals where the model predicts, of each recording by its level; those
-    of one level are left out.
+    """Return the training residuals of each recording, by level, without the samples that have no
+    prediction. The level `but` is left out.
     """
     by_level: dict[float | None, list[Array]] = {}
     for curve in dataset.curves:
@@ -291,13 +296,13 @@ def _training_residuals(
 
 
 def parts_of(dataset: Dataset, choices: ModelChoices) -> tuple[LeftOutKind, int, dict[str, Masks]]:
-    """Return what is left out of the training data in turn, how many such parts train, and each
-    part's name and samples of every curve.
+    """Return the kind of parts that are left out one after the other, the number of such parts in
+    the training data, and for each part its name and its samples of every curve.
 
-    They are the inner levels, since within its training range a new curve lies between two others;
-    recordings where there are no levels; of a family, specimens; blocks of all recordings where
-    there are fewer than `FEWEST` of either. The samples of a plateau, which do not train, are
-    a part of their level or recording, since they are predicted and scored.
+    The parts are the inner levels, because within the training range a new curve lies between two
+    others; recordings if there are no levels; specimens for a family; and blocks of all recordings
+    if there are fewer than `FEWEST` of these. The samples of a plateau, which are not used for
+    training, belong to their level or recording, because they are predicted and scored.
     """
     if choices.model.family is not None:
         return _specimens(dataset, choices.model.family.of)
@@ -346,15 +351,15 @@ def _part_name(dataset: Dataset, curve: Curve) -> str:
 
 
 def _refitted_sum(choices: ModelChoices, needed: Mapping[str, Path], dataset: Dataset) -> Model:
-    """Return a model of any kind, made of the training samples of a dataset; `needed` are the
-    folders of the runs that a sum adds up.
+    """Return a model of any kind, fitted to the training samples of a dataset. `needed` holds the
+    folders of the runs whose models are added.
     """
     return refit(choices, dataset, lambda path: _summand_without(needed[path], dataset))
 
 
 def _summand_without(run_dir: Path, dataset: Dataset) -> Model:
     """Return the model of a run, fitted again to its data without the curves that a dataset holds
-    out as a whole: by level, else by name.
+    out as a whole; curves are matched by level, or by name without levels.
     """
     choices = model_choices(load(run_dir / "experiment.yaml").spec)
     if choices.summands:

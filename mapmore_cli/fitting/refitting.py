@@ -1,5 +1,5 @@
-"""Models made again on part of the training data: folds that are left out in turn, and the errors
-there.
+"""Fit models again to parts of the training data, with folds that are left out one after the other,
+and return their errors there.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from mapmore_cli.domain.results import Forecast
 from mapmore_cli.modelling.forecast import forecast
 
 FEWEST = 3
-"""Levels or recordings from which on they are left out; with fewer, blocks are: a standard error of
-one or two folds says nothing.
+"""Number of levels or recordings from which on they are left out. With fewer, blocks are left out,
+because one or two folds give no standard error.
 """
 
 
 def contiguous(parts: Sequence[IntArray], count: int, size: int, times: int = 1) -> list[BoolArray]:
-    """Return masks (size,) of the first, second, ... of `count` contiguous blocks of each part,
-    `times` over.
+    """Return masks, (size,), of the first, second, ... of `count` contiguous blocks of each part,
+    repeated `times` times.
     """
     split = [np.array_split(part, count * times) for part in parts]
     masks = []
@@ -35,7 +35,9 @@ def contiguous(parts: Sequence[IntArray], count: int, size: int, times: int = 1)
 
 
 Missed = tuple[Curve, BoolArray, Forecast]
-"""A curve, its samples that were left out of a fit, (n,), and what that model says of the curve."""
+"""A curve, its samples that were left out of a fit, (n,), and the forecast of the curve by that
+model.
+"""
 
 
 def without(dataset: Dataset, masks: Sequence[BoolArray]) -> Dataset:
@@ -46,7 +48,9 @@ def without(dataset: Dataset, masks: Sequence[BoolArray]) -> Dataset:
 
 
 def missed_by(model: Model, dataset: Dataset, masks: Sequence[BoolArray]) -> list[Missed]:
-    """Return every curve of which samples were left out, with what a model of the rest says."""
+    """Return every curve with left-out samples, with the forecast of a model of the other
+    samples.
+    """
     curves = zip(dataset.curves, masks, strict=True)
     return [(curve, out, forecast(model, curve)) for curve, out in curves if out.any()]
 
@@ -54,8 +58,8 @@ def missed_by(model: Model, dataset: Dataset, masks: Sequence[BoolArray]) -> lis
 def left_out_of(
     dataset: Dataset, masks: Sequence[BoolArray], remade: Callable[[Dataset], Model]
 ) -> list[Missed]:
-    """Return every curve of which samples are left out, with what a model says that is `remade`
-    without them. Raises as the fit does.
+    """Return every curve with left-out samples, with the forecast of a model that `remade` fits
+    without them. Raises the same errors as the fit.
     """
     rest = without(dataset, masks)
     return missed_by(remade(rest), rest, masks)

@@ -1,4 +1,4 @@
-"""What a stage is: five parts, the same for each of the six."""
+"""Define a stage of the pipeline: five parts, the same for each of the six stages."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ from mapmore_cli.study.experiment import ExperimentSpec
 
 Warn = Callable[[str], None]
 Progress = Callable[[str, int, int], None]
-"""`progress(what, done, total)`: called as long work goes on."""
+"""Function `progress(what, done, total)` that is called during long work."""
 
 
 @dataclass(frozen=True)
 class Need:
     """A run whose model a stage reads.
 
-    - `key`: the path of its spec; with `overrides`, the name of a variation of the study itself,
-      which is a run of its own, `<name of the study>.<key>`.
-    - `overrides`: the settings of a variation, as those of `--set`.
-    - `compared`: whether the model that it has is read as it is, and made only where there is none.
+    - `key`: path of its spec; with `overrides`, the name of a variation of the study itself, which
+      is the run `<name of the study>.<key>`.
+    - `overrides`: settings of a variation, in the form of `--set`.
+    - `compared`: True if an existing model is read unchanged, and a model is made only if there is
+      none.
     """
 
     key: str
@@ -35,12 +36,12 @@ class Need:
 class Workspace:
     """Where a stage works.
 
-    `run_dir` holds the committed outputs of the stages before; a stage writes its own into `out`
-    under their final names, and the runner swaps them in whole. `spec_dir` is the folder of the
-    spec, from which the recordings are found. `needed` has the run folders of the runs that the
-    stage needs, by their path in the spec, or the name of a variation. `spec_text` is the spec with
-    its defaults filled in, as the report shows it; `searched` where the structure in it was found
-    by a search. `tables` are recordings in memory, by what `data.files` calls them.
+    `run_dir` holds the committed outputs of the earlier stages. A stage writes its own outputs into
+    `out` under their final names, and the runner moves them into place all at once. `spec_dir` is
+    the folder of the spec, relative to which recordings are found. `needed` holds the folders of
+    the runs that the stage needs, by their path in the spec or the name of a variation. `spec_text`
+    is the spec with its defaults, as the report shows it; `searched` is True if its structure was
+    found by a search. `tables` holds recordings in memory, by their names in `data.files`.
     """
 
     run_dir: Path
@@ -55,7 +56,7 @@ class Workspace:
 
     @property
     def files(self) -> RunFiles:
-        """The results of the stages before."""
+        """Results of the earlier stages."""
         return RunFiles(self.run_dir)
 
 
@@ -64,15 +65,15 @@ class Stage:
     """One step of the pipeline.
 
     - `name`: `ingest`, `segment`, ...
-    - `revision`: raised when the stage's numbers or its file change: results of older revisions are
-      then stale.
+    - `revision`: number that is raised when the stage's numbers or files change, so that older
+      results become stale.
     - `outputs`: files or folders that it writes, relative to the run folder.
-    - `reads`: the stage's slice of the spec: a frozen dataclass or a pydantic model, dumped to JSON
-      for the fingerprint.
-    - `run`: does the work, given the slice.
-    - `sources`: files outside the run folder that it reads (recordings), given the spec and its
-      folder.
-    - `needs`: runs whose models it reads.
+    - `reads`: function that returns the slice of the spec that the stage depends on: a frozen
+      dataclass or a pydantic model, which is dumped to JSON for the fingerprint.
+    - `run`: function that does the work, given the slice.
+    - `sources`: function that returns the files outside the run folder that it reads (recordings),
+      given the spec and its folder.
+    - `needs`: function that returns the runs whose models it reads.
     """
 
     name: str

@@ -1,1 +1,1 @@
-"""From files to curves: what the ingest stage does, step by step."""
+"""Make curves from files: the work of the ingest stage, step by step."""

@@ -1,5 +1,5 @@
-"""Time stamps: resets, repeated stamps, gaps, even time steps and second logs. What is wrong is
-reported, and mended only as told.
+"""Treat time stamps: resets, repeated stamps, gaps, equal time steps and second logs. Faults are
+reported, and corrected only as the spec says.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ from mapmore_cli.study.sections.logs import Join
 from mapmore_cli.study.units import convert
 
 REPEATS = "time stamps repeat"
-MOST_GLITCHES = 0.01  # of the samples; a clock that was set back loses more
-# times the usual step: a gap that is worth a warning where the spec does not say what a gap is
+MOST_GLITCHES = 0.01  # fraction of the samples; a clock that was set back loses more
+# multiple of the usual step; a longer gap is worth a warning if the spec does not define gaps
 CONSPICUOUS = 10
 
 MOST_SAMPLES, MOST_TIMES = 10_000_000, 100
-"""Samples of a resampled recording, and how many times those that were measured: beyond both, a
-slip of the pen would fill the memory.
+"""Largest number of samples of a resampled recording, and its largest ratio to the measured number.
+Beyond both, a mistyped step would fill the memory.
 """
 
 
 def clocked(samples: Samples, data: Data, units: Mapping[str, str]) -> list[Samples]:
-    """Return the samples in order of time: cut where the clock was set back and at gaps, and on
-    even steps, as the spec says.
+    """Return the samples in the order of time, cut at gaps and where the clock was set back, and
+    resampled to equal steps, as the spec says.
 
-    A piece that is shorter than a time step of `resample` is left without samples. Raises DataError
-    for what the spec does not mend.
+    A piece that is shorter than a time step of `resample` has no samples. Raises DataError for
+    faults that the spec does not allow to be corrected.
     """
     if "time" not in samples.columns:
         return [samples]
@@ -55,12 +55,12 @@ def clocked(samples: Samples, data: Data, units: Mapping[str, str]) -> list[Samp
 
 
 SHORT_TURNS = (1.0, 60.0)
-"""Where columns of milliseconds and of seconds begin anew, in s."""
+"""Times at which columns of milliseconds and of seconds restart, s."""
 
 
 def without_glitches(samples: Samples, rule: str) -> Samples:
-    """Leave out the fewest samples without which the stamps never decrease, where the spec says
-    `drop`; where many would go, none.
+    """Remove the smallest number of samples so that the stamps never decrease, if the spec says
+    `drop`; if many would have to go, remove none.
     """
     time = samples.columns["time"]
     if rule != "drop" or not len(sampling.find_resets(time)):
@@ -70,7 +70,7 @@ def without_glitches(samples: Samples, rule: str) -> Samples:
 
 
 def in_time_order(samples: Samples, repeated: str, unit: str) -> Samples:
-    """Refuse time that runs backwards, and treat stamps that repeat as the spec says."""
+    """Refuse time that runs backwards, and treat repeated stamps as the spec says."""
     time = samples.columns["time"]
     resets = sampling.find_resets(time)
     if len(resets):
@@ -168,7 +168,7 @@ def _at_gaps(samples: Samples, data: Data, unit: str) -> list[Samples]:
 
 
 def _resampled(samples: Samples, step: float) -> Samples:
-    """Return the samples at even time steps; each has the row number of the measured sample before
+    """Return the samples at equal time steps. Each has the row number of the measured sample before
     it.
     """
     time = samples.columns["time"]
@@ -200,10 +200,10 @@ def _resampled(samples: Samples, step: float) -> Samples:
 def with_joined(
     tables: Sequence[Samples], source: Source, data: Data, units: Mapping[str, str], meter: Meter
 ) -> list[Samples]:
-    """Return the recordings of a file with the quantities of the logs that are joined to it, NaN
+    """Return the recordings of a file with the quantities of the logs that are joined to it; NaN
     where those have no value.
 
-    Raises DataError for logs that do not fit: a different number of recordings or rows.
+    Raises DataError for logs that do not fit: another number of recordings or rows.
     """
     found = list(tables)
     for join, log in zip(data.join, source.joined, strict=True):
@@ -268,12 +268,12 @@ def _by_time(first: Samples, second: Samples, join: Join, units: Mapping[str, st
 def _found_shift(
     first: Samples, second: Samples, join: Join, units: Mapping[str, str]
 ) -> tuple[float, str]:
-    """Return the shift in the model's unit of time, and a note that says how sure it is.
+    """Return the shift in the model's unit of time, and a note on its uncertainty.
 
-    Two records of one unit are taken to rise together; of different units, one may fall while the
+    Two records with the same unit must rise together. With different units, one may fall while the
     other rises.
 
-    Raises DataError if nothing changes, where noise would do as well, and where another shift is
+    Raises DataError if nothing changes, if noise would give an equal result, or if another shift is
     nearly as good.
     """
     match = join.match
@@ -293,7 +293,7 @@ def _found_shift(
         raise DataError(
             f"no shift can be found from {pair}, because one of them never changes", others
         )
-    # one digit more than is sure
+    # one digit more than is certain
     value = f"{found.value:.{max(0, 1 - math.floor(math.log10(found.half_width)))}f}"
     best = f"{value} {units['time']} (correlation of their changes {found.correlation:.3f})"
     if found.lost_in_noise:
@@ -329,7 +329,9 @@ def _found_shift(
 
 
 def _ordered_signal(samples: Samples, name: str) -> tuple[Array, Array]:
-    """Stamps and values of the first log, without missing ones; of stamps that repeat the first."""
+    """Return stamps and values of the first log without missing values; of repeated stamps, the
+    first.
+    """
     time, values = samples.columns["time"], samples.columns[name]
     there = np.flatnonzero(np.isfinite(time) & np.isfinite(values))
     time, values = time[there], values[there]

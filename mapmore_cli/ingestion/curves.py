@@ -1,6 +1,4 @@
-"""From recordings to curves: samples sorted by level, their branches joined where cycles were
-run.
-"""
+"""Make curves from recordings: sort samples by level, and join the branches of load cycles."""
 
 from __future__ import annotations
 
@@ -41,20 +39,21 @@ from mapmore_cli.study.sections.data import STEP_OF, STEP_PRESSURE, Cycles, Leve
 from mapmore_cli.study.units import convert
 
 PLATEAU = "plateau"
-"""1 on the plateau of a step response, else 0."""
+"""Column that is 1 on the plateau of a step response, and 0 elsewhere."""
 
 MOSTLY = 0.9
-"""Share of a plateau that must be out of range for a warning: noise takes half of a plateau at the
-highest level beyond it.
+"""Share of a plateau that must be out of range for a warning. At the highest level, noise brings
+half of a plateau out of range.
 """
 
 Plateau = Literal["auto"] | tuple[float, float]
 
 
 def with_plateau(recording: Recording, plateau: Plateau, units: Mapping[str, str]) -> Recording:
-    """Return the recording with `plateau` and `step_pressure`, the mean pressure there.
+    """Return the recording with the columns `plateau` and `step_pressure`, the mean pressure on the
+    plateau.
 
-    Raises DataError if there is no plateau, or no sample in the one that is given.
+    Raises DataError if there is no plateau, or no sample in the given time interval.
     """
     columns = recording.columns
     seconds = convert(columns["time"], units["time"], "s")
@@ -81,8 +80,8 @@ def with_plateau(recording: Recording, plateau: Plateau, units: Mapping[str, str
 def static_model(run_dir: Path, force: Quantity, units: Mapping[str, str]) -> Model:
     """Return the static model that a spec needs.
 
-    Raises SpecError if it is of another quantity or unit, or has an input that the recordings
-    lack or hold in another unit.
+    Raises SpecError if it predicts another quantity or unit, or has an input that the recordings
+    lack or have in another unit.
     """
     model = alone(RunFiles(run_dir).model())
     if model.output != force:
@@ -106,8 +105,8 @@ def static_model(run_dir: Path, force: Quantity, units: Mapping[str, str]) -> Mo
 def with_damping(
     recording: Recording, force: str, static: Model, warn: Callable[[str], None]
 ) -> Recording:
-    """Return the recording with `static_force` F_s and `damping` `F_d = F - F_s`, less its mean
-    over the plateau (M2 eq 1).
+    """Return the recording with the columns `static_force`, F_s, and `damping`, `F_d = F - F_s`
+    minus its mean on the plateau (M2 eq 1).
     """
     columns = recording.columns
     static_force = predict(static, columns)
@@ -123,15 +122,15 @@ def with_damping(
 
 
 MEANT = 0.25
-"""Of the smallest distance between levels, within which a value names one of them."""
+"""Fraction of the smallest distance between levels within which a value names a level."""
 
 
 @dataclass(frozen=True)
 class LevelSet:
-    """The values `(m,)`, ascending, at which the quantity `of` was held, and how far a sample may
-    be from one.
+    """Ascending values, (m,), at which the quantity `of` was held, and the largest distance of a
+    sample from its level.
 
-    `nominal` is True if its level is the value of a sample.
+    If `nominal` is True, the value of a sample is its level.
     """
 
     of: str
@@ -140,13 +139,13 @@ class LevelSet:
     nominal: bool = False
 
     def match(self, values: Array) -> Array:
-        """Return the level of every value, NaN where there is none."""
+        """Return the level of every value; NaN for a value at no level."""
         index = match_levels(values, self.at, self.within)
         return np.where(index >= 0, self.at[index], np.nan)
 
     def named(self, value: float) -> float | None:
-        """Return the level that a user means by `value`: the next one, where it lies within a
-        quarter of the distance of levels, so that no other is as near; else None.
+        """Return the level that a user means by `value`: the nearest one, if it lies within a
+        quarter of the smallest distance between levels; otherwise None.
         """
         level = float(self.at[np.argmin(np.abs(self.at - value))])
         distance = 2 * default_within(self.at) if len(self.at) > 1 else abs(level)
@@ -154,7 +153,7 @@ class LevelSet:
         return level if abs(level - value) <= reach else None
 
     def describe(self) -> str:
-        """Name the levels in one line."""
+        """Return the levels in one line of text."""
         return (
             f"levels of {self.of}: {', '.join(f'{value:g}' for value in self.at)} (within "
             f"{self.within:g})"
@@ -163,10 +162,10 @@ class LevelSet:
 
 @dataclass(frozen=True)
 class LevelPart:
-    """Samples of one recording at one level, `(n,)` each; `places` are their numbers, from 0, among
-    the `whole` samples of the log of that number.
+    """Samples of one recording at one level, (n,) each. `places` are their indices among the
+    `whole` samples of their log; `log` is the number of that log.
 
-    `measured` is the range of each quantity where the samples are branches resampled.
+    `measured` is the original range of each quantity, if the samples are resampled branches.
     """
 
     recording: Recording
@@ -183,7 +182,7 @@ class LevelPart:
         return len(self.places)
 
     def behind(self, share: float) -> BoolArray:
-        """Return which samples stand behind a share of their log, (n,)."""
+        """Return True for the samples that come after a share of their log, (n,)."""
         late: BoolArray = by_blocks(
             lambda part: (row_numbers(part) + 0.5) / self.whole > share, self.places
         )
@@ -191,8 +190,8 @@ class LevelPart:
 
 
 def level_set(levels: Levels, recordings: Sequence[Recording]) -> LevelSet:
-    """Return the levels that the spec gives, or those at which its quantity dwells in the
-    recordings taken together.
+    """Return the levels in the spec, or those at which the quantity dwells in all recordings
+    together.
     """
     of = levels.of
     if levels.at == "auto":
@@ -203,7 +202,7 @@ def level_set(levels: Levels, recordings: Sequence[Recording]) -> LevelSet:
                 "Give the levels, for example `at: [80, 150]`.",
             )
     else:
-        at = np.sort(np.array(levels.at, dtype=float)) + 0.0  # no -0 in curve ids
+        at = np.sort(np.array(levels.at, dtype=float)) + 0.0  # no -0 in the ids of curves
     within = levels.within if levels.within is not None else default_within(at)
     return LevelSet(of, at, within, nominal=levels.value == "nominal")
 
@@ -214,8 +213,8 @@ def cut_by_level(
     """Return the recordings without the samples that are at no level, and their parts, each in the
     order of the levels.
 
-    A log is the pieces of one recording in order of time. Without levels every piece is one part.
-    Raises DataError for a level that no sample is at.
+    A log consists of the pieces of one recording in the order of time. Without levels, every piece
+    is one part. Raises DataError for a level without samples.
     """
     recordings, parts = list[Recording](), list[LevelPart]()
     for number, log in enumerate(logs):
@@ -250,8 +249,8 @@ def cut_by_level(
 
 
 def _at_levels_only(recording: Recording, levels: LevelSet) -> tuple[Recording, Array]:
-    """Return the recording without samples that are at no level, and the level of each sample that
-    it had, (n,), NaN for none.
+    """Return the recording without samples that are at no level, and the level of each original
+    sample, (n,), NaN for none.
     """
     level = by_blocks(levels.match, recording.columns[levels.of])
     at_one = by_blocks(np.isfinite, level)
@@ -264,11 +263,11 @@ def _at_levels_only(recording: Recording, levels: LevelSet) -> tuple[Recording, 
 
 
 def join_branches(part: LevelPart, cycles: Cycles, target: str) -> LevelPart:
-    """Replace the load cycles of a part by their static and hysteresis components on common values
+    """Replace the load cycles of a part by their static and hysteresis components at common values
     of `cycles.over` (M1 IV.A).
 
-    Every quantity becomes the mean of its branches; `hysteresis` is added for the target. Time has
-    no meaning afterwards.
+    Every quantity becomes the mean of its branches, and `hysteresis` is added for the target. The
+    time has no meaning afterwards.
     """
     over = cycles.over
     where = (
@@ -290,7 +289,7 @@ def join_branches(part: LevelPart, cycles: Cycles, target: str) -> LevelPart:
 def joined_curves(
     parts: Sequence[LevelPart], held_out: Sequence[BoolArray], levels: LevelSet | None
 ) -> tuple[Curve, ...]:
-    """Join the parts at one level, in the order of the levels; without levels every recording is a
+    """Join the parts at one level, in the order of the levels. Without levels, every recording is a
     curve.
     """
 
@@ -313,8 +312,8 @@ def joined_curves(
 def _joined_parts(
     key: str, parts: Sequence[LevelPart], masks: Sequence[BoolArray], nominal: str | None
 ) -> Curve:
-    """Return the curve of some parts; the value of their level takes the place of what was measured
-    of the quantity `nominal`.
+    """Return the curve of some parts. For the quantity `nominal`, the measured values are replaced
+    by the value of the level.
     """
     columns = {name: joined([part.columns[name] for part in parts]) for name in parts[0].columns}
     plateau = columns.pop(PLATEAU, None)

@@ -1,5 +1,5 @@
-"""From files to a dataset: read, cleaned, converted to the model's units, sorted into curves, and
-parted into training and validation.
+"""Make a dataset from files: read, clean, convert to the model's units, sort into curves, and
+divide into training and validation.
 """
 
 from __future__ import annotations
@@ -57,8 +57,8 @@ from mapmore_cli.study.sections.data import Between, Data, Holdout
 from mapmore_cli.study.sections.logs import FileEntry
 
 BAD = "is left out as a bad file"
-FEW = 10  # samples kept, below which a recording is worth a warning
-MUCH = 0.5  # fraction dropped, above which it is
+FEW = 10  # remaining samples below which a recording is worth a warning
+MUCH = 0.5  # dropped fraction above which a recording is worth a warning
 
 
 def build_dataset(
@@ -70,10 +70,10 @@ def build_dataset(
     progress: Progress = lambda *_: None,
     warn: Callable[[str], None] = lambda _: None,
 ) -> Dataset:
-    """Read all recordings and sort their samples into curves; writes nothing.
+    """Read all recordings and sort their samples into curves, without writing anything.
 
-    `static_run` is the run whose model leaves the damping force; without it, the measured quantity
-    itself is the target. `tables` are recordings in memory.
+    `static_run` is the run whose model is subtracted to obtain the damping force; without it, the
+    measured quantity itself is the target. `tables` holds recordings in memory.
 
     Raises
     ------
@@ -149,8 +149,8 @@ def build_dataset(
 
 
 def _check(data: Data) -> None:
-    """Refuse constants that not every recording has, or that are columns or derived as well, and an
-    order of time that is given up.
+    """Refuse constants that not every recording has, or that are also columns or derived
+    quantities, and settings that need the order of time after it is lost.
     """
     constants = [set(entry.set) if isinstance(entry, FileEntry) else set() for entry in data.files]
     for name in sorted(set().union(*constants)):
@@ -181,11 +181,11 @@ def _mended(
     notes: list[str],
     warnings: list[str],
 ) -> list[Recording]:
-    """Return the pieces of a log in order of time, a single one where it has no gaps; what was
-    found in it is added to notes and warnings.
+    """Return the pieces of a log in the order of time; a log without gaps is one piece. Findings
+    are added to `notes` and `warnings`.
 
-    In this order: constants, time stamps and gaps, even time steps, derived
-    quantities, conditions to keep samples.
+    The steps are, in this order: constants, time stamps and gaps, equal time steps, derived
+    quantities, conditions on samples.
     """
     constants = {
         name: np.broadcast_to(np.float64(value), samples.size)
@@ -226,7 +226,7 @@ def _mended(
 
 
 def _first_row(piece: Samples) -> int:
-    """Return the row of the first sample where each has the next one; 0 where they do not."""
+    """Return the row of the first sample if rows are consecutive; otherwise 0."""
     first, last = int(piece.rows[0]), int(piece.rows[-1])
     by_row = piece.place == "row" and not piece.merged and last - first + 1 == piece.size
     return first if by_row else 0
@@ -245,7 +245,7 @@ def _losses(recording: Recording) -> Iterator[str]:
         )
 
 
-# largest value of a quantity: powers and squares of others leave the range of numbers
+# largest value of a quantity; powers and squares of larger values overflow
 LEAST, MOST = (
     1e-30,
     1e30,
@@ -253,7 +253,7 @@ LEAST, MOST = (
 
 
 def _check_sizes(samples: Samples, units: Mapping[str, str]) -> None:
-    """Refuse quantities of a size that cannot be computed with."""
+    """Refuse quantities so large that computing with them would overflow."""
     for name, column in samples.columns.items():
         largest = max(map(abs, extremes(column)))
         if largest > MOST or 0 < largest < LEAST:
@@ -276,10 +276,10 @@ def _check_sizes(samples: Samples, units: Mapping[str, str]) -> None:
 def held_out(
     parts: Sequence[LevelPart], choice: Holdout | None, levels: LevelSet | None, folder: Path
 ) -> list[BoolArray]:
-    """Return for each part which of its samples are held out, (n,); where several conditions are
-    given, all must hold.
+    """Return for each part which of its samples are held out, (n,). With several conditions, all
+    must hold.
 
-    Raises DataError if a condition matches nothing, or where nothing is left to train on.
+    Raises DataError if a condition matches nothing, or if no sample is left for training.
     """
     if choice is None:
         return [np.zeros(part.size, dtype=np.bool_) for part in parts]
@@ -300,7 +300,9 @@ def held_out(
 def _conditions(
     parts: Sequence[LevelPart], choice: Holdout, levels: LevelSet | None, folder: Path
 ) -> Iterator[BoolArray]:
-    """Yield for each condition which samples fulfil it, (n,) over all parts in a row."""
+    """Yield for each condition which samples fulfil it, (n,), over all parts one after the
+    other.
+    """
 
     def is_named(source: str, pattern: str) -> bool:
         return is_file_named(source, pattern, folder)
@@ -338,8 +340,8 @@ def _conditions(
 def _matching(
     kind: str, patterns: Sequence[str], names: Sequence[str], matches: Callable[[str, str], bool]
 ) -> list[bool]:
-    """Return which of the names are meant: those that a pattern is equal to, else those that it
-    matches as a glob. Brackets are part of names (`book[Run1]`) as well as of globs.
+    """Return which of the names are meant: those that equal a pattern, or those that match it as a
+    glob if none does. Brackets can be part of a name (`book[Run1]`) as well as of a glob.
     """
     held: set[str] = set()
     for pattern in patterns:
@@ -365,8 +367,8 @@ def _at_levels(parts: Sequence[LevelPart], values: Sequence[float], levels: Leve
 
 
 def _within(parts: Sequence[LevelPart], name: str, choice: Sequence[float] | Between) -> BoolArray:
-    """Hold out the samples whose quantity is in one of the intervals, or has one of the values, of
-    which each has to be found somewhere.
+    """Hold out the samples whose quantity lies in one of the intervals, or has one of the values.
+    Each value must occur.
     """
     if isinstance(choice, Between):
         wanted = [
@@ -401,7 +403,7 @@ def _within(parts: Sequence[LevelPart], name: str, choice: Sequence[float] | Bet
 
 
 def _last_cycles(parts: Sequence[LevelPart], of: str, share: float) -> BoolArray:
-    """Hold out the last cycles of each log, whose pieces and levels are taken together in the order
+    """Hold out the last cycles of each log, whose pieces and levels are put together in the order
     of time.
     """
     sources = {part.log: part.recording.name for part in reversed(parts)}
@@ -418,7 +420,7 @@ def _last_cycles(parts: Sequence[LevelPart], of: str, share: float) -> BoolArray
 
 
 def meant_levels(choice: Holdout | None, levels: LevelSet | None) -> list[str]:
-    """Return a note for every level that `validate` names by another number than was measured."""
+    """Return a note for every level whose number in `validate` differs from the measured one."""
     if (
         choice is None
         or levels is None

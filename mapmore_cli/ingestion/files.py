@@ -1,5 +1,5 @@
-"""What ingest depends on: its slice of the spec, the files that its globs name, and how far their
-reading has come.
+"""Find what ingest depends on: its slice of the spec, and the files that its globs match. Also
+report the progress of reading.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ Component = Literal["static", "hysteresis", "damping"]
 
 @dataclass(frozen=True)
 class IngestSlice:
-    """What ingest depends on: the quantity that is `measured`, its `component` to model, and the
-    model's unit of every quantity.
+    """What ingest depends on: the quantity that is `measured`, its `component` that is modelled,
+    and the model's unit of every quantity.
 
-    `static` is the spec of the run whose model leaves the damping force; `also` are quantities
-    that are modelled beside the measured one.
+    `static` is the spec of the run whose model is subtracted to obtain the damping force. `also`
+    holds further quantities that are modelled.
     """
 
     data: Data
@@ -78,8 +78,8 @@ def slice_of(spec: ExperimentSpec) -> IngestSlice:
 
 @dataclass(frozen=True)
 class Log:
-    """A file to read, its name relative to the spec's folder, and the sheet or the number of the
-    table below others where its entry names one; or a `table` in memory that is called so.
+    """A file to read: its name relative to the folder of the spec, and the sheet or the number of
+    the table if its entry gives one; or a `table` in memory with this name.
     """
 
     path: Path
@@ -90,14 +90,14 @@ class Log:
 
     @property
     def bytes(self) -> int:
-        """Size of the file; 0 where there is none."""
+        """Size of the file; 0 for a table in memory."""
         return self.path.stat().st_size if self.table is None else 0
 
 
 @dataclass(frozen=True)
 class Source(Log):
-    """A file of `data.files`: its recording's id, quantities that no column of it holds, what is
-    kept of it, and the logs joined to it.
+    """A file of `data.files`: the id of its recording, quantities that no column holds, conditions
+    on its samples, and the logs that are joined to it.
     """
 
     id: str
@@ -107,13 +107,15 @@ class Source(Log):
 
 
 MOST_FOLDERS = 20_000
-"""Folders that a glob may look into: `/*/*/*/*/*` looks into all that a computer has."""
+"""Largest number of folders that a glob may search: `/*/*/*/*/*` would search the whole
+computer.
+"""
 
 Entries = Sequence[str | FileEntry]
 
 
 Tables = Mapping[str, RawTable]
-"""Recordings in memory, by what `data.files` calls them."""
+"""Recordings in memory, by their names in `data.files`."""
 
 NO_TABLES: Tables = MappingProxyType({})
 
@@ -125,12 +127,12 @@ def find_sources(
     tables: Tables = NO_TABLES,
     bad: bool | Sequence[str] = False,
 ) -> tuple[Source, ...]:
-    """Return the files of `data.files` in the order of the entries, those of one glob sorted by
-    path, each with its joined logs; entries that name one of the `tables` are in memory. Files that
-    `bad` (`data.skip_bad_files`) names are left out after logs were paired.
+    """Return the files of `data.files` in the order of the entries, each with its joined logs.
+    Files of one glob are sorted by path. Entries with the name of one of the `tables` are in
+    memory. Files named in `bad` (`data.skip_bad_files`) are left out after logs were paired.
 
-    Raises DataError if a glob finds nothing, a file is named twice, or joined logs cannot be
-    paired; SpecError if recordings share an id.
+    Raises DataError if a glob matches nothing, a file is named twice, or joined logs cannot be
+    paired; SpecError if two recordings have the same id.
     """
     found = _found(entries, folder, tables, may_be_empty=bool(bad))
     ids = [
@@ -161,7 +163,7 @@ def find_sources(
 
 
 def is_file_named(name: str, pattern: str, folder: Path) -> bool:
-    """Return whether a path or a glob, with its folders or without them, names a file."""
+    """Return True if a path or a glob, with or without its folders, names a file."""
     paths = (name, PurePosixPath(name).name)
     if pattern in paths:
         return True
@@ -172,8 +174,8 @@ def is_file_named(name: str, pattern: str, folder: Path) -> bool:
 def _found(
     entries: Entries, folder: Path, tables: Tables = NO_TABLES, may_be_empty: bool = False
 ) -> list[tuple[Log, FileEntry]]:
-    """Every file with the entry that names it; sheets that entries name one by one are files of
-    their own.
+    """Return every file with the entry that names it. Sheets that entries name separately count as
+    files.
     """
     found: dict[tuple[str, str | None, int | None], tuple[Log, FileEntry]] = {}
     for entry in (FileEntry(path=entry) if isinstance(entry, str) else entry for entry in entries):
@@ -200,8 +202,8 @@ def _found(
 
 
 def _automatic(logs: Sequence[Log]) -> list[str]:
-    """Ids after the files; where one is read sheet by sheet, or table by table, with that behind
-    it, as `book[Run1]`.
+    """Return ids made from file names; if a file is read by sheets or tables, these are appended,
+    for example `book[Run1]`.
     """
     sheets = Counter(log.name for log in logs)
     ids = dict(zip(sheets, unique_ids([*sheets]), strict=True))
@@ -218,7 +220,7 @@ def _part_of(log: Log) -> tuple[str | None, int | None]:
 
 
 def _logs_to_join(join: Join, count: int, folder: Path) -> list[Log]:
-    """Return the log to join to each of `count` files: the same for all, or one for each, in
+    """Return the log to join to each of `count` files: the same for all, or one for each in
     order.
     """
     logs = [log for log, _ in _found(join.files, folder)]
@@ -232,10 +234,10 @@ def _logs_to_join(join: Join, count: int, folder: Path) -> list[Log]:
 
 
 def expand(pattern: str, folder: Path, may_be_empty: bool = False) -> list[Path]:
-    """Return the files that a glob names, sorted by POSIX path; relative ones start at `folder`.
+    """Return the files that a glob matches, sorted by POSIX path. Relative globs start at `folder`.
 
-    A path that exists as it is written is taken literally, brackets and all. Raises DataError for a
-    folder, for an empty file unless it `may_be_empty`, or where nothing matches.
+    A path that exists exactly as written is taken literally, with its brackets. Raises DataError
+    for a folder, for an empty file unless `may_be_empty`, and if nothing matches.
     """
     literal = folder / pattern
     if literal.is_dir():
@@ -263,7 +265,7 @@ def expand(pattern: str, folder: Path, may_be_empty: bool = False) -> list[Path]
                 f'the file name {name!r} must be one line of valid text without " ` $ < > \\',
                 "rename the file",
             )
-        # as all files below /proc say of themselves, which may never end
+        # all files below /proc have size zero, and some of them never end
         if path.stat().st_size == 0 and not may_be_empty:
             raise DataError(
                 f"{name}: is empty",
@@ -276,8 +278,8 @@ def expand(pattern: str, folder: Path, may_be_empty: bool = False) -> list[Path]
 
 
 def _matches(pattern: str, folder: Path) -> Iterator[Path]:
-    """Everything that a glob names. `**` enters each folder once, by whatever links it is reached:
-    links may lead back up.
+    """Return everything that a glob matches. `**` enters each folder once, by whatever links it is
+    reached, because links may lead back up.
 
     Raises DataError if it leads through more folders than a study has.
     """
@@ -286,7 +288,7 @@ def _matches(pattern: str, folder: Path) -> Iterator[Path]:
 
 
 def _below(parts: Sequence[str], top: Path, pattern: str, entered: Iterator[int]) -> Iterator[Path]:
-    """Yield what the parts of a glob name below a folder; the folders `entered` are counted."""
+    """Yield the matches of the parts of a glob below a folder. `entered` counts the folders."""
     plain = list(takewhile(lambda part: not glob.has_magic(part), parts))
     here, rest = top.joinpath(*plain), parts[len(plain) :]
     if not rest:
@@ -310,7 +312,9 @@ def _below(parts: Sequence[str], top: Path, pattern: str, entered: Iterator[int]
 
 
 def _entries(folder: Path, part: str) -> list[os.DirEntry[str]]:
-    """Return what is named by one part of a glob in a folder; none of one that cannot be read."""
+    """Return the entries of a folder that match one part of a glob; empty for an unreadable
+    folder.
+    """
     matches = re.compile(fnmatch.translate(part)).match
     with suppress(OSError), os.scandir(folder) as entries:
         return [
@@ -322,7 +326,7 @@ def _entries(folder: Path, part: str) -> list[os.DirEntry[str]]:
 
 
 def _folders(top: Path, seen: set[tuple[int, int]]) -> Iterator[Path]:
-    """Yield a folder and all that lie in it, those that are hidden left out."""
+    """Yield a folder and all folders inside it, except hidden ones."""
 
     def refused(fault: OSError) -> None:
         what = f"{fault.filename}: cannot be read ({fault.strerror})"
@@ -339,8 +343,10 @@ def _folders(top: Path, seen: set[tuple[int, int]]) -> Iterator[Path]:
 
 
 def relative_name(path: Path, folder: Path) -> str:
-    """Return the POSIX path from `folder`: the same on every machine that has the same tree."""
-    with suppress(ValueError):  # ten times as fast, where the path lies in the folder
+    """Return the POSIX path relative to `folder`, which is the same on every machine with the same
+    tree.
+    """
+    with suppress(ValueError):  # ten times as fast for a path inside the folder
         inside = path.relative_to(folder)
         if ".." not in inside.parts:
             return inside.as_posix()
@@ -348,8 +354,8 @@ def relative_name(path: Path, folder: Path) -> str:
 
 
 def unique_ids(sources: Sequence[str]) -> list[str]:
-    """Name recordings after their files, without the suffixes of packing and of the format; with
-    parent folders where names repeat.
+    """Return names for recordings after their files, without the suffixes of compression and
+    format, and with parent folders if names repeat.
     """
     parts = [PurePosixPath(_without_suffix(source)).parts for source in sources]
     depth = [1] * len(parts)
@@ -397,8 +403,8 @@ MEGABYTE = 10**6
 
 
 class Meter:
-    """Counts the bytes of all logs of a study, joined ones each time that they are read, and tells
-    `progress`.
+    """Counter of the bytes read from all logs of a study (a joined log counts each time that it is
+    read), which calls `progress`.
     """
 
     def __init__(self, sources: Sequence[Source], progress: Progress) -> None:
@@ -407,7 +413,9 @@ class Meter:
         self._before = 0
 
     def within(self, log: Log) -> Callable[[int], None]:
-        """Begin with a log; the function returned is told how many bytes of it have been read."""
+        """Begin with a log, and return a function that is called with the number of bytes read from
+        it.
+        """
         before = self._before
         self._before += log.bytes
 

@@ -1,4 +1,4 @@
-"""Gain and offset of each group, as of a session, at equal inputs."""
+"""Estimate the gain and offset of each group, for example of a session, at equal inputs."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from mapmore_cli.modelling.signals.sampling import even_share
 from mapmore_cli.study.sections.data import Groups
 
 ORDER = 3
-"""Of the polynomial of all inputs that groups have in common."""
+"""Order of the polynomial of all inputs that all groups share."""
 
 TOLD_APART = 1e-6
-"""Of its size, that must remain of the indicator of a group once the polynomial is taken off."""
+"""Fraction of a group's indicator that must remain after the polynomial is subtracted."""
 
 SPREAD = 0.5
-"""Standard deviation of the logarithm of a gain before anything is measured: two of three specimens
-or sessions are within a factor of 1.6 of the mean.
+"""Prior standard deviation of the logarithm of a gain: two of three specimens or sessions lie
+within a factor of 1.6 of the mean.
 """
 
 
 @dataclass(frozen=True)
 class GroupEffects:
-    """Gains and offsets by the value of the quantity `of` that tells groups apart; empty if they
-    were not asked for. The offsets have the mean zero, and so have the logarithms of the gains.
+    """Gains and offsets by the value of the quantity `of` that distinguishes groups; empty if they
+    were not requested. The offsets have mean zero, and so have the logarithms of the gains.
     """
 
     of: str
@@ -38,8 +38,8 @@ class GroupEffects:
     unknown: tuple[float, ...]
 
     def taken_off(self, curve: Curve, target: str) -> Curve:
-        """Return the curve with the target of a group of gain 1 and offset 0, `(y - b_g) / gain_g`;
-        samples of unknown groups stay.
+        """Return the curve with its target as for a group of gain 1 and offset 0, `(y - b_g) /
+        gain_g`. Samples of unknown groups are unchanged.
         """
         values = curve.columns[target].copy()
         for group in self.gains | self.offsets:
@@ -49,7 +49,7 @@ class GroupEffects:
         return replace(curve, columns={**curve.columns, target: values})
 
     def describe(self, target: str, unit: str) -> Iterator[str]:
-        """Yield gains and offsets in words, for the page."""
+        """Yield the gains and offsets in words, for the page."""
         unknown = ", ".join(f"{group:g}" for group in self.unknown)
         if self.gains:
             each = ", ".join(f"{group:g}: {gain:.4g}" for group, gain in self.gains.items())
@@ -71,18 +71,19 @@ def group_effects(curves: Sequence[Curve], groups: Groups, target: str) -> Group
     """Estimate the gain and the offset of each group on training samples: `y = gain_g p(x) + b_g`,
     with `sum_g b_g = 0` and `sum_g log gain_g = 0`.
 
-    `p` is a polynomial of order 3 of all quantities that vary within a group. This is the analysis
-    of covariance: groups are compared at equal inputs, so that one that was measured at other
-    strains is not taken for one with an offset.
+    `p` is a polynomial of order 3 of all quantities that vary within a group. This is an analysis
+    of covariance: groups are compared at equal inputs, so that a group that was measured at other
+    strains does not get an offset for that reason.
 
-    The logarithm of a gain has a normal prior about zero, `SPREAD` wide, beside residuals as large
-    as those of a polynomial for each group alone. So the gain of a group of few samples, or where
-    `p` is small, is near 1.
+    The logarithm of a gain has a normal prior with mean zero and standard deviation `SPREAD`. The
+    residuals are assumed to be as large as those of a separate polynomial for each group. So the
+    gain of a group with few samples, or with small `p`, is near 1.
 
     Raises
     ------
     DataError
-        Where inputs and groups go together, so that nothing tells an offset from their effect.
+        If inputs and groups are so correlated that an offset cannot be distinguished from the
+        effect of the inputs.
     """
     group, y, inputs = _training(curves, groups.of, target)
     values, member = np.unique(group, return_inverse=True)
@@ -93,7 +94,7 @@ def group_effects(curves: Sequence[Curve], groups: Groups, target: str) -> Group
         _polynomial([inputs[name] for name in names], len(y)), full_matrices=False
     )
     common = basis.U[:, TOLD_APART * basis.S[0] < basis.S]
-    # the last group is minus the sum of the others: their mean is zero
+    # the last group is minus the sum of the others, so that the mean is zero
     coded = np.vstack([np.eye(len(values) - 1), -np.ones(len(values) - 1)])
     if groups.offset:
         _require_apart(common, coded[member], groups.of, names)
@@ -122,8 +123,8 @@ def _require_apart(common: Array, coded: Array, of: str, names: Sequence[str]) -
 
 
 class _GroupFit:
-    """The least squares of groups; each counts by the triangle of its `tables`, (n_g, k + 2), which
-    hold polynomials, a one, and the target.
+    """Least-squares problem of the groups. Each group is represented by the triangular factor of
+    its `tables`, (n_g, k + 2), which hold polynomials, a one, and the target.
     """
 
     def __init__(self, tables: Sequence[Array], coded: Array, offset: bool) -> None:
@@ -138,14 +139,15 @@ class _GroupFit:
         self.scatter = max(scatter, TOLD_APART * float(np.abs(self.target).max()))
 
     def solved(self, gains: Array) -> tuple[Array, Array]:
-        """Return coefficients and coded offsets at given gains, and what they leave, each (n,)."""
+        """Return coefficients and coded offsets for given gains, and the residuals, (n,) each."""
         design = np.hstack([gains[self.group, None] * self.polynomials, self.offsets])
         solution = np.asarray(np.linalg.lstsq(design, self.target, rcond=None)[0], dtype=float)
         return solution, self.target - design @ solution
 
     def log_gains(self) -> Array:
-        """Return the logarithms of the gains that are likeliest after the data."""
-        from scipy.optimize import least_squares  # half a second of every run without groups
+        """Return the logarithms of the gains with the largest posterior probability."""
+        # imported here because it would cost every run without groups half a second
+        from scipy.optimize import least_squares
 
         def unlikely(free: Array) -> Array:
             logs = self.coded @ free
@@ -159,8 +161,8 @@ class _GroupFit:
 def _training(
     curves: Sequence[Curve], of: str, target: str
 ) -> tuple[Array, Array, dict[str, Array]]:
-    """Return groups, the target and all other quantities of an even share of the training samples,
-    (n,) each.
+    """Return groups, target and all other quantities of training samples, (n,) each, evenly
+    thinned.
     """
     columns = {
         name: even_share(np.concatenate([curve.columns[name][curve.training] for curve in curves]))
@@ -176,7 +178,7 @@ def _training(
 
 
 def _polynomial(inputs: Sequence[Array], size: int) -> Array:
-    """(n, k) products of up to three inputs, each of which is brought to -1 ... 1."""
+    """Return products of up to three inputs, each scaled to -1 ... 1, shape (n, k)."""
     scaled = [2 * (x - x.min()) / np.ptp(x) - 1 for x in inputs]
     products = [np.ones(size)]
     for order in range(1, ORDER + 1):

@@ -1,4 +1,4 @@
-"""From a file to samples in the model's units, with everything that is left out kept in mind."""
+"""Read a file as samples in the model's units, with a record of everything that is left out."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ from mapmore_cli.study.sections.logs import Keep, Logs, SourceColumn
 from mapmore_cli.study.units import convert, is_canonical, is_same, unit_of_file
 
 TURNS = (3600.0, 86400.0)
-"""Where clocks begin again, in s: those that show minutes after an hour, those that tell the time
-of day at midnight.
+"""Times after which clocks restart, s: those that show minutes after an hour, those that show the
+time of day at midnight.
 """
 
 NEAR_TURN = 0.9
-"""Of a turn, that such a clock goes back at least: it may have rested there."""
+"""Smallest fraction of such a time by which the clock goes back; it may have rested there."""
 
 
 @dataclass(frozen=True)
 class Samples(RawTable):
-    """Samples of one table, their `columns` by quantity in the model's units.
+    """Samples of one table, with their `columns` by quantity in the model's units.
 
-    - `left_out`: the rows of samples that were left out, by reason.
-    - `merged`: how many samples fewer there are since resampling.
-    - `notes`: what was found and mended, for the reader of the report.
+    - `left_out`: rows of samples that were left out, by reason.
+    - `merged`: by how many samples resampling reduced the table.
+    - `notes`: findings and corrections, for the reader of the report.
     """
 
     left_out: Mapping[str, IntArray] = field(default_factory=dict)
@@ -47,7 +47,7 @@ class Samples(RawTable):
     notes: tuple[str, ...] = ()
 
     def keep(self, mask: BoolArray, reason: str) -> Samples:
-        """Return the samples where `mask`, the others noted under `reason`."""
+        """Return the samples in `mask`; the others are recorded under `reason`."""
         if mask.all():
             return self
         before = self.left_out.get(reason, np.zeros(0, dtype=np.int64))
@@ -59,7 +59,7 @@ class Samples(RawTable):
         )
 
     def some(self) -> Samples:
-        """Return the samples; DataError if none is left."""
+        """Return the samples. Raises DataError if none is left."""
         if self.size:
             return self
         losses = "; ".join(f"{len(rows)}: {reason}" for reason, rows in self.left_out.items())
@@ -73,8 +73,8 @@ class Samples(RawTable):
         return replace(self, columns={**self.columns, **columns})
 
     def cut(self, parts: Sequence[slice]) -> list[Samples]:
-        """Return the samples of each part; what was left out before belongs to the part that it
-        stands in, remarks to the first.
+        """Return the samples of each part. Earlier left-out samples belong to the part in which
+        they lie, and notes to the first part.
         """
         owners = {
             reason: np.searchsorted([self.rows[part.start] for part in parts[1:]], rows)
@@ -99,7 +99,7 @@ class Samples(RawTable):
 
 @contextmanager
 def located(label: str) -> Iterator[None]:
-    """Put the file's name before the message of a DataError from within."""
+    """Put the file's name before the message of a DataError that is raised inside."""
     try:
         yield
     except DataError as error:
@@ -109,10 +109,10 @@ def located(label: str) -> Iterator[None]:
 def read_tables(
     log: Log, table: Logs, data: Data, units: Mapping[str, str], meter: Meter
 ) -> list[Samples]:
-    """Return the samples of each recording in a file, NaN where a value is missing.
+    """Return the samples of each recording in a file, with NaN for missing values.
 
-    A table in memory is not read. Where missing values are dropped, records that break off are such
-    values as well. Raises DataError for what cannot be read.
+    A table in memory is not read. If missing values are dropped, incomplete last records are
+    dropped too. Raises DataError if the file cannot be read.
     """
     if log.table is not None:
         return [_in_model_units(log.table, table, data, units)]
@@ -144,8 +144,8 @@ def read_tables(
 
 
 def _second(table: Logs, units: Mapping[str, str]) -> float:
-    """Return what a second is in the unit of the column of the time; 1 without one, and in the
-    parts of a clock, each of which has a unit of its own.
+    """Return the length of a second in the unit of the time column; 1 without one, and for a clock
+    in several columns, each of which has a unit.
     """
     clock = table.columns.get("time")
     if clock is None or clock.columns:
@@ -154,15 +154,15 @@ def _second(table: Logs, units: Mapping[str, str]) -> float:
 
 
 def _sum_of_parts(raw: RawTable, clock: SourceColumn) -> Array:
-    """Return the time in s, (n,), of a clock whose parts, as hours and minutes, are columns."""
+    """Return the time in s, (n,), of a clock in several columns, for example hours and minutes."""
     parts = clock.units_of_parts.items()
     time: Array = np.sum([convert(raw.columns[at], unit, "s") for at, unit in parts], axis=0)
     return time
 
 
 def _in_model_units(raw: RawTable, table: Logs, data: Data, units: Mapping[str, str]) -> Samples:
-    """Return `value * scale + offset` in the model's unit, less its mean at rest; NaN for the
-    numbers that stand for missing values. A column of standard deviations has differences.
+    """Return `value * scale + offset` in the model's unit, minus its mean at rest; NaN for numbers
+    that mean missing values. A column of standard deviations is converted as differences.
     """
     missing, deviations = data.missing_rule.numbers, [*data.uncertainty.values()]
     doubts = [*raw.doubts, *_against_the_file(raw, table, units)]
@@ -224,10 +224,10 @@ def _in_model_units(raw: RawTable, table: Logs, data: Data, units: Mapping[str, 
 
 
 def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> Iterator[str]:
-    """Yield doubts about what the spec says of columns that the file says something of; DataError
-    if both cannot be true.
+    """Yield doubts if the spec and the file disagree about a column. Raises DataError if both
+    cannot be true.
 
-    A `scale` in the spec is believed, but for a sign.
+    A `scale` in the spec is believed, except for its sign.
     """
     for name, column in table.columns.items():
         told, what = raw.noted.get(column.column), f"{raw.label}: '{column.column}'"
@@ -243,7 +243,7 @@ def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> I
         free = column.unit is None and (
             name == "input" or (units[name] == "1" and not is_canonical(name))
         )
-        # nobody says what a command, or a quantity of one's own, is in
+        # the unit of a command, or of a quantity without a canonical name, is unknown
         if not told.unit.strip() or scales or free:
             continue
         unit = unit_of_file(told.unit, declared)
@@ -286,8 +286,8 @@ def _converted(
 
 
 def unwrapped(values: Array, period: float) -> Array:
-    """Return the numbers of an encoder that begins again at a `period` as if it went on; what is
-    missing stays so.
+    """Return the values of an encoder that restarts after a `period`, as if it continued. Missing
+    values stay missing.
     """
     found, known = values.copy(), np.isfinite(values)
     found[known] = np.unwrap(values[known], period=period)
@@ -295,8 +295,8 @@ def unwrapped(values: Array, period: float) -> Array:
 
 
 def going_on(time: Array, turns: Sequence[float]) -> Array:
-    """Return what has to be added to the stamps of a clock, (n,), where it begins again at one of
-    some `turns`.
+    """Return the offsets of the stamps of a clock, (n,), that restarts after one of some
+    `turns`.
     """
     before, steps = time[:-1], np.diff(time)
     added = np.sum(
@@ -306,8 +306,8 @@ def going_on(time: Array, turns: Sequence[float]) -> Array:
 
 
 def without_missing(samples: Samples, table: Logs, missing: str | MissingRule) -> Samples:
-    """Treat NaN and infinity as the spec says: an error, or samples to leave out. DataError if
-    none is left.
+    """Treat NaN and infinity as the spec says: raise an error, or leave out the samples. Raises
+    DataError if none is left.
     """
     complete = by_blocks(
         lambda *columns: np.logical_and.reduce([np.isfinite(values) for values in columns]),
@@ -330,10 +330,11 @@ def without_missing(samples: Samples, table: Logs, missing: str | MissingRule) -
 
 
 def recordings_apart(samples: Samples, data: Data, units: Mapping[str, str]) -> list[Samples]:
-    """Return the samples of each recording in a table, without missing values: those of one value
-    of `recordings.of`, in the order of the first ones; the whole where nothing tells them apart.
+    """Return the samples of each recording in a table, without missing values. Rows with the same
+    value of `recordings.of` are one recording, in the order of first occurrence; without it, the
+    whole table is one.
 
-    Raises DataError for missing values that are errors, and where no sample is left.
+    Raises DataError for missing values if they are errors, and if no sample is left.
     """
     samples = without_missing(samples, data, data.missing)
     if data.recordings is None:
@@ -365,7 +366,7 @@ def recordings_apart(samples: Samples, data: Data, units: Mapping[str, str]) -> 
 def derived(
     samples: Samples, derive: Mapping[str, str | Rate | Direction], units: Mapping[str, str]
 ) -> Samples:
-    """Add the quantities of `derive`, each after those that it depends on. Raises DataError for a
+    """Add the quantities of `derive`, each after those on which it depends. Raises DataError for a
     value that is not finite.
     """
     expressions = {
@@ -412,8 +413,8 @@ def _evaluated(expression: terms.Expression, samples: Samples) -> Array:
 
 
 def kept(samples: Samples, conditions: Sequence[Keep], units: Mapping[str, str]) -> Samples:
-    """Return the samples that fulfil all conditions, the others noted under the first that they do
-    not.
+    """Return the samples that fulfil all conditions. The others are recorded under the first
+    condition that they violate.
     """
     for condition in conditions:
         name = condition.quantity
@@ -425,8 +426,8 @@ def kept(samples: Samples, conditions: Sequence[Keep], units: Mapping[str, str])
 
 
 def _condition(condition: Keep, name: str, unit: str) -> tuple[Callable[[Array], BoolArray], str]:
-    """Return what is to hold for the values of a quantity, and the reason to leave out those for
-    which it does not.
+    """Return a function that tests the condition on the values of a quantity, and the reason
+    recorded for samples that fail.
     """
     if (limit := condition.abs_below) is not None:
         return lambda values: np.abs(values) < limit, f"|{name}| >= {limit:g}{unit}"

@@ -1,5 +1,5 @@
-"""How far each sample may be off: the standard deviations that a spec gives, as columns of the
-curves.
+"""Compute the uncertainty of each sample: the standard deviations that a spec gives, as columns of
+the curves.
 """
 
 from __future__ import annotations
@@ -18,16 +18,19 @@ from mapmore_cli.study.units import convert, is_quantity, split_quantity
 Rule = float | str | dict[str, float]
 
 LEAST = 1e-3
-"""Of the median of a curve: with a smaller uncertainty one sample counts as much as a million."""
+"""Fraction of the median of a curve. With a smaller uncertainty, one sample would weigh as much as
+a million.
+"""
 
 
 def with_uncertainty(
     curves: Sequence[Curve], data: Data, units: dict[str, str], measured: str, target: str
 ) -> tuple[Curve, ...]:
-    """Return the curves with the uncertainty of each quantity that has one; its unit is put into
-    `units`. That of what was `measured` is the one of the `target` made from it.
+    """Return the curves with the uncertainty of each quantity that has one; its unit is added to
+    `units`. The uncertainty of the `measured` quantity is that of the `target`.
 
-    Raises DataError for an uncertainty that is not above zero, or far below others of its curve.
+    Raises DataError for an uncertainty that is not above zero, or is far below the others of its
+    curve.
     """
     for name, rule in data.uncertainty.items():
         column = uncertainty_of(target if name == measured else name)
@@ -65,7 +68,7 @@ def _positive_deviation(
 
 
 def _deviation(curve: Curve, name: str, rule: Rule, data: Data, units: Mapping[str, str]) -> Array:
-    """Return the standard deviation of each sample, (n,); NaN in a group that has none."""
+    """Return the standard deviation of each sample, (n,); NaN in a group without one."""
     if isinstance(rule, dict):
         assert data.groups is not None
         group = curve.columns[data.groups.of]
@@ -74,6 +77,6 @@ def _deviation(curve: Curve, name: str, rule: Rule, data: Data, units: Mapping[s
         return np.full(curve.size, rule)
     if is_quantity(rule):
         return np.abs(curve.columns[name]) * convert(split_quantity(rule)[0], "%", "1")
-    # a column of one's own, whose unit nobody says, is in that of the quantity
+    # a column with an unknown unit has the unit of the quantity
     unit = units[name] if units[rule] == "1" else units[rule]
     return convert(curve.columns[rule], unit, units[name], difference=True)

@@ -1,1 +1,1 @@
-"""The method and its competitors, on arrays alone."""
+"""Implement the method and its competitors on arrays, without files."""

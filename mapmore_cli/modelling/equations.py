@@ -1,5 +1,5 @@
-"""Sums of terms as equations that a person reads: scaled inputs have short names, and numbers as
-few digits as do.
+"""Print sums of terms as readable equations: scaled inputs have short names, and numbers have only
+the digits that they need.
 """
 
 from __future__ import annotations
@@ -36,11 +36,14 @@ from mapmore_cli.modelling.expressions.states import Lagged
 from mapmore_cli.modelling.expressions.syntax import Call, Product, Sum
 
 TOLERANCE = 5e-4
-"""What rounding may change, as part of what an equation varies by over the training range."""
+"""Largest change by rounding, as a fraction of the variation of an equation over the training
+range.
+"""
 
 
 FAR, FARTHEST = 7.0, 600.0
-"""How far from zero the greatest exponent of an exponential may lie; beyond the second, floats end.
+"""Largest magnitudes of the exponent of an exponential: beyond the first, the exponential is
+rewritten; beyond the second, floats overflow.
 """
 
 
@@ -55,8 +58,8 @@ def equation(
 ) -> Equation:
     """Return `y_slope sum_k theta_k D_k + y_intercept` (M2 eq 8) as text and as LaTeX.
 
-    Numbers have the fewest digits with which it errs by less than a thousandth of its range over
-    the `limits` of quantities or states.
+    Numbers have the fewest digits for which the rounding error is below a thousandth of the
+    equation's range, within the `limits` of quantities or states.
     """
     whole, where = summed(terms, theta, scaling, units)
     whole = folded(whole)
@@ -74,7 +77,8 @@ def equation(
             for short, line in where.items()
         }
         values = [evaluate(parse(to_text(term, digits)), {**at, **known}, len(u)) for term in parts]
-        # term by term: the whole may be longer than an expression that is read
+        # term by term, because the whole may be longer than the longest expression that can be
+        # parsed
         return np.asarray(np.sum(values, axis=0))
 
     with np.errstate(all="ignore"):  # a term may be undefined somewhere in the ranges
@@ -99,7 +103,7 @@ def as_equation(
     where: Mapping[str, Expression] = MappingProxyType({}),
     weight: str = "",
 ) -> Equation:
-    """Return an equation with numbers of so many digits; `where` says what short names mean."""
+    """Return an equation with `digits` significant digits; `where` explains the short names."""
     text, latex, mathml = to_text(whole, digits), to_latex(whole, digits), to_mathml(whole, digits)
     for number, (short, line) in enumerate(where.items()):
         text += f"{',' if number else ', where'} {short} = {to_text(line, digits)}"
@@ -111,8 +115,8 @@ def as_equation(
 
 
 def _balanced(term: Expression, at: Columns, n: int) -> Expression:
-    """Return a term of which no exponential is so small or large that its coefficient has to make
-    up for it.
+    """Return a term in which no exponential is so small or large that its coefficient has to
+    compensate for it.
     """
     factors: list[Expression] = []
     for factor in term.factors if isinstance(term, Product) else (term,):
@@ -129,12 +133,12 @@ def _balanced(term: Expression, at: Columns, n: int) -> Expression:
 def summed(
     terms: Sequence[str], theta: Array, scaling: Scaling, units: Mapping[str, float]
 ) -> tuple[Expression, dict[str, Expression]]:
-    """Return a sum of terms, and what the names of its scaled inputs mean: `pressure` is `p`,
-    `strain_rate` `sr`, `voltage[k-16]` `v16`.
+    """Return a sum of terms, and the meaning of the names of its scaled inputs: `p` for `pressure`,
+    `sr` for `strain_rate`, `v16` for `voltage[k-16]`.
 
-    `units` says how many of the model's units one unit of a quantity is, where it is to be in
-    another: states are proportional to it. A product of quantities that are scaled without an
-    offset keeps its form, with one coefficient in front, as M2's table 5 prints them.
+    For a quantity that is printed in another unit, `units` gives the number of the model's units in
+    one printed unit. A product of quantities that are scaled without an offset keeps its form, with
+    one coefficient in front, as in M2's table 5.
     """
     trees, weights = list(map(parse, terms)), (scaling.y_slope * theta).tolist()
     degrees = list(map(exponents, trees))

@@ -1,4 +1,4 @@
-"""What a model says of every sample of a curve."""
+"""Predict every sample of a curve with a model."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from mapmore_cli.modelling.memory.records import AtSample
 
 
 def forecast_each(model: Model, curves: Sequence[Curve], target: str) -> tuple[Forecast, ...]:
-    """Predict every sample of curves, as `forecast`. Short curves go through a model without memory
-    together, since to begin costs it more than a hundred samples.
+    """Predict every sample of several curves, like `forecast`. Short curves go through a model
+    without memory together, because each call of the model costs more than a hundred samples.
     """
     if target != model.output.name or runs_over_time(model):
         return tuple(forecast(model, curve, target) for curve in curves)
@@ -39,15 +39,15 @@ def forecast_each(model: Model, curves: Sequence[Curve], target: str) -> tuple[F
 
 
 TOGETHER = 1000
-"""Curves that are predicted together at most."""
+"""Largest number of curves that are predicted together."""
 
 
 def forecast(model: Model, curve: Curve, target: str | None = None) -> Forecast:
-    """Predict every sample of a curve, recording by recording; raises as `predict`, naming the
-    recording.
+    """Predict every sample of a curve, recording by recording. Raises the same errors as `predict`,
+    with the name of the recording.
 
-    Where the `target` is not what the model predicts but one of its inputs, the model is inverted
-    for it (`inverse.solve_for_input`).
+    If the `target` is not the output of the model but one of its inputs, the model is inverted for
+    it (`inverse.solve_for_input`).
     """
     if target is not None and target != model.output.name:
         return Forecast.of(

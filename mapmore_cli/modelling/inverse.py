@@ -1,10 +1,11 @@
-"""Find the input for a wanted output, as the pressure for a force at a strain: every solution
-within the training range.
+"""Find the input for a wanted output, for example the pressure for a force at a strain: every
+solution within the training range.
 
-The map is not monotone everywhere (measured muscles: on up to a tenth of the grid), so that there
-may be none, one, several, or a range of them where a slack muscle gives the same force at every
-pressure. Between knots (levels, boundaries, limits) and the places where the slope changes its sign
-the map is monotone, and each part holds at most one solution, which bisection finds.
+The map is not monotone everywhere (for measured muscles, it is not on up to a tenth of the grid).
+There may be no solution, one, several, or a whole range of them, if a slack muscle gives the same
+force at every pressure. The map is monotone between knots (levels, boundaries, limits) and the
+places at which the slope changes its sign. Each monotone part contains at most one solution, which
+bisection finds.
 """
 
 from __future__ import annotations
@@ -24,40 +25,44 @@ from mapmore_cli.modelling.program.values import evaluator
 from mapmore_cli.modelling.programs import program_of
 
 LOWEST, NEAREST = "lowest", "nearest"
-"""Rules that pick one of several solutions: the lowest, or the one that is nearest to that of the
-row before.
+"""Rules for the choice among several solutions: the lowest, or the one nearest to the solution of
+the row before.
 """
 
 NONE, ONE, SEVERAL, FLAT = "none", "one", "several", "flat"
-"""How many solutions there are; `flat` where they fill a range, of which the low end counts."""
+"""How many solutions there are. `flat` means that they fill a range, of which the lower end is
+returned.
+"""
 
 UNIQUE = "unique"
-"""One solution of a model whose shape lets there be no other (`fit.shape`)."""
+"""Status of a model whose shape (`fit.shape`) excludes a second solution."""
 
 SCAN, PARTS = 2, 96
-"""The slope is looked at in so many parts of every interval between knots at least, and in so many
-parts of all of them together.
+"""Smallest number of parts in which the slope is evaluated: in every interval between knots, and in
+all intervals together.
 """
 
 SPLITS, STEEP = 6, 3.0
-"""A part is divided so many times at most, as long as an end is steeper than so many times its
-secant: it may turn twice there.
+"""Largest number of times that a part is divided, and the ratio of a slope at an end to the slope
+of the secant from which on it is divided, because it may turn twice.
 """
 
-# rows that are scanned at a time; bisections that halve an interval down to rounding
+# rows that are scanned at a time; and bisections that halve an interval down to rounding
 CHUNK, BISECTIONS = (
     500,
     50,
 )
-SAME = 1e-9  # fraction of the span of outputs in a scan below which a difference counts as zero
-# fraction of the wanted output: a bisection that ends farther away has found a jump, no solution
+SAME = 1e-9  # differences below this fraction of the span of outputs count as zero
+# fraction of the wanted output; a bisection that ends farther away has found a jump instead of a
+# solution
 REACHED = 1e-6
 
 
 @dataclass(frozen=True)
 class Inverse:
-    """Solutions of n rows, row by row: `values` and `rows` (m,) of all, ascending in each row;
-    `status` and `picked` (n,), NaN for none.
+    """Solutions for n rows. `values` and `rows`, shape (m,) each, hold all solutions, ascending in
+    each row. `status` and `picked` have the shape (n,); `picked` is NaN for a row without a
+    solution.
     """
 
     values: Array
@@ -68,8 +73,8 @@ class Inverse:
 
 @dataclass(frozen=True)
 class SolvedInput:
-    """An input as a function of the output: its `values` at n rows, and where they are `solved`
-    for, `(n,)` each.
+    """An input as a function of the output: its `values` at n rows, and True in `solved` for rows
+    with a solution, shape (n,) each.
     """
 
     values: Array
@@ -95,13 +100,13 @@ def invert(model: Model, wanted: Array, given: Columns, name: str, rule: str = L
 
 
 def solve_for_input(model: Model, columns: Columns, name: str) -> SolvedInput:
-    """Return the input `name` as a function of the model's output and its other inputs, as the
-    force at a strain of a model of the strain.
+    """Return the input `name` as a function of the model's output and its other inputs, for example
+    the force at a strain from a model of the strain.
 
-    At every row of the `columns`, the output and all inputs but `name`, `(n,)` each, it is the
-    lowest solution within the training range, or, where there is none, the place that comes nearest
-    to the output: a strain that no force of the range makes has the force at the end of the range.
-    NaN where a column is. Raises UsageError, DataError as `invert`.
+    `columns` holds the output and all inputs but `name`, shape (n,) each. The result at each row is
+    the lowest solution within the training range. Without a solution, it is the value that comes
+    nearest to the output: a strain that no force of the range can cause gets the force at the end
+    of the range. It is NaN for a row with a NaN. Raises UsageError and DataError like `invert`.
     """
     needed = [model.output.name, *(other for other in _input_names(model, name) if other != name)]
     known = np.flatnonzero(np.logical_and.reduce([np.isfinite(columns[other]) for other in needed]))
@@ -122,7 +127,7 @@ def solve_for_input(model: Model, columns: Columns, name: str) -> SolvedInput:
 def _solutions(
     model: Model, wanted: Array, given: Columns, name: str
 ) -> tuple[Array, IntArray, BoolArray, Array]:
-    """Return `_Line.solutions` of all rows, made for some rows at a time."""
+    """Return `_Line.solutions` of all rows, computed for some rows at a time."""
     names, program = _input_names(model, name), program_of(model)
     slopes, value, ends = evaluator(with_slopes(program)), evaluator(program), knots(model, name)
     parts = []
@@ -150,10 +155,10 @@ def _input_names(model: Model, name: str) -> list[str]:
 
 
 def knots(model: Model, name: str) -> Array:
-    """Return ascending values of an input between which the model is smooth along it, and the ends
-    of its training range.
+    """Return the ascending values of an input between which the model is smooth, and the ends of
+    its training range.
 
-    Raises UsageError if the range is not known, as of an input that a sum renames.
+    Raises UsageError if the range is unknown, for example for an input that a sum renames.
     """
     places = np.unique(
         [place for place in program_of(model).knots.get(name, ()) if np.isfinite(place)]
@@ -167,14 +172,16 @@ def knots(model: Model, name: str) -> Array:
 
 
 def parts_between(knots: Array) -> int:
-    """Return in how many parts of every interval between knots the slope is evaluated."""
+    """Return the number of parts of every interval between knots in which the slope is
+    evaluated.
+    """
     return max(SCAN, -(-PARTS // (len(knots) - 1)))
 
 
 @dataclass(frozen=True)
 class _Line:
-    """The model along one input at each of n rows; x are values of the input in some of the rows,
-    (m,) each.
+    """The model along one input at each of n rows. x holds values of the input in some of the rows,
+    shape (m,).
     """
 
     value: Callable[[Columns], list[Array]]
@@ -220,7 +227,7 @@ class _Line:
     def _turning_points(
         self, low: Array, high: Array, rows: IntArray, splits: int
     ) -> tuple[Array, IntArray]:
-        """Return turning points within parts of some rows, with the middles of parts that were
+        """Return the turning points within parts of some rows, the middles of parts that were
         divided, and their rows.
         """
         start, end = np.nextafter(low, np.inf), np.nextafter(high, -np.inf)
@@ -253,11 +260,11 @@ class _Line:
     def solutions(
         self, x: Array, rows: IntArray, span: float
     ) -> tuple[Array, IntArray, BoolArray, Array]:
-        """Return the solutions in monotone parts between the edges `x` of the `rows`, (e,) each,
-        and their rows, (m,) each, ascending.
+        """Return the solutions in monotone parts between the edges `x` of the `rows`, shape (e,)
+        each, and their rows, shape (m,) each, ascending.
 
-        Then of each row, (n,): whether they fill a range, and the edge whose output is nearest to
-        the wanted one.
+        Also return for each row, shape (n,), whether the solutions fill a range, and the edge whose
+        output is nearest to the wanted output.
         """
         n, missing = len(self.wanted), self.missing(x, rows)
         starts = np.searchsorted(rows, np.arange(n))
@@ -276,7 +283,7 @@ class _Line:
         crossed = _bisected(
             lambda at, which: self.missing(at, where[which]), x[:-1][crosses], x[1:][crosses]
         )
-        # where the map jumps across the wanted output, there is no solution
+        # if the map jumps across the wanted output, there is no solution
         reached = np.maximum(REACHED * np.abs(self.wanted[where]), near[where])
         real = np.abs(self.missing(crossed, where)) <= reached
         values = np.concatenate([x[first], crossed[real]])
@@ -288,11 +295,11 @@ class _Line:
 def may_turn_twice(
     left: Array, right: Array, slope_left: Array, slope_right: Array, width: Array
 ) -> BoolArray:
-    """Return True if a part may turn twice and come to zero in between, (m,), given its ends'
-    values and slopes.
+    """Return True for parts that may turn twice and reach zero in between, shape (m,), from the
+    values and slopes at their ends.
 
     A cubic is monotone if its slopes at both ends are at most three times the secant's (Fritsch and
-    Carlson 1980). It strays from its ends by less than the steeper of these slopes would.
+    Carlson 1980). It deviates from its ends by less than a line with the steeper of these slopes.
     """
     reach = np.maximum(np.abs(slope_left), np.abs(slope_right)) * width
     rise = right - left
@@ -305,7 +312,9 @@ def may_turn_twice(
 
 
 def _bisected(f: Callable[[Array, IntArray], Array], low: Array, high: Array) -> Array:
-    """Return where f(places, their numbers) changes its sign between `low` and `high`, (m,)."""
+    """Return where f(places, their numbers) changes its sign between `low` and `high`, shape
+    (m,).
+    """
     which = np.arange(len(low))
     if not len(low):
         return low

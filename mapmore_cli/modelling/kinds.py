@@ -1,7 +1,8 @@
-"""What every kind of model can do: the verbs of a kind, and the same for a model of any kind.
+"""Define what every kind of model can do: the operations (verbs) of a kind, and functions that
+apply them to a model of any kind.
 
-A kind is a `Kind`, called `KIND`, in a package of `modelling/`, or one that an entry point in the
-group `mapmore.kinds` names. Its verbs are imported when a model of the kind is there.
+A kind is a `Kind` with the name `KIND` in a package of `modelling/`, or the object of an entry
+point in the group `mapmore.kinds`. Its verbs are imported when a model of this kind is used.
 """
 
 from __future__ import annotations
@@ -31,29 +32,29 @@ from mapmore_cli.modelling.ranges import outside_limits
 class Verbs(Protocol):
     """Operations of a kind of model.
 
-    A kind derives from this class. It defines the first four verbs; each of the others has an
-    answer here, which suits models whose rows are independent of each other.
+    Every kind derives from this class and defines the first four operations. The others have
+    default implementations, which suit models whose rows are independent of each other.
     """
 
     @abstractmethod
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
-        """Return the output at every row, (n,), NaN where an input is NaN or there is no
+        """Return the output at every row, shape (n,); NaN if an input is NaN or there is no
         history.
         """
 
     @abstractmethod
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-        """Return the model in physical units; `units` says how many of the model's units one unit
-        of a quantity is.
+        """Return the model as equations in physical units. `units` gives the number of the model's
+        units in one printed unit of a quantity.
         """
 
     @abstractmethod
     def parameters(self, model: Model) -> int:
-        """Return how many numbers the fit was free to choose."""
+        """Return the number of coefficients and parameters that the fit was free to choose."""
 
     @abstractmethod
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
-        """Write the model as statements; return its output."""
+        """Write the model as statements of a program, and return its output."""
 
     def running(self, model: Model) -> Callable[[Columns], SimulatedRun] | None:  # noqa: ARG002
         """Return a function that simulates one recording block after block; None if the kind needs
@@ -62,41 +63,43 @@ class Verbs(Protocol):
         return None
 
     def one_step(self, model: Model, columns: Columns) -> Array:
-        """Return the prediction of every row from the measured past, (n,)."""
+        """Return the prediction of every row from the measured past, shape (n,)."""
         return self.simulate(model, columns).values
 
     def settled(self, model: Model, columns: Columns) -> Array:
-        """Return the output where inputs stand still, (n,)."""
+        """Return the output for constant inputs after all transients, shape (n,)."""
         return self.simulate(model, columns).values
 
     def fed_back(self, model: Model) -> tuple[str, ...]:  # noqa: ARG002
-        """Return the measured outputs that a run begins from."""
+        """Return the names of measured outputs with which a run must begin."""
         return ()
 
     def outside_range(self, model: Model, columns: Columns) -> BoolArray:
-        """Return True if an input lies beyond the `ranges` of the body, (n,)."""
+        """Return True for rows at which an input lies outside the `ranges` of the body, shape
+        (n,).
+        """
         return outside_limits(getattr(model.body, "ranges", ()), model.level, columns)
 
     def rules(self, model: Model) -> Iterable[str]:  # noqa: ARG002
-        """Return how the equations are put together, in sentences."""
+        """Return how the equations are combined, in sentences."""
         return ()
 
     def faults(self, model: Model) -> Iterable[str]:  # noqa: ARG002
-        """Return why a stored model is refused (`soundness`)."""
+        """Return the faults for which a stored model is refused (`soundness`)."""
         return ()
 
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of model: its name in files and on pages, the types of its models and of its fits.
+    """A kind of model: its name in files and on pages, and the types of its models and its fits.
 
-    - `verbs`: imports and returns what the kind does.
-    - `over_time`: rows are samples of a recording, which the model runs along.
-    - `settings`: the keys of `model: {type: NAME}` in a spec, where the kind has keys of its own.
+    - `verbs`: function that imports and returns the operations of the kind.
+    - `over_time`: True if the rows are samples of a recording, along which the model runs.
+    - `settings`: the keys of `model: {type: NAME}` in a spec, if the kind has keys of its own.
 
-    A kind that adds itself derives from this class and defines what rooms above ask it for:
-    `maker` (`fitting.kinds.Fitted`), `findings` (`study.check_study.Checked`), `section` and
-    `show_fit` (`reporting.sections.Paged`), `show` (`cli.views.Shown`).
+    A kind of a plugin derives from this class and defines what higher layers ask for: `maker`
+    (`fitting.kinds.Fitted`), `findings` (`study.check_study.Checked`), `section` and `show_fit`
+    (`reporting.sections.Paged`), `show` (`cli.views.Shown`).
     """
 
     name: str
@@ -109,13 +112,15 @@ class Kind:
 
 @cache
 def kinds() -> tuple[Kind, ...]:
-    """Return every kind, in the order of their names."""
+    """Return all kinds in the order of their names."""
     parts = plugins.parts("kinds", Kind, "mapmore_cli.modelling")
     return tuple(sorted((part.value for part in parts), key=lambda kind: kind.name))
 
 
 def named(name: str) -> Kind:
-    """Return the kind of a name; raises NotInstalled if that is a part that is missing."""
+    """Return the kind with a name. Raises NotInstalled if it belongs to a part that is not
+    installed.
+    """
     kind = next((kind for kind in kinds() if kind.name == name), None) or plugins.load(
         "kinds", name
     )
@@ -129,7 +134,7 @@ def kind_of(model: Model) -> Kind:
 
 
 def verbs_of(model: Model) -> Verbs:
-    """Return what the kind of a model does."""
+    """Return the operations of the kind of a model."""
     return kind_of(model).verbs()
 
 
@@ -139,8 +144,8 @@ def kind_of_fit(fit: Fit | None) -> Kind | None:
 
 
 def alone(model: Model) -> Model:
-    """Return a model of one output; UsageError for one of several, which nobody can mean by one
-    number.
+    """Return a model of one output unchanged. Raises UsageError for a model of several outputs, for
+    which one number is ambiguous.
     """
     names = [output.name for output in model.outputs]
     if len(names) > 1:
@@ -153,31 +158,31 @@ def alone(model: Model) -> Model:
 
 
 def predict(model: Model, columns: Columns) -> Array:
-    """Output of the model at every row, (n,), as `simulate` has it."""
+    """Return the output of the model at every row, shape (n,), like `simulate`."""
     return simulate(model, columns).values
 
 
 def simulate(model: Model, columns: Columns) -> SimulatedRun:
-    """Output of the model at every row, (n,), NaN where an input is NaN; and the rows at which a
-    free run diverges.
+    """Return the output of the model at every row, shape (n,), NaN if an input is NaN; and the rows
+    at which a free run diverges.
 
     A model with memory runs free along one recording: it has no prediction before there is history,
     and starts again after rows with a NaN.
 
-    - `columns`: the model's inputs by name, each (n,), in the model's units; with memory also
-      `time`, and the output where it is fed back.
+    - `columns`: the model's inputs by name, each (n,), in the model's units; for a model with
+      memory also `time`, and the output if it is fed back.
 
-    Raises KeyError if an input is missing; DataError if a free run has nothing to begin from,
-    or samples are not at the model's time steps.
+    Raises KeyError if an input is missing; DataError if a free run has no measured output to begin
+    with, or the time steps are not those of the model.
     """
     return verbs_of(model).simulate(model, columns)
 
 
 def settled(model: Model, columns: Columns) -> Array:
-    """Output of the model where its inputs stand still, (n,): `predict`, but with memory what a run
-    comes to rest at.
+    """Return the output of the model for constant inputs, shape (n,). For a model with memory, it
+    is the value at which a run comes to rest; for others, it is `predict`.
 
-    Raises FitError if it does not.
+    Raises FitError if the run does not come to rest.
     """
     return verbs_of(model).settled(model, columns)
 
@@ -190,19 +195,19 @@ def running(model: Model) -> Callable[[Columns], SimulatedRun] | None:
 
 
 def outside_range(model: Model, columns: Columns) -> BoolArray:
-    """Return True if an input lies beyond the training range, of any summand where the model is
-    a sum, (n,).
+    """Return True for rows at which an input lies outside the training range, shape (n,). In a sum,
+    the range of any summand counts.
     """
     return verbs_of(model).outside_range(model, columns)
 
 
 @contextmanager
 def numbers_in_reach(model: Model) -> Iterator[None]:
-    """Raise DataError for a model whose coefficients multiply to what is no number, as in a file
-    that somebody changed.
+    """Raise DataError if the coefficients of a model multiply to a value that is not finite, for
+    example in a file that somebody changed.
     """
     try:
-        with np.errstate(over="ignore"):  # infinity is no number
+        with np.errstate(over="ignore"):  # infinity is not finite, too
             yield
     except ExpressionError as fault:
         raise DataError(
@@ -214,7 +219,8 @@ def numbers_in_reach(model: Model) -> Iterator[None]:
 def equations(
     model: Model, units: Mapping[str, float] = MappingProxyType({})
 ) -> tuple[Equation, ...]:
-    """Return the model as equations, in its units or in others: of a sum, those of each summand.
+    """Return the model as equations, in its own units or in others. For a sum, these are the
+    equations of each summand.
 
     Raises DataError if a coefficient is too large to be a number.
     """
@@ -223,27 +229,31 @@ def equations(
 
 
 def rules(model: Model) -> tuple[str, ...]:
-    """Return how its equations are put together, in sentences: whoever has both can compute it."""
+    """Return how the equations are combined, in sentences. With both, a reader can compute the
+    model.
+    """
     return tuple(verbs_of(model).rules(model))
 
 
 def parameters(model: Model) -> int:
-    """Return the number of free parameters: coefficients of terms and parameters of formulas, in a
-    sum of all parts.
+    """Return the number of free parameters: coefficients of terms and parameters of formulas. For a
+    sum, all parts are counted.
     """
     return verbs_of(model).parameters(model)
 
 
 def one_step_ahead(model: Model, columns: Columns) -> Array:
-    """Prediction of every row from the measured past, (n,); NaN before there is history."""
+    """Return the prediction of every row from the measured past, shape (n,); NaN before there is
+    history.
+    """
     return verbs_of(model).one_step(model, columns)
 
 
 def runs_over_time(model: Model) -> bool:
-    """Return True if rows are samples of a recording, which the model runs along."""
+    """Return True if the rows are samples of a recording, along which the model runs."""
     return any(kind_of(part).over_time for part in model.every)
 
 
 def fed_back(model: Model) -> tuple[str, ...]:
-    """Return the measured outputs that a run begins from, each once."""
+    """Return the names of measured outputs with which a run must begin, each once."""
     return verbs_of(model).fed_back(model)

@@ -1,4 +1,4 @@
-"""A model of any kind as a program, as numbers of one sample or its derivatives."""
+"""Write a model of any kind as a program, for its values at one sample or its derivatives."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from mapmore_cli.modelling.signals.sampling import UNEVEN
 
 
 def program_of(model: Model) -> Program:
-    """Return the model as a program of one sample's numbers, from which other languages and
-    derivatives follow.
+    """Return the model as a program for the values of one sample, from which other languages and
+    derivatives are made.
 
-    Raises DataError if parts have different times between samples or go on from different
-    outputs, or one is no closed expression, and where a coefficient is too large to be a number.
+    Raises DataError if parts have different times between samples or need different measured
+    outputs, if a part has no closed expression, or if a coefficient is too large to be a number.
     """
     m = Writer()
     names = {quantity.name: Name(f"{INPUT}{quantity.name}") for quantity in model.inputs}
@@ -43,15 +43,15 @@ def program_of(model: Model) -> Program:
 
 
 def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
-    """Write a model of any kind; return its output."""
+    """Write a model of any kind, and return its output."""
     return verbs_of(model).write(m, model, inputs)
 
 
 def slopes(model: Model, columns: Columns) -> dict[str, Array]:
-    """Return the derivative of the output for every input, (n,) each; NaN where an input is not
+    """Return the derivative of the output by every input, shape (n,) each; NaN if an input is not
     finite.
 
-    Raises DataError for a model with memory, and where a part of the model is no closed expression.
+    Raises DataError for a model with memory, and if a part of the model has no closed expression.
     """
     _, *slopes_of_inputs = evaluator(with_slopes(program_of(alone(model))))(columns)
     return {

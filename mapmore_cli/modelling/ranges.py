@@ -1,4 +1,6 @@
-"""Where a model was trained: the range of every input, between the levels of its curves."""
+"""Describe where a model was trained: the range of every input, interpolated between the levels of
+its curves.
+"""
 
 from __future__ import annotations
 
@@ -11,14 +13,14 @@ from mapmore_cli.domain.arrays import Array, BoolArray, Columns, row_count
 from mapmore_cli.domain.recording import CurveRange
 
 OUTSIDE_TOLERANCE = 1e-9
-"""Inputs within this fraction of a range beyond its end still count as inside: the end itself must
-not be flagged by rounding.
+"""An input outside a range by less than this fraction of the range still counts as inside, so that
+rounding does not flag the end itself.
 """
 
 
 class InputRange(NamedTuple):
-    """Training range of one input: `low` to `high`, (L,) each; linear between `levels`, (L,), of
-    the input `at` where that is not None.
+    """Training range of one input, from `low` to `high`, shape (L,) each, interpolated linearly
+    between the `levels`, shape (L,), of the input `at`. If `at` is None, there is one range.
     """
 
     name: str
@@ -28,7 +30,9 @@ class InputRange(NamedTuple):
     high: Array
 
     def ends(self, columns: Columns) -> tuple[Array, Array]:
-        """Return the least and the greatest value of the input at every row, (n,) or (1,) each."""
+        """Return the smallest and the largest value of the input at every row, shape (n,) or (1,)
+        each.
+        """
         if self.at is None:
             return self.low[:1], self.high[:1]
         place = columns[self.at]
@@ -36,11 +40,11 @@ class InputRange(NamedTuple):
 
 
 def limits(ranges: Sequence[CurveRange], level: str | None) -> Iterator[InputRange]:
-    """Yield the training range of every input, the level first: its own is that of its levels, (1,)
-    each.
+    """Yield the training range of every input. The level comes first; its range is that of the
+    levels, shape (1,) each.
 
-    That of any other input is interpolated linearly between the curves, since each curve has its
-    own (free strain grows with pressure).
+    The range of any other input is interpolated linearly between the curves, because each curve has
+    its own: the free strain grows with the pressure.
     """
     if not ranges:
         return
@@ -58,7 +62,7 @@ def limits(ranges: Sequence[CurveRange], level: str | None) -> Iterator[InputRan
 
 
 def outside_limits(ranges: Sequence[CurveRange], level: str | None, columns: Columns) -> BoolArray:
-    """Return True if an input lies beyond its training range, (n,)."""
+    """Return True for rows at which an input lies outside its training range, shape (n,)."""
     outside = np.zeros(row_count(columns), dtype=np.bool_)
     for input_range in limits(ranges, level):
         if input_range.name in columns:

@@ -1,4 +1,4 @@
-"""How terms are chosen: the section `fit`, of segments and of models with memory alike."""
+"""Define the section `fit`: how terms are chosen, for segments and for models with memory."""
 
 from __future__ import annotations
 
@@ -18,58 +18,62 @@ from mapmore_cli.domain.declared import (
     always_in,
 )
 
-AUTO = "auto"  # what left-out training data choose: a backbone
-LEAST_RIDGE = 1e-9  # a smaller ridge, but for zero, would drown in the rounding of the Gram matrix
-# terms chosen forward for each that is kept, where pruning follows and nothing else is said
+AUTO = "auto"  # word for what is chosen by training data that were left out, for example a backbone
+LEAST_RIDGE = 1e-9  # a smaller ridge, except zero, would be lost in the rounding of the Gram matrix
+# default ratio of terms that are selected before pruning to terms that are kept
 FORWARD = 3
 
 TERMS_OF_ONE_MODEL = 12
-"""Terms of one model of whole records, or of all curves, at most, where nothing else is said."""
+"""Default largest number of terms of one model for whole recordings, or for all curves together."""
 
 Loss = Literal["squares", "huber", "bisquare"]
-"""What a residual costs."""
+"""Loss function for residuals."""
 
 Stop = Literal["tolerance", "bic", "aicc", "press", "free_run"]
-"""When fewer terms than `max_terms` are enough."""
+"""Rule by which fewer terms than `max_terms` can be enough."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fit(Settings):
     """How terms are chosen (M2 eq 2-7).
 
-    - `scaling`: how inputs are scaled: `none` by default with memory, `max_abs` for damping;
-      `range` brings states to [0, 1]; `unit_square` puts the origin into a corner of the data, so
-      that a product of two of many inputs needs four terms: `max_abs` then finds it with one, as
-      `none`
-    - `margin`: how far beyond `range` states are clipped, as a fraction of it, as `0.15`
-    - `train_level`: the one training level whose samples the pieces are fitted to, as M2 does, as
-      `highest`
-    - `max_terms`: terms of a segment, or of one model of whole records or of all curves, at most;
-      such a model has up to 12 by default, of which `stop: bic` keeps as many as the data support,
-      as `2`
-    - `tolerance`: ends the choice where no larger fraction of the squares of the target is left, of
-      those about its mean where the dictionary has a constant; it ends no other `stop` rule, as
-      `0.01`
-    - `stop`: when fewer terms than `max_terms` are enough; `free_run` chooses the number on the
-      last quarter of each training recording, as `bic`
-    - `criterion`: with delays of the output, `free_run` refines the coefficients on the simulation
-      error, as `free_run`
-    - `ridge`: a fraction of a candidate's variance, or `auto`: `forward` terms are selected and
-      pruned to `max_terms`, as `auto`
-    - `forward`: terms that are selected before pruning; three times `max_terms` by default, as `30`
-    - `loss`: what a residual costs: `huber` counts large ones by their size, `bisquare` not at all
-      beyond 4.685 `scale`; outliers are listed, and stay, as `huber`
-    - `scale`: size of an ordinary residual; `auto` is 1.4826 times the median absolute one, as
-      `auto`
-    - `weight`: `curve` counts alike, however many samples they have, all curves that are pooled, or
-      all recordings of one, as `curve`
-    - `shape`: what is known of the output along its inputs, where the training output stands clear
-      of its least, or, with memory, of the output at rest; coefficients follow it, the choice of
-      terms does not, as `{pressure: increasing,
-      strain: [decreasing, convex]}`
-    - `slack`: the share of the range of the training output above its least, below which no shape
-      is asked for, as `0.05`
-    - `beyond`: how far beyond the training range the shape holds, as a share of it, as `0.1`
+    - `scaling`: How inputs are scaled before they enter terms. `unit_square` moves the origin to a
+      corner of the data. A product of two inputs then needs four terms; `max_abs` (division by the
+      largest magnitude) and `none` need only one. `range` maps states to [0, 1]. The default is
+      `unit_square`, with memory `none`, for damping `max_abs`. Example: `none`
+    - `margin`: Distance outside the training range at which states are clipped with `scaling:
+      range`, as a fraction of the range. Example: `0.15`
+    - `train_level`: The only training level whose samples are used to fit the pieces, as in M2.
+      Example: `highest`
+    - `max_terms`: Largest number of terms of a segment, or of one model for whole recordings or all
+      curves. Such a model has up to 12 terms by default, of which `stop: bic` keeps as many as the
+      data support. More terms fit the training data better, but overfit sooner. Example: `2`
+    - `tolerance`: Stop when the unexplained fraction of the target's squares is not larger than
+      this. If the dictionary has a constant, the squares about the mean are used. It has no effect
+      with any other `stop` rule. Example: `0.01`
+    - `stop`: Rule by which fewer terms than `max_terms` can be enough. `free_run` chooses the
+      number by simulation of the last quarter of each training recording. Example: `bic`
+    - `criterion`: What the coefficients minimise in a model with delays of the output: the error
+      one step ahead, or with `free_run` the simulation error. Example: `free_run`
+    - `ridge`: Regularisation as a fraction of a candidate's variance, or `auto` to choose it.
+      `forward` terms are selected and then pruned to `max_terms`. Example: `auto`
+    - `forward`: Number of terms that are selected before pruning; three times `max_terms` by
+      default. Example: `30`
+    - `loss`: Loss function for residuals. `huber` limits the influence of large residuals.
+      `bisquare` ignores residuals larger than 4.685 `scale`. Outliers are listed, and remain in the
+      data. Example: `huber`
+    - `scale`: Size of an ordinary residual. `auto` takes 1.4826 times the median absolute residual.
+      Example: `auto`
+    - `weight`: With `curve`, all pooled curves (or all recordings of one curve) have the same total
+      weight, however many samples they have. Example: `curve`
+    - `shape`: Known shape of the output along its inputs; with memory, of the output at rest. The
+      coefficients follow it, the choice of terms does not. It does not apply where the training
+      output is close to its minimum (see `slack`). Example: `{pressure: increasing, strain:
+      [decreasing, convex]}`
+    - `slack`: Fraction of the output's training range, above its minimum, within which no shape is
+      required. Example: `0.05`
+    - `beyond`: Distance outside the training range up to which the shape must hold, as a fraction
+      of the range. Example: `0.1`
     """
 
     scaling: Literal["unit_square", "max_abs", "none", "range"] = "unit_square"
@@ -93,17 +97,17 @@ class Fit(Settings):
 
     @property
     def known_scale(self) -> float | None:
-        """The scale where it is given."""
+        """The scale, if the spec gives a number."""
         return None if isinstance(self.scale, str) else self.scale
 
     @property
     def forward_terms(self) -> int:
-        """Terms that are chosen before pruning, where there is a ridge."""
+        """Number of terms that are selected before pruning, if there is a ridge."""
         forward = FORWARD * self.max_terms if self.forward is None else self.forward
         return max(self.max_terms, forward)
 
     def __post_init__(self) -> None:
-        """Refuse a ridge that is lost in rounding, and a scale of nothing."""
+        """Refuse a ridge that is lost in rounding, and a scale that is not positive."""
         if self.scale != "auto" and self.loss == "squares":
             raise Contradiction(
                 "`scale` has no effect with `loss: squares`",
@@ -126,16 +130,16 @@ class Fit(Settings):
 
 @dataclass(frozen=True, kw_only=True)
 class MemoryRecipe(Fit):
-    """The choices of a model with memory: those of `Fit`, and what they act on.
+    """Settings of a model with memory: those of `Fit`, and what they act on.
 
-    With a ridge candidates are centred and divided by their standard deviations, and the model has
-    a constant of its own; without, a constant is a candidate like any other. `tolerance` is as in
-    `Fit`; with a ridge it is a fraction of the variance.
+    With a ridge, candidates are centred and divided by their standard deviations, and the model has
+    a separate constant. Without a ridge, the constant is a candidate like any other. `tolerance` is
+    as in `Fit`; with a ridge, it is a fraction of the variance.
 
     - `target`: the output.
-    - `dictionary`: candidate terms as text, products of names of states.
+    - `dictionary`: candidate terms as texts: products of names of states.
     - `step`: time between samples, s.
-    - `ordered`: whether that is uneven, and the order of samples alone counts.
+    - `ordered`: True if the time steps are uneven and only the order of samples counts.
     """
 
     target: str

@@ -1,7 +1,7 @@
-"""Competitors that need no muscle: polynomials in a model's own inputs, and a linear model of the
-next output (ARX) in free run.
+"""Fit competitors that need no knowledge of muscles: polynomials in a model's own inputs, and a
+linear model of the next output (ARX) in free run.
 
-A reviewer asks for them first: whatever a study models, a plane through its inputs costs nothing.
+Reviewers ask for them first, because a plane through the inputs costs nothing in any study.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from mapmore_cli.domain.models import Equation
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.modelling.signals.sampling import even_share
 
-# total degree of each polynomial, every monomial up to it included
+# total degree of each polynomial, which has every monomial up to it
 DEGREES = {
     "plane": 1,
     "quadratic": 2,
@@ -27,21 +27,22 @@ DEGREES = {
 SIMPLE: Mapping[str, str] = {name: name.capitalize() for name in (*DEGREES, "backbone")} | {
     "arx": "ARX"
 }
-"""The simple competitors with their titles; every validation has those that its model allows."""
+"""The simple competitors with their titles. Every validation has those that its model allows."""
 
-ORDERS = (1, 2, 4, 8)  # samples that an ARX looks back; the free run on training data chooses
-MOST_ROWS = 50_000  # training rows that a fit takes, an even share
+# samples that an ARX model may look back; the free run on training data chooses
+ORDERS = (1, 2, 4, 8)
+MOST_ROWS = 50_000  # training rows that a fit uses, evenly spread
 DIGITS = 6  # of printed coefficients
-LARGEST = 1e3  # times the largest measured output, from which a free run has diverged
+LARGEST = 1e3  # multiple of the largest measured output beyond which a free run has diverged
 
 
 Rows = tuple[Array, Array]
-"""Inputs, (n, m), and outputs, (n,), that a polynomial is fitted to."""
+"""Inputs, (n, m), and outputs, (n,), to which a polynomial is fitted."""
 
 
 def training_rows(dataset: Dataset, names: Sequence[str]) -> Rows:
-    """Return known inputs and outputs of training samples, in an order that does not depend on that
-    of the samples; of many, an even share.
+    """Return the finite inputs and outputs of training samples, in an order that does not depend on
+    the order of the samples; if there are many, evenly thinned.
     """
     *inputs, y = _training_samples(dataset, [*names, dataset.target])
     x = np.column_stack(inputs)
@@ -53,8 +54,8 @@ def training_rows(dataset: Dataset, names: Sequence[str]) -> Rows:
 
 @dataclass(frozen=True)
 class Polynomial:
-    """A polynomial in the quantities `names`, (m,), each less its `middle` and over its `half`
-    range, with a coefficient `theta`, (k,), for every monomial up to a total degree.
+    """A polynomial in the quantities `names`, (m,), each shifted by its `middle` and divided by its
+    `half` range, with a coefficient in `theta`, (k,), for every monomial up to a total degree.
     """
 
     names: Sequence[str]
@@ -64,19 +65,22 @@ class Polynomial:
     theta: Array
 
     def __call__(self, *at: Array) -> Array:
-        """Return its values at places of its quantities, (n,) each."""
+        """Return the values of the polynomial at some places of its quantities, shape (n,) each."""
         ends = zip(at, self.middle, self.half, strict=True)
         return self.theta @ _monomials([(x - m) / h for x, m, h in ends], self.degree)
 
     def of_curves(self, dataset: Dataset) -> list[Array]:
-        """Return its values at the samples of every curve: (n_c,) each."""
+        """Return the values of the polynomial at the samples of every curve, shape (n_c,) each."""
         return [
             by_blocks(self, *(curve.columns[n] for n in self.names)) for curve in dataset.curves
         ]
 
     def equation(self, name: str) -> Equation:
-        """Return it in coordinates `s_NAME` that are -1 and 1 at the ends of the training data."""
-        from mapmore_cli.modelling.equations import as_equation  # which load SciPy
+        """Return the polynomial as an equation in coordinates `s_NAME` that are -1 and 1 at the
+        ends of the training data.
+        """
+        # imported here because they load SciPy
+        from mapmore_cli.modelling.equations import as_equation
         from mapmore_cli.modelling.expressions import folded, parse
 
         factors = _powers(len(self.names), self.degree)
@@ -94,9 +98,10 @@ def polynomial_fit(
 ) -> Polynomial | None:
     """Return the least-squares polynomial in the quantities `names`.
 
-    Inputs are scaled to [-1, 1] on the training samples; where these leave coefficients open, the
-    solution of least norm is taken. It is fitted to `rows`, the `training_rows` where they are
-    left out. None if there are fewer of them than coefficients, or no inputs.
+    Inputs are scaled to [-1, 1] on the training samples. If these do not determine all
+    coefficients, the solution of minimum norm is taken. The polynomial is fitted to `rows`, by
+    default the `training_rows`. The result is None if there are fewer rows than coefficients, or no
+    inputs.
     """
     if not names:
         return None
@@ -112,11 +117,12 @@ def polynomial_fit(
 
 
 def arx(dataset: Dataset, names: Sequence[str]) -> list[Array] | None:
-    """Free run of `y[k] = c + sum a_i y[k-i] + sum b_j u[k-j]` along every recording, (n_c,) each.
+    """Return the free run of `y[k] = c + sum a_i y[k-i] + sum b_j u[k-j]` along every recording,
+    shape (n_c,) each.
 
-    It starts from the first measured output, at rest. Least squares on one step fits it; of
-    `ORDERS`, the one whose free run errs least on the training samples is taken. None if none of
-    them runs without diverging.
+    It starts from the first measured output, at rest. The coefficients are fitted by least squares
+    one step ahead. Of `ORDERS`, the one with the smallest error in free run on the training samples
+    is taken. The result is None if every free run diverges.
     """
     best, least = None, np.inf
     for order in ORDERS:
@@ -135,8 +141,8 @@ def arx(dataset: Dataset, names: Sequence[str]) -> list[Array] | None:
 
 
 def _training_samples(dataset: Dataset, names: Sequence[str]) -> list[Array]:
-    """Return some columns of the training samples of all curves, (n,) each; of far more than a fit
-    takes, an even share.
+    """Return some columns of the training samples of all curves, shape (n,) each, evenly thinned if
+    there are far more than a fit uses.
     """
     every = _thinning(dataset)
     rows = [np.flatnonzero(curve.training)[::every] for curve in dataset.curves]
@@ -150,12 +156,16 @@ def _training_samples(dataset: Dataset, names: Sequence[str]) -> list[Array]:
 
 
 def _thinning(dataset: Dataset) -> int:
-    """Return of how many samples one is taken, so that few more are than a fit takes."""
+    """Return the number n of which every n-th sample is taken, so that few more remain than a fit
+    uses.
+    """
     return max(1, sum(curve.size for curve in dataset.curves) // (4 * MOST_ROWS))
 
 
 def _monomials(x: Sequence[Array] | Array, degree: int) -> Array:
-    """Every monomial of `m` inputs, (n,) each, of total degree up to `degree`: (k, n)."""
+    """Return every monomial of `m` inputs, (n,) each, with a total degree up to `degree`, shape (k,
+    n).
+    """
     values: dict[tuple[int, ...], Array] = {(): np.ones(len(x[0]))}
     for of in _powers(len(x), degree)[1:]:
         values[of] = values[of[:-1]] * x[of[-1]]
@@ -163,7 +173,9 @@ def _monomials(x: Sequence[Array] | Array, degree: int) -> Array:
 
 
 def _powers(inputs: int, degree: int) -> list[tuple[int, ...]]:
-    """Return the numbers of the inputs that are the factors of each monomial, in their order."""
+    """Return the indices of the inputs whose product each monomial is, in the order of the
+    monomials.
+    """
     return [
         of
         for total in range(degree + 1)
@@ -172,7 +184,9 @@ def _powers(inputs: int, degree: int) -> list[tuple[int, ...]]:
 
 
 def _one_step_fit(dataset: Dataset, names: Sequence[str], order: int) -> Array | None:
-    """Coefficients: the constant, `order` of the output, then `order + 1` of each input."""
+    """Return the coefficients: the constant, `order` of the output, then `order + 1` of each
+    input.
+    """
     every, tables, outputs = _thinning(dataset), [], []
     for curve in dataset.curves:
         for rows in curve.stretches:
@@ -195,15 +209,19 @@ def _one_step_fit(dataset: Dataset, names: Sequence[str], order: int) -> Array |
 
 
 def _run(curve: Curve, target: str, names: Sequence[str], order: int, theta: Array) -> Array:
-    """Return the free run along every recording of a curve, (n,); NaN from where it diverges."""
-    from scipy.signal import lfilter  # a fifth of the seconds of a run without any
+    """Return the free run along every recording of a curve, shape (n,); NaN from the sample at
+    which it diverges.
+    """
+    from scipy.signal import lfilter  # imported here because loading it takes a fifth of a run
 
     y = curve.columns[target]
     a, weights = theta[1 : order + 1], theta[order + 1 :].reshape(len(names), order + 1)
     most = LARGEST * max(np.abs(x[np.isfinite(x)]).max(initial=1e-300) for (x,) in in_blocks(y))
 
     def at_rest(coefficients: Array, first: float) -> Array:
-        """Return what values that were always the first one add to the samples 0, 1, ..."""
+        """Return the contribution to samples 0, 1, ... of earlier values that were always equal to
+        the first one.
+        """
         return np.array([coefficients[step:].sum() * first for step in range(order)])
 
     def along(rows: slice | IntArray) -> Iterator[list[Array]]:

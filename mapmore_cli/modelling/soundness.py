@@ -1,8 +1,7 @@
-"""Whether a model that somebody stored can be evaluated: asked once, when it is read.
+"""Check whether a stored model can be evaluated, once, when it is read.
 
-Types and single values were checked before. Here parts have to fit together: a model is refused
-where its kind says so (the verb `faults`), or where a trial on a few rows ends in an error of the
-program instead of an answer.
+Types and single values are checked before. Here, the parts must fit together. A model is refused if
+its kind finds a fault (`faults`), or if a trial on a few rows ends with an internal error.
 """
 
 from __future__ import annotations
@@ -18,11 +17,11 @@ from mapmore_cli.modelling.programs import program_of
 from mapmore_cli.modelling.signals.rates import signal_values
 from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths_of
 
-ROWS = 16  # of the trial
+ROWS = 16  # rows of the trial
 
 
 def unsound(model: Model) -> str | None:
-    """Return why a model cannot be evaluated; None if it can."""
+    """Return the reason why a model cannot be evaluated; None if it can."""
     try:
         for part in model.every:
             fault = next(iter(kinds.verbs_of(part).faults(part)), None)
@@ -41,7 +40,7 @@ def unsound(model: Model) -> str | None:
 
 
 def _try(model: Model) -> None:
-    """Do with a model what commands do; an answer that explains itself is one."""
+    """Do with a model what commands do. An error message for users counts as a valid answer."""
     asked = (*model.inputs, model.output)
     names = [quantity.name for quantity in asked] + [
         *kinds.fed_back(model),
@@ -59,5 +58,5 @@ def _try(model: Model) -> None:
         lambda: model.left_out and half_widths_of(model, columns, INTERVAL),
         lambda: [signal_values(signal, timed) for signal in model.signals],
     ):
-        with suppress(MapmoreError), np.errstate(all="ignore"):  # which commands tell
+        with suppress(MapmoreError), np.errstate(all="ignore"):  # commands report these errors
             attempt()

@@ -1,1 +1,1 @@
-"""What runs the stages: fingerprints, staleness, runs that need others, the runner."""
+"""Run the stages: fingerprints, staleness, runs that need other runs, and the runner."""

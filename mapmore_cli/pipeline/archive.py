@@ -1,6 +1,4 @@
-"""Frozen models: what a run found, kept under a name that no later run overwrites, and compared
-with later ones.
-"""
+"""Freeze models under a name that no later run overwrites, and compare them with later ones."""
 
 from __future__ import annotations
 
@@ -52,12 +50,12 @@ TAG = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 
 
 def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
-    """Copy the model of a finished run, its scores, spec and hashes to `ARCHIVE/NAME@TAG`; the
-    folder.
+    """Copy the model of a finished run, its scores, spec and hashes to `ARCHIVE/NAME@TAG`, and
+    return this folder.
 
-    Raises DataError if the run is not finished, its files are not the ones that it wrote, or its
-    record has no name of a run; UsageError if the tag is no name; WriteError if that name is
-    taken, or the archive cannot be written.
+    Raises DataError if the run is not finished, its files were changed, or its record has no valid
+    name; UsageError for an invalid tag; WriteError if the name is taken or the archive cannot be
+    written.
     """
     if not TAG.fullmatch(tag):
         raise UsageError(
@@ -66,7 +64,8 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
         )
     _check_finished(run_dir)
     name = _entry(run_dir / RUN_RECORD, "name")
-    if not isinstance(name, str) or not TAG.fullmatch(name):  # a stranger's may lead anywhere
+    # a record from a stranger may contain any path
+    if not isinstance(name, str) or not TAG.fullmatch(name):
         raise DataError(
             f"{run_dir / RUN_RECORD}: does not contain the name of the run",
             "repeat the run with `mapmore run CONFIG --force`",
@@ -101,16 +100,15 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
             try:
                 unfinished.rename(place)
             except OSError as fault:
-                if fault.errno in (errno.ENOTEMPTY, errno.EEXIST):  # by another process meanwhile
+                # another process has created it meanwhile
+                if fault.errno in (errno.ENOTEMPTY, errno.EEXIST):
                     raise refusal from fault
                 raise
     return place
 
 
 def _entry(path: Path, *keys: str) -> object:
-    """Return what stands under some keys of a JSON file; None if there is nothing, or no such
-    file.
-    """
+    """Return the value under some keys of a JSON file; None if there is no value or no file."""
     try:
         entry = json.loads(path.read_text(encoding="utf-8"))
         for key in keys:
@@ -121,7 +119,7 @@ def _entry(path: Path, *keys: str) -> object:
 
 
 def _check_finished(run_dir: Path) -> None:
-    """Check that what `run.json` says was written is there."""
+    """Check that the files listed in `run.json` exist unchanged."""
     remedy = "bring the run up to date with `mapmore run`"
     if missing := [kept for kept in KEPT if not (run_dir / kept).is_file()]:
         raise DataError(f"{run_dir}: is not a finished run ({', '.join(missing)} missing)", remedy)
@@ -133,11 +131,11 @@ def _check_finished(run_dir: Path) -> None:
 
 
 def find_model(text: str, runs: Path, archive: Path) -> Path:
-    """Return the model file that a word on the command line means: a file, a run folder, a run,
-    `NAME@TAG`, or a tag that one run has.
+    """Return the model file that a word on the command line means: a file, a run folder, the name
+    of a run, `NAME@TAG`, or a tag that only one run has.
 
-    Raises DataError if there is none, or a frozen model is not what was frozen; UsageError if
-    several runs have the tag.
+    Raises DataError if there is none, or if a frozen model has been changed; UsageError if several
+    runs have the tag.
     """
     path = Path(text)
     if path.is_file():
@@ -165,7 +163,7 @@ def find_model(text: str, runs: Path, archive: Path) -> Path:
 
 
 def runs_of(campaign: Path) -> list[str] | None:
-    """Return the names of the runs of a campaign, by the folder of its page; None for another
+    """Return the names of the runs of a campaign, given the folder of its page; None for another
     folder.
 
     Raises DataError if its record does not name them.
@@ -183,8 +181,8 @@ def runs_of(campaign: Path) -> list[str] | None:
 
 
 def find_campaign(text: str, runs: Path, archive: Path) -> dict[str, Path] | None:
-    """Return the models of a campaign by the names of its runs, as they are now, or where
-    `NAME@TAG` asks for it, as they were frozen; None if the text names no campaign.
+    """Return the models of a campaign by the names of its runs: the present ones, or the frozen
+    ones for `NAME@TAG`; None if the text names no campaign.
     """
     name, at, tag = text.partition("@")
     names = runs_of(runs / name)
@@ -194,8 +192,8 @@ def find_campaign(text: str, runs: Path, archive: Path) -> dict[str, Path] | Non
 
 
 def made_from(run_dir: Path) -> tuple[str, list[str]]:
-    """Return the spec or the campaign that a run was made from, and the settings of the command
-    line that decide about its model.
+    """Return the spec or the campaign from which a run was made, and the settings of the command
+    line that affect its model.
     """
     origin = load_origin(run_dir) or Origin("")
     harmless = ("name=", "report", "validate")
@@ -206,10 +204,11 @@ def made_from(run_dir: Path) -> tuple[str, list[str]]:
 def compared(
     before: Path, after: Path, margin: float, other_settings: bool = False, output: str = ""
 ) -> Comparison:
-    """Compare two models, with what their runs were made from; of several outputs, one.
+    """Compare two models, including the settings with which their runs were made. `output` selects
+    one of several outputs.
 
-    Raises UsageError if their settings differ, unless `other_settings` are allowed; DataError
-    if they are of other quantities, or have too few curves in common.
+    Raises UsageError if the settings differ, unless `other_settings` are allowed; DataError if the
+    models predict other quantities or have too few curves in common.
     """
     records = [known_records(model.parent) for model in (before, after)]
     settings = tuple(_other_settings(*records))
@@ -233,14 +232,14 @@ def compared(
 
 
 MADE_BY = ("segment", "dictionary", "model", "fit", "fuse")
-"""The sections by which a model is made of its curves."""
+"""Sections of a spec that determine how a model is made from its curves."""
 
 
 def _other_settings(*runs: Mapping[str, StageRecord]) -> Iterator[str]:
-    """Yield the keys that differ between two runs, with both values; none if a model was sent
-    alone, without the record of its run, or where both were searched alike.
+    """Yield the keys that differ between two runs, with both values; nothing if a model has no
+    record of its run, or if both structures were searched with the same settings.
 
-    Keys that came with a later version have their defaults.
+    Keys that an older version did not have are set to their defaults.
     """
     sections = {name: ExperimentSpec.model_fields[name] for name in MADE_BY}
     keys = {name: (key.annotation, key.default) for name, key in sections.items()}
@@ -249,7 +248,7 @@ def _other_settings(*runs: Mapping[str, StageRecord]) -> Iterator[str]:
         slices = [run[stage].slice for run in runs if stage in run]
         for place, values in enumerate(slices):
             known = {key: values[key] for key in MADE_BY if key in values}
-            with suppress(ValidationError):  # of a newer version
+            with suppress(ValidationError):  # the record is from a newer version
                 known = recorded(made_by.model_validate_json(json.dumps(known)))
             slices[place] = known
         if len(slices) == 2:

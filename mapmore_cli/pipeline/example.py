@@ -1,4 +1,4 @@
-"""The small study that is shipped: copied into a folder to start from, or given as arrays."""
+"""Provide the small example study of the package, as files or as arrays."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from mapmore_cli.study.schema import write_schema_beside
 SHIPPED = files("mapmore_cli.pipeline") / "shipped"
 SPECS = ("study.yaml", "search.yaml", "autumn.yaml")
 QUANTITIES = ("time", "pressure", "strain", "force")
-"""What the columns of a shipped recording are, in s, kPa, 1 and N."""
+"""Columns of an example recording, in s, kPa, 1 and N."""
 
 
 def write_example(folder: Path) -> list[Path]:
-    """Copy the study and the recordings of both campaigns into a folder, which is made if it does
-    not exist; return their paths, the study first.
+    """Copy the study and the recordings of both campaigns into a folder, which is created if
+    necessary; return their paths, the study first.
 
-    The runs of the study bear the folder's name, so that two copies never meet in one folder of
-    runs. Raises WriteError if the folder is not empty, or cannot be written.
+    The runs of the study have the name of the folder, so that two copies never meet in one folder
+    of runs. Raises WriteError if the folder is not empty or cannot be written.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise WriteError(f"{folder}: is not an empty folder", "name a new folder")
@@ -43,7 +43,7 @@ def write_example(folder: Path) -> list[Path]:
 
 
 def example_recordings() -> list[Columns]:
-    """Return the recordings of the study: s, kPa, 1 and N, each quantity (n,)."""
+    """Return the recordings of the study in s, kPa, 1 and N, each quantity of shape (n,)."""
     tables = [each.read_text(encoding="utf-8").splitlines() for each in _recordings(SHIPPED)]
     return [
         dict(zip(QUANTITIES, np.loadtxt(lines, delimiter=",", skiprows=1).T, strict=True))

@@ -1,5 +1,5 @@
-"""Tables for `predict` and `invert` that are no CSV in the model's own names and units: read as a
-spec reads its recordings, and given back as lines of CSV.
+"""Read tables for `predict` and `invert` that are no CSV in the model's names and units, like
+recordings of a spec, and return them as lines of CSV.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from mapmore_cli.study.units import default_unit, is_same, unit_of
 
 @dataclass(frozen=True)
 class TableOptions:
-    """How a table is read: `settings` as a spec has them, as `{"delimiter": ";"}`; the titles or
-    indices of `columns` and their `units`, by quantity.
+    """How a table is read: `settings` in the form of a spec, for example `{"delimiter": ";"}`; and
+    for each quantity, the title or index of its column (`columns`) and its unit (`units`).
     """
 
     settings: Mapping[str, Any] = field(default_factory=dict)
@@ -34,12 +34,12 @@ class TableOptions:
 
     @property
     def says_something(self) -> bool:
-        """True where any of them was given."""
+        """True if any option was given."""
         return bool(self.settings or self.columns or self.units)
 
 
 def is_foreign(path: Path, options: TableOptions) -> bool:
-    """Return whether a table has to be read by a reader of recordings."""
+    """Return True if a table must be read by a reader of recordings."""
     if options.says_something:
         return True
     if not path.is_file():
@@ -50,9 +50,9 @@ def is_foreign(path: Path, options: TableOptions) -> bool:
 
 
 def columns_of(model: Model, solved_for: str | None = None) -> Sequence[Sequence[str]]:
-    """Return the columns that a table has, in the ways that it may have them: with the rates and
-    directions that are inputs of the model, or without these where they follow from others; with
-    the output in the place of an input that is `solved_for`.
+    """Return the possible sets of columns of a table: with the rates and directions that are inputs
+    of the model, or without those that can be computed; with the output instead of an input that is
+    `solved_for`.
     """
     if solved_for is not None:
         inputs = (quantity.name for quantity in model.inputs if quantity.name != solved_for)
@@ -74,11 +74,11 @@ def foreign_lines(
     units: Mapping[str, str],
     warn: Callable[[str], None],
 ) -> Iterator[str]:
-    """Yield the lines of a CSV table of quantities in such `units`: the columns of the first of
-    some `ways` that the file has.
+    """Yield the lines of a CSV table of quantities in the given `units`, with the columns of the
+    first of the `ways` that the file has.
 
-    Raises DataError for a file that cannot be read, or a unit in a title that contradicts the one
-    it is read in; UsageError for settings that its reader has no use for.
+    Raises DataError for a file that cannot be read, or a unit in a title that contradicts the unit
+    in which it is read; UsageError for settings that its reader does not use.
     """
     samples = _samples(path, options, ways, units)
     for doubt in samples.doubts:
@@ -133,7 +133,9 @@ def _data_of(path: Path, options: TableOptions, names: Sequence[str]) -> Data:
 
 
 def _refuse_titles(options: TableOptions, names: Sequence[str], units: Mapping[str, str]) -> None:
-    """Raise DataError for a title that ends in another unit than the column is read in."""
+    """Raise DataError for a title that ends with another unit than the one in which the column is
+    read.
+    """
     for name in names:
         title, unit = str(options.columns.get(name, "")), options.units.get(name, units[name])
         told = unit_of(title, unit) if title.rstrip().endswith(("]", ")")) else None

@@ -1,7 +1,7 @@
-"""The one door for arrays and tables that others made: NumPy, pandas, polars, pyarrow, xarray,
-pint, lists and numbers.
+"""Convert arrays and tables of other libraries to numbers: NumPy, pandas, polars, pyarrow, xarray,
+pint, lists and plain numbers.
 
-No library of them is imported: what they have in common is asked for by its name.
+None of these libraries is imported: their common attributes are used by name.
 """
 
 from __future__ import annotations
@@ -18,20 +18,18 @@ from mapmore_cli.domain.errors import DataError, MapmoreError
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 ABSENT = ("NoneType", "NAType", "NaTType", "MaskedConstant")
-"""Types of what stands for a missing value, by their names: None, `pd.NA`, `pd.NaT`,
-`np.ma.masked`.
-"""
+"""Names of types that mean a missing value: None, `pd.NA`, `pd.NaT`, `np.ma.masked`."""
 
 
 @dataclass(frozen=True)
 class Door:
-    """How numbers are read of what users give.
+    """How numbers are read from values that users pass.
 
-    - `convert`: brings numbers in a unit, which is given as text, to the wanted unit.
-    - `cell`: reads the number in a text, a date or a duration, as in a cell of a file. Without it
-      they are refused.
-    - `clock`: whether dates and durations are wanted. They are seconds (since 1970), as `convert`
-      gets them.
+    - `convert`: function that converts numbers from a unit, given as text, to the wanted unit.
+    - `cell`: function that reads the number in a text, a date or a duration, like a cell of a file.
+      Without it, these are refused.
+    - `clock`: True if dates and durations are wanted. They become seconds (since 1970) before
+      `convert`.
     """
 
     convert: Callable[[Array, str], Array]
@@ -39,11 +37,11 @@ class Door:
     clock: bool = False
 
     def numbers(self, values: object, what: str, axis: str = "row") -> Array:
-        """Return values that messages call `what` as numbers, in their shape. Missing ones (masked,
-        None, NA, NaT) are NaN.
+        """Return values as numbers in their shape; messages call them `what`. Missing values
+        (masked, None, NA, NaT) become NaN.
 
-        Raises DataError for anything else: text, true and false, complex numbers, dates that are no
-        clock, units that do not fit.
+        Raises DataError for anything else: text, truth values, complex numbers, dates unless a
+        clock is wanted, units that do not fit.
         """
         try:
             return np.asarray(self._read(values, what, axis), dtype=np.float64)
@@ -58,7 +56,7 @@ class Door:
         if type(values).__name__ in ABSENT:
             return np.nan
         if isinstance(values, list | tuple):
-            plain = (int, float)  # at once: they are many
+            plain = (int, float)  # fast path for the common case
             numbered = enumerate(values)
             return [
                 value
@@ -76,7 +74,7 @@ class Door:
 
     def _array(self, values: Any, what: str, axis: str) -> object:
         if hasattr(values, "dims") and "units" not in values.attrs:
-            values = values.data  # xarray around an array of NumPy or pint
+            values = values.data  # an xarray object with an array of NumPy or pint inside
         unit, bare = in_unit(values)
         if unit is not None:
             return self.convert(self.numbers(bare, what, axis), unit)
@@ -104,8 +102,8 @@ class Door:
 
 
 def in_unit(values: object) -> tuple[str | None, Any]:
-    """Return the unit that an array carries, None for a plain one, and its numbers: of pint,
-    astropy, unyt; of `attrs` in xarray.
+    """Return the unit of an array (None for a plain one) and its numbers. Units of pint, astropy
+    and unyt, and `attrs` of xarray are known.
     """
     for unit, bare in (("units", "magnitude"), ("unit", "value"), ("units", "value")):
         if hasattr(type(values), unit) and hasattr(type(values), bare):
@@ -115,11 +113,12 @@ def in_unit(values: object) -> tuple[str | None, Any]:
 
 
 def labels_of(table: object) -> tuple[Hashable, ...] | None:
-    """Return the labels of a table's columns, as they are; None for what is no table of columns.
+    """Return the labels of a table's columns unchanged; None for an object that is no table of
+    columns.
 
-    Tables are mappings of arrays, structured arrays, data frames with `columns`, pyarrow's with
-    `column_names`, and datasets of xarray. Raises DataError for a table that is not computed yet,
-    and for labels of several levels.
+    Tables are mappings of arrays, structured arrays, data frames with `columns`, pyarrow tables
+    with `column_names`, and datasets of xarray. Raises DataError for a lazy table that is not
+    computed yet, and for labels with several levels.
     """
     if hasattr(type(table), "collect"):
         raise DataError(

@@ -1,4 +1,6 @@
-"""`mapmore check`: everything that can be said about a study before anything is computed."""
+"""Implement `mapmore check`: everything that can be said about a study before a model is
+computed.
+"""
 
 from __future__ import annotations
 
@@ -23,8 +25,8 @@ ORDER = ("error", "warning", "hint")
 
 @dataclass(frozen=True)
 class Inspection:
-    """The curves, unless none could be made, all issues, the worst first, and what the data were
-    read by, from which folder.
+    """The curves (unless none could be made), all issues, the worst first, and the settings and the
+    folder with which the data were read.
     """
 
     dataset: Dataset | None
@@ -33,8 +35,8 @@ class Inspection:
 
     @property
     def verdict(self) -> MapmoreError | None:
-        """The error to end with; None without errors. Mistakes of the spec come first, because the
-        data are checked again after them.
+        """The error with which the command ends; None without errors. Mistakes of the spec come
+        first, because the data are checked again after them.
         """
         errors = [issue for issue in self.issues if issue.severity == "error"]
         if not errors:
@@ -53,17 +55,17 @@ def inspect(
     warn: Callable[[str], None] = lambda _: None,
     before: Inspection | None = None,
 ) -> Inspection:
-    """Apply every rule. Data that the inspection `before` read in the same way are not read
-    again.
+    """Apply every rule. Data that the inspection `before` has read with the same settings are not
+    read again.
 
-    Where the curves cannot be made, the recordings alone are looked at. What the search in
-    `run_dir` noted is told again, as that a black box errs less.
+    If the curves cannot be made, only the recordings are checked. Notes of the search in `run_dir`
+    are repeated, for example that a black box has a smaller error.
 
     Raises
     ------
     SpecError, DataError
-        What is wrong with a spec that this one builds on; what made the curves impossible, where no
-        rule has anything to add.
+        For a fault in a spec on which this one builds; for the reason why no curves can be made, if
+        no rule adds anything to it.
     """
     needed = {
         run.need.key: run.loaded for stage in pipeline() for run in needed_runs(stage, loaded)
@@ -80,7 +82,7 @@ def inspect(
             return _sorted(None, [*issues_of_other, _no_curves(fault, loaded)], read_by)
         raise
     issues = issues_of(loaded, dataset, hints=True)
-    # what would end a run that this one needs, or is compared with, would end both
+    # an error that would end a run that this one needs, or is compared with, would end this run too
     for key, other in needed.items():
         try:
             issues_of_other = issues_of(

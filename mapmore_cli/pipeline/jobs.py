@@ -1,4 +1,4 @@
-"""Many runs at once, wherever the workers are; one that fails does not stop the rest."""
+"""Do many runs at the same time, on any kind of workers. A failed run does not stop the others."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Job:
-    """One run to do: its spec with settings on top, the folder of runs, how, and up to which
+    """A run to do: its spec with settings on top, the folder of runs, options, and the last
     stage.
     """
 
@@ -31,8 +31,8 @@ class Job:
     until: str = "report"
 
     def elsewhere(self) -> Job:
-        """Return the same run on another machine: paths from the root, and patience with what an
-        earlier, lost start of it still writes.
+        """Return the same run for another machine: with absolute paths, and waiting while an
+        earlier, lost start of it is still writing.
         """
         campaign = self.options.campaign
         options = replace(
@@ -45,9 +45,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Finished:
-    """A run that came to its end, after `seconds`, with the `limits` that its scores are held
-    to.
-    """
+    """A completed run, after `seconds`, with the `limits` for its scores."""
 
     name: str
     run_dir: Path
@@ -63,8 +61,8 @@ class Finished:
     def of(
         cls, loaded: LoadedSpec, outcome: RunOutcome, warnings: Sequence[str], started: float
     ) -> Finished:
-        """Return what came of a spec whose run is up to date, with the `warnings` meanwhile;
-        `started` is by `time.perf_counter`.
+        """Return the result of a spec whose run is up to date, with the `warnings` that came
+        meanwhile; `started` is a value of `time.perf_counter`.
         """
         table = RunFiles(outcome.run_dir).scores()
         published = loaded.spec.report.published
@@ -82,13 +80,14 @@ class Finished:
 
     @property
     def missed(self) -> tuple[str, ...]:
-        """The limits that it misses, each as a sentence."""
+        """The limits that the run misses, each as a sentence."""
         return tuple(limit.sentence for limit in self.limits if not limit.kept)
 
 
 def _alerts(outcome: RunOutcome, unconfirmed: Sequence[str]) -> tuple[Alert, ...]:
-    """Return what speaks against the scores of a finished run, as its page says it; of a run that
-    was up to date, from the page of all runs, so that none of its results is read.
+    """Return the sentences that warn about the scores of a completed run, as on its page. For a run
+    that was up to date, they are taken from the page of all runs, so that its results need not be
+    read.
     """
     from mapmore_cli.pipeline.runs_rows import known_alerts
 
@@ -106,7 +105,7 @@ def _alerts(outcome: RunOutcome, unconfirmed: Sequence[str]) -> tuple[Alert, ...
 
 
 def run_one(job: Job) -> Finished:
-    """Bring one run up to date and read its scores; raises what that raises."""
+    """Bring one run up to date and read its scores; raises the errors of the run."""
     started, warnings = time.perf_counter(), list[str]()
     loaded = load(job.config, job.overrides)
     outcome = bring_up_to_date(

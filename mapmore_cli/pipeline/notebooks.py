@@ -1,5 +1,5 @@
-"""For notebooks and scripts: a model as a function, and tables in memory (mappings of arrays, data
-frames) as the files that are read.
+"""Use models and tables in notebooks and scripts: a model as a function, and tables in memory
+(mappings of arrays, data frames) instead of files.
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class LoadedModel:
-    """Callable with one keyword for every input, in the model's units; with `time`, rates and
-    directions may be left out.
+    """A model as a function with one keyword for every input, in the model's units. With `time`,
+    rates and directions may be left out.
 
-    A model with memory takes one recording: its `time` in s, and the measured output where it goes
-    on from that. A model of several outputs answers with a mapping by their names; `of` is that of
-    one.
+    A model with memory takes one recording: its `time` in s, and the measured output if the model
+    feeds its output back. A model of several outputs returns a mapping by their names; `of` returns
+    the model of one output.
 
     Examples
     --------
@@ -62,7 +62,7 @@ class LoadedModel:
     held_out: tuple[Curve, ...] = field(default=(), kw_only=True)
 
     def __repr__(self) -> str:
-        """Return a line: what the model predicts, from what."""
+        """Return a line with the predicted quantity and the inputs."""
         inputs = (
             ", ".join(f"{quantity.name} [{quantity.unit}]" for quantity in self.inputs)
             or "its own past"
@@ -71,14 +71,14 @@ class LoadedModel:
         return f"<model {self.model.name}: {outputs} of {inputs}>"
 
     def of(self, output: str) -> Self:
-        """Return the model of one of several outputs. Raises `TypeError` if there is none."""
+        """Return the model of one of several outputs. Raises TypeError for an unknown output."""
         if output not in (names := [output.name for output in self.model.outputs]):
             raise TypeError(f"this model has the outputs {', '.join(names)}; got {output!r}")
         return replace(self, model=self.model.of(output))
 
     @property
     def units(self) -> dict[str, str]:
-        """The units of the inputs and of the outputs."""
+        """Units of the inputs and of the outputs."""
         return {quantity.name: quantity.unit for quantity in (*self.inputs, *self.model.outputs)}
 
     @property
@@ -88,7 +88,7 @@ class LoadedModel:
 
     @property
     def output(self) -> Quantity:
-        """Name and unit of what the model predicts, of several outputs the first."""
+        """Name and unit of the predicted quantity; with several outputs, of the first."""
         return self.model.output
 
     @property
@@ -97,13 +97,13 @@ class LoadedModel:
         return model_equations(self.model)
 
     def __call__(self, **columns: ArrayLike) -> Any:
-        """Return the output at the inputs, which are broadcast against each other; NaN where an
-        input is not finite. Of several outputs a mapping by their names.
+        """Return the output at the inputs, which are broadcast against each other; NaN if an input
+        is not finite. With several outputs, return a mapping by their names.
 
         With `time`, the inputs are samples of one recording, from which the model's rates and
-        directions follow, and along which a model with memory runs (NaN before there is history).
-        Warns (UserWarning) where points lie outside the training range. Raises `TypeError` for
-        an input that is missing or that the model does not have.
+        directions are computed, and along which a model with memory runs (NaN before there is
+        history). Warns (UserWarning) if points lie outside the training range. Raises `TypeError`
+        for a missing or unknown input.
         """
         flat, shape = self._flattened(columns)
         outside = int(outside_range(self.model, flat).sum())
@@ -149,7 +149,7 @@ class LoadedModel:
 
     def export(self, to: str, path: str | Path = ".", **options: object) -> list[Path]:
         """Write the model in another language, as `mapmore export --to` does, into the folder
-        `path`; the paths of the files.
+        `path`, and return the paths of the files.
 
         `options` are `single`, `grid` and `verify`. Raises `UsageError`, `DataError` or
         `WriteError` as the command does.
@@ -177,7 +177,8 @@ class LoadedModel:
             import matplotlib.pyplot as plt
 
             ax = plt.figure(layout="constrained").subplots()
-        from mapmore_cli.reporting.figures.commands import draw_model  # and with it matplotlib
+        # imported here because it loads matplotlib
+        from mapmore_cli.reporting.figures.commands import draw_model
 
         if interval is None and self.model.left_out is not None:
             interval = INTERVAL
@@ -190,13 +191,15 @@ class LoadedModel:
         return self.model
 
     def outside_range(self, **columns: ArrayLike) -> BoolArray:
-        """Return True if an input lies beyond the training range, in the shape of the output."""
+        """Return True for points at which an input lies outside the training range, in the shape of
+        the output.
+        """
         flat, shape = self._flattened(columns)
         return outside_range(self.model, flat).reshape(shape)
 
     def interval(self, level: float = 0.95, **columns: ArrayLike) -> tuple[Array, Array]:
-        """Return the low and the high end that hold a sample of a new curve with the probability
-        `level`, in the shape of the output.
+        """Return the lower and the upper end of the interval that contains a sample of a new curve
+        with the probability `level`, in the shape of the output.
 
         They are NaN outside the training range. Raises `DataError` for a model whose spec has no
         `validate: {intervals: true}`.
@@ -206,8 +209,8 @@ class LoadedModel:
         return low.reshape(shape), high.reshape(shape)
 
     def derivatives(self, **columns: ArrayLike) -> dict[str, Array]:
-        """Return the derivative of the output for each input, in the shape of the output. Models
-        with memory have none.
+        """Return the derivative of the output by each input, in the shape of the output. Raises an
+        error for models with memory, which have none.
         """
         flat, shape = self._flattened(columns)
         return {name: slope.reshape(shape) for name, slope in slopes(self.model, flat).items()}
@@ -215,12 +218,12 @@ class LoadedModel:
     def invert(
         self, name: str, wanted: ArrayLike | None = None, rule: str = LOWEST, **given: ArrayLike
     ) -> Inverse:
-        """Return every value of the input `name` within its training range for a `wanted` output at
-        the other inputs, row by row.
+        """Return every value of the input `name`, within its training range, that gives the
+        `wanted` output at the other inputs, row by row.
 
-        The wanted output may go by its name: `invert("pressure", force=100, strain=0.1)`. `lowest`
-        picks the lowest solution, `nearest` the one nearest to that of the row before. Not for
-        models with memory.
+        The wanted output may be passed by its name: `invert("pressure", force=100, strain=0.1)`.
+        The rule `lowest` picks the lowest solution, `nearest` the one nearest to the solution of
+        the row before. Models with memory cannot be inverted.
         """
         if wanted is None:
             if self.output.name not in given:
@@ -238,7 +241,7 @@ class LoadedModel:
 
     def _flattened(self, columns: dict[str, ArrayLike]) -> tuple[dict[str, Array], tuple[int, ...]]:
         signals = self.model.signals
-        # what given rates and directions follow from
+        # quantities from which given rates and directions are computed
         spare = {"time", *(signal.of for signal in signals)} if signals else set[str]()
         known = (
             {*columns} if "time" in columns else {*columns, *(signal.name for signal in signals)}
@@ -264,18 +267,18 @@ _SOURCES = TypeAdapter(dict[str, SourceColumn])
 Column = str | int
 
 Frame = Any
-"""A table of anybody's: a mapping of arrays, a data frame of pandas, polars or pyarrow."""
+"""Any table: a mapping of arrays, or a data frame of pandas, polars or pyarrow."""
 
 Entry = Column | Mapping[str, Any]
-"""What `columns` says of a quantity, as in YAML."""
+"""Entry of `columns` for a quantity, as in YAML."""
 
 
 def columns_in(frame: object, column: Column) -> list[Hashable]:
-    """Return the labels that a column of the spec means; none if there is no such column,
-    several where it is not clear.
+    """Return the labels that a column of the spec means: none if there is no such column, several
+    if it is ambiguous.
 
-    The label itself comes first. Text means the label that is written so, too. A number is a place,
-    from 0, where no label is a number.
+    The identical label is preferred. A text also means a label that is written like it. A number
+    means an index, counted from 0, if no label is a number.
     """
     labels = labels_of(frame) or ()
     exact: list[Hashable] = [
@@ -288,8 +291,9 @@ def columns_in(frame: object, column: Column) -> list[Hashable]:
 
 
 def canonical_columns(frame: object, target: object) -> dict[str, dict[str, str]]:
-    """Return the section `columns` of a frame: its columns with canonical names, or all that may
-    be names of quantities where the `target` is one of them. Raises `SpecError` for none.
+    """Return the section `columns` for a frame: its columns with canonical names; or, if the
+    `target` is the label of a column, all columns whose labels can be names of quantities. Raises
+    SpecError if there are none.
     """
     names = tuple(map(str, labels_of(frame) or ()))
     section = as_target(target)
@@ -308,8 +312,8 @@ def canonical_columns(frame: object, target: object) -> dict[str, dict[str, str]
 def with_canonical_columns(
     frames: Sequence[object], columns: Mapping[str, Any], made: Collection[str]
 ) -> dict[str, Any]:
-    """Return a section `columns` with the unused columns of all frames whose labels are canonical
-    names, except of quantities that the section has or that are `made` of others.
+    """Return the section `columns`, extended by unused columns of all frames whose labels are
+    canonical names, except quantities that are in the section already or `made` from others.
     """
     frame, *others = frames
     used = {label for entry in columns.values() for label in columns_in(frame, source_of(entry))}
@@ -327,7 +331,7 @@ def with_canonical_columns(
 def column_of(
     frame: Frame, column: Column, label: str, name: str, unit: str, layout: str | None = None
 ) -> Array:
-    """Return one column as numbers of the quantity `name` in a `unit`, (n,). Raises `DataError`."""
+    """Return one column as numbers of the quantity `name` in a `unit`, (n,). Raises DataError."""
     labels, matches, label_of_column = (
         labels_of(frame) or (),
         columns_in(frame, column),
@@ -352,10 +356,10 @@ def column_of(
 def given_numbers(
     values: object, what: str, name: str, unit: str, layout: str | None = None
 ) -> Array:
-    """Return what a user gave for the quantity `name`, as numbers in a `unit`; `layout` is the
-    format of stamps.
+    """Return the values that a user passed for the quantity `name` as numbers in a `unit`; `layout`
+    is the format of time stamps.
 
-    Raises `DataError`, which begins with `what`.
+    Raises DataError with a message that begins with `what`.
     """
     clock = name == "time"
     read = CellReader(clock=clock, format=layout, second=convert(1.0, "s", unit) if clock else 1.0)
@@ -367,8 +371,8 @@ def given_numbers(
 def tables_of(
     frames: Sequence[Frame], columns: Mapping[str, Entry], units: Mapping[str, str]
 ) -> dict[str, RawTable]:
-    """Return every frame as a recording in memory: one array for each quantity of `columns` (the
-    section of the spec), (n,), unscaled; `units` is that section of the spec.
+    """Return every frame as a recording in memory: one unscaled array, (n,), for each quantity of
+    `columns`. `columns` and `units` are sections of the spec.
 
     Raises `DataError` for columns that do not exist, are no numbers, or differ in length.
     """
@@ -383,7 +387,7 @@ def tables_of(
             own = column_of(
                 frame, source_of(entry), label, name, unit, settings.get("format")
             ).view()
-            own.flags.writeable = False  # it may be the user's own
+            own.flags.writeable = False  # the array may belong to the user
             arrays[name] = own
         lengths = {name: len(values) for name, values in arrays.items()}
         if len(set(lengths.values())) > 1:
@@ -397,19 +401,19 @@ def tables_of(
 
 
 def section_of(tables: Iterable[str], columns: Mapping[str, Entry]) -> dict[str, object]:
-    """Return the keys of `data` that name tables in memory, whose columns are called by their
-    quantities; `columns` are those of the frames.
+    """Return the keys of `data` for tables in memory, whose columns have the names of their
+    quantities; `columns` is the section for the frames.
     """
     read = {}
     for name, entry in columns.items():
         read[name] = {**(entry if isinstance(entry, Mapping) else {}), "column": name}
         if name == "time":
-            read[name].pop("format", None)  # what is held are numbers
+            read[name].pop("format", None)  # the arrays contain numbers already
     return {"files": [*tables], "reader": "hdf5", "columns": read}
 
 
 def write_tables(tables: Mapping[str, RawTable], folder: Path) -> list[Path]:
-    """Write every table in memory to an HDF5 file of its own in `folder`; their paths."""
+    """Write every table in memory to a separate HDF5 file in `folder`, and return their paths."""
     folder.parent.mkdir(parents=True, exist_ok=True)
     make_folder(folder)
     paths = [folder / f"{name}.h5" for name in tables]
@@ -421,7 +425,9 @@ def write_tables(tables: Mapping[str, RawTable], folder: Path) -> list[Path]:
 
 
 def source_of(entry: object) -> Column:
-    """Return the column that an entry of `columns` names; raises `SpecError` for another form."""
+    """Return the column that an entry of `columns` names. Raises SpecError for an entry of another
+    form.
+    """
     source = entry.get("column") if isinstance(entry, Mapping) else entry
     if not isinstance(source, str | int):
         raise SpecError(
@@ -439,8 +445,8 @@ def quantities_of(
 ) -> dict[str, Array]:
     """Return the `wanted` quantities of a frame in the model's `units`, (n,) each.
 
-    A column is found by its name in `columns`, with unit, scale and offset; else by the canonical
-    name, already in the model's unit; else by its number in `columns`.
+    A column is found by its name in `columns`, with unit, scale and offset; otherwise by its
+    canonical name, in the model's unit; otherwise by its index in `columns`.
     """
     values_of = {}
     for name in wanted:
@@ -461,8 +467,8 @@ def quantities_of(
 
 
 def plain_values(section: Mapping[str, object]) -> dict[str, Any]:
-    """Return a section as YAML holds it: lists for tuples and arrays, numbers for NumPy's scalars,
-    text for paths.
+    """Return a section in the types of YAML: lists for tuples and arrays, numbers for NumPy
+    scalars, text for paths.
     """
     return {str(key): _plain_value(value) for key, value in section.items()}
 

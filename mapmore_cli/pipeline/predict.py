@@ -1,5 +1,5 @@
-"""Predictions for a table of any length, row for row; every byte of the table is kept as it is. And
-a family's model for one specimen.
+"""Predict for a table of any length, row by row, leaving the text of the table unchanged. Also
+adapt a family's model to one specimen.
 """
 
 from __future__ import annotations
@@ -39,15 +39,15 @@ from mapmore_cli.pipeline.records import (
 )
 
 CHUNK = 20_000
-"""Rows in memory at a time, where rows know nothing of each other."""
+"""Rows in memory at a time, if rows are independent."""
 
 FLAG = "outside_range"
 
 
 @dataclass(frozen=True)
 class Predictor:
-    """What is added to every row of a table: the outputs, or the input that the model is inverted
-    for; the interval of a `level`; derivatives.
+    """The columns that are added to a table: the outputs, or the input for which the model is
+    inverted; the ends of the interval at a `level`; derivatives.
     """
 
     model: Model
@@ -57,7 +57,7 @@ class Predictor:
 
     @property
     def names(self) -> list[str]:
-        """The columns, (m,)."""
+        """Names of the added columns, (m,)."""
         outputs = [output.name for output in self.model.outputs]
         turned = self.reading.turned_for
         names = [f"{name}_predicted" for name in ([turned] if turned else outputs)] + [FLAG]
@@ -68,7 +68,7 @@ class Predictor:
         return names
 
     def runs(self, in_parts: bool) -> list[Callable[[Columns], SimulatedRun]]:
-        """Return what tells the rows of a recording, of every output."""
+        """Return for every output a function that predicts the rows of a recording."""
         return [
             (running(part) if in_parts else None) or partial(simulate, part)
             for part in self.model.each
@@ -77,11 +77,11 @@ class Predictor:
     def numbers(
         self, columns: Columns, rows: IntArray, runs: Sequence[Callable[[Columns], SimulatedRun]]
     ) -> tuple[Array, BoolArray, list[int]]:
-        """Return all columns but the flags of complete rows, (n, m - 1), the flags, (n,), and the
-        rows at which a free run diverges.
+        """Return all added columns except the flags for complete rows, (n, m - 1), the flags, (n,),
+        and the rows at which a free run diverges.
 
-        Those of a recording go stretch by stretch where signals follow from others. `rows` are the
-        numbers by which rows are told.
+        If signals are computed from other columns, a recording is processed stretch by stretch.
+        `rows` are the row numbers for messages.
         """
         model, reading = self.model, self.reading
         if reading.turned_for is not None:
@@ -94,9 +94,9 @@ class Predictor:
             inputs = {name: x[part] for name, x in columns.items()}
             try:
                 inputs = with_signals(reading.signals, inputs)
-            except DataError:  # too few samples for the window of a rate
+            except DataError:  # too few samples in the window of a rate
                 continue
-            # far outside the range a term may overflow; the flag says so
+            # far outside the range, a term may overflow; the flag reports this
             with np.errstate(all="ignore"), numbered(rows[part]):
                 outcomes = [run(inputs) for run in runs]
                 beyond = outside[part] = outside_range(model, inputs)
@@ -119,7 +119,7 @@ class Predictor:
         columns: dict[str, Array],
         runs: Sequence[Callable[[Columns], SimulatedRun]],
     ) -> tuple[list[str], list[int]]:
-        """Return the new fields of every row of a block, and the rows at which a free run
+        """Return the added fields of every row of a block, and the rows at which a free run
         diverges.
         """
         needed = (columns[name] for name in self.reading.columns)
@@ -161,27 +161,25 @@ def predicted_lines(
     or not finite. Blank lines stay as they are. `label` names the table in messages; `chunk` has no
     influence on the result.
 
-    - `turned_for`: an input that the model is inverted for, as the force of a model of the strain:
-      the table has the output in its place,
-      the column is `<input>_predicted`, and rows without a solution in the training range are
-      outside it.
-    - `interval`: as 0.95, adds `<output>_low` and `<output>_high`, empty outside the training
-      range.
+    - `turned_for`: input for which the model is inverted, for example the force of a model of the
+      strain. The table must have the output instead, the new column is `<input>_predicted`, and
+      rows without a solution in the training range are flagged as outside.
+    - `interval`: level such as 0.95; adds `<output>_low` and `<output>_high`, empty outside the
+      training range.
     - `derivatives`: adds one column for every input, `<output>_by_<input>`.
     - `constants`: adds inputs that are the same in every row.
 
-    Rates and directions that the table lacks follow from its `time`, recording by recording: one
-    ends where the column `recording` changes or time is set back, and after a gap all starts again.
-    A model with memory runs along each recording in the same way, from the first measured outputs
-    where it feeds its output back; there is no prediction before there is history, and from where
-    the run diverges, which `warn` is told. A recording is in memory as a whole where rates follow
-    from its columns, else by `chunk` rows.
+    Rates and directions that the table lacks are computed from its `time`, recording by recording.
+    A recording ends where the column `recording` changes or time goes back, and everything restarts
+    after a gap. A model with memory runs along each recording in the same way, from the first
+    measured outputs if it feeds its output back. There is no prediction before there is history,
+    nor after a run has diverged, which `warn` reports. A recording is in memory as a whole if rates
+    are computed from its columns, otherwise in blocks of `chunk` rows.
 
-    Raises DataError if the table is empty, lacks an input, already has one of the added columns,
-    or has a field that is not a number; where a model with memory has nothing to go on from, or
-    rows are not at its time steps; where the model holds nothing to make intervals from. Raises
-    UsageError for an interval that there is none of, or a model that cannot be inverted for that
-    input.
+    Raises DataError if the table is empty, lacks an input, already has one of the added columns, or
+    has a field that is not a number; if a model with memory has no measured output to start with,
+    or rows are not at its time steps; or if the model has no data for intervals. Raises UsageError
+    for an invalid level of the interval, or a model that cannot be inverted for that input.
     """
     if interval is not None and (why := interval_limits(intervals_of(model, interval))) is not None:
         warn(f"{model.name}: {why}")
@@ -223,14 +221,14 @@ def inverted_lines(
     """Yield the lines of a CSV table with `<name>_found`, `<name>_solutions` and `<name>_status`
     added.
 
-    The table has the wanted output by its name, and every input but `name`. `solutions` are all
-    there are within the training range, ascending, with a space between; `found` is the one that
-    the rule picks; the status is `none`, `one`, `several` or `flat`. Rows with an empty number have
-    none of them. The whole table is in memory, since the rule `nearest` goes from row to row.
+    The table must have the wanted output under its name, and every input but `name`. `solutions`
+    are all solutions within the training range, ascending, separated by spaces; `found` is the one
+    that the rule picks; the status is `none`, `one`, `several` or `flat`. All three are empty for
+    rows with an empty number. The whole table is in memory, because the rule `nearest` depends on
+    the row before.
 
-    Raises UsageError for an input that the model has not, a rule that there is none of, or a model
-    with memory; DataError if the table is empty, lacks a column, has one of the added ones
-    already, or a field that is no number.
+    Raises UsageError for an unknown input or rule, or a model with memory; DataError if the table
+    is empty, lacks a column, has one of the added ones already, or a field that is no number.
     """
     if runs_over_time(model):
         raise UsageError(
@@ -260,7 +258,9 @@ def inverted_lines(
 
 
 def _reading_turned(model: Model, name: str) -> Reading:
-    """Return what is read where a model is inverted; UsageError if it cannot be."""
+    """Return the columns that are read for an inverted model. Raises UsageError if it cannot be
+    inverted.
+    """
     inputs = [quantity.name for quantity in alone(model).inputs]
     if name not in inputs:
         raise UsageError(f"--as: the model has no input '{name}'", f"it has {', '.join(inputs)}")
@@ -289,12 +289,12 @@ def _digits(value: float) -> str:
 def adapt(
     model: Model, lines: Iterable[str] | None, label: str, constants: Mapping[str, float]
 ) -> Model:
-    """Return a model of pressure and strain for one specimen of the family; without `lines`, by its
-    dimension alone.
+    """Return a model of pressure and strain for one specimen of the family; without `lines`, it
+    follows from the dimension only.
 
-    `lines` are those of a CSV table with pressure, strain and the output in the model's units;
-    `constants` give what specimens differ in. Rows with an empty field are left out. The intervals
-    stay those of the family, and a note says so.
+    `lines` is a CSV table with pressure, strain and the output in the model's units. `constants`
+    gives the quantity in which specimens differ. Rows with an empty field are left out. The
+    intervals remain those of the family, and a note says so.
 
     Raises UsageError for a model that is no family, or without its dimension; DataError if the
     table is empty or lacks a column.
@@ -346,7 +346,9 @@ def adapt(
 
 
 def dimension_of(model: Model) -> str:
-    """Return what specimens of a family differ in; UsageError for a model that is no family."""
+    """Return the quantity in which the specimens of a family differ. Raises UsageError for a model
+    that is no family.
+    """
     if isinstance(model.body, Formula) and is_family(model.body.fit.definition):
         return family_of(model.body.fit.definition).settings.of
     raise UsageError(

@@ -1,8 +1,9 @@
-"""The processors of this machine: work in worker processes, of which each has one BLAS thread.
+"""Use the processors of this machine: distribute work over worker processes with one BLAS thread
+each.
 
-Everything that is done side by side goes through a `concurrent.futures.Executor`: combinations of
-`tune` and structures of a search in forks of this process, runs of a campaign in processes that are
-started again, or on a Dask cluster.
+All parallel work goes through a `concurrent.futures.Executor`: combinations of `tune` and
+structures of a search in forks of this process, runs of a campaign in new processes or on a Dask
+cluster.
 """
 
 from __future__ import annotations
@@ -29,16 +30,16 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 MOST_PROCESSES = 4
-"""Each of them may need as much memory as one."""
+"""Largest number of worker processes, because each may need as much memory as this one."""
 
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Hold BLAS to one thread: the same sums on every machine, and no fight between runs for the
-    processors.
+    """Restrict BLAS to one thread, so that sums are the same on every machine and runs do not
+    compete for processors.
 
-    A library that is loaded already is told so. One that is loaded meanwhile, as SciPy's, reads it
-    in the environment when it starts.
+    A library that is already loaded is told directly. One that is loaded later, such as SciPy's,
+    reads the environment when it starts.
     """
     with variables_set(dict.fromkeys(THREADS, "1")):
         loaded = "scipy.linalg" in sys.modules or "scipy.special" in sys.modules
@@ -48,8 +49,8 @@ def one_blas_thread() -> Iterator[None]:
 
 @cache
 def _thread_pools(_with_scipy: bool) -> ThreadpoolController:
-    """Return the libraries with threads; looked for once, and again when SciPy's has come too: it
-    takes longer than a small stage.
+    """Return the libraries with threads. They are looked up once, and again after SciPy is loaded,
+    because it takes longer than a small stage.
     """
     import numpy  # noqa: F401 - has one of them
     from threadpoolctl import ThreadpoolController
@@ -59,7 +60,7 @@ def _thread_pools(_with_scipy: bool) -> ThreadpoolController:
 
 @contextmanager
 def variables_set(variables: Mapping[str, str]) -> Iterator[None]:
-    """Set variables of the environment for a while."""
+    """Set environment variables within the context."""
     before = {name: os.environ.get(name) for name in variables}
     os.environ.update(variables)
     try:
@@ -72,10 +73,10 @@ def variables_set(variables: Mapping[str, str]) -> Iterator[None]:
 
 @contextmanager
 def processes(count: int, method: str, work: object = None) -> Iterator[ProcessPoolExecutor]:
-    """Have `count` worker processes, made by `method` (`fork` or `spawn`).
+    """Start `count` worker processes by `method` (`fork` or `spawn`).
 
-    They end with the context, and with this process in whatever way it ends. Where an error or an
-    interrupt ends the context, they are killed at work. `work` is what `_do_numbered` finds in
+    They end with the context, and with this process, however it ends. If an error or an interrupt
+    ends the context, they are killed during their work. `work` is what `_do_numbered` uses in
     forks, which have it without pickling.
     """
     from multiprocessing import active_children, get_context
@@ -83,7 +84,7 @@ def processes(count: int, method: str, work: object = None) -> Iterator[ProcessP
     begin = partial(_begin, os.getpid(), work)
     try:
         pool = ProcessPoolExecutor(count, get_context(method), initializer=begin)
-    # the system keeps the locks between processes as small files, or has none
+    # the system keeps locks between processes as small files, or has none
     except (OSError, NotImplementedError) as fault:
         raise WriteError(
             f"a worker process cannot be started: {getattr(fault, 'strerror', None) or fault}",
@@ -99,29 +100,29 @@ def processes(count: int, method: str, work: object = None) -> Iterator[ProcessP
 
 
 _shared: object = None
-"""In a worker process: what all of them have."""
+"""In a worker process: the items of work."""
 
 
 def _begin(parent: int, work: object) -> None:
-    """Prepare a worker process: Ctrl-C is for the process that waits."""
+    """Prepare a worker process, which ignores Ctrl-C because the waiting process handles it."""
     global _shared
     _shared = work
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    warnings.simplefilter("ignore", PluginLeftOut)  # the process that waits has told them
+    warnings.simplefilter("ignore", PluginLeftOut)  # the waiting process has already reported them
     if sys.platform == "linux":
         import ctypes
 
         ctypes.CDLL(None).prctl(1, int(signal.SIGKILL), 0, 0, 0)  # PR_SET_PDEATHSIG
-        if os.getppid() != parent:  # it ended before
+        if os.getppid() != parent:  # the parent ended before
             os._exit(1)
     else:
         Thread(target=_watch_parent, daemon=True).start()
 
 
 def _watch_parent() -> NoReturn:
-    """Wait for the end of a pipe that only the parent holds open. Run folders can bear an end at
-    any instant.
+    """Wait for the end of a pipe that only the parent holds open, and then end this process. Run
+    folders stay valid at any moment.
     """
     from multiprocessing import parent_process
 
@@ -132,8 +133,8 @@ def _watch_parent() -> NoReturn:
 
 @contextmanager
 def deaf_to_interrupts() -> Iterator[None]:
-    """Let processes that start meanwhile hear no Ctrl-C: else each of them would answer it with a
-    traceback. Here it waits.
+    """Let processes that start within the context ignore Ctrl-C, because each would answer with a
+    traceback. In this process, it is delayed.
     """
     if sys.platform == "win32":
         yield
@@ -146,13 +147,13 @@ def deaf_to_interrupts() -> Iterator[None]:
 
 
 def free_processors() -> int:
-    """Return how many processes work may be shared out to: one where forks are not safe, or where
-    all processors are at work already.
+    """Return the number of processes for parallel work: one if forks are not safe, or if all
+    processors are busy.
 
-    A fork of a process with threads may hang, and on macOS a fork without them too: only Linux has
-    forks, of a process with one thread. A worker process makes none.
+    A fork of a process with threads may hang, and on macOS even one without threads. So forks are
+    used only on Linux, from a process with one thread. A worker process makes none.
     """
-    threads = "/proc/self/task"  # it is not there where /proc is not mounted
+    threads = "/proc/self/task"  # missing if /proc is not mounted
     if sys.platform != "linux" or not os.access(threads, os.R_OK):
         return 1
     if sum(1 for _ in os.scandir(threads)) != 1:
@@ -169,20 +170,20 @@ def shared_out(
     progress: Callable[[int, int], None] = lambda _done, _total: None,
     workers: int | None = None,
 ) -> list[R]:
-    """Return `[work(item) for item in items]`, by forks of this process, which have the items
-    already.
+    """Return `[work(item) for item in items]`, computed by forks of this process, which have the
+    items already.
 
-    What they return must be picklable, and whatever else they change is lost. What a fork does not
-    deliver, for whatever reason, is done here, so that an error is raised as without forks.
+    The results must be picklable, and other changes by forks are lost. If a fork does not deliver a
+    result, for whatever reason, this process computes it, so that errors are raised as without
+    forks.
 
-    - `progress`: is told how many items are done, of how many.
-    - `workers`: how many there are; by default as many as this machine has for them
-      (`free_processors`).
+    - `progress`: called with the number of items done, and of all items.
+    - `workers`: number of forks; by default, as many as this machine has free (`free_processors`).
     """
     delivered: dict[int, R] = {}
     count = min(len(items), free_processors() if workers is None else workers)
     if count > 1:
-        # no room for a process: all is done here
+        # no resources for processes, so all items are done here
         with suppress(OSError, WriteError), processes(count, "fork", (work, items)) as pool:
             with deaf_to_interrupts():
                 futures = [pool.submit(_do_numbered, number) for number in range(len(items))]
@@ -199,6 +200,6 @@ def shared_out(
 
 
 def _do_numbered(number: int) -> object:
-    """Do one of the items that this worker process has."""
+    """Do the item of work with this number in a worker process."""
     work, items = cast(tuple[Callable[[object], object], Sequence[object]], _shared)
     return work(items[number])

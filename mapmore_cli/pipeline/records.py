@@ -1,5 +1,5 @@
-"""What is predicted for: a CSV table record by record, with its text as it stands, or the points of
-a grid; and what has to be known.
+"""Read the rows for a prediction: a CSV table record by record with its original text, or the
+points of a grid; and find which columns are needed.
 """
 
 from __future__ import annotations
@@ -25,17 +25,20 @@ from mapmore_cli.storage.tables.cells import CellReader, NotANumber, number_of
 from mapmore_cli.storage.tables.lines import csv_records
 
 RECORDING = "recording"
-"""The column that tells recordings apart, where a table has it."""
+"""Column that distinguishes recordings, if a table has it."""
 
 GAP = 10
-"""Times the usual step: a longer one is a gap, after which nothing of the past is known."""
+"""Multiple of the usual time step. A longer step is a gap, after which nothing of the past is
+known.
+"""
 
 
 def by_recording(
     rows: Iterator[Row], names: Sequence[str], most: float = math.inf
 ) -> Iterator[tuple[list[Row], bool]]:
-    """Yield the rows of one recording at a time, in blocks of `most`, and whether one begins with
-    them: it ends where the column `recording` changes, or where time is set back.
+    """Yield the rows of one recording at a time, in blocks of at most `most` rows, and True if a
+    recording begins with the block. A recording ends where the column `recording` changes or time
+    goes back.
     """
     mark = names.index(RECORDING) if RECORDING in names else None
     clock = names.index("time")
@@ -55,7 +58,9 @@ def by_recording(
 
 
 def _time(cell: str) -> float:
-    """Return the time in a field; NaN for what the later, strict reading will report."""
+    """Return the time in a field; NaN for a malformed field, which the strict reading reports
+    later.
+    """
     try:
         return CellReader(clock=True)(cell)
     except NotANumber:
@@ -63,8 +68,8 @@ def _time(cell: str) -> float:
 
 
 def between_gaps(time: Array) -> list[slice]:
-    """Return the parts of a recording between its gaps, by its finite times, (n,) and never
-    decreasing.
+    """Return the parts of a recording between its gaps, from its finite, never decreasing times,
+    (n,).
     """
     if len(time) < 2:
         return [slice(0, len(time))]
@@ -73,15 +78,13 @@ def between_gaps(time: Array) -> list[slice]:
 
 @dataclass(frozen=True)
 class Reading:
-    """Part of a table that is read.
+    """The part of a table that is read.
 
     - `columns`: quantities without which a row has no prediction.
-    - `signals`: quantities that follow from the columns over time.
-    - `outputs`: measured outputs that a model with memory goes on from; they may be empty once it
-      runs.
-    - `over_time`: whether rows belong to recordings, and `time` is among the columns.
-    - `turned_for`: the input that the model is inverted for, where it is; the output is read in its
-      place.
+    - `signals`: quantities that are computed from the columns over time.
+    - `outputs`: measured outputs with which a model with memory starts; they may be empty later.
+    - `over_time`: True if rows belong to recordings, and `time` is among the columns.
+    - `turned_for`: input for which the model is inverted, or None; the output is then read instead.
     """
 
     columns: tuple[str, ...]
@@ -92,8 +95,8 @@ class Reading:
 
 
 def reading_of(model: Model, columns_there: Collection[str]) -> Reading:
-    """Return every input by its own name where it is among `columns_there`, else by the signal that
-    it is; `time` where there are signals or memory.
+    """Return what must be read: every input that is among `columns_there`, the source of every
+    other signal, and `time` if there are signals or memory.
     """
     signals = tuple(signal for signal in model.signals if signal.name not in columns_there)
     over_time = bool(signals) or runs_over_time(model)
@@ -106,8 +109,8 @@ def reading_of(model: Model, columns_there: Collection[str]) -> Reading:
 
 
 class Row(NamedTuple):
-    """A record of the table: its text without the line end, the line end, its fields, and the line
-    that it ends on.
+    """A record of the table: its text without the line end, the line end, its fields, and the
+    number of its last line.
     """
 
     text: str
@@ -116,27 +119,27 @@ class Row(NamedTuple):
     line: int
 
     def with_cells(self, more: Sequence[str]) -> Row:
-        """Return the record with more fields; a blank one stays as it is."""
+        """Return the record with more fields; a blank record is unchanged."""
         if not more or not self.text.strip():
             return self
         return self._replace(text=",".join([self.text, *more]), cells=[*self.cells, *more])
 
 
 def records(lines: Iterable[str], label: str) -> Iterator[Row]:
-    """Yield records with their text: a quoted field may go on over several lines."""
+    """Yield records with their text. A quoted field may span several lines."""
     for text, cells, line in csv_records(lines, ",", label):
         bare = text.rstrip("\r\n")
         yield Row(bare, text[len(bare) :], cells, line)
 
 
 class Sheet:
-    """A table with a header of quantities in the model's units, whose `rows` are read as they are
-    asked for; `label` is for messages.
+    """A table with a header of quantities in the model's units, whose `rows` are read on demand;
+    `label` is its name in messages.
 
-    `constants` become columns that have one value in every row.
+    `constants` become columns with one value in every row.
 
-    Raises DataError if there is no header, `expected` says what it has to name, or where the
-    table has a column of the constants.
+    Raises DataError without a header (`expected` says what it must name), or if the table already
+    has a column of the constants.
     """
 
     def __init__(
@@ -164,14 +167,14 @@ class Sheet:
         )
 
     def empty(self) -> DataError:
-        """Return what is told of a table without rows."""
+        """Return the error for a table without rows."""
         return DataError(
             f"{self.label}: the table is empty", f"its first line must name {self.expected}"
         )
 
     def places(self, wanted: Iterable[str], added: Sequence[str] = ()) -> dict[str, int]:
-        """Return where the `wanted` columns are; raises DataError if one is missing, or the
-        table has one of those that are `added`.
+        """Return the indices of the `wanted` columns. Raises DataError if one is missing, or if the
+        table has a column that is `added`.
         """
         if there := next((name for name in added if name in self.names), None):
             raise DataError(f"{self.label}: already has a column {there}", "rename or remove it")
@@ -184,11 +187,13 @@ class Sheet:
         return {str(name): place for name, place in located.items()}
 
     def is_blank(self, row: Row) -> bool:
-        """Return whether a record is a blank line; in one column it is an empty field."""
+        """Return True if a record is a blank line. In a table of one column, it is an empty
+        field.
+        """
         return not row.text.strip() and len(self.names) > 1
 
     def values(self, block: Sequence[Row], places: Mapping[str, int]) -> dict[str, Array]:
-        """Return the columns of some rows, (n,) each, NaN where a field is empty; raises DataError
+        """Return the columns of some rows, (n,) each, with NaN for empty fields. Raises DataError
         for a field that is not a number.
         """
         columns = [
@@ -213,13 +218,13 @@ class Sheet:
         return {name: values for name, _, values, _ in columns}
 
     def _reader(self, name: str) -> CellReader:
-        """Return what reads the cells of a column, the same one for all blocks."""
+        """Return the reader of the cells of a column, which is the same for all blocks."""
         usual = "correct the cell, or leave it empty"
         return self._readers.setdefault(name, CellReader(clock=name == "time", usual=usual))
 
     def extended(self, block: Sequence[Row], added: Sequence[str]) -> Iterator[str]:
-        """Yield the lines of some rows with the text that is `added` to each; blank ones stay as
-        they are.
+        """Yield the lines of some rows with the text in `added` appended; blank lines are
+        unchanged.
         """
         for row, more in zip(block, added, strict=True):
             yield row.text + row.end if self.is_blank(row) else f"{row.text},{more}{row.end}"
@@ -227,15 +232,15 @@ class Sheet:
 
 EXAMPLE = "write it as pressure=0:600:25,strain=0:0.25:0.01 (first:last:step, or one value)"
 MOST_POINTS = 10_000_000
-"""Points of a table beyond which a step is taken for a slip of the pen."""
+"""Largest number of points of a grid; more are probably a mistyped step."""
 
 
 def grid_lines(text: str, inputs: Sequence[str]) -> Iterator[str]:
-    """Return the header and the points of a grid, the last input of `text` varying fastest; both
+    """Yield the header and the points of a grid. The last input of `text` varies fastest, and both
     ends are included.
 
-    Raises UsageError if `text` is malformed, names an input twice or one that the model has not,
-    leaves one out, or has a step that does not lead from the first value to the last.
+    Raises UsageError if `text` is malformed, names an input twice, names an unknown input, leaves
+    an input out, or has a step that does not lead from the first value to the last.
     """
     axes = grid_axes(text, inputs)
     values = ([format(value, ".12g") for value in axis] for axis in axes.values())
@@ -243,7 +248,9 @@ def grid_lines(text: str, inputs: Sequence[str]) -> Iterator[str]:
 
 
 def grid_axes(text: str, inputs: Sequence[str]) -> dict[str, list[float]]:
-    """Return the places along every input of a grid, to twelve digits; raises as `grid_lines`."""
+    """Return the values along every input of a grid, rounded to twelve digits. Raises the same
+    errors as `grid_lines`.
+    """
     axes: dict[str, list[float]] = {}
     for part in text.split(","):
         name, equals, values = (piece.strip() for piece in part.partition("="))

@@ -1,4 +1,4 @@
-"""Write what people look at: `report/index.html`, its figures and tables."""
+"""Write the files for people: `report/index.html`, its figures and tables."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class ReportSlice:
     muscle: Muscle
     validate: Validate
     report: Report
-    left_out: str  # what is left out in turn: level, group or nothing
+    left_out: str  # what cross-validation leaves out: level, group or nothing
     unconfirmed: tuple[str, ...] = ()
 
 
@@ -56,8 +56,8 @@ def report_slice(spec: ExperimentSpec) -> ReportSlice:
 
 
 def write_pages(part: ReportSlice, workspace: Workspace) -> None:
-    """Collect the results of the run and write the page, with what was tried where the structure
-    was searched.
+    """Collect the results of the run and write the page; if the structure was searched, with the
+    structures that were tried.
     """
     from mapmore_cli.reporting.report import write_report
 
@@ -74,9 +74,9 @@ def write_pages(part: ReportSlice, workspace: Workspace) -> None:
 
 
 def provenance_of(run_dir: Path) -> dict[str, Any]:
-    """Return where the numbers come from, as the record of the run says: the command that makes the
-    run again, in the folder that holds the folder of runs; versions, and the hashes of the
-    recordings. Times are in run.json alone, so that the page has the same bytes each time.
+    """Return the origin of the numbers, from the record of the run: the command that repeats the
+    run, in the folder that contains the folder of runs; versions; and hashes of the recordings.
+    Times are only in run.json, so that the page has the same bytes each time.
     """
     from mapmore_cli.storage.run_record import load_origin, load_records, tool_versions
 
@@ -100,11 +100,11 @@ def provenance_of(run_dir: Path) -> dict[str, Any]:
 
 
 MOST_HASHES = 40
-"""Recordings whose hashes stand on the page."""
+"""Largest number of recordings whose hashes are on the page."""
 
 
 def collected(part: ReportSlice, run_dir: Path, spec_text: str = "") -> tuple[ReportInputs, ...]:
-    """Return the results of the stages before, with what the spec says of the report, for each
+    """Return the results of the earlier stages, with the report settings of the spec, for each
     output.
     """
     files = RunFiles(run_dir)
@@ -175,8 +175,8 @@ def _collected(
 
 
 def faults_of(style: FigureStyle) -> list[str]:
-    """Return warnings about a font that this machine does not have; SpecError if the formula in
-    a label is wrong.
+    """Return warnings about a font that this machine does not have. Raises SpecError for an invalid
+    formula in a label.
     """
     if style.font is None and not style.labels:
         return []
@@ -199,7 +199,7 @@ def faults_of(style: FigureStyle) -> list[str]:
 
 
 LOOKS = "report.style."
-"""What of a run's spec may be replaced to draw its results again."""
+"""Prefix of the keys of a run's spec that may be replaced to draw its results again."""
 
 
 def drawn_figure(
@@ -211,16 +211,17 @@ def drawn_figure(
     looks: Sequence[str] = (),
     models: Sequence[str] = (),
 ) -> tuple[bytes, str | None]:
-    """Draw a figure of a run as a file: all of it, or the panel of one curve (or model) as wide as
-    the spec says, with its numbers as CSV.
+    """Draw a figure of a run as a file: the whole figure, or the panel of one curve (or model) in
+    the width of the spec. The numbers of a panel are returned as CSV.
 
-    - `name`: as `fit`; of several outputs, with that of one, as `tip_x.fit`.
-    - `warn`: is told of a font that this machine does not have.
-    - `models`: competitors that are drawn, where that is not all of them.
-    - `looks`: values that replace those of the run's spec, as `report.style.width=120 mm`.
+    - `name`: name of the figure, such as `fit`; with several outputs, preceded by the output, such
+      as `tip_x.fit`.
+    - `warn`: called if this machine does not have a font.
+    - `models`: competitors that are drawn; all of them if empty.
+    - `looks`: settings that replace those of the run's spec, such as `report.style.width=120 mm`.
 
-    Raises DataError if the folder holds no finished run; UsageError if there is no such panel
-    (the message names those that there are), or `looks` are about anything else.
+    Raises DataError if the folder holds no finished run; UsageError for an unknown panel (the
+    message names the known ones), or if `looks` has other settings.
     """
     from mapmore_cli.reporting.figures.drawing import compose, drawings, panel_of, to_bytes
     from mapmore_cli.reporting.figures.style import figure_style
@@ -264,9 +265,7 @@ def drawn_figure(
 
 
 def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equation, ...]]:
-    """Return the equations in other units of some quantities, and of the rates that follow from
-    these.
-    """
+    """Return the equations with some quantities, and the rates of these, in other units."""
     from mapmore_cli.modelling.kinds import equations as model_equations
     from mapmore_cli.study.units import convert, default_unit
 

@@ -1,8 +1,8 @@
 """Bring a run up to date: like make, with fingerprints instead of times.
 
-A run folder is correct after every step: a stage builds its outputs beside the old ones, they are
-moved in whole, and the stage's entry in `run.json`, written last, commits them. Whatever is not
-committed runs again.
+A run folder is valid after every step: a stage builds its outputs beside the old ones, they are
+moved into place, and the stage's entry in `run.json`, which is written last, commits them. Anything
+that is not committed is done again.
 """
 
 from __future__ import annotations
@@ -57,17 +57,21 @@ from mapmore_cli.study.loader import LoadedSpec
 
 RESOLVED_SPEC = "experiment.yaml"
 FOUND = "found.yaml"
-"""The spec with its defaults filled in; and where its structure was searched, an ordinary spec with
-what was found.
+"""File with the spec and its defaults. If the structure was searched, it is an ordinary spec with
+the structure that was found.
 """
 
 OnStage = Callable[[str, str | None], None]
-"""`on_stage(stage, reason)`: called before a stage runs, or with None if it is up to date."""
+"""Function `on_stage(stage, reason)` that is called before a stage runs, or with None if the stage
+is up to date.
+"""
 
 
 @dataclass(frozen=True)
 class RunOutcome:
-    """The outcome of a run: `done` or `up-to-date` for every stage, and why those that ran did."""
+    """The outcome of a run: `done` or `up-to-date` for every stage, and the reasons of those that
+    ran.
+    """
 
     name: str
     run_dir: Path
@@ -79,12 +83,11 @@ class RunOutcome:
 class Options:
     """How a run is brought up to date.
 
-    - `force`: whether stages that are up to date run as well.
-    - `rehash`: whether sources and outputs are read again even where size and time are as they
-      were.
-    - `check`: whether an error that the rules of `checking` find ends the run.
-    - `campaign`: the file that the run belongs to.
-    - `patient`: whether it waits where another process is writing the run.
+    - `force`: True to repeat stages that are up to date.
+    - `rehash`: True to read sources and outputs again even if their size and time are unchanged.
+    - `check`: True if an error from the rules of `checking` ends the run.
+    - `campaign`: file of the campaign to which the run belongs.
+    - `patient`: True to wait while another process is writing the run.
     """
 
     force: bool = False
@@ -106,14 +109,14 @@ def explain(
     warn: Warn = lambda _message: None,
     stages: Sequence[Stage] | None = None,
 ) -> list[tuple[str, str | None]]:
-    """Return every stage up to `until` with the reason why it would run, None if it is up to
+    """Return every stage up to `until` with the reason why it would run, or None if it is up to
     date. Nothing is written.
     """
     refuse_circle(loaded)
     run_dir = runs / loaded.spec.name
     how = (run_dir, load_records(run_dir, warn), options.rehash, options.force)
     reasons = {plan.stage.name: plan.reason for plan in plan_stages(stages, until, loaded, *how)}
-    if until not in reasons:  # what a search finds is not known yet
+    if until not in reasons:  # the result of a search is not known yet
         every = [stage.name for stage in pipeline()]
         reasons |= dict.fromkeys(every[1 : every.index(until) + 1], f"follows from {SEARCH_STAGE}")
     return list(reasons.items())
@@ -140,13 +143,13 @@ def bring_up_to_date(
 ) -> RunOutcome:
     """Run the stages up to `until` that are not up to date, in the folder `runs/NAME`.
 
-    `stages` are those of `pipeline()` by default. Runs that a stage needs come before it, in the
-    same folder of runs. After ingest, the rules of `checking` are applied, unless they were to the
-    same: `warn` is told what they find.
+    `stages` are those of `pipeline()` by default. Runs that a stage needs are done before it, in
+    the same folder of runs. After ingest, the rules of `checking` are applied, unless they have
+    been applied to the same data; `warn` is called with their findings.
 
-    Raises WriteError if the folder cannot be written or holds the run of another spec, the disk
-    is full, or another process is writing the run; MapmoreError for whatever a stage found wrong;
-    its outputs, and those of the stages after it, are then as they were.
+    Raises WriteError if the folder cannot be written or holds the run of another spec, the disk is
+    full, or another process is writing the run; MapmoreError if a stage fails; its outputs, and
+    those of later stages, are then unchanged.
     """
     refuse_circle(loaded)
     run_dir = runs / loaded.spec.name
@@ -164,8 +167,8 @@ def bring_up_to_date(
 
 
 def _origin(loaded: LoadedSpec, run_dir: Path, campaign: Path | None) -> Origin:
-    """Where the run comes from now; WriteError if its folder holds a run of the same name from
-    elsewhere, which still exists.
+    """Return the present origin of the run. Raises WriteError if its folder holds a run of the same
+    name from another place that still exists.
     """
     here = Origin(
         _from(run_dir, loaded.path),
@@ -178,7 +181,7 @@ def _origin(loaded: LoadedSpec, run_dir: Path, campaign: Path | None) -> Origin:
         and loaded.path.name in (RESOLVED_SPEC, FOUND)
         and loaded.path.resolve().parent.parent == run_dir.resolve().parent
     ):
-        return before  # the resolved spec of a run of this folder is that run's own
+        return before  # the resolved spec in the run folder belongs to the run itself
     rival = here.rival_of(before, run_dir) if before is not None else None
     if rival is not None:
         raise WriteError(
@@ -190,8 +193,8 @@ def _origin(loaded: LoadedSpec, run_dir: Path, campaign: Path | None) -> Origin:
 
 
 def _from(run_dir: Path, path: Path) -> str:
-    """Return the path from the run's folder; the name alone where the way leads over the root:
-    files of a run name nobody's folders.
+    """Return the path relative to the run folder; only the name if the path would lead over the
+    root, because files of a run must not name anybody's folders.
     """
     path, run_dir = path.resolve(), run_dir.resolve()
     if os.path.commonpath([path, run_dir]) == path.anchor:
@@ -201,8 +204,8 @@ def _from(run_dir: Path, path: Path) -> str:
 
 @dataclass(frozen=True)
 class _Run:
-    """A run in its folder, and who is told of it; `stages` are others than those of the
-    pipeline, and `written` are files besides theirs that the record does not list yet.
+    """A run in its folder, and the functions to which it reports. `stages` differ from those of the
+    pipeline; `written` are further files that the record does not list yet.
     """
 
     loaded: LoadedSpec
@@ -216,14 +219,14 @@ class _Run:
     written: dict[str, Stamp] = field(default_factory=dict)
 
     def settled(self, until: str) -> list[StagePlan] | None:
-        """Return the plans where nothing is to be done, seen without the lock of the run, since
-        others may be reading it; None if something may be.
+        """Return the plans if nothing is to be done, without taking the lock of the run, because
+        others may be reading it; None if something may be to do.
 
-        Results are moved in whole and committed last, so what looks whole is. Where another process
-        is at work, the lock decides.
+        Results are moved into place as a whole and committed last, so results that look complete
+        are complete. If another process is working, the lock decides.
         """
         records, runs = known_records(self.run_dir), self.run_dir.parent
-        if until not in records:  # sources need not be looked at twice
+        if until not in records:  # sources need not be checked twice
             return None
         plans = list(self.planned(until, records))
         whole = (
@@ -250,14 +253,17 @@ class _Run:
         return plans
 
     def settle(self, until: str) -> list[StagePlan]:
-        """Do all that is to be done; what was planned. The lock of the run is held."""
+        """Do everything that is to be done, and return the plans. The caller holds the lock of the
+        run.
+        """
         stages = self.stages or pipeline()
         recover(self.run_dir, [output for stage in stages for output in stage.outputs])
         records = load_records(self.run_dir, self.warn)
         if self.loaded.spec.model.type != AUTO:
             records.pop(SEARCH_STAGE, None)
         if load_origin(self.run_dir) != self.origin:
-            self.save(records)  # a new run as well: from now on the folder is known as a run's
+            # also for a new run, whose folder is recognised as a run folder from now on
+            self.save(records)
         plans, kept = list[StagePlan](), dict(records)
         for plan in self.planned(until, records):
             plans.append(plan)
@@ -282,13 +288,13 @@ class _Run:
         return plans
 
     def save(self, records: Mapping[str, StageRecord]) -> None:
-        """Write the record, with what was written besides the stages since."""
+        """Write the record, with the further files that were written since."""
         name = self.loaded.spec.name
         save_records(self.run_dir, name, self.origin, records, self.written)
         self.written.clear()
 
     def write(self, name: str, text: str) -> None:
-        """Write a file besides those of the stages, where it does not say so already."""
+        """Write a further file, unless it has the same contents."""
         path = self.run_dir / name
         if not path.is_file() or path.read_bytes() != text.encode():
             self.tell_taken(make_way(self.run_dir, name, written_files(self.run_dir)))
@@ -296,7 +302,9 @@ class _Run:
         self.written[name] = take_stamp(path)
 
     def tell_taken(self, paths: Sequence[str]) -> None:
-        """Warn of files that had to make way, and that the run did not write as they were."""
+        """Warn about files that were moved out of the way because the run did not write them in
+        this form.
+        """
         if paths:
             self.warn(
                 f"{self.run_dir}: {', '.join(paths)} was changed after the run, or was not "
@@ -305,13 +313,13 @@ class _Run:
             )
 
     def planned(self, until: str, records: Mapping[str, StageRecord]) -> Iterator[StagePlan]:
-        """Yield the plans, each from the files as they are then."""
+        """Yield the plans, each from the files as they are at that time."""
         how = (self.run_dir, records, self.options.rehash, self.options.force)
         return plan_stages(self.stages, until, self.loaded, *how)
 
     def make(self, plan: StagePlan, needed: Mapping[str, Path]) -> StageRecord:
-        """Run one stage and move its outputs in; the entry that commits them. `needed` are the
-        folders of the runs whose models it needs.
+        """Run one stage and move its outputs into place; return the entry that commits them.
+        `needed` holds the folders of the runs whose models it needs.
         """
         started, stage = time.perf_counter(), plan.stage
         with refusals_told(self.run_dir), stage_folder(self.run_dir, stage.name) as out:
@@ -335,20 +343,22 @@ class _Run:
         return replace(plan.now, outputs=outputs, tools=tool_versions(), seconds=seconds, why=why)
 
     def checks(self, plan: StagePlan, until: str) -> bool:
-        """Return whether the rules are applied after a stage: ingest, where it is not the last."""
+        """Return True if the rules are applied after a stage: after ingest, unless it is the
+        last.
+        """
         return plan.stage is pipeline()[0] and plan.stage.name != until
 
     def known_findings(self, ingest: StagePlan) -> tuple[findings.Issue, ...] | None:
-        """Return what the rules found in these data; None if that is not known, or ends the run:
-        places in the spec may have moved.
+        """Return the findings of the rules for these data; None if they are not known, or if they
+        end the run, because places in the spec may have moved.
         """
         issues = findings.kept(self.run_dir, findings.mark_of(self.loaded, ingest.now.fingerprint))
         ends = self.options.check and issues is not None and findings.refusal(issues)
         return None if ends or findings.FINDINGS not in written_files(self.run_dir) else issues
 
     def apply_rules(self, ingest: StagePlan) -> None:
-        """Apply the rules to the ingested data, unless they were, and tell what they find; raises
-        what is an error for them.
+        """Apply the rules to the ingested data, unless this was done already, and report the
+        findings; raises those that are errors.
         """
         issues = self.known_findings(ingest)
         if issues is not None:
@@ -362,7 +372,7 @@ class _Run:
         self.write(findings.FINDINGS, findings.as_text(mark, issues))
 
     def tell(self, issues: Sequence[findings.Issue]) -> None:
-        """Warn of the findings; raise those that are errors, unless they do not count."""
+        """Warn about the findings. Raises those that are errors, unless errors do not count."""
         error = findings.refusal(issues) if self.options.check else None
         for issue in issues:
             if issue.severity != "error" or error is None:
@@ -371,8 +381,8 @@ class _Run:
             raise error
 
     def add_findings(self, fault: MapmoreError, stage: Stage) -> None:
-        """Add to an error of ingest what the rules find in the recordings: it may be why they
-        cannot be sorted into curves.
+        """Add the findings of the rules in the recordings to an error of ingest, because they may
+        be the reason why no curves can be made.
         """
         if self.options.check and stage is pipeline()[0]:
             from mapmore_cli.checking.applied import issues_without_curves
@@ -383,8 +393,8 @@ class _Run:
             fault.message = "\n".join([fault.message, *why])
 
     def bring(self, other: Needed) -> Path:
-        """Bring another run up to date in the same folder of runs; its folder. Another process that
-        is writing it is waited for.
+        """Bring another run up to date in the same folder of runs, and return its folder. If
+        another process is writing it, wait.
         """
         name, runs = other.loaded.spec.name, self.run_dir.parent
         current = self.is_current(other)
@@ -396,7 +406,7 @@ class _Run:
                     "brings it up to date"
                 )
         elif not current:
-            known = findings.sentences(self.run_dir)  # a variation has most of them as well
+            known = findings.sentences(self.run_dir)  # a variation has most of the same findings
             try:
                 bring_up_to_date(
                     other.loaded,
@@ -416,8 +426,8 @@ class _Run:
         return runs / name
 
     def is_current(self, other: Needed) -> bool:
-        """Return whether another run is up to date, has its spec, and nobody was killed or is at
-        work in its folder.
+        """Return True if another run is up to date and has its spec, and no process is working or
+        was killed in its folder.
         """
         run_dir = self.run_dir.parent / other.loaded.spec.name
         plans = plans_of(other, self.stages, other.last, self.run_dir.parent)
@@ -428,8 +438,9 @@ class _Run:
         )
 
     def unwritten(self, until: str) -> dict[str, str]:
-        """Return the specs that belong to the run and are not there already, by their files: what
-        runs again where it lies, and what a search found. So are those that the record lacks.
+        """Return the specs that belong to the run and are not written yet, by file name: the spec
+        to repeat the run where it lies, and the one that a search found. Specs that the record
+        lacks are included.
         """
         if until == SEARCH_STAGE:
             return {}

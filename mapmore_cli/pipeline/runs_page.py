@@ -1,4 +1,6 @@
-"""The page of all runs of a folder, `RUNS/index.html`, which holds its own rows."""
+"""Write the page of all runs of a folder, `RUNS/index.html`, which contains its own rows as
+data.
+"""
 
 from __future__ import annotations
 
@@ -24,17 +26,17 @@ if TYPE_CHECKING:
     from mapmore_cli.pipeline.jobs import Finished
 
 POINTS, WIDTH, HEIGHT = 40, 120, 36
-"""Places of a small picture, and its size in pixels."""
+"""Number of points of a small picture, and its size in pixels."""
 
 
 def write_runs_page(
     runs: Path, finished: Sequence[Finished], warn: Callable[[str], None] = lambda _message: None
 ) -> None:
-    """Write `RUNS/index.html`: the rows that it has, of runs that are still there, and those of
-    `finished` runs in place of theirs. Where nothing changed, nothing is written.
+    """Write `RUNS/index.html` with the present rows of runs that still exist, and new rows for the
+    `finished` runs. If nothing has changed, nothing is written.
 
-    Another page of that name stays as it is, and `warn` is told of it. Raises WriteError where the
-    page cannot be written.
+    Another page of that name is left alone, and `warn` is called. Raises WriteError if the page
+    cannot be written.
     """
     place = runs / PAGE
     if not finished and not place.is_file():
@@ -57,7 +59,7 @@ def write_runs_page(
 
 
 def _rows(run: Finished, known: Iterable[Row]) -> list[Row]:
-    """Return the rows of a run, those that are known where its scores have not changed since."""
+    """Return the rows of a run; known rows are used again if its scores have not changed."""
     ended = (run.run_dir / "scores.json").stat().st_mtime
     if same := [row for row in known if row.ended == ended]:
         return same
@@ -95,7 +97,7 @@ def _rows(run: Finished, known: Iterable[Row]) -> list[Row]:
 
 
 def _picture(validation: Validation, dataset: Any) -> tuple[str, str]:
-    """Return paths of what was measured and predicted along the first held-out curve."""
+    """Return SVG paths of the measured and the predicted values along the first held-out curve."""
     curves = (validation.shown or dataset).curves
     number = next((i for i, curve in enumerate(curves) if curve.held_out.any()), 0)
     curve, predicted = curves[number], validation.predictions[OWN][number]
@@ -120,7 +122,7 @@ def _path(x: Array, y: Array) -> str:
 
 
 def _page(runs: Path, rows: Sequence[Row]) -> str:
-    """Return the page of these rows."""
+    """Return the page with these rows."""
     from mapmore_cli.reporting.order import RUN_PAGE
     from mapmore_cli.reporting.scripts import json_text, scripts, text_of
     from mapmore_cli.reporting.table import environment, title_of

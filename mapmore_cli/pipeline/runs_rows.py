@@ -1,4 +1,4 @@
-"""The rows of the page of all runs, as the page itself holds them."""
+"""Represent the rows of the page of all runs, which the page itself contains."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from mapmore_cli.domain.scores import OWN, Alert
 
 PAGE = "index.html"
 MARK = '<script type="application/json" id="runs">'
-"""What the rows of a page stand behind, and what tells it from a page of the user."""
+"""Text before the rows in a page, which distinguishes it from a page of the user."""
 
 
 @dataclass(frozen=True)
 class Row:
     """One output of a run.
 
-    - `nrmse`: by model, in per cent: of held-out data, where there are any.
-    - `alerts`: what speaks against the number, the worst first.
-    - `ended`: when the scores were written, in seconds since 1970.
-    - `picture`: what was measured and predicted along a curve, as two paths of SVG.
+    - `nrmse`: NRMSE by model, in per cent, for held-out data if there are any.
+    - `alerts`: sentences that warn about the number, the worst first.
+    - `ended`: time at which the scores were written, in seconds since 1970.
+    - `picture`: measured and predicted values along a curve, as two SVG paths.
     """
 
     run: str
@@ -43,19 +43,19 @@ class Row:
 
     @property
     def best_other(self) -> tuple[str, float] | None:
-        """Name and NRMSE of the competitor that errs least."""
+        """Name and NRMSE of the competitor with the smallest error."""
         others = [(name, error) for name, error in self.nrmse.items() if name != OWN]
         return min(others, key=lambda pair: pair[1], default=None)
 
     @property
     def day(self) -> str:
-        """When it ended, to the minute."""
+        """End of the run, to the minute."""
         return f"{datetime.fromtimestamp(self.ended, UTC):%Y-%m-%d %H:%M}"
 
 
 def rows_of(place: Path) -> list[Row] | None:
-    """Return the rows of a page: none where there is no page yet, None where another page is
-    there.
+    """Return the rows of a page: empty if there is no page yet, None for a page of somebody
+    else.
     """
     if not place.exists() and not place.is_symlink():
         return []
@@ -76,8 +76,8 @@ def rows_of(place: Path) -> list[Row] | None:
 
 
 def known_alerts(run_dir: Path) -> tuple[Alert, ...] | None:
-    """Return the alerts of a run as the page of its folder has them, without reading its results;
-    None where the page does not know these scores.
+    """Return the alerts of a run from the page of its folder, without reading its results; None if
+    the page does not know these scores.
     """
     scores = run_dir / "scores.json"
     ended = scores.stat().st_mtime if scores.is_file() else None

@@ -1,4 +1,4 @@
-"""What the scores of a run depend on beyond its model."""
+"""Define what the scores of a run depend on besides its model."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from mapmore_cli.study.experiment import Competitor, ExperimentSpec
 class ScoresSlice:
     """Part of the spec on which the scores depend, besides the model.
 
-    `target` is what is scored, `seen_as` the same where it is not what the model predicts, so that
-    this is inverted. `static` is the spec of the needed static run, `lengths` are the muscle's in
-    m, `cycles_of` is the quantity whose cycles are held out, `robust` the section `fit` with a
-    robust loss, and `folds` has the choices that models are made by where every level is left out
-    in turn. `structure_seen` says with what the structure was chosen, where that is held out.
+    `target` is the scored quantity; `seen_as` is the same if the model must be inverted for it.
+    `static` is the spec of the static run in `needs`, `lengths` are the muscle's dimensions in m,
+    `cycles_of` is the quantity whose cycles are held out, `robust` is the section `fit` if its loss
+    is robust, and `folds` holds the settings for the models if every level is left out once.
+    `structure_seen` names the data with which the structure was chosen, if these are held out.
     """
 
     target: str
@@ -36,8 +36,8 @@ class ScoresSlice:
 
 
 def scores_slice(spec: ExperimentSpec) -> ScoresSlice:
-    """Return the part of the spec that the stage reads. What only composites and load-cycle
-    formulas need is part of it only if they are possible.
+    """Return the part of the spec that the stage reads. Settings for sums and load-cycle formulas
+    are included only if these are possible.
     """
     spec = with_definitions(spec)
     target = spec.target if isinstance(spec.target, str) else spec.target.column

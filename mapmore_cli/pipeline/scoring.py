@@ -36,8 +36,8 @@ from mapmore_cli.storage.run_record import write_scores
 
 
 def score(part: ScoresSlice, workspace: Workspace) -> None:
-    """Fit the competitors to the same training data, predict every sample, and score; outputs one
-    by one.
+    """Fit the competitors to the same training data, predict every sample, and score, output by
+    output.
     """
     dataset, model = workspace.files.dataset(), workspace.files.model()
     validations = [
@@ -107,7 +107,7 @@ def _scored(part: ScoresSlice, workspace: Workspace, measured: Dataset, model: M
 def _rows(
     part: ScoresSlice, model: Model, dataset: Dataset, forecasts: Said, scale: Normaliser
 ) -> Iterator[Score]:
-    """Yield the score rows of every model, on the samples that all of them predict."""
+    """Yield the score rows of every model, on the samples that all models predict."""
     for name, every in on_common_rows(forecasts).items():
         free = parameters(model) if name == OWN else 0
         yield from score_rows(
@@ -116,7 +116,9 @@ def _rows(
 
 
 def _with_seen(scores: list[Score], rivals: list[Rival], dataset: Dataset) -> list[Score]:
-    """Return the rows, of which those of runs that were trained on held-out samples are `seen`."""
+    """Return the rows, with those of runs that were trained with held-out samples marked as
+    `seen`.
+    """
     saw = {
         rival.name for rival in rivals if rival.run is not None and trained_on(rival.run, dataset)
     }
@@ -129,7 +131,7 @@ def _with_seen(scores: list[Score], rivals: list[Rival], dataset: Dataset) -> li
 def _warn_of_fits(
     warn: Warn, formulas: Mapping[str, FormulaFit], forecasts: Said, dataset: Dataset
 ) -> None:
-    """Warn of minima that fit nearly as well, and of free runs that diverge."""
+    """Warn about minima that fit nearly as well, and about free runs that diverge."""
     for name, fit in formulas.items():
         for sentence in rival_minima(name, fit):
             warn(sentence)
@@ -140,7 +142,7 @@ def _warn_of_fits(
 
 
 def _own_forecasts(part: ScoresSlice, model: Model, dataset: Dataset) -> Forecasts:
-    """Return what the run's own model says of every curve, with intervals where it has some."""
+    """Return the forecast of every curve by the run's own model, with intervals if it has any."""
     every = forecast_each(model, dataset.curves, dataset.target)
     if model.left_out is None or part.seen_as is not None:
         return every
@@ -149,9 +151,7 @@ def _own_forecasts(part: ScoresSlice, model: Model, dataset: Dataset) -> Forecas
 
 
 def _with_interval(model: Model, curve: Curve, output: Forecast) -> Forecast:
-    """Add the half widths of the intervals to what a model says of the held-out samples of a
-    curve.
-    """
+    """Add the half widths of the intervals to the forecast of the held-out samples of a curve."""
 
     def half(columns: Columns) -> Array:
         widths = half_widths_of(model, columns, INTERVAL)
@@ -165,7 +165,9 @@ def _with_interval(model: Model, curve: Curve, output: Forecast) -> Forecast:
 
 
 def _diverged(name: str, curve: Curve, row: int, dataset: Dataset) -> str:
-    """Say where a free run left all bounds: its scores are empty."""
+    """Return a sentence that says where a free run left all bounds, so that its scores are
+    empty.
+    """
     log = next(number for number, rows in enumerate(curve.logs) if row in rows)
     at = f"sample {int(np.searchsorted(curve.logs[log], row))}"
     if "time" in curve.columns:
@@ -177,8 +179,8 @@ def _diverged(name: str, curve: Curve, row: int, dataset: Dataset) -> str:
 
 
 def scored_as(name: str, dataset: Dataset, model: Model) -> Dataset:
-    """Return the dataset with an input of the model as what is measured and scored; SpecError if
-    the model has no such input.
+    """Return the dataset with an input of the model as the measured and scored quantity. Raises
+    SpecError if the model has no such input.
     """
     inputs = [quantity.name for quantity in model.inputs]
     if name not in inputs:
@@ -230,8 +232,8 @@ def _left_out(
 def _repeatability_scores(
     part: ScoresSlice, model: Model, dataset: Dataset, scale: Normaliser
 ) -> Iterator[Score]:
-    """Yield rows of the repeatability: of held-out cycles, or of measurements that were repeated at
-    one level, coordinate and direction.
+    """Yield rows for the repeatability: of held-out cycles, or of measurements that were repeated
+    at one level, coordinate and direction.
     """
     data = (dataset.curves, dataset.target)
     if part.cycles_of is not None:

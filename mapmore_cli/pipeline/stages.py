@@ -1,5 +1,5 @@
-"""The first four stages: recordings to curves, curves to segments, segments to fits, fits to a
-model that stands alone.
+"""Implement the first four stages: from recordings to curves, from curves to segments, from
+segments to fits, and from fits to a model that stands alone.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def ingest(part: IngestSlice, workspace: Workspace) -> None:
 
 
 def recordings(spec: ExperimentSpec, folder: Path) -> list[Path]:
-    """Return the recordings that the spec names, and the logs that are joined to them."""
+    """Return the recordings in the spec, and the logs that are joined to them."""
     sources = find_sources(spec.data.files, folder, spec.data.join, bad=spec.data.skip_bad_files)
     return list(dict.fromkeys(log.path for source in sources for log in (source, *source.joined)))
 
@@ -82,8 +82,8 @@ INGEST = Stage(
 
 
 def segment_slice(spec: ExperimentSpec) -> ModelChoices:
-    """Return what the segments depend on; dictionary, model and fit only where a boundary is placed
-    by trying out fits.
+    """Return what the segments depend on. Dictionary, model and fit are included only if a boundary
+    is placed by comparing fits.
     """
     spec = with_definitions(spec)
     levels, cuts = spec.data.levels, spec.segment
@@ -93,8 +93,8 @@ def segment_slice(spec: ExperimentSpec) -> ModelChoices:
 
 
 def segment(part: ModelChoices, workspace: Workspace) -> None:
-    """Cut every training curve over its own range; what is fitted there is what the backbone
-    leaves.
+    """Cut every training curve over its own range. Fits that choose boundaries are fits to the
+    residual of the backbone.
     """
     from mapmore_cli.fitting.kinds.pieces import segmented
     from mapmore_cli.storage.artefacts import write_segmentation
@@ -125,8 +125,8 @@ SEGMENT = Stage(
 
 
 def fit(part: ModelChoices, workspace: Workspace) -> None:
-    """Fit what the kind of model asks for: every segment, one model with memory, a formula, or
-    nothing if models are added up.
+    """Fit what the kind of model needs: every segment, one model with memory, a formula, or nothing
+    if models are added.
     """
     from mapmore_cli.modelling.frols.offsets import constant_alone, far_from_zero
     from mapmore_cli.modelling.literature.backbone import pooled_training
@@ -189,13 +189,13 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
         if (why := interval_limits(left_out)) is not None:
             workspace.warn(f"validate.intervals: {why}")
         model = replace(model, left_out=left_out)
-    # for a reader who has nothing but the file
+    # for a reader who has only this file
     provenance = {**tool_versions(), "spec": to_json(part, indent=1).decode()}
     write_model(workspace.out / MODEL, model, provenance)
 
 
 def _finished(part: ModelChoices, model: Model, dataset: Dataset) -> Model:
-    """Return the model of one output with its signals, and notes on what it is made of."""
+    """Return the model of one output with its signals, and with notes on its data."""
     from mapmore_cli.modelling.signals.rates import needed_signals
     from mapmore_cli.modelling.validation.residuals import explained_by_inputs
 

@@ -1,5 +1,5 @@
-"""Which stages of a run are up to date, and why the others are not; and the runs that a stage
-needs.
+"""Decide which stages of a run are up to date, and why the others are not; and find the runs that a
+stage needs.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from mapmore_cli.study.loader import LoadedSpec, changed, load
 from mapmore_cli.study.yaml_loader import as_overrides
 
 MODEL_STAGE = "fuse"
-"""The stage after which a run has the model that others read."""
+"""Stage after which a run has the model that others read."""
 
 
 def pipeline(searched: bool = False) -> tuple[Stage, ...]:
-    """Return the six stages in order, where the structure is `searched` with that stage; they are
-    imported when they are first asked for.
+    """Return the six stages in order; if the structure is `searched`, with the stage that does so.
+    They are imported when they are first needed.
     """
     from mapmore_cli.pipeline import report, stages, validate
 
@@ -42,10 +42,10 @@ def pipeline(searched: bool = False) -> tuple[Stage, ...]:
 
 @dataclass(frozen=True)
 class Needed:
-    """Another run of the same folder of runs, and its own spec.
+    """Another run in the same folder of runs, and its own spec.
 
-    What a run is built on is brought up to date as a whole, with its page. Of a run that is
-    compared, and of a variation, the model alone is needed.
+    A run on which another builds is brought up to date as a whole, with its page. For a compared
+    run and for a variation, only the model is needed.
     """
 
     need: Need
@@ -53,18 +53,18 @@ class Needed:
 
     @property
     def last(self) -> str:
-        """The last stage that is needed of it."""
+        """The last stage that is needed."""
         return MODEL_STAGE if self.need.compared or self.need.overrides else "report"
 
     def is_kept(self, runs: Path) -> bool:
-        """Return whether it is compared, and has a model: a comparison must not change what it
-        compares with.
+        """Return True if the run is compared and has a model, because a comparison must not change
+        the other run.
         """
         return self.need.compared and MODEL_STAGE in known_records(runs / self.loaded.spec.name)
 
 
 def known_records(run_dir: Path) -> dict[str, StageRecord]:
-    """Return the committed stages of a run, silently."""
+    """Return the committed stages of a run, without any message."""
     return load_records(run_dir, lambda _message: None)
 
 
@@ -80,8 +80,8 @@ def needed_runs(stage: Stage, loaded: LoadedSpec) -> tuple[Needed, ...]:
 
 
 def named_runs(specs: Sequence[LoadedSpec]) -> set[str]:
-    """Return the names of the runs of specs, and of all runs that they are built on or compared
-    with.
+    """Return the names of the runs of specs, and of all runs on which they build or with which they
+    are compared.
 
     Raises SpecError if a needed spec is missing or wrong.
     """
@@ -96,8 +96,8 @@ def named_runs(specs: Sequence[LoadedSpec]) -> set[str]:
 
 
 def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
-    """Raise SpecError if runs are built on each other in a circle; `heirs` are the specs that
-    led to this one. A run that is compared needs what its model is built on.
+    """Raise SpecError if runs build on each other in a circle; `heirs` are the specs that led to
+    this one. A compared run needs the runs on which its model builds.
     """
     spec, chain = loaded.spec, (*heirs, loaded.path.resolve())
     paths = {spec.needs.static, spec.needs.damping, *(part.model for part in spec.model.sum or ())}
@@ -119,8 +119,8 @@ def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
 
 
 def _varied(loaded: LoadedSpec, variation: Need) -> LoadedSpec:
-    """Return the spec with other settings, and without competitors: it is one, and those of the
-    spec may not suit it.
+    """Return the spec with other settings and without competitors: it is itself one, and the
+    competitors of the spec may not suit it.
     """
     overrides = {
         "name": f"{loaded.spec.name}.{variation.key}",
@@ -138,19 +138,20 @@ def _varied(loaded: LoadedSpec, variation: Need) -> LoadedSpec:
 
 
 SHORT_MARK = 12
-"""Digits of the fingerprint of another run that a reason shows."""
+"""Digits of another run's fingerprint that a reason shows."""
 
 LONGEST_REASON = 6
-"""Changes that a reason lists before it only counts the rest."""
+"""Largest number of changes that a reason lists; more are counted."""
 
 
 @dataclass(frozen=True)
 class StagePlan:
     """Inputs and settings from which a stage would be made now.
 
-    `part` is the slice of the spec. `now` is the entry that it would have: its outputs are the
-    committed files that still exist. `reason` says why the stage has to run, None if it is up to
-    date; `now` is then its entry with today's file times: the next run need not read them again.
+    `part` is the slice of the spec. `now` is the entry that the stage would have; its outputs are
+    the committed files that still exist. `reason` says why the stage must run, None if it is up to
+    date; `now` is then its entry with the present file times, so that the next run need not read
+    the files again.
     """
 
     stage: Stage
@@ -169,11 +170,11 @@ def plan_stages(
     rehash: bool = False,
     force: bool = False,
 ) -> Iterator[StagePlan]:
-    """Yield the plan of every stage up to `until`, in order, from the files as they are now;
-    `stages` are others than those of the `pipeline`.
+    """Yield the plan of every stage up to `until`, in order, from the files as they are now.
+    `stages` differ from those of the `pipeline`.
 
-    After a search the structure that it found is taken for the stages behind it. Where there is
-    none yet, these are not known, and it is the last.
+    After a search, later stages use the structure that it found. If there is none yet, the plans of
+    later stages are unknown, and the search is the last.
 
     Raises DataError if a source is missing or cannot be read.
     """
@@ -217,8 +218,8 @@ def plans_of(
 
 
 def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
-    """Return the spec with the structure that the search of its run found; as it is where it asks
-    for none, or none was found yet.
+    """Return the spec with the structure that the search of its run found; unchanged if it asks for
+    no search, or if none is finished.
     """
     if loaded.spec.model.type != AUTO:
         return loaded
@@ -227,8 +228,8 @@ def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
 
 
 def _model_mark(run: Needed, stages: Sequence[Stage] | None, runs: Path, rehash: bool) -> str:
-    """Return the fingerprint of the model of another run, whether it exists yet or not; of a
-    compared run, of the model that it has.
+    """Return the fingerprint of the model of another run, whether it exists yet or not; for a
+    compared run, of its present model.
     """
     if run.is_kept(runs):
         record = known_records(runs / run.loaded.spec.name)[MODEL_STAGE]
@@ -238,7 +239,7 @@ def _model_mark(run: Needed, stages: Sequence[Stage] | None, runs: Path, rehash:
 
 
 def _reasons(stage: Stage, known: StageRecord | None, now: StageRecord, previous: str) -> list[str]:
-    """Return everything that differs from the committed entry."""
+    """Return all differences from the committed entry."""
     if known is None:
         return ["first time"]
     reasons = slice_differences(stage.name, known.slice, now.slice)
@@ -270,7 +271,7 @@ def _source_stamps(
     stage: Stage, loaded: LoadedSpec, known: Mapping[str, Stamp], rehash: bool
 ) -> dict[str, Stamp]:
     stamps = {}
-    # what is in memory is no file whose content could change
+    # a recording in memory is no file whose contents could change
     for source in () if loaded.tables else stage.sources(loaded.spec, loaded.folder):
         path = Path(os.path.relpath(source, loaded.folder)).as_posix()
         try:
@@ -283,13 +284,13 @@ def _source_stamps(
 
 
 LONGEST_VALUE = 60
-"""Characters of a value that a difference shows."""
+"""Largest number of characters of a value in a difference."""
 
 NOT_SET = "not set"
 
 
 def recorded(part: object) -> dict[str, Any]:
-    """Return a slice (frozen dataclasses, spec models and what they hold) as JSON values, under the
+    """Return a slice (frozen dataclasses, spec models and their contents) as JSON values, under the
     names of the YAML file.
     """
     values: dict[str, Any] = to_jsonable_python(part, by_alias=True)
@@ -299,8 +300,8 @@ def recorded(part: object) -> dict[str, Any]:
 def fingerprint(
     name: str, revision: int, part: object, before: str, contents: Mapping[str, str]
 ) -> str:
-    """Return the SHA-256 of a stage's name and revision, its slice `part`, the fingerprint `before`
-    it, and the hashes of its sources by path.
+    """Return the SHA-256 of a stage's name and revision, its slice `part`, the fingerprint of the
+    stage before it, and the hashes of its sources by path.
     """
     whole = {
         "stage": name,
@@ -314,7 +315,9 @@ def fingerprint(
 
 
 def slice_differences(stage: str, old: object, new: Mapping[str, Any]) -> list[str]:
-    """Return every changed key of a stage's slice with both values, as `fuse.z_s: 0.25 -> 0.3`."""
+    """Return every changed key of a stage's slice with both values, for example `fuse.z_s: 0.25 ->
+    0.3`.
+    """
     if old == new:
         return []
     if not isinstance(old, dict):  # a record that somebody edited
@@ -329,14 +332,14 @@ def slice_differences(stage: str, old: object, new: Mapping[str, Any]) -> list[s
 
 
 def place_in_spec(key: str, stage: str) -> str:
-    """Say where a key of a stage's slice stands in the YAML file: `levels` is `data.levels`,
+    """Return the place in the YAML file of a key of a stage's slice: `levels` is `data.levels`,
     `against` is `validate.against`.
     """
     fields = ExperimentSpec.model_fields.items()
     sections = {field.alias or name: field.annotation for name, field in fields}
     if key in sections:
         return key
-    # `levels` of fuse stands inside its own section, so the first home is the one
+    # `levels` of fuse is a key of its own section, so the first match counts
     for name, section in sections.items():
         if key in getattr(section, "model_fields", getattr(section, "__dataclass_fields__", ())):
             return f"{name}.{key}"
@@ -344,7 +347,7 @@ def place_in_spec(key: str, stage: str) -> str:
 
 
 def _differences(place: str, old: object, new: object) -> Iterator[str]:
-    """Yield the values within a place that differ, each with its own place."""
+    """Yield the values below a place that differ, each with its own place."""
     if isinstance(old, dict) and isinstance(new, dict):
         for key in new | old:
             yield from _differences(f"{place}.{key}", old.get(key, NOT_SET), new.get(key, NOT_SET))

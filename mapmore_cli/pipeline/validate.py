@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def score(part: ScoresSlice, workspace: Workspace) -> None:
-    """Do the work of the stage, whose modules are imported where something is to be scored."""
+    """Do the work of the stage. Its modules are imported only if something is to be scored."""
     from mapmore_cli.pipeline import scoring
 
     scoring.score(part, workspace)
@@ -28,9 +28,9 @@ def score(part: ScoresSlice, workspace: Workspace) -> None:
 def required_limits(
     require: Mapping[str, float | dict[str, float]], scores: Sequence[Score]
 ) -> tuple[Limit, ...]:
-    """Return the `validate.require` limits with what the run's own model has.
+    """Return the `validate.require` limits with the values of the run's own model.
 
-    They hold on the pooled validation rows, or on the training rows where nothing is held out; for
+    They apply to the pooled validation rows, or to the training rows if nothing is held out; for
     every output, or for those that they name.
     """
     rows = deciding(score for score in scores if score.model == OWN)
@@ -49,8 +49,8 @@ def required_limits(
 
 
 def needs(spec: ExperimentSpec) -> list[Need]:
-    """Return the runs that this one is compared with, its own variations among them, and the static
-    run that composites are fitted to.
+    """Return the runs with which this one is compared, including its own variations, and the static
+    run to which sums are fitted.
     """
     static = scores_slice(spec).static
     competitors = [c for c in spec.validation.against if isinstance(c, Competitor)]
@@ -63,9 +63,9 @@ def needs(spec: ExperimentSpec) -> list[Need]:
 
 
 def frozen_models(spec: ExperimentSpec, folder: Path) -> list[Path]:
-    """Return the frozen models that this one is compared with.
+    """Return the frozen models with which this one is compared.
 
-    Raises SpecError if there is no such file.
+    Raises SpecError if such a file is missing.
     """
     frozen = [c for c in spec.validation.against if isinstance(c, Competitor) and c.is_file]
     paths = [folder / str(competitor.model) for competitor in frozen]

@@ -26,7 +26,8 @@ MOST_LINES = 7
 """Lines that can be told apart in one panel."""
 
 FAR_OFF = 10.0
-"""Times the error of the run's own model, from which on a model does not set the scale of a figure.
+"""Times the error of the run's own model, from which on a model does not set the scale of a
+figure.
 """
 
 

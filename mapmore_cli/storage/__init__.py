@@ -1,1 +1,3 @@
-"""Files: readers of recordings, HDF5 artefacts, atomic writes, hashes, provenance."""
+"""Read and write files: readers of recordings, HDF5 result files, atomic writes, hashes,
+provenance.
+"""

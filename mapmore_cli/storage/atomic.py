@@ -1,5 +1,5 @@
-"""Files that are either the old or the new ones, whatever happens; and what the file system
-refuses, said to the user.
+"""Write files that are either the old or the new ones, whatever happens, and explain to the user
+what the file system refuses.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from typing import IO, cast
 from mapmore_cli.domain.errors import WriteError
 
 TEMPORARY = ".tmp-"
-"""How the names of unfinished files and folders start."""
+"""Prefix of the names of unfinished files and folders."""
 
 UNFINISHED = re.compile(re.escape(TEMPORARY) + r"[0-9a-f]{12}-.+", re.DOTALL)
-"""Names of files and of folders that `unfinished_beside` has begun."""
+"""Names of files and folders that `unfinished_beside` has created."""
 
 _NO_LINK = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
-"""How every file is opened: a link in its place is refused by the system itself."""
+"""Flags with which every file is opened; the system itself then refuses a link in its place."""
 
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG}
 _REFUSED = {
@@ -43,26 +43,26 @@ _REFUSED = {
 
 
 def is_special(path: Path) -> bool:
-    """Whether something other than a file stands at `path`, which is written into and never
+    """Return True if `path` is something other than a regular file, which is written into and never
     replaced: a pipe, a terminal, `/dev/null`.
     """
     other = path.exists() and not path.is_file() and not path.is_dir()
-    # what a link of the user leads to is nothing that he named
+    # the target of a user's link is not what the user named
     return _is_of_system(path) or (other and not path.is_symlink())
 
 
 def _is_of_system(path: Path) -> bool:
-    """Whether a place goes by a name in `/dev`, `/dev/fd` or `/proc`, as `/dev/stdout`, which is
-    written into even where it is a file, or a link to one: another program holds it open.
+    """Return True if a path has a name in `/dev`, `/dev/fd` or `/proc`, for example `/dev/stdout`.
+    It is written into even if it is a file or a link to one, because another program holds it open.
 
-    What lies in a folder of `/dev`, as in `/dev/shm`, is a file like any other.
+    A file in a folder of `/dev`, for example `/dev/shm`, is an ordinary file.
     """
     place = Path(os.path.abspath(path))  # noqa: PTH100 - links stay as they are named
     return place.parts[1:2] == ("proc",) or place.parent in (Path("/dev"), Path("/dev/fd"))
 
 
 def refuse_link(place: Path) -> None:
-    """Raise WriteError where a link stands in place of a file or folder that is to be written."""
+    """Raise WriteError if there is a link in place of a file or folder that is to be written."""
     if place.is_symlink():
         raise WriteError(
             f"{place}: is a link, and mapmore writes through no link, because what it leads to "
@@ -72,8 +72,8 @@ def refuse_link(place: Path) -> None:
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder that mapmore itself names, where it is missing; WriteError where it is a
-    link.
+    """Make a folder whose name mapmore itself chooses, unless it exists. Raises WriteError if it is
+    a link.
     """
     refuse_link(folder)
     folder.mkdir(exist_ok=True)
@@ -81,13 +81,13 @@ def make_folder(folder: Path) -> None:
 
 @contextmanager
 def unfinished_beside(path: Path, folder: bool = False) -> Iterator[Path]:
-    """Make an empty file or folder that is to become `path`, gone at the end unless it was moved
-    there.
+    """Make an empty file or folder that is to become `path`. It is removed at the end unless it was
+    moved there.
 
-    What killed processes left of the same file is cleared away. This process holds its own with a
-    lock of the system, which dies with it.
+    Remains of killed processes for the same file are removed. This process holds its own with a
+    lock of the system, which ends with the process.
     """
-    if not path.name:  # the folder that one is in
+    if not path.name:  # the current folder
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     _clear_abandoned(path)
     while True:
@@ -96,19 +96,19 @@ def unfinished_beside(path: Path, folder: bool = False) -> Iterator[Path]:
         handle = _locked(unfinished)
         if unfinished.exists():
             break
-        _let_go(handle)  # another process took it for abandoned before it was held
+        _let_go(handle)  # another process took it for abandoned before it was locked
     try:
         yield unfinished
     finally:
-        with suppress(OSError) if folder else nullcontext():  # the next one clears it away
+        with suppress(OSError) if folder else nullcontext():  # the next process clears it away
             remove(unfinished)
         _let_go(handle)
 
 
 @contextmanager
 def scratch_folder() -> Iterator[Path]:
-    """Make a private folder in that of the system for temporary files, gone at the end; what killed
-    processes left of theirs is cleared away.
+    """Make a private folder in the system's folder for temporary files, and remove it at the end.
+    Remains of killed processes are removed too.
     """
     with unfinished_beside(Path(gettempdir()) / "mapmore", folder=True) as folder:
         yield folder
@@ -118,22 +118,22 @@ def _clear_abandoned(path: Path) -> None:
     """Remove the unfinished files and folders for `path` that no process holds."""
     name = re.compile(rf"{re.escape(TEMPORARY)}[0-9a-f]{{12}}-{re.escape(path.name)}", re.DOTALL)
     found = list[str]()
-    with suppress(OSError):  # a folder that cannot be looked at may still be written
+    with suppress(OSError):  # a folder that cannot be listed may still be writable
         found = list(filter(name.fullmatch, os.listdir(path.parent)))  # noqa: PTH208
     for left in (path.parent / entry for entry in found):
         if (handle := _locked(left, patient=False)) is not None:
             try:
-                with suppress(OSError):  # what another user left
+                with suppress(OSError):  # remains of another user
                     remove(left)
             finally:
                 os.close(handle)
 
 
 def _locked(place: Path, patient: bool = True) -> int | None:
-    """Hold a file or folder against other processes that ask for it; None where another one holds
-    it, or the system has no such locks.
+    """Lock a file or folder against other processes that ask for the lock. Return None if another
+    process holds it, or if the system has no such locks.
     """
-    # there, nothing shows that an unfinished file is abandoned, and all of them stay
+    # on such a system, nothing shows that an unfinished file is abandoned, so all of them stay
     if sys.platform == "win32":
         return None
     import fcntl
@@ -163,11 +163,11 @@ def remove(place: Path) -> None:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[BufferedRandom]:
-    """Open a file that takes the place of `path` when the block ends without error: written beside
-    it, flushed to the disk, moved over it.
+    """Open a file that replaces `path` when the block ends without error: it is written beside it,
+    flushed to the disk, and moved over it.
 
-    In an unfinished folder it is written where it belongs, and not flushed: `sync_tree` flushes the
-    whole folder before that takes its place. Raises WriteError where a link stands there.
+    In an unfinished folder, it is written directly and not flushed, because `sync_tree` flushes the
+    whole folder before it is moved. Raises WriteError if `path` is a link.
     """
     refuse_link(path)
     alone = not any(UNFINISHED.fullmatch(part) for part in path.parent.parts)
@@ -193,8 +193,8 @@ def _opened(path: Path, how: int, mode: str) -> IO[bytes]:
 
 @contextmanager
 def written(path: Path) -> Iterator[IO[bytes]]:
-    """Open a file that is written whole as by `replacing`; what stands there, where that is no
-    file, as a pipe or `/dev/null`.
+    """Open a file that is written as a whole like `replacing`; something that is no regular file,
+    such as a pipe or `/dev/null`, is opened directly.
     """
     if not is_special(path):
         with replacing(path) as file:
@@ -227,17 +227,17 @@ def sync_tree(folder: Path) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Flush a folder's entries to the disk, where the system can."""
+    """Flush the entries of a folder to the disk, if the system can do that."""
     if hasattr(os, "O_DIRECTORY"):
         _sync(folder, os.O_RDONLY | os.O_DIRECTORY)
 
 
 @contextmanager
 def refusals_told(folder: Path) -> Iterator[None]:
-    """Turn a full disk, and a refusal that concerns something in `folder`, into a WriteError; other
-    faults pass through.
+    """Convert a full disk, or a refusal that concerns something in `folder`, into a WriteError;
+    other faults pass through.
 
-    A refusal elsewhere is none of ours: a stage may find that a recording cannot be read.
+    A refusal elsewhere is handled elsewhere, for example by a stage that cannot read a recording.
     """
     try:
         yield

@@ -1,7 +1,8 @@
-"""Which files in the folder of a run are its own: those that its record lists, as it wrote them.
+"""Find out which files in a run folder belong to the run: those that its record lists, if they are
+unchanged.
 
-Everything else is somebody's who may miss it, as a file that was changed after the run. It is never
-removed and never overwritten: it stays where it is, or moves to the trash, `RUNS/.trash/DATE`,
+Everything else may be important to somebody, for example a file that was changed after the run. It
+is never removed or overwritten: it stays where it is, or is moved to the trash, `RUNS/.trash/DATE`,
 which mapmore never empties.
 """
 
@@ -25,14 +26,14 @@ from mapmore_cli.storage.stamps import take_stamp
 LOCK = ".lock"
 
 ASIDE = ".old-"
-"""How the name of a folder that makes way starts."""
+"""Prefix of the name of a folder that makes way for a new one."""
 
 TRASH = ".trash"
-"""The folder beside the runs that takes what was removed."""
+"""Folder beside the runs into which removed files are moved."""
 
 
 def is_as_written(path: Path, stamp: Stamp | None, rehash: bool = False) -> bool:
-    """Whether a file, and no link, is the one that a record lists with this stamp."""
+    """Return True if a path is a file (not a link) that the record lists with this stamp."""
     if stamp is None or path.is_symlink() or not path.is_file():
         return False
     now = take_stamp(path, stamp, rehash)
@@ -41,19 +42,19 @@ def is_as_written(path: Path, stamp: Stamp | None, rehash: bool = False) -> bool
 
 @dataclass(frozen=True)
 class Contents:
-    """What lies in the folder of a run, by POSIX path in it: its own files, and everything else."""
+    """Contents of a run folder by POSIX path: the run's own files, and everything else."""
 
     own: tuple[str, ...]
     others: tuple[str, ...]
 
 
 def contents_of(run_dir: Path, rehash: bool = False) -> Contents:
-    """Return what lies in the folder of a run; `rehash` reads files even where size and time are as
-    they were.
+    """Return the contents of a run folder. `rehash` reads files even if their size and time are
+    unchanged.
 
-    Links, folders of which the record lists no file, and folders with a record of their own are not
-    entered: they are somebody else's as a whole. So is a record that names another run, as in a
-    copy of a folder.
+    Links, folders without a recorded file, and folders with their own record are not entered,
+    because they belong to somebody else as a whole. So does everything if the record names another
+    run, for example in a copy of a folder.
     """
     known = written_files(run_dir)
     folders = {parent.as_posix() for path in known for parent in PurePosixPath(path).parents}
@@ -87,14 +88,16 @@ def contents_of(run_dir: Path, rehash: bool = False) -> Contents:
 
 
 def _is_left(place: Path, path: str) -> bool:
-    """Whether a folder is what a killed process has left of its work."""
+    """Return True if a folder is the remains of a killed process."""
     return bool(UNFINISHED.fullmatch(path)) and not place.is_symlink()
 
 
 def remove_own(run_dir: Path, own: Sequence[str], now: bool) -> None:
-    """Move the files of a run to the trash, or remove them `now`; then its folders, if empty.
+    """Move the files of a run to the trash, or remove them at once with `now`; then remove its
+    empty folders.
 
-    The record goes last: who is killed half-way leaves a run of which the rest can be removed.
+    The record is removed last, so that after an interruption, the rest can still be recognised as a
+    run and removed.
     """
     paths = sorted(own, key=lambda path: (path == RUN_RECORD, path))
     paths = [path for path in paths if path != LOCK]
@@ -105,15 +108,16 @@ def remove_own(run_dir: Path, own: Sequence[str], now: bool) -> None:
         to_trash(run_dir, paths)
     (run_dir / LOCK).unlink(missing_ok=True)
     for folder, _, _ in os.walk(run_dir, topdown=False):
-        with suppress(OSError):  # what came meanwhile keeps its folder
+        with suppress(OSError):  # a file that was added meanwhile keeps its folder
             Path(folder).rmdir()
 
 
 def to_trash(run_dir: Path, paths: Sequence[str], without: str = "") -> Path:
-    """Move files of the folder of a run, by their POSIX paths in it, to `RUNS/.trash/DATE/NAME`, or
-    `NAME.2` where that is taken, with their paths `without` a prefix; the folder there.
+    """Move files of a run folder, given by their POSIX paths in it, to `RUNS/.trash/DATE/NAME`, or
+    to `NAME.2` if that exists, and return that folder. The prefix `without` is removed from their
+    paths.
 
-    Raises WriteError where nothing can be moved there, as to another file system.
+    Raises WriteError if nothing can be moved there, for example to another file system.
     """
     trash = run_dir.parent / TRASH
     day = trash / time.strftime("%Y-%m-%d")
@@ -138,8 +142,9 @@ def to_trash(run_dir: Path, paths: Sequence[str], without: str = "") -> Path:
 
 
 def put_back(run_dir: Path, output: str, known: Mapping[str, Stamp]) -> list[str]:
-    """Clear the folder that stepped aside for a new `output`: its own files go, and everything else
-    comes into the new folder; the paths of those whose place is taken, which are in the trash.
+    """Clear the folder that stepped aside for a new `output`: the run's own files are removed, and
+    everything else is moved into the new folder. Return the paths of files whose place is taken,
+    which are moved to the trash.
     """
     aside, moved = run_dir / f"{ASIDE}{output}", list[str]()
     for old in list(_below(aside)):
@@ -160,14 +165,14 @@ def put_back(run_dir: Path, output: str, known: Mapping[str, Stamp]) -> list[str
 
 
 def _below(folder: Path) -> Iterator[Path]:
-    """Yield all files below a folder, and links, which are not followed."""
+    """Yield all files below a folder, and links, without following them."""
     for parent, folders, names in os.walk(folder):
         yield from (Path(parent) / name for name in names)
         yield from (place for name in folders if (place := Path(parent) / name).is_symlink())
 
 
 def is_same(one: Path, other: Path) -> bool:
-    """Whether two files, and no links, hold the same bytes."""
+    """Return True if two paths are files (not links) with the same bytes."""
     if any(place.is_symlink() or not place.is_file() for place in (one, other)):
         return False
     return cmp(one, other, shallow=False)

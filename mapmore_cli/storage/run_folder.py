@@ -1,9 +1,9 @@
-"""The folder of a run: made or refused before the work, and changed only by moving whole files and
-folders into it.
+"""Manage the folder of a run: it is made or refused before the work, and changed only by moving
+whole files and folders into it.
 
-A stage builds its outputs in a folder of its own (`.tmp-...`). Files are moved over their
-predecessors. A folder cannot be, so the old one steps aside (`.old-NAME`) for an instant; `recover`
-puts it back if that instant was the last.
+A stage builds its outputs in a folder of its own (`.tmp-...`). Files are moved over the old ones. A
+folder cannot be replaced in this way, so the old one is renamed (`.old-NAME`) for an instant; if
+the process is interrupted in this instant, `recover` restores it.
 """
 
 from __future__ import annotations
@@ -49,55 +49,55 @@ DATASET, SEGMENTATION, FIT, MODEL, VALIDATION = (
 RESULTS: Mapping[str, str] = MappingProxyType(
     {"ingest": DATASET, "segment": SEGMENTATION, "fit": FIT, "fuse": MODEL, "validate": VALIDATION}
 )
-"""The file that shows what a stage found; `report` has a page instead."""
+"""File with the result of each stage; `report` has a page instead."""
 
 NOTHING: Mapping[str, Stamp] = MappingProxyType({})
-"""What an empty record lists."""
+"""Contents of an empty record."""
 
 
 @dataclass(frozen=True)
 class RunFiles:
-    """The results in the folder of a run, read when they are asked for; raises as
+    """Results in the folder of a run, read when they are needed. Raises the same errors as
     `artefacts.read_*`.
 
-    The latest results that were written or read stay in memory as long as their files are the
-    same; their arrays are read-only.
+    The results that were written or read most recently stay in memory as long as their files are
+    unchanged; their arrays are read-only.
     """
 
     folder: Path
 
     def dataset(self) -> Dataset:
-        """Return what `ingest` handed on."""
+        """Return the dataset that `ingest` wrote."""
         from mapmore_cli.storage.artefacts import DATASET_FILE
 
         return DATASET_FILE.latest(self.folder / DATASET)
 
     def segmentation(self) -> tuple[SegmentedCurve, ...]:
-        """Where the training curves are cut."""
+        """Return the cuts of the training curves."""
         from mapmore_cli.storage.artefacts import SEGMENTATION_FILE
 
         return SEGMENTATION_FILE.latest(self.folder / SEGMENTATION).curves
 
     def fit(self) -> FitResult:
-        """Return what was fitted."""
+        """Return the fit."""
         from mapmore_cli.storage.artefacts import FIT_FILE
 
         return FIT_FILE.latest(self.folder / FIT)
 
     def model(self) -> Model:
-        """Return the model that stands alone."""
+        """Return the model."""
         from mapmore_cli.storage.artefacts import MODEL_FILE
 
         return MODEL_FILE.latest(self.folder / MODEL)
 
     def validation(self) -> Validation:
-        """Predictions and scores."""
+        """Return predictions and scores."""
         from mapmore_cli.storage.artefacts import VALIDATION_FILE
 
         return VALIDATION_FILE.latest(self.folder / VALIDATION)
 
     def search(self) -> Search | None:
-        """Return what a search tried; None where there was none."""
+        """Return the structures that a search tried; None without a search."""
         from pydantic import TypeAdapter, ValidationError
 
         path = self.folder / SEARCH
@@ -107,18 +107,18 @@ class RunFiles:
             raise DataError(f"{path}: is damaged", "delete it, and run the study again") from fault
 
     def scores(self) -> ScoreTable:
-        """Return the scores alone, without the predictions behind them."""
+        """Return the scores without the predictions."""
         return read_scores(self.folder / "scores.json")
 
 
 SEARCH = "search.json"
-"""The file of what a search tried."""
+"""File with the structures that a search tried."""
 
 
 @contextmanager
 def run_lock(run_dir: Path, patient: bool = False) -> Iterator[None]:
-    """Hold the run; where another process holds it, wait or raise WriteError at once. The system
-    frees it when its holder dies.
+    """Lock the run. If another process holds the lock, wait or raise WriteError at once. The system
+    releases the lock when its holder ends.
     """
     from filelock import FileLock, Timeout
 
@@ -134,7 +134,7 @@ def run_lock(run_dir: Path, patient: bool = False) -> Iterator[None]:
     except Timeout:
         remedy = "wait until it is done, or choose another folder with --runs"
         raise WriteError(f"{run_dir}: another process is writing this run", remedy) from None
-    except (OSError, NotImplementedError) as fault:  # as on network drives
+    except (OSError, NotImplementedError) as fault:  # for example on network drives
         what = getattr(fault, "strerror", None) or "its file system has no locks"
         raise WriteError(
             f"{run_dir}: cannot be locked ({what})", "choose a local folder with --runs"
@@ -146,8 +146,8 @@ def run_lock(run_dir: Path, patient: bool = False) -> Iterator[None]:
 
 
 def open_run_folder(run_dir: Path) -> None:
-    """Make the folder of a run; WriteError where it cannot be one, not be written, or holds what is
-    no run's.
+    """Make the folder of a run. Raises WriteError if it cannot be made or written, or if it
+    contains files of somebody else.
     """
     with refusals_told(run_dir):
         refuse_link(run_dir)
@@ -165,8 +165,8 @@ def open_run_folder(run_dir: Path) -> None:
 
 
 def refuse_foreign(folder: Path, record: str) -> None:
-    """Raise WriteError where a folder holds files, but not the `record` that mapmore puts into
-    every folder of its own.
+    """Raise WriteError if a folder contains files, but not the `record` that mapmore writes into
+    all its folders.
     """
     refuse_link(folder)
     try:
@@ -187,8 +187,8 @@ def refuse_foreign(folder: Path, record: str) -> None:
 
 
 def _is_ours(record: Path) -> bool:
-    """Whether a record may be one of ours, be it damaged: anything but a whole document of somebody
-    else.
+    """Return True if a record may be one of ours, even a damaged one; False for a complete document
+    of somebody else.
     """
     try:
         document = json.loads(record.read_bytes())
@@ -199,8 +199,8 @@ def _is_ours(record: Path) -> bool:
 
 
 def recover(run_dir: Path, outputs: Iterable[str]) -> None:
-    """Clear away what an interrupted process left, and put back those of the `outputs` that had
-    stepped aside.
+    """Remove the remains of an interrupted process, and restore those `outputs` that had stepped
+    aside.
     """
     with refusals_told(run_dir):
         for output in outputs:
@@ -216,7 +216,7 @@ def recover(run_dir: Path, outputs: Iterable[str]) -> None:
 
 
 def is_tidy(run_dir: Path) -> bool:
-    """Return False where a process is at work, or was killed at work."""
+    """Return False if a process is working, or was killed during its work."""
     return not any(
         UNFINISHED.fullmatch(name) or name.startswith(ASIDE)
         for name in os.listdir(run_dir)  # noqa: PTH208
@@ -225,8 +225,8 @@ def is_tidy(run_dir: Path) -> bool:
 
 @contextmanager
 def stage_folder(run_dir: Path, stage: str) -> Iterator[Path]:
-    """Make a fresh folder inside the run's, on the same file system, gone when the stage ends in
-    whatever way; long columns are kept there meanwhile.
+    """Make a new folder inside the run's, on the same file system, and remove it when the stage
+    ends, in whatever way. Long columns are stored there meanwhile.
     """
     with unfinished_beside(run_dir / stage, folder=True) as folder:
         token = SCRATCH.set(str(folder))
@@ -237,8 +237,8 @@ def stage_folder(run_dir: Path, stage: str) -> Iterator[Path]:
 
 
 def make_way(run_dir: Path, name: str, known: Mapping[str, Stamp]) -> list[str]:
-    """Move the file in the place of a new one to the trash, unless it is the one that `known`
-    lists; its path, if it was moved. Raises WriteError where it is a link.
+    """Move the file that a new one will replace to the trash, unless it is the one that `known`
+    lists; return its path if it was moved. Raises WriteError if it is a link.
     """
     refuse_link(run_dir / name)
     if not (run_dir / name).is_file() or is_as_written(run_dir / name, known.get(name)):
@@ -250,11 +250,12 @@ def make_way(run_dir: Path, name: str, known: Mapping[str, Stamp]) -> list[str]:
 def swap_in(
     folder: Path, run_dir: Path, outputs: Sequence[str], known: Mapping[str, Stamp] = NOTHING
 ) -> list[str]:
-    """Move finished `outputs` from `folder` into the run, each whole, all of them on the disk
-    before.
+    """Move finished `outputs` from `folder` into the run, each as a whole, after all of them are on
+    the disk.
 
-    What `known` does not list as it is, is somebody else's: in a folder it stays, and where it
-    would be overwritten, it moves to the trash. Returns the paths of what did.
+    A file that `known` does not list unchanged belongs to somebody else: in a folder it stays, and
+    if it would be overwritten, it is moved to the trash. Returns the paths of the files that were
+    moved.
     """
     sync_tree(folder)
     for output in outputs:

@@ -1,12 +1,11 @@
-"""`run.json`: what every stage of a run was made from, and with what. A stage's entry, written
-last, commits its outputs.
+"""Read and write `run.json`: from what every stage of a run was made, and with which versions. A
+stage's entry is written last and commits its outputs.
 
-Sizes, times and hashes tell whether files are still the ones that were read or written. No absolute
-paths, users, hosts or environment.
+Sizes, times and hashes show whether files are still the ones that were read or written. There are
+no absolute paths, users, hosts or environment variables.
 
-1.0  first version.
-1.1  `origin`: the spec that the run was made from.
-1.2  `files`: what the run wrote besides the outputs of its stages.
+1.0  first version. 1.1  `origin`: the spec from which the run was made. 1.2  `files`: files that
+the run wrote besides the outputs of its stages.
 """
 
 from __future__ import annotations
@@ -54,9 +53,9 @@ class Stamp:
     """State of a file when it was read or written: its size in bytes, its modification time and the
     SHA-256 of its content (for a long result file, its own checksum).
 
-    Programs that copy files set the modification time, so that the file's number on its disk and
-    the time of its last change of any kind tell a file that was replaced; 0 where they are not
-    known, as in a record of an older version, or change by themselves (`storage/stamps.py`).
+    Programs that copy files set the modification time. The file's inode number and the time of its
+    last change of any kind therefore reveal a file that was replaced. They are 0 if they are
+    unknown, as in a record of an older version, or if they change anyway (`storage/stamps.py`).
     """
 
     size: int
@@ -66,15 +65,15 @@ class Stamp:
     ctime_ns: int = 0
 
     def is_of(self, state: Sequence[int]) -> bool:
-        """Return whether a file in that `state` is unchanged since the stamp was taken."""
+        """Return True if a file in this `state` is unchanged since the stamp was taken."""
         known = (self.size, self.mtime_ns, self.inode, self.ctime_ns)
         size, mtime_ns, *rest = zip(known, state, strict=True)
         return all(a == b for a, b in (size, mtime_ns)) and all(a in (0, b) for a, b in rest)
 
 
 def refuse_newer(path: Path, found: str, known: str) -> None:
-    """Raise DataError where a file's major version is above the one that this program knows, or is
-    no version at all.
+    """Raise DataError if a file's major version is above the one that this program knows, or is no
+    version.
     """
     try:
         major = int(found.split(".")[0])
@@ -97,18 +96,20 @@ def refuse_newer(path: Path, found: str, known: str) -> None:
 
 @cache
 def tool_versions() -> Mapping[str, str]:
-    """Versions of what decides about numbers and files, without importing any of it."""
+    """Return the versions of everything that affects numbers and files, without importing any of
+    it.
+    """
     packages = {name: version(name) for name in ("mapmore", "numpy", "scipy", "h5py")}
     return {**packages, "python": platform.python_version()}
 
 
 RUN_RECORD = "run.json"
 CAMPAIGN_RECORD = "campaign.json"
-"""What tells the folder of a campaign's page from one of the user."""
+"""File by which the folder of a campaign's page is recognised."""
 STAGES = ("ingest", "search", "segment", "fit", "fuse", "validate", "report")
 """The stages in their order."""
 SEARCH_STAGE = "search"
-"""The one that finds the structure of a model; a spec that asks for none has no such stage."""
+"""The stage that finds the structure of a model; a spec without a search has no such stage."""
 FORMAT_VERSION = "1.2"
 
 
@@ -116,15 +117,15 @@ FORMAT_VERSION = "1.2"
 class StageRecord:
     """The entry of one stage.
 
-    - `fingerprint`: of everything that the stage's numbers depend on.
-    - `revision`: of the stage's code.
+    - `fingerprint`: hash of everything on which the stage's numbers depend.
+    - `revision`: revision of the stage's code.
     - `before`: fingerprint of the stage before; empty for the first.
     - `slice`: the stage's part of the spec, as JSON values.
     - `inputs`: source files, by POSIX path relative to the spec's folder.
-    - `outputs`: files written, by POSIX path relative to the run's folder.
-    - `tools`: versions of the tools that it was made with.
-    - `seconds`: how long the stage took.
-    - `why`: why it ran.
+    - `outputs`: written files, by POSIX path relative to the run's folder.
+    - `tools`: versions of the tools with which it was made.
+    - `seconds`: duration of the stage.
+    - `why`: reason why it ran.
     """
 
     fingerprint: str
@@ -140,7 +141,7 @@ class StageRecord:
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a run comes from: its spec and its campaign (POSIX paths from the run's folder, or
+    """Origin of a run: its spec and its campaign (POSIX paths relative to the run's folder, or
     empty), and the settings of the campaign or of the command line.
     """
 
@@ -149,8 +150,8 @@ class Origin:
     settings: tuple[str, ...] = ()
 
     def rival_of(self, other: Origin, run_dir: Path) -> str | None:
-        """Return the file that claims the run's name beside this origin: another spec, or a
-        campaign with other settings; None for none.
+        """Return the file that claims the run's name too: another spec, or a campaign with other
+        settings; None if there is none.
         """
         if other.spec != self.spec:
             return other.spec if (run_dir / other.spec).is_file() else None
@@ -167,24 +168,26 @@ class Origin:
 _ORIGIN, _STAGES = TypeAdapter(Origin), TypeAdapter(dict[str, StageRecord])
 _FILES = TypeAdapter(dict[RecordedPath, Stamp])
 _DAMAGE = (OSError, ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError)
-"""What reading a document of JSON that is none of ours may raise."""
+"""Errors that reading a foreign JSON document may raise."""
 
 
 def _read_json(path: Path) -> Any:
-    if not path.is_file():  # a pipe would be waited for
+    if not path.is_file():  # reading a pipe would wait
         raise FileNotFoundError(path)
     return _document(path.read_text(encoding="utf-8"))
 
 
 @lru_cache(maxsize=4)
 def _document(text: str) -> Any:
-    """Return a document, which nobody changes: one run's is asked for several times in a row."""
+    """Return a document, which must not be changed, because the document of a run is cached for
+    repeated reading.
+    """
     return json.loads(text)
 
 
 def stale_stages(records: Mapping[str, StageRecord]) -> dict[str, str]:
-    """Return committed stages whose results follow from others than lie before them now, by the
-    earlier stage that was done since.
+    """Return committed stages whose results were made from other results than the present ones,
+    with the earlier stage that was repeated since.
     """
     reasons: dict[str, str] = {}
     done = [name for name in STAGES if name in records]
@@ -195,7 +198,7 @@ def stale_stages(records: Mapping[str, StageRecord]) -> dict[str, str]:
 
 
 def load_origin(run_dir: Path) -> Origin | None:
-    """Where a run comes from; None where that is not known."""
+    """Return the origin of a run; None if it is unknown."""
     try:
         return _ORIGIN.validate_python(_read_json(run_dir / RUN_RECORD)["origin"])
     except _DAMAGE:
@@ -203,8 +206,7 @@ def load_origin(run_dir: Path) -> Origin | None:
 
 
 def load_records(run_dir: Path, warn: Callable[[str], None]) -> dict[str, StageRecord]:
-    """Return the committed stages of a run, by name; none, with a warning, where `run.json` is
-    damaged.
+    """Return the committed stages of a run by name; if `run.json` is damaged, warn and return none.
 
     Raises DataError for a record of a newer format.
     """
@@ -226,7 +228,7 @@ def load_records(run_dir: Path, warn: Callable[[str], None]) -> dict[str, StageR
 
 
 def written_files(run_dir: Path) -> dict[str, Stamp]:
-    """Return all files that the record of a run lists, by POSIX path in its folder; none where it
+    """Return all files that the record of a run lists, by POSIX path in its folder; empty if it
     cannot be read.
     """
     try:
@@ -241,7 +243,7 @@ def written_files(run_dir: Path) -> dict[str, Stamp]:
 
 
 def recorded_name(run_dir: Path) -> str | None:
-    """Return the name of the run that the record in a folder is of; None where it is not known."""
+    """Return the name of the run in the record of a folder; None if it is unknown."""
     try:
         document = _read_json(run_dir / RUN_RECORD)
         return _as_path(str(document["name"])) if document["creator"] == "mapmore" else None
@@ -256,10 +258,10 @@ def save_records(
     records: Mapping[str, StageRecord],
     files: Mapping[str, Stamp] = MappingProxyType({}),
 ) -> None:
-    """Write `run.json` whole; `files` were written besides the outputs of the stages.
+    """Write `run.json` as a whole; `files` were written besides the outputs of the stages.
 
-    What it listed and lists no more, as of a search that the spec does not ask for any longer,
-    stays among these files, as long as it is there.
+    Files of an earlier record that are no longer listed, for example of a search that the spec no
+    longer asks for, stay among these files as long as they exist.
     """
     outputs = {path for record in records.values() for path in record.outputs}
     listed = {**written_files(run_dir), **files}
@@ -286,7 +288,7 @@ _SCORES = TypeAdapter(tuple[Score, ...])
 
 
 def write_scores(folder: Path, table: ScoreTable, name: str) -> None:
-    """Write `scores.csv` and `scores.json` of the run `name` into `folder`.
+    """Write `scores.csv` and `scores.json` of the run `name` to `folder`.
 
     The JSON document is `{"name", "target", "units", "scores": [row, ...], "failed", "warnings",
     "alerts"}`:
@@ -318,7 +320,9 @@ def write_scores(folder: Path, table: ScoreTable, name: str) -> None:
 
 
 def read_scores(path: Path) -> ScoreTable:
-    """Return what `write_scores` wrote; raises DataError for a file that says something else."""
+    """Return the table that `write_scores` wrote. Raises DataError for a file with other
+    contents.
+    """
     try:
         return scores_in(_read_json(path))
     except _DAMAGE as error:
@@ -329,7 +333,8 @@ def read_scores(path: Path) -> ScoreTable:
 
 
 def scores_in(document: Any) -> ScoreTable:
-    """Return the table in the document of a scores.json, also of older ones, which lack some keys.
+    """Return the table in the document of a scores.json, also of an older one, which lacks some
+    keys.
 
     Raises ValueError, TypeError, KeyError, AttributeError or OverflowError for another document.
     """
@@ -348,8 +353,8 @@ def scores_in(document: Any) -> ScoreTable:
 
 
 def score_row(score: Score) -> Mapping[str, str | int | float | None]:
-    """Return a row of the table, by column in the order of `Score`: floats to 12 significant
-    digits, without a negative zero; None where they are not finite.
+    """Return a row of the table, by column in the order of `Score`: floats with 12 significant
+    digits and without a negative zero; None if they are not finite.
     """
     row = {column: getattr(score, column) for column in COLUMNS}
     for column, value in row.items():
@@ -359,8 +364,8 @@ def score_row(score: Score) -> Mapping[str, str | int | float | None]:
 
 
 def scores_beside(model: Path) -> tuple[Mapping[str, Any], ...]:
-    """Return the rows of the scores.json in the folder of a model; none where it was sent alone, or
-    they cannot be read.
+    """Return the rows of the scores.json in the folder of a model; empty if there is no such file,
+    or if it cannot be read.
     """
     try:
         return tuple(dict(row) for row in _read_json(model.parent / "scores.json")["scores"])

@@ -1,7 +1,7 @@
-"""The seal of a run: what one look at its files has to show for the run to be up to date still.
+"""Seal a run: record which state its files must have for the run to be still up to date.
 
-It saves a campaign of thousands of runs from planning each of them. A seal that is missing, damaged
-or of another run says nothing, and the run is planned.
+A campaign of thousands of runs then need not plan each of them. If a seal is missing, damaged or
+from another run, the run is planned.
 """
 
 from __future__ import annotations
@@ -16,20 +16,22 @@ from typing import TypedDict
 from mapmore_cli.storage.atomic import write_text
 
 SEAL = ".seal"
-"""The file in the folder of a run; nobody misses it."""
+"""File in the run folder, which can be lost without harm."""
 
 REVISION = 2
-"""Raised when an `Answer` has other keys, so that runs with an older seal are planned."""
+"""Number that is raised when `Answer` has other keys, so that runs with an older seal are
+planned.
+"""
 
 
 class Answer(TypedDict):
     """Results of a run that is up to date.
 
-    - `patterns`, `recordings`: the files that the spec names, and what was found by these patterns.
+    - `patterns`, `recordings`: the file patterns in the spec, and the files that they matched.
     - `stages`: the stages that are up to date.
-    - `published`, `limits`: the numbers that its scores are compared with, as JSON values.
-    - `warnings`: what the rules found.
-    - `alerts`: what speaks against its scores, as JSON values.
+    - `published`, `limits`: the numbers with which its scores are compared, as JSON values.
+    - `warnings`: findings of the rules.
+    - `alerts`: sentences that warn about its scores, as JSON values.
     """
 
     patterns: list[str]
@@ -42,12 +44,12 @@ class Answer(TypedDict):
 
 
 class Sealed(TypedDict):
-    """A run that is up to date while the rest of it is as it was.
+    """A run that is up to date as long as its files are unchanged.
 
-    - `question`: what was asked for, and the program that answered, as JSON values.
-    - `texts`: SHA-256 of the specs, by path from the run's folder.
-    - `files`: the states of sources and results, by path from the run's folder.
-    - `answer`: what is known of the run then.
+    - `question`: the request, and the version of the program, as JSON values.
+    - `texts`: SHA-256 of the specs, by path relative to the run's folder.
+    - `files`: states of sources and results, by path relative to the run's folder.
+    - `answer`: results of the run.
     """
 
     question: object
@@ -57,35 +59,35 @@ class Sealed(TypedDict):
 
 
 def state_of(state: os.stat_result) -> list[int]:
-    """Return what changes when a file is written to or replaced."""
+    """Return numbers that change when a file is written to or replaced."""
     return [state.st_size, state.st_mtime_ns, state.st_ino, state.st_ctime_ns]
 
 
 def hashes_of(run_dir: Path, paths: Iterable[str]) -> dict[str, str]:
-    """Return the SHA-256 of small files; OSError where one cannot be read."""
+    """Return the SHA-256 of small files. Raises OSError if one cannot be read."""
     return {path: hashlib.sha256(file_at(run_dir, path).read_bytes()).hexdigest() for path in paths}
 
 
 def states_of(run_dir: Path, paths: Iterable[str]) -> dict[str, list[int]]:
-    """Return the states of files; OSError where one cannot be found."""
+    """Return the states of files. Raises OSError if one does not exist."""
     return {path: state_of(file_at(run_dir, path).stat()) for path in paths}
 
 
 def file_at(run_dir: Path, path: str) -> Path:
-    """Return a file by its path from a folder, which may not be there yet, or be reached by a
-    link.
+    """Return the file at a path relative to a folder, which may not exist yet, or may be reached by
+    a link.
     """
     return Path(os.path.normpath(run_dir / path))
 
 
 def write_seal(run_dir: Path, sealed: Sealed) -> None:
-    """Seal a run."""
+    """Write the seal of a run."""
     body = json.dumps(sealed)
     write_text(run_dir / SEAL, f"{hashlib.sha256(body.encode()).hexdigest()}\n{body}")
 
 
 def read_seal(run_dir: Path) -> Sealed | None:
-    """Return the seal of a run; None where there is none, or it is not as it was written."""
+    """Return the seal of a run; None if there is none, or if it was changed."""
     try:
         digest, _, body = (run_dir / SEAL).read_bytes().partition(b"\n")
     except OSError:
@@ -97,7 +99,7 @@ def read_seal(run_dir: Path) -> Sealed | None:
 
 
 def still_holds(run_dir: Path, sealed: Sealed) -> bool:
-    """Return whether every spec, source and result is as it was when the run was sealed."""
+    """Return True if every spec, source and result is unchanged since the run was sealed."""
     try:
         return (
             states_of(run_dir, sealed["files"]) == sealed["files"]

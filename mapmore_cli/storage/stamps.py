@@ -1,8 +1,8 @@
-"""Are files still the ones that were read or written?
+"""Decide whether files are still the ones that were read or written.
 
-A long result file holds a checksum of its values, made while they were written. It stands for that
-of the file, which need not be read again; a file with other values than this says is hashed as it
-is, and so has another.
+A long result file contains a checksum of its values, computed while they were written. It replaces
+the hash of the file, which need not be read again. A file whose values do not have this checksum is
+hashed itself, and so has another hash.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from mapmore_cli.storage.seals import state_of
 
 
 def take_stamp(path: Path, known: Stamp | None = None, rehash: bool = False) -> Stamp:
-    """Return the stamp of a file; the hash is `known`'s if its state is too, unless `rehash`.
-    OSError where it cannot be read.
+    """Return the stamp of a file. The hash is taken from `known` if the state is the same, unless
+    `rehash`. Raises OSError if the file cannot be read.
     """
-    # Looked at before it is read: a file that changes meanwhile has another time than its stamp,
-    # and is read again next time.
+    # The state is taken before reading: if a file changes meanwhile, its time differs from its
+    # stamp, and it is read again next time.
     state = state_of(path.stat())
     if known is not None and not rehash and known.is_of(state):
         return known
@@ -38,8 +38,8 @@ def take_stamp(path: Path, known: Stamp | None = None, rehash: bool = False) -> 
 
 
 def stamp_of_result(path: Path) -> Stamp:
-    """Return the stamp of a file that was written for a run. It is moved to its place afterwards,
-    which changes its `ctime_ns`.
+    """Return the stamp of a file that was written for a run. Moving it to its place afterwards
+    changes its `ctime_ns`.
     """
     return replace(take_stamp(path), ctime_ns=0)
 

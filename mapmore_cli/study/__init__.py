@@ -1,1 +1,3 @@
-"""The experiment spec: models, strict loading with positions, overrides, JSON Schema."""
+"""Read, check and describe the experiment spec: its sections, its loader with positions and
+overrides, and its JSON Schema.
+"""

@@ -1,4 +1,6 @@
-"""Campaigns: one spec run in several variants, or several specs, with one page over all."""
+"""Define campaigns: several variants of one spec, or several specs, that share one table and one
+page.
+"""
 
 # ruff: noqa: RUF012 (pydantic copies the default of a field for every instance)
 
@@ -20,13 +22,13 @@ from mapmore_cli.study.yaml_loader import as_overrides, read_source
 
 
 class Variant(Section):
-    """One run of a campaign: a spec (the campaign's `base` by default), the run's `name`, and keys
-    to `set` as `--set` does.
+    """One run of a campaign: a spec (by default the `base` of the campaign), the `name` of the run,
+    and the keys to `set`, which have the form of `--set`.
     """
 
     base: SpecPath | None = None
     name: Name | None = None
-    group: str | None = None  # of whose runs the tables give the median and the worst
+    group: str | None = None  # runs of one group share a row with their median and worst score
     set: OtherSettings = {}
 
     def _contradictions(self) -> Sequence[Row]:
@@ -47,10 +49,10 @@ class Campaign(Section):
     title: str | None = None
     base: SpecPath | None = None
     runs: Annotated[list[Variant], Field(min_length=1)]
-    relative_to: str | None = None  # the model that ratios are taken to
+    relative_to: str | None = None  # the model whose errors all others are divided by
     best_of: list[
         str
-    ] = []  # formulas of which the best in each run, picked afterwards, is compared with
+    ] = []  # formulas of which the best one in each run, chosen afterwards, is a competitor
 
     def _contradictions(self) -> Sequence[Row]:
         return [
@@ -65,11 +67,11 @@ class Campaign(Section):
 
 @dataclass(frozen=True)
 class Entry:
-    """A spec to run, with overrides as on the command line; `campaign` is the file that asks for
-    it, where one does.
+    """A spec to run, with overrides as on the command line; `campaign` is the file that lists it,
+    or None.
 
-    It is `called` by its own name, else by that of its spec, with its folder where another of the
-    campaign is called alike.
+    `called` is the name of the run, or the name of its spec if it has none. The folder is added if
+    another run of the campaign has the same name.
     """
 
     config: Path
@@ -83,13 +85,13 @@ def is_campaign(path: Path) -> bool:
     try:
         lines = read_source(path).text.splitlines()
     except SpecError:
-        return False  # loading it says why
+        return False  # loading the file reports the reason
     return any(line.startswith("campaign:") for line in lines)
 
 
 def load_campaign(path: Path) -> tuple[Campaign, tuple[Entry, ...]]:
-    """Read a campaign and the runs that it stands for; raises SpecError as `spec.loader.load`
-    does.
+    """Read a campaign and return it with its runs. Raises SpecError under the same conditions as
+    `study.loader.load`.
     """
     loaded = load_as(path, Campaign)
     entries, runs = [], loaded.spec.runs
@@ -104,7 +106,7 @@ def load_campaign(path: Path) -> tuple[Campaign, tuple[Entry, ...]]:
 
 @dataclass(frozen=True)
 class Expanded:
-    """A campaign with the numbers of its runs among all jobs."""
+    """A campaign, and the numbers of its runs in the list of all jobs."""
 
     campaign: Campaign
     jobs: tuple[int, ...]
@@ -113,8 +115,8 @@ class Expanded:
 def expanded(
     configs: Sequence[Path], overrides: Sequence[str]
 ) -> tuple[list[Expanded], list[Entry]]:
-    """Return every campaign among the files, and every run to do: a spec stands for itself.
-    `overrides` come last.
+    """Return every campaign among the files, and all runs to do. A file that is a spec is one run.
+    `overrides` are applied last.
     """
     campaigns: list[Expanded] = []
     entries: list[Entry] = []

@@ -1,5 +1,5 @@
-"""Check names and terms: their quantities exist, and models with memory have a time and no settings
-without effect.
+"""Check names and terms: every quantity exists, and a model with memory has a time and no setting
+that has no effect.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ NO_TIME = "add `time` to `columns`, or `sample_time` to `data`"
 ONE = "a dictionary with memory makes one model of whole recordings, without segments"
 OF_NOTHING = "a model must not use its target as an input"
 DERIVED = ("damping", "hysteresis")
-"""Targets that no column holds: nothing of them can be fed back."""
+"""Targets that no column holds, so that no term can feed them back."""
 
 
 def unknown_quantity(
     name: str, have: Sequence[str], loc: Loc, offset: int = 0, on_key: bool = False
 ) -> Iterator[Finding]:
-    """Yield that a name is no quantity of the study, where it is none."""
+    """Yield a finding if `name` is no quantity of the study."""
     if name not in have:
         yield Finding(
             loc,
@@ -56,11 +56,13 @@ NAMED = (
     *("data.files.*.keep.*.quantity", "data.uncertainty.*", "data.cycles.over", "data.levels.of"),
     *("data.split.validate.of", "segment.*.of", "validate.as"),
 )
-"""The places of a spec where a text, but a number with a unit, names a quantity of the study."""
+"""Places of a spec at which a text names a quantity of the study, unless it is a number with a
+unit.
+"""
 
 
 def names_of_quantities(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require that every quantity that is used is one of the study."""
+    """Check that every quantity that the spec uses is a quantity of the study."""
     if isinstance(spec.target, TargetColumn) and spec.target.column not in spec.quantities:
         target, known = spec.target.column, (*spec.quantities, *get_args(TargetKind))
         what = f"there is no quantity `{target}` in this study, and no kind of target has this name"
@@ -71,7 +73,7 @@ def names_of_quantities(spec: ExperimentSpec) -> Iterator[Finding]:
             if isinstance(name, str) and not is_quantity(name):
                 yield from unknown_quantity(name, spec.quantities, loc)
     hold_out, beyond = spec.data.split.hold_out, spec.fuse.extrapolation
-    # `none` takes back the cut of a spec that is extended
+    # `none` cancels the segments of the spec that this one extends
     cut = [name for name, how in spec.segment.items() if (name, how) != (DIRECTION, "none")]
     keys: list[tuple[Loc, Collection[str]]] = [
         (("data", "uncertainty"), spec.data.uncertainty),
@@ -120,8 +122,8 @@ def derivations(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def expression_findings(text: str, loc: Loc, have: Sequence[str]) -> Iterator[Finding]:
-    """Yield what is wrong with an expression of the quantities of a study, as they are at the same
-    moment.
+    """Yield the faults of an expression of the quantities of a study, all taken at the same
+    time.
     """
     for part in (yield from _states_in(text, loc, have)):
         if part.name != part.quantity and part.quantity in have:
@@ -137,7 +139,7 @@ def _states_in(
     text: str, loc: Loc, have: Sequence[str], is_expression: bool = True
 ) -> Generator[Finding, None, list[State]]:
     """Return the states in an expression, or the state that a text names, and check that their
-    quantities are known.
+    quantities exist.
     """
     what, remedy = "an expression", None
     if not is_expression:
@@ -154,7 +156,9 @@ def _states_in(
 
 
 def clocks(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require the time for what goes by the clock, and names of their own for joined quantities."""
+    """Require the time for everything that depends on the clock, and distinct names for joined
+    quantities.
+    """
     data = spec.data
     no_time = "time" not in data.measured
     for key in ("gaps", "resample"):
@@ -184,8 +188,8 @@ def clocks(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def terms(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require that every text of the dictionary is a term or the name of a state, of quantities of
-    the study.
+    """Check that every text of the dictionary is a term or the name of a state, made of quantities
+    of the study.
     """
     target = spec.target_quantity
     for loc, name, family in entries_of(spec.dictionary):
@@ -206,12 +210,14 @@ def terms(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def _term(text: str, states: Sequence[State], loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require that what a term has of the target is a factor of its own, of the past."""
+    """Check that a state of the target stands in a term as a factor of its own and contains past
+    values only.
+    """
     wrong = [fault for part in states for fault in _of_target(part, text, loc, spec)]
     yield from wrong
     fed_back = [part.name for part in states if part.quantity == spec.target_quantity]
     if fed_back and not wrong:
-        # takes long to load, and few specs need it
+        # imported here because it loads slowly, and few specs need it
         from mapmore_cli.modelling.memory.feedback import parted
 
         yield from refused(loc, parted, parse(text), fed_back)
@@ -220,8 +226,8 @@ def _term(text: str, states: Sequence[State], loc: Loc, spec: ExperimentSpec) ->
 def _state(
     used: State, text: str, loc: Loc, spec: ExperimentSpec, name: str, family: Family
 ) -> Iterator[Finding]:
-    """Require that a state, which the operator `name` works on or a family takes as it is, is of
-    the past where it is of the target.
+    """Check that a state used by the operator `name`, or directly by a family, contains only past
+    values if it is computed from the target.
     """
     target = spec.target_quantity
     if isinstance(family, OperatorFamily):
@@ -237,11 +243,11 @@ def _state(
 
 
 def _of_target(used: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require that a state of the target is made of the target some samples ago."""
+    """Check that a state of the target is computed from the target some samples ago."""
     target, is_derived = spec.target_quantity, spec.target in DERIVED
     if used.quantity != target:
         return
-    # takes long to load, and few specs need it
+    # imported here because it loads slowly, and few specs need it
     from mapmore_cli.modelling.memory.feedback import looks_back
 
     back = "" if is_derived else f", or use a past value, for example `{target}[k-1]`"
@@ -256,8 +262,8 @@ def _of_target(used: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterat
 
 
 def _partners(family: Products, loc: Loc) -> Iterator[Finding]:
-    """Require partners of products to be among their terms; only the fit knows what families within
-    products will be called.
+    """Check that the names in `with` of products are among their terms. The names of families
+    inside products are known only to the fit.
     """
     texts = [text for text in family.of if isinstance(text, str)]
     names = [_state_name(text) for text in texts]
@@ -269,7 +275,9 @@ def _partners(family: Products, loc: Loc) -> Iterator[Finding]:
 
 
 def _state_name(text: str) -> str:
-    """Return the name of a state, however it is written; what is none is reported elsewhere."""
+    """Return the canonical name of a state. A malformed text is returned unchanged; another check
+    reports it.
+    """
     try:
         return state(text).name
     except ExpressionError:
@@ -277,7 +285,7 @@ def _state_name(text: str) -> str:
 
 
 def _word(name: str, text: str) -> int:
-    """Return offset of a name in an expression, where it is not part of a longer one."""
+    """Return the offset of a name in an expression, where it is not a part of a longer name."""
     match = re.search(rf"(?<![A-Za-z0-9_]){re.escape(name)}(?![A-Za-z0-9_])", text)
     return match.start() if match else 0
 
@@ -289,8 +297,8 @@ OF_MEMORY = "remove it, or add terms with memory (`lags`, `slow`, `play`, ...) t
 
 
 def along_recordings(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require the time, in seconds, of samples in their order beside their neighbours, where a
-    model runs along recordings.
+    """Check that a model that runs along recordings has samples in the order of time, with the time
+    in seconds and no sample missing in between.
     """
     if not spec.runs_over_time:
         return
@@ -325,7 +333,7 @@ def along_recordings(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def idle(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require something for the settings of pieces, and for those of memory, to act on."""
+    """Check that settings for pieces, and settings for memory, have something to act on."""
     if spec.has_memory:
         yield from _of_pieces(spec)
     elif spec.model.type == "mapmore":
@@ -339,7 +347,7 @@ def idle(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def _of_pieces(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Refuse settings that one model with memory has no use for."""
+    """Refuse settings that have no effect on a single model with memory."""
     fit, levels, target = spec.fit, spec.data.levels, spec.target_quantity
     for name, cut in spec.segment.items():
         remedy = "remove it and use `{name}` in the terms, or write `{name}: none`"
@@ -420,4 +428,4 @@ def _of_pieces(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 CHECKS = (names_of_quantities, derivations, clocks, terms, along_recordings, idle)
-"""The checks of this file, each of which yields what it finds in a spec."""
+"""The checks of this file. Each yields its findings for a spec."""

@@ -1,5 +1,5 @@
-"""Checks that the choices of an experiment fit each other: levels, hold-out, target, the kind of
-model, formulas, metrics, units.
+"""Check that the choices of an experiment fit each other: levels, held-out data, target, kind of
+model, formulas, metrics and units.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 STATIC_RUN, REMOVE = "add `needs: {{static: my-static.yaml}}`", "remove it"
 MOTION = ("damping", "dynamic")
-"""Targets that are made of a static and a damping part."""
+"""Targets that have a static and a damping part."""
 
 
 # Segments, levels and groups
@@ -52,7 +52,7 @@ MOTION = ("damping", "dynamic")
 
 
 def segmented(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check what each segmented quantity is cut by."""
+    """Check that each segmented quantity can be cut as the spec says."""
     level = spec.data.levels.of if spec.data.levels else None
     has_terms = spec.model.type == "mapmore" and bool(spec.dictionary)
     for name, cut in spec.segment.items():
@@ -128,7 +128,9 @@ def leaving_out(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def groups(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require a quantity that tells groups apart, and gains and offsets that can be known."""
+    """Require a quantity that distinguishes the groups, and gains and offsets that the data can
+    determine.
+    """
     groups, left_out = spec.data.groups, spec.data.split.leave_one_group_out
     if groups is None:
         return
@@ -160,7 +162,7 @@ def groups(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def recordings_apart(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require columns for the quantities whose values tell recordings apart."""
+    """Require columns for the quantities whose values distinguish recordings."""
     of = spec.data.recordings.quantities if spec.data.recordings is not None else []
     missing = [name for name in of if name not in spec.data.measured or name == "time"]
     yield from applying(
@@ -175,8 +177,8 @@ def recordings_apart(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def after_cycles(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Refuse what goes by the time of joined branches: their samples stand in the order of
-    `cycles.over`.
+    """Refuse settings that depend on the time of averaged branches, because their samples are in
+    the order of `cycles.over`.
     """
     cycles, hold_out = spec.data.cycles, spec.data.split.hold_out
     if cycles is None:
@@ -196,7 +198,9 @@ def after_cycles(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def chosen_levels(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require that values of the level quantity that are held out, or train alone, are levels."""
+    """Check that the values of the level quantity that are held out, or that alone are trained on,
+    are levels.
+    """
     levels, hold_out, trains = spec.data.levels, spec.data.split.hold_out, spec.fit.train_level
     if levels is None:
         what = "the data have no levels, so that none can be chosen"
@@ -218,8 +222,8 @@ def chosen_levels(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def target(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require what a target is made of: its quantity, load cycles, plateaus, the runs that it
-    builds on.
+    """Require what a target is computed from: its quantity, load cycles, plateaus, or the runs in
+    `needs`.
     """
     needs, plateau, have = spec.needs, spec.data.plateau, spec.data.quantities
     missing = [f"`needs.{name}`" for name in ("static", "damping") if getattr(needs, name) is None]
@@ -280,17 +284,17 @@ OF_ONE = (
     *("data.split.leave_one_level_out", "data.split.leave_one_group_out"),
     *("validate.as", "validate.intervals"),
 )
-"""Settings that are about one target where they are set."""
+"""Settings that apply to one target only."""
 HELD = {
     "fit.scale": "fit.known_scale",
     "validate.as": "validation.as_",
     "validate.intervals": "validation.intervals",
 }
-"""Where the spec holds a setting, if not under its name."""
+"""Attribute of the spec that holds a setting, if it is not the name of the setting."""
 
 
 def several(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require pieces, or memory of the inputs alone, where several targets share their terms."""
+    """Check that several targets are modelled by pieces, or with memory of the inputs only."""
     if not spec.also:
         return
     names = spec.targets
@@ -323,8 +327,8 @@ def several(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def kind(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require what the kind of model is made of, and a model that can be inverted where it is
-    scored as one of its inputs.
+    """Require what the kind of model needs, and a model that can be inverted if it is scored as one
+    of its inputs.
     """
     model, scored_as, is_pieces = spec.model, spec.validation.as_, spec.model.type == "mapmore"
     family = () if model.family is None else ("pressure", "strain", model.family.of)
@@ -385,14 +389,14 @@ def kind(spec: ExperimentSpec) -> Iterator[Finding]:
 
 @runtime_checkable
 class Checked(Protocol):
-    """A kind that adds itself, and knows what a spec of it may not say."""
+    """A kind of model that a plugin adds, with its own check of the spec."""
 
     def findings(self, spec: ExperimentSpec) -> Iterable[Finding]:
-        """Return what is wrong with a spec; nothing if it has no model of the kind."""
+        """Return the faults of a spec; nothing if its model is of another kind."""
 
 
 def of_kinds(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check what only the kind of a model that adds itself knows."""
+    """Run the checks that only the plugin of a kind of model can make."""
     for kind in kinds():
         if isinstance(kind, Checked):
             yield from kind.findings(spec)
@@ -403,8 +407,8 @@ def of_kinds(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def formula_called(spec: ExperimentSpec, name: str | None) -> Formula | None:
-    """Return a formula of the literature, or of the spec's own; None for another name, or where it
-    cannot be read.
+    """Return a formula of the literature or of the spec; None for an unknown name or an unreadable
+    file.
     """
     if name in spec.own_formulas:
         try:
@@ -424,15 +428,15 @@ def _defined(spec: ExperimentSpec, formula: OwnFormula) -> Formula:
 def unknown_formula(
     spec: ExperimentSpec, name: str | None, loc: Loc, others: Sequence[str] = ()
 ) -> Iterator[Finding]:
-    """Tell that no formula has a name, at a place of the spec."""
-    # what is wrong with one of its own is told where it is written
+    """Yield a finding if no formula has the given name."""
+    # a fault of an own formula is reported at its definition
     if name is not None and name not in spec.own_formulas:
         known = (*literature.names(), *spec.own_formulas, *others)
         yield Finding(loc, f"there is no literature model `{name}`", did_you_mean(name, known))
 
 
 def rivals_of(spec: ExperimentSpec) -> list[tuple[Loc, Competitor]]:
-    """Return the competitors with their places; a name alone is that of a model."""
+    """Return the competitors with their places; a bare name is the name of a model."""
     against = (
         Competitor.model_construct(model=rival) if isinstance(rival, str) else rival
         for rival in spec.validation.against
@@ -441,7 +445,7 @@ def rivals_of(spec: ExperimentSpec) -> list[tuple[Loc, Competitor]]:
 
 
 def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require that formulas exist and find what they need in the study."""
+    """Check that formulas exist and that the study has the quantities that they need."""
     model = spec.model
     uses: list[tuple[Loc, str | None]] = [
         (("model", "name"), model.name),
@@ -537,8 +541,8 @@ def _other_rival(spec: ExperimentSpec, name: str, rival: Competitor, loc: Loc) -
 
 
 def competitors(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require that formulas can be fitted in the way that is wanted, and competitors have names of
-    their own and data to be fitted to.
+    """Check that formulas can be fitted by the chosen method, and that competitors have distinct
+    names and data to be fitted to.
     """
     shown, moves = [OWN, REPEATABILITY], spec.target in MOTION
     for loc, rival in rivals_of(spec):
@@ -587,8 +591,8 @@ def competitors(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def own_formulas(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require that a formula of the spec's own has a name of its own, is an expression, and is
-    linear in what has no bounds.
+    """Check that a formula of the spec has a name that is not in use, a valid expression, and is
+    linear in every parameter without bounds.
     """
     names = {*literature.names(), *LEARNERS, *SIMPLE, OWN, REPEATABILITY, AUTO}
     for i, formula in enumerate(spec.formulas):
@@ -632,8 +636,8 @@ def own_formulas(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def shapes(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require shapes of quantities of the study, of models that can keep them, and bounds of terms
-    that the fit can find again.
+    """Check that shapes concern quantities of the study and models that can keep them, and that the
+    fit can identify every term whose coefficient has bounds.
     """
     fit, target = spec.fit, spec.target_quantity
     is_other = spec.model.type not in ("mapmore", "literature")
@@ -705,8 +709,8 @@ def shapes(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def metrics(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require that limits are set on numbers of the score row; of several targets, one for each
-    where it is in their unit.
+    """Check that limits concern metrics of the score row. With several targets, a metric in the
+    unit of a target needs a limit for each of them.
     """
     targets = {*spec.targets} if spec.also else set[str]()
     for name, limit in spec.validation.require.items():
@@ -721,8 +725,8 @@ def metrics(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def units(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require units that exist: the model's fit the canonical quantity, the columns' fit the
-    model's.
+    """Check that units exist: those of the model suit the canonical quantity, and those of the
+    columns suit the model's.
     """
     known, wrong = (*spec.data.quantities, *CANONICAL), set[str]()
     for name, unit in spec.units.items():
@@ -770,4 +774,4 @@ CHECKS = (
     ),
     *(formulas, competitors, own_formulas, shapes, units),
 )
-"""The checks of this file, each of which yields what it finds in a spec."""
+"""The checks of this file. Each yields its findings for a spec."""

@@ -1,4 +1,4 @@
-"""Mistakes in a spec: collected with their places, explained, and shown all at once."""
+"""Collect the mistakes of a spec with their places, explain them, and show them all at once."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from mapmore_cli.domain.declared import Contradiction, shape
 from mapmore_cli.domain.errors import MapmoreError, SpecError
 from mapmore_cli.study.tree import Loc, Node, Position, nearest, quoted
 
-_WIDEST = 110  # characters of a source line that are shown
-_MOST = 25  # mistakes that are shown
+_WIDEST = 110  # largest number of characters of a source line that is shown
+_MOST = 25  # largest number of mistakes that is shown
 
 
 @dataclass(frozen=True)
 class Mistake:
-    """One mistake: where, what is wrong, and what would be right."""
+    """A mistake: its place, what is wrong, and what would be right."""
 
     at: Position
     message: str
@@ -30,11 +30,11 @@ class Mistake:
 
 @dataclass(frozen=True)
 class Finding:
-    """A mistake named by its way through the spec rather than by its place in a file.
+    """A mistake at a path through the spec, instead of a place in a file.
 
-    The way is keys and list indices, or a text as `data.cycles`. `data.cycles:` and `on_key` put
-    the mistake on the key in place of its value. `offset` is the place within a text value, as of a
-    syntax error in an expression.
+    The path is a sequence of keys and list indices, or a text such as `data.cycles`. A colon at its
+    end, or `on_key`, places the mistake at the key instead of its value. `offset` is the position
+    within a text value, for example of a syntax error in an expression.
     """
 
     way: Loc | str
@@ -45,7 +45,7 @@ class Finding:
 
     @property
     def loc(self) -> Loc:
-        """Keys and list indices."""
+        """Path as keys and list indices."""
         if not isinstance(self.way, str):
             return self.way
         steps = self.way.removesuffix(":").split(".")
@@ -53,8 +53,8 @@ class Finding:
 
 
 def locate(finding: Finding, root: Node) -> Mistake:
-    """Return the finding with its place; a value that the sources do not hold is placed at its
-    nearest ancestor.
+    """Return the finding with its place in a file. If the sources do not hold the value, the place
+    is that of its nearest ancestor.
     """
     node = nearest(root, finding.loc)
     on_key = (
@@ -65,7 +65,7 @@ def locate(finding: Finding, root: Node) -> Mistake:
     at = node.start if on_key else node.at
     if finding.offset and isinstance(node.value, str):
         written = _source_line(at)[at.column - 1 :]
-        for quote in ("", '"', "'"):  # else the source spells the text differently
+        for quote in ("", '"', "'"):  # without a match, the source writes the text in another way
             if written.startswith(quote + node.value):
                 at = replace(at, column=at.column + len(quote) + finding.offset)
                 break
@@ -73,9 +73,11 @@ def locate(finding: Finding, root: Node) -> Mistake:
 
 
 def applying(*rows: tuple[bool, Loc | str, str, str], **known: object) -> Iterator[Finding]:
-    """Yield the rows that apply: whether, the way, what is wrong, and what would be right.
+    """Yield a finding for each row whose condition is true. A row holds the condition, the path,
+    what is wrong, and what would be right.
 
-    Texts are templates: `{name}` stands for what is `known` by it, `{{` for a brace.
+    The texts are templates: `{name}` is replaced by the keyword argument `name`, and `{{` is a
+    brace.
     """
     for applies, way, *texts in rows:
         if applies:
@@ -87,7 +89,7 @@ def applying(*rows: tuple[bool, Loc | str, str, str], **known: object) -> Iterat
 def refused(
     way: Loc | str, attempt: Callable[..., object], *arguments: object
 ) -> Iterator[Finding]:
-    """Yield why a call is refused, where it is."""
+    """Call `attempt` and yield its error message as a finding at the path `way`."""
     try:
         attempt(*arguments)
     except MapmoreError as error:
@@ -95,8 +97,8 @@ def refused(
 
 
 def did_you_mean(word: str, known: Iterable[str], otherwise: str = "known are") -> str | None:
-    """Return `did you mean ...?` for a near miss, otherwise the list of what is known; None if
-    nothing is.
+    """Return `did you mean ...?` for a near miss, and otherwise the list of known names; None if
+    the list is empty.
     """
     words = list(dict.fromkeys(known))
     lower = {candidate.casefold(): candidate for candidate in words}
@@ -107,7 +109,7 @@ def did_you_mean(word: str, known: Iterable[str], otherwise: str = "known are") 
 
 
 def raise_if_any(problems: Sequence[Mistake]) -> None:
-    """Raise one SpecError that shows every problem, in the order of the sources."""
+    """Raise one SpecError that shows every mistake, in the order of the sources."""
     if not problems:
         return
     sources = list(dict.fromkeys(problem.at.source for problem in problems))
@@ -127,7 +129,7 @@ def raise_if_any(problems: Sequence[Mistake]) -> None:
 
 
 def fail(at: Position, message: str, remedy: str | None = None) -> NoReturn:
-    """Raise a SpecError about one mistake after which the rest of the spec cannot be read."""
+    """Raise a SpecError for a mistake after which the rest of the spec cannot be read."""
     raise SpecError(_mistake_text(Mistake(at, message, remedy)))
 
 
@@ -144,7 +146,9 @@ def _mistake_text(problem: Mistake) -> str:
 
 
 def _source_line(at: Position) -> str:
-    """Return the source line; cut as YAML counts lines, and not as `str.splitlines` does."""
+    """Return the line of the source at a position. Lines are cut as YAML counts them, which differs
+    from `str.splitlines`.
+    """
     lines = re.split("\r\n|[\r\n\x85\u2028\u2029]", at.source.text)
     return lines[at.line - 1] if at.line <= len(lines) else ""
 
@@ -153,10 +157,12 @@ def _source_line(at: Position) -> str:
 # --------------------------------------------------------------------------------------------------
 
 Explained = tuple[str, str | None]
-"""What is wrong, and what would be right."""
+"""What is wrong, and what would be right or None."""
 
 MOST_ERRORS = 200
-"""Errors that are explained: a list of thousands of wrong values is one mistake."""
+"""Largest number of errors that are explained: a list of thousands of wrong values is one
+mistake.
+"""
 
 _EXPECTED = {
     "string_type": "text",
@@ -182,17 +188,17 @@ _SAID: dict[str, tuple[str, str | None]] = {
     "too_short": ("is empty", "give at least {min_length}"),
     "too_long": ("has too many values: {shown}", "give {max_length}"),
 }
-"""What is said of a value for each kind of error, and what would be right."""
+"""For each kind of error of pydantic: what is wrong with the value, and what would be right."""
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 
 
 KeysAt = Callable[[Loc], Sequence[str]]
-"""Gives the keys that the sections at a place know."""
+"""Function that returns the keys that the sections at a path know."""
 
 
 def explain(error: ValidationError, root: Node, keys_at: KeysAt) -> list[Mistake]:
-    """Return one problem for each mistake that pydantic found in the tree: a key that is missing
-    because it is misspelt is one mistake.
+    """Return one mistake for each fault that pydantic found in the tree. A required key that is
+    missing because it is misspelt is one mistake, not two.
     """
     errors = error.errors(include_url=False)[:MOST_ERRORS]
     unknown = [_split(details["loc"], root)[0] for details in errors if details["type"] in _UNKNOWN]
@@ -208,10 +214,11 @@ def explain(error: ValidationError, root: Node, keys_at: KeysAt) -> list[Mistake
 
 
 def lost(error: ValidationError, root: Node, keys_at: KeysAt) -> Iterator[tuple[Loc, Loc | None]]:
-    """Yield the ways to what pydantic refused, values and incomplete sections, each with the way to
-    what the spec lacks without it.
+    """Yield the path of each value or section that pydantic rejected, together with the path of the
+    key that is missing as a consequence.
 
-    For an unknown key that is the key meant; None if it is near to no key that the spec lacks.
+    For an unknown key, this is the key that was meant. The second path is None if the unknown key
+    resembles no missing key.
     """
     for details in error.errors(include_url=False):
         loc, _ = _split(details["loc"], root)
@@ -230,7 +237,8 @@ def _problem(details: ErrorDetails, root: Node, keys_at: KeysAt) -> Mistake:
     loc, rest = _split(details["loc"], root)
     node = nearest(root, loc)
     name = f"`{_dotted(loc)}`" if loc else "the spec"
-    # a key that would be a quantity, but whose value says that a near one is meant
+    # the key would be read as a quantity, but its value shows that a key with a similar name was
+    # meant
     for depth, key in enumerate(loc, start=1):
         known = keys_at(loc[: depth - 1])
         near = () if key in known else get_close_matches(str(key), known, n=1, cutoff=0.75)
@@ -255,7 +263,7 @@ def _problem(details: ErrorDetails, root: Node, keys_at: KeysAt) -> Mistake:
             return Mistake(
                 node.start, message, "use letters, digits and `_`, for example `step_pressure`"
             )
-    # a number that was written with a unit is told as the number that it is here
+    # a number with a unit is shown as the converted number
     value = details["input"] if isinstance(details["input"], float) else node.value
     return Mistake(node.at, *_of_value(details, value, name))
 
@@ -287,8 +295,8 @@ def _of_value(details: ErrorDetails, value: object, name: str) -> Explained:
 
 
 def _split(loc: Loc, root: Node) -> tuple[tuple[str | int, ...], tuple[str | int, ...]]:
-    """Return the part of pydantic's way that the tree holds, and the rest: tags of unions, and the
-    key that is missing.
+    """Return the part of pydantic's path that exists in the tree, and the rest: tags of unions, and
+    the key that is missing.
     """
     node = root
     held: list[str | int] = []
@@ -307,12 +315,12 @@ def _unknown_key(loc: Loc, known: Iterable[str]) -> Explained:
 
 
 def _dotted(loc: Loc) -> str:
-    """Return `data.files[0].path`, with quantities as they are."""
+    """Return a path as text, for example `data.files[0].path`."""
     return "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in loc).lstrip(".")
 
 
 def _value_in_words(value: object) -> str:
-    """Return a value in a message: its kind, and itself where it is short."""
+    """Return the words for a value in a message: its type, and the value itself if it is short."""
     if value is None:
         return "empty"
     if isinstance(value, dict | list):

@@ -1,7 +1,7 @@
-"""The experiment spec as a pydantic model: its sections, and what holds between them.
+"""Define the experiment spec as a pydantic model: its sections, and the rules between them.
 
-Units: every number is already in the model's unit; the loader turns `250 kPa` into a number before
-validation (see `spec.fields`), in the unit that the field's mark names.
+Units: every number is in the unit of the model. The loader converts `250 kPa` into a number before
+validation (see `study.fields`); the mark of the field names the unit.
 """
 
 # ruff: noqa: RUF012 (pydantic copies the default of a field for every instance)
@@ -62,12 +62,12 @@ from mapmore_cli.study.sections.model import (
 
 @dataclass(frozen=True)
 class Muscle(Settings):
-    """What was measured; recorded in the results, and used by formulas that need dimensions.
+    """The muscle that was measured. The results record it, and formulas with dimensions use it.
 
-    - `name`: what it is called on pages, as `DMSP-20-88N`
-    - `kind`: what kind of muscle it is, as `mckibben`
-    - `length`: active length at rest, as `88 mm`
-    - `diameter`: inner diameter at rest, as `20 mm`
+    - `name`: Name of the muscle on pages. Example: `DMSP-20-88N`
+    - `kind`: Kind of muscle. Example: `mckibben`
+    - `length`: Active length at rest. Example: `88 mm`
+    - `diameter`: Inner diameter at rest. Example: `20 mm`
     """
 
     name: str | None = None
@@ -77,25 +77,25 @@ class Muscle(Settings):
 
     @property
     def lengths(self) -> dict[str, float | None]:
-        """The dimensions by name, m; None if nothing is said."""
+        """Length and diameter by name, m; None for a dimension that the spec does not give."""
         return {"length": self.length, "diameter": self.diameter}
 
 
 @dataclass(frozen=True)
 class TargetColumn(Settings):
-    """A measured quantity as target; `target: tip` is short for `target: {column: tip}`, and
+    """A measured quantity as target. `target: tip` is short for `target: {column: tip}`, and
     `target: [tip_x, tip_y]` for `target: {column: tip_x, also: [tip_y]}`.
 
-    - `column`: the quantity, a key of `data.columns` or `data.derive`, as `tip`
-    - `also`: others that share its segments and terms, as `[tip_y]`
+    - `column`: The quantity, which must be a key of `data.columns` or `data.derive`. Example: `tip`
+    - `also`: Further quantities that are modelled with the same segments and terms. Example:
+      `[tip_y]`
     """
 
     column: str
     also: Annotated[Sequence[Quantity], Len(1)] | None = None
 
 
-# What comes out
-# --------------------------------------------------------------------------------------------------
+# Results
 
 
 OF_PATHS = ("needs.static", "needs.damping", "data.files")
@@ -103,7 +103,7 @@ OF_PATHS = ("needs.static", "needs.damping", "data.files")
 
 
 def _with_paths(settings: Mapping[str, Any], change: Callable[[str], object]) -> dict[str, Any]:
-    """Return keys of a spec with every path in their values changed."""
+    """Return keys of a spec in which `change` was applied to every path."""
 
     def changed(value: object) -> object:
         if isinstance(value, list):
@@ -129,30 +129,32 @@ _JSON = TypeAdapter(JsonValue)
 OtherSettings = Annotated[
     dict[str, Any], BeforeValidator(_read_settings), PlainSerializer(_moved_settings)
 ]
-"""Keys of a spec, as `fit.max_terms`, with other values; quantities wait for the spec that they
-set.
+"""Keys of a spec, for example `fit.max_terms`, with other values. Numbers with units are converted
+only in the spec that they change.
 """
 
 
 class Competitor(Section):
-    """A competitor with settings of its own: a `model`, a `run`, this spec with other settings
-    (`set`), a `sum`, or `static` with `damping`.
+    """A competitor with settings of its own. Give one of: a `model`, a `run`, this spec with other
+    settings (`set`), a `sum`, or `static` with `damping`.
 
-    - `model`: a formula of the literature, a black box (`gaussian_process` and others), or a frozen
-      model (a path that ends in `.h5`, with `as`), as `sarosi`
-    - `run`: the path of the spec whose model is compared, as `other.yaml`
-    - `set`: keys of this spec with other values, in a run called `<name>.<as>`, as `{fit.max_terms:
-      1}`
-    - `static`: a formula to which `damping` is added, or `mapmore` for the static model that the
-      spec needs, as `sarosi`
-    - `damping`: a formula of the damping force, or `none`, as `reynolds`
-    - `method`: how a formula is fitted (variable projection by default), as `simplex`
-    - `starts`: where `levenberg_marquardt` starts: `published` or `printed`, as `published`
-    - `levels`: the values of the level quantity that a formula is fitted to and scored at, in place
-      of the measured ones, as `nominal`
-    - `sum`: formulas with signs and renamed inputs, which are fitted together, as `[{formula:
+    - `model`: A formula of the literature, a black box (for example `gaussian_process`), or the
+      path of a frozen model that ends in `.h5` (which also needs `as`). Example: `sarosi`
+    - `run`: Path of a spec whose model is compared. Example: `other.yaml`
+    - `set`: Keys of this spec with other values. They make a further run with the name
+      `<name>.<as>`. Example: `{fit.max_terms: 1}`
+    - `static`: A static formula to which `damping` is added, or `mapmore` for the static model in
+      `needs`. Example: `sarosi`
+    - `damping`: A formula for the damping force, or `none`. Example: `reynolds`
+    - `method`: How a formula is fitted; by variable projection if nothing else is given. Example:
+      `simplex`
+    - `starts`: Starting values of `levenberg_marquardt`: those of the `published` formula, or as
+      `printed` in the paper about the wrist joint, whose units differ. Example: `published`
+    - `levels`: Values of the level quantity that a formula is fitted to and scored with, instead of
+      the measured ones. Example: `nominal`
+    - `sum`: Formulas that are fitted together, with signs and renamed inputs. Example: `[{formula:
       sarosi}, {formula: viscous, sign: -1}]`
-    - `as`: its name in the scores, as `one_term`
+    - `as`: Name of the competitor in the scores. Example: `one_term`
     """
 
     model: PathOrName | None = None
@@ -231,31 +233,35 @@ class Competitor(Section):
 
     @property
     def is_file(self) -> bool:
-        """Whether it is a frozen model: a file, in place of the name of a formula."""
+        """True if the competitor is a frozen model in a file."""
         return self.model is not None and self.model.endswith(".h5")
 
     @property
     def label(self) -> str:
-        """The name of its scores."""
+        """Name of the competitor in the scores."""
         composite = f"{self.static}+{self.damping}" if self.static else None
         return self.as_ or self.model or composite or PurePosixPath(str(self.run)).stem
 
 
 class Validate(Section):
-    """What the model is compared with, what errors are divided by, and the limits that its scores
-    must keep.
+    """Competitors of the model, the normaliser of errors, and limits that the scores must keep.
 
-    - `as`: the quantity that a model of the strain is scored as, by inverting it; so is a
-      competitor with another target and this study's among its inputs, as `force`
-    - `against`: competitors, fitted to the same data, as `[sarosi, {run: other.yaml}]`
-    - `simple`: whether competitors that need no muscle stand beside: `plane`, `quadratic`, `cubic`
-      in the model's inputs, the `backbone` alone, and `arx` in free run, as `false`
-    - `normaliser`: what errors are divided by: the largest absolute value of the measured target
-      (`max`, M2 eq 13) or its `range`, as `range`
-    - `intervals`: whether the model is fitted again without each part of the training data, for
-      `predict --interval`, as `true`
-    - `require`: limits of metrics, which a run must keep (exit 6), as `{nrmse: 0.05, r2: 0.9}`; of
-      several targets also one for each, as `rmse: {tip_x: 1 mm, tip_y: 2 mm}`
+    - `as`: Quantity to score instead of the strain: the model of the strain is inverted for it. A
+      competitor whose target is another quantity, and which has this study's target among its
+      inputs, is inverted too. Example: `force`
+    - `against`: Competitors, which are fitted to the same data. Example: `[sarosi, {run:
+      other.yaml}]`
+    - `simple`: If true, also compare with simple models that need no knowledge of muscles: `plane`,
+      `quadratic` and `cubic` in the model's inputs, the `backbone` alone, and `arx` in free run.
+      Example: `false`
+    - `normaliser`: What errors are divided by: `max` is the largest absolute value of the measured
+      target (Veale et al. 2018, equation 13), `range` is the difference between its largest and
+      smallest value. Example: `range`
+    - `intervals`: If true, fit the model again without each part of the training data. `predict
+      --interval` needs these fits. Example: `true`
+    - `require`: Limits of metrics. If the run misses one, it ends with exit code 6. With several
+      targets, a metric can have one limit for each: `rmse: {tip_x: 1 mm, tip_y: 2 mm}`. Example:
+      `{nrmse: 0.05, r2: 0.9}`
     """
 
     as_: Quantity | None = Field(default=None, alias="as")
@@ -267,13 +273,14 @@ class Validate(Section):
 
 
 class PublishedScores(Section):
-    """Numbers of a publication to show beside ours, by model, all of held-out data. No computation
-    uses them.
+    """Printed numbers of a publication that are shown beside the scores, by model, all for held-out
+    data. They are never used in a computation.
 
-    - `source`: where they were printed, as `M2 table 5`
-    - `nrmse`: NRMSE, as fractions, as `{sarosi: 0.021}`
-    - `rmse`: RMSE, as `{sarosi: 12.5}`
-    - `rmse_at_least`: lower bounds, where no more was printed, as `{sarosi: 10}`
+    - `source`: Where the numbers were printed. Example: `M2 table 5`
+    - `nrmse`: NRMSE of each model, as fractions. Example: `{sarosi: 0.021}`
+    - `rmse`: RMSE of each model. Example: `{sarosi: 12.5}`
+    - `rmse_at_least`: Lower bound of the RMSE, for models of which the publication prints no more
+      than that. Example: `{sarosi: 10}`
     """
 
     source: str
@@ -283,19 +290,20 @@ class PublishedScores(Section):
 
     @property
     def numbers(self) -> Published:
-        """The same as data."""
+        """The numbers as a type of the domain layer."""
         return Published(self.source, self.nrmse, self.rmse, self.rmse_at_least)
 
 
 class Style(Section):
-    """How figures look.
+    """Appearance of the figures.
 
-    - `width`: width of a panel that stands by itself, as `85 mm`
-    - `font`: font of all labels, as `Times New Roman`
-    - `size` (pt): size of labels; titles and ticks are 1 pt less, as `9`
-    - `labels`: axis labels by quantity, with their unit; formulas may stand between dollars, as
-      `{strain: "Contraction (–)"}`
-    - `palette`: colours of the models, that of the run's own first, as `["#0072B2", "#D55E00"]`
+    - `width`: Width of a single panel. Example: `85 mm`
+    - `font`: Font of all labels. Example: `Times New Roman`
+    - `size` (pt): Font size of the labels; titles and ticks are 1 pt smaller. Example: `9`
+    - `labels`: Axis labels by quantity. The unit is part of the label, and formulas may stand
+      between dollar signs. Example: `{strain: "Contraction (–)"}`
+    - `palette`: Colours of the models; the first is the colour of the run's own model. Example:
+      `["#0072B2", "#D55E00"]`
     """
 
     width: Metres = 0.0889
@@ -308,20 +316,21 @@ class Style(Section):
 class Report(Section):
     """Figures and files of the report.
 
-    - `figures`: the figures, in their order, as `[data, fit, error]`
-    - `formats`: `html` is the page, with quick drawings of the figures; `csv` and `tex` are the
-      tables; `svg` is a file for each figure, drawn as for print, also on the page; with `pdf`,
-      `png` or `pgf` every panel is a file of its own in `panels/`, beside the numbers that
-      it was drawn from, as `[html, pdf]`
-    - `style`: how figures look, as `{width: 85 mm, size: 9}`
-    - `published`: numbers of a publication to show beside, as `{source: M2 table 5, nrmse: {sarosi:
-      0.021}}`
-    - `units`: further units, by quantity, to print the equations in, as a publication does, as
-      `{pressure: bar}`
-    - `over`: `time` draws the fit of recordings over time whatever the model; by default models
-      without memory are drawn over an input, as `time`
-    - `explore`: whether the page computes the model in the browser; `false` leaves its scripts out,
-      as `false`
+    - `figures`: The figures, in their order on the page. Example: `[data, fit, error]`
+    - `formats`: Files to write. `html` is the page with quick drawings of the figures. `csv` and
+      `tex` are the tables. `svg` writes a file for each figure, drawn as for print, and shows it on
+      the page. `pdf`, `png` and `pgf` write every panel to a file in `panels/`, together with the
+      numbers from which it was drawn. Example: `[html, pdf]`
+    - `style`: Appearance of the figures. Example: `{width: 85 mm, size: 9}`
+    - `published`: Printed numbers of a publication to show beside the scores. Example: `{source: M2
+      table 5, nrmse: {sarosi: 0.021}}`
+    - `units`: Further units in which the equations are printed, by quantity, for example those of a
+      publication. Example: `{pressure: bar}`
+    - `over`: Axis of the figure of the fit. With `time`, recordings are drawn over time for every
+      model. By default, only models with memory are drawn over time, and all others over an input.
+      Example: `time`
+    - `explore`: If false, the page does not compute the model in the browser, and is smaller
+      because the scripts are left out. Example: `false`
     """
 
     figures: list[Literal[tuple(FIGURES)]] = list(FIGURES)  # type: ignore[valid-type]
@@ -333,13 +342,12 @@ class Report(Section):
     units: dict[Quantity, str] = {}
 
 
-# The whole
-# --------------------------------------------------------------------------------------------------
+# The whole spec
 
 
 def _given_memory(dictionary: object, info: ValidationInfo) -> bool:
-    """Return whether a dictionary that is not validated yet has terms with memory; False if its
-    form is wrong, which is reported elsewhere.
+    """Return True if a dictionary that is not validated yet has terms with memory. A dictionary of
+    wrong form gives False; its fault is reported elsewhere.
     """
     try:
         return isinstance(dictionary, list) and remembers(
@@ -350,7 +358,7 @@ def _given_memory(dictionary: object, info: ValidationInfo) -> bool:
 
 
 def _pooled(given: Mapping[str, Any]) -> bool:
-    """Return whether a spec that is not validated yet has one segment of all its curves."""
+    """Return True if a spec that is not validated yet has one segment with all its curves."""
     data, segment = given.get("data"), given.get("segment") or {}
     levels = data.get("levels") if isinstance(data, dict) else None
     whole = isinstance(segment, dict) and all(cut == "none" for cut in segment.values())
@@ -358,8 +366,8 @@ def _pooled(given: Mapping[str, Any]) -> bool:
 
 
 def _sized_by_data(fit: dict[str, Any]) -> None:
-    """Let the data choose the number of terms of a model without segments if the spec does not set
-    it. A single term is enough for a segment, but for the whole data it would often be the
+    """Let the data choose the number of terms if the model has no segments and the spec does not
+    set the number. One term is enough for a segment, but for all data it would often be the
     constant.
     """
     if "max_terms" not in fit:
@@ -369,29 +377,33 @@ def _sized_by_data(fit: dict[str, Any]) -> None:
 
 
 class ExperimentSpec(Section):
-    """One experiment: what was measured, how to cut it up, which terms may appear, how to join,
-    what to compare with.
+    """An experiment: what was measured, how the curves are cut, which terms may be chosen, how the
+    pieces are joined, and what the model is compared with.
 
-    - `schema_version`: version of this format, as `1`
-    - `name`: name of the run and of its folder, as `my-muscle`
-    - `muscle`: what was measured, as `{length: 88 mm, diameter: 20 mm}`
-    - `units`: units of quantities in the model and on pages, as `{pressure: bar}`
-    - `data`: the recordings, and how they become curves, as `{files: ["cycle_*.csv"], columns:
-      {force: {column: F, unit: N}}}`
-    - `needs`: specs of the runs that this one builds on, as `{static: static.yaml}`
-    - `target`: what is modelled: `static`, `hysteresis`, `damping` or `dynamic` force, or a
-      quantity, or several that share segments and terms, as `static`
-    - `segment`: how each variable is cut into segments; `none` pools the curves of the levels, as
-      `{strain: {method: even, count: 4}}`
-    - `dictionary`: families of candidate terms, as `[{polynomial: {of: [strain], order: 4}}]`
-    - `formulas`: formulas of your own, each a file or written out, to be named like those of the
-      literature, as `[my_formula.yaml]`
-    - `model`: which kind of model, and what the pieces stand on, as `{backbone: sarosi}`
-    - `fit`: how terms are chosen, and how many, as `{max_terms: 2}`
-    - `fuse`: how pieces are joined, and what happens beyond the data, as `{transition: linear, z_s:
-      0.25}`
-    - `validate`: competitors, metrics and limits, as `{against: [sarosi], require: {nrmse: 0.05}}`
-    - `report`: figures and files of the report, as `{formats: [html, pdf]}`
+    - `schema_version`: Version of the format. Example: `1`
+    - `name`: Name of the run and of its folder. Example: `my-muscle`
+    - `muscle`: The muscle that was measured. Example: `{length: 88 mm, diameter: 20 mm}`
+    - `units`: Units of quantities in the model and on pages, if they are not the usual ones.
+      Example: `{pressure: bar}`
+    - `data`: The recordings, and how they become curves. Example: `{files: ["cycle_*.csv"],
+      columns: {force: {column: F, unit: N}}}`
+    - `needs`: Specs of other runs on which this one builds. Example: `{static: static.yaml}`
+    - `target`: What the model predicts: the `static`, `hysteresis`, `damping` or `dynamic` force, a
+      measured quantity, or several quantities that share segments and terms. Example: `static`
+    - `segment`: How the range of each variable is cut into segments. `none` uses the curves of all
+      levels together. Example: `{strain: {method: even, count: 4}}`
+    - `dictionary`: Families of candidate terms, from which the fit chooses. Example: `[{polynomial:
+      {of: [strain], order: 4}}]`
+    - `formulas`: Formulas of your own, each in a file or written here. They can be named like the
+      formulas of the literature. Example: `[my_formula.yaml]`
+    - `model`: Kind of the model, and the formula (backbone) to which the segment functions are
+      added. Example: `{backbone: sarosi}`
+    - `fit`: How terms are chosen, and how many. Example: `{max_terms: 2}`
+    - `fuse`: How the segment functions are joined, and what the model does outside the measured
+      range. Example: `{transition: linear, z_s: 0.25}`
+    - `validate`: Competitors of the model, and limits that its scores must keep. Example:
+      `{against: [sarosi], require: {nrmse: 0.05}}`
+    - `report`: Figures and files of the report. Example: `{formats: [html, pdf]}`
     """
 
     schema_version: Literal[1] = 1
@@ -419,7 +431,7 @@ class ExperimentSpec(Section):
 
     @property
     def unconfirmed(self) -> tuple[str, ...]:
-        """The guesses of `init` that nobody has confirmed: the file's comments that begin with
+        """Guesses of `init` that nobody has confirmed: the comments of the file that begin with
         `CHECK`.
         """
         return self._unconfirmed
@@ -427,7 +439,7 @@ class ExperimentSpec(Section):
     @model_validator(mode="before")
     @classmethod
     def _by_choice(cls, given: object, info: ValidationInfo) -> object:
-        """Fill in defaults that depend on the target, on the terms, and on the parts of a sum."""
+        """Fill in the defaults that depend on the target, the terms, and the parts of a sum."""
         if not isinstance(given, dict):
             return given
         if "campaign" in given:
@@ -443,26 +455,26 @@ class ExperimentSpec(Section):
         elif model is None and (adds or dictionary is None):
             given["model"] = {"type": "sum" if adds else "auto"}
         if isinstance(fit, dict) and _given_memory(dictionary, info):
-            # numbers of steps and widths in physical units stay readable
+            # step counts and widths in physical units stay readable
             fit.setdefault("scaling", "none")
             _sized_by_data(fit)
         elif isinstance(fit, dict) and dictionary and _pooled(given):
             _sized_by_data(fit)
         elif isinstance(fit, dict) and target == "damping":
-            # pure products, which no shifted origin leaves so
+            # pure products, which a shifted origin would turn into sums
             fit.setdefault("scaling", "max_abs")
         return given
 
     @property
     def own_formulas(self) -> dict[str, OwnFormula]:
-        """The formulas that the spec defines, by name; the loader has read their files."""
+        """Formulas that the spec defines, by name. The loader has read their files."""
         return {
             formula.name: formula for formula in self.formulas if isinstance(formula, OwnFormula)
         }
 
     @property
     def target_quantity(self) -> str:
-        """The measured quantity that is modelled, or whose component is."""
+        """Measured quantity that is modelled, or of which a part is modelled."""
         return self.target.column if isinstance(self.target, TargetColumn) else "force"
 
     @property
@@ -477,31 +489,33 @@ class ExperimentSpec(Section):
 
     @property
     def each(self) -> tuple[ExperimentSpec, ...]:
-        """The study of each target alone; itself where there is one."""
+        """The study of each single target; with one target, the study itself."""
         alone = [{"target": TargetColumn(column=name)} for name in self.targets if self.also]
         return tuple(self.model_copy(update=update) for update in alone) or (self,)
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """All quantities of the study: those of its data, and `direction` if segments are cut by
-        it.
+        """Names of all quantities of the study: those of its data, and `direction` if it cuts the
+        segments.
         """
         cut = [name for name, how in self.segment.items() if isinstance(how, CutByDirection)]
         return tuple(dict.fromkeys((*self.data.quantities, *cut)))
 
     @property
     def has_memory(self) -> bool:
-        """Whether the run's own model has terms with memory."""
+        """True if the run's own model has terms with memory."""
         return self.model.type == "mapmore" and remembers(self.dictionary)
 
     @property
     def runs_over_time(self) -> bool:
-        """Whether the run's own model runs along recordings."""
+        """True if the run's own model runs along recordings."""
         return self.has_memory or self.model.over_time
 
     @model_validator(mode="after")
     def _structured(self, info: ValidationInfo) -> ExperimentSpec:
-        """Require a structure where none is searched, and none if one is."""
+        """Require a dictionary or a formula unless the structure is searched, and refuse them if it
+        is.
+        """
         parts = [
             name
             for name, empty in (("segment", {}), ("fit", Fit()), ("dictionary", []))

@@ -1,5 +1,5 @@
-"""What the spec's models are made of: the strict base, numbers that may carry a unit, paths; and
-what validators know of the spec around a value.
+"""Define the building blocks of the spec's models: the strict base class, numbers with units,
+paths, and what a validator knows about the rest of the spec.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ from mapmore_cli.study.units import (
 from mapmore_cli.study.yaml_loader import VARIABLES, expand, variable_in
 
 TargetKind = Literal["static", "hysteresis", "damping", "dynamic"]
-"""What of the force is modelled, where the target is no measured quantity."""
+"""The part of the force that is modelled, if the target is no measured quantity."""
 
 
 def as_target(given: object) -> object:
-    """Return a target as the spec holds it: `tip`, which is no kind of target, is a column, and a
-    list is of several.
+    """Return a target in the form that the spec stores: a text that is no kind of target names a
+    column, and a list holds several columns.
     """
     if isinstance(given, list) and given:
         return {"column": given[0], "also": given[1:]} if given[1:] else as_target(given[0])
@@ -52,11 +52,13 @@ def as_target(given: object) -> object:
 
 
 Row = tuple[bool, str, str, *tuple[str, ...]]
-"""A contradiction: whether it applies, what is wrong, what to do, and at which keys it is shown."""
+"""A possible contradiction: whether it applies, what is wrong, what to do, and the keys at which it
+is shown.
+"""
 
 
 class Section(BaseModel):
-    """Base of every part of a spec: strict, closed and immutable."""
+    """Base class of every part of a spec: strict, without unknown keys, and immutable."""
 
     model_config = ConfigDict(
         extra="forbid", strict=True, allow_inf_nan=False, frozen=True, populate_by_name=True
@@ -65,14 +67,14 @@ class Section(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _noted(cls, given: object, info: ValidationInfo) -> object:
-        """Declare to the loader which keys a mapping may have."""
+        """Report to the loader which keys a mapping may have."""
         if isinstance(info.context, Context) and isinstance(given, dict):
             keys = [field.alias or name for name, field in cls.model_fields.items()]
             info.context.note(given, keys)
         return given
 
     def _contradictions(self) -> Sequence[Row]:
-        """Return what may not fit each other within the section; the first that applies is
+        """Return the possible contradictions within the section. The first that applies is
         shown.
         """
         return ()
@@ -85,29 +87,30 @@ class Section(BaseModel):
         return self
 
 
-# What is known around a value
-# --------------------------------------------------------------------------------------------------
+# What validators know about the rest of the spec
 
 
 @dataclass(frozen=True)
 class Context:
-    """What validators know of the spec: its folder, its units, and which quantities it has.
+    """What validators know about the spec: its folder, its units, and its quantities.
 
-    With `partial`, what is validated lacks its faulty parts: what is required may be among them.
+    With `partial`, faulty parts were removed from the spec before validation, so that required keys
+    may be missing.
     """
 
     folder: Path
-    units: Mapping[str, str] = field(default_factory=dict)  # of quantities whose unit is told
+    # of the quantities whose unit the spec gives
+    units: Mapping[str, str] = field(default_factory=dict)
     quantities: frozenset[str] = frozenset(CANONICAL)
     target: str = "force"  # the quantity that is modelled
     level: str | None = None  # the quantity that is constant within a curve
     partial: bool = False
     known: dict[int, tuple[Mapping[str, Any], list[str]]] = field(default_factory=dict)
-    paths: set[int] = field(default_factory=set)  # nodes of texts that are paths
+    paths: set[int] = field(default_factory=set)  # identities of nodes whose texts are paths
 
     @classmethod
     def of(cls, root: Node, partial: bool = False) -> Context:
-        """Return what a spec says of its units and quantities, as far as it is well-formed."""
+        """Return what a spec says about its units and quantities, as far as it is well-formed."""
         spec = written(root)
         spec["target"] = as_target(spec.get("target"))
 
@@ -128,11 +131,11 @@ class Context:
         )
 
     def note(self, given: Mapping[str, Any], keys: Iterable[str]) -> None:
-        """Keep which keys a section knows, for messages about others."""
+        """Remember which keys a section knows, for messages about unknown keys."""
         self.known.setdefault(id(given), (given, []))[1].extend(keys)
 
     def keys_at(self, given: Any, loc: Loc) -> tuple[str, ...]:
-        """Return the keys that the sections which have read a part of what was given know."""
+        """Return the keys that are known to the sections that read this part of the input."""
         for step in loc:
             given = given[step]
         return tuple(dict.fromkeys(self.known.get(id(given), ({}, []))[1]))
@@ -141,9 +144,10 @@ class Context:
         self, given: object, unit_of: Callable[[Place], str | None], difference: bool
     ) -> object:
         """Return the number that a text with a unit stands for, as a value or as a `difference` of
-        two; anything else as it is.
+        two values. Anything else is returned unchanged.
 
-        Raises Contradiction for a wrong unit. Where none is known, another key is wrong, and told.
+        Raises Contradiction for a wrong unit. If the unit of the place is unknown, another key is
+        wrong and is reported there.
         """
         if not isinstance(given, Written) or not given.is_quantity:
             return given
@@ -158,24 +162,26 @@ class Context:
 
 @dataclass(frozen=True)
 class Place:
-    """The place of a number in the spec, on which its unit can depend."""
+    """Place of a number in the spec. Its unit can depend on the place."""
 
     context: Context
     text: Written
 
     @property
     def siblings(self) -> Mapping[str, Any]:
-        """The section that it stands in."""
+        """The section that contains the number."""
         return self.text.around
 
     @property
     def key(self) -> str:
-        """The nearest key."""
+        """The nearest key above the number."""
         return next(str(step) for step in reversed(self.text.way) if isinstance(step, str))
 
     @property
     def quantity(self) -> str | None:
-        """The nearest key that is a quantity, as `pressure` in `set: {pressure: 2 bar}`."""
+        """The nearest key that is a quantity, for example `pressure` in `set: {pressure: 2
+        bar}`.
+        """
         for step in map(str, reversed(self.text.way)):
             base = step.removesuffix("_rate").removeprefix("step_")
             if {step, base} & self.context.quantities:
@@ -193,7 +199,7 @@ class Place:
         return self.context.target
 
     def unit_of(self, quantity: object) -> str | None:
-        """Return the model's unit of a quantity; None if the spec does not name one."""
+        """Return the model's unit of a quantity; None if the spec does not name the quantity."""
         return default_unit(quantity, self.context.units) if isinstance(quantity, str) else None
 
 
@@ -207,7 +213,7 @@ def _column_unit(place: Place) -> str | None:
 
 
 def _metric_unit(place: Place) -> str | None:
-    """Return the unit of a metric, of the target that stands below it where one does."""
+    """Return the unit of a metric, or of the target that is named below the metric."""
     if place.key in OF_TARGET:
         return place.unit_of(place.target)
     return place.unit_of(place.quantity) if place.text.way[-2] in OF_TARGET else "1"
@@ -221,7 +227,7 @@ Share = Annotated[float, always_in("1")]
 
 
 def _share_of_value(given: object, info: ValidationInfo) -> object:
-    """Keep `2 %` as text, where it is no value of the quantity that is meant."""
+    """Keep `2 %` as a text, unless the quantity itself is measured in per cent."""
     if not isinstance(given, Written) or not isinstance(info.context, Context):
         return given
     place = Place(info.context, given)
@@ -244,7 +250,7 @@ Uncertainty = Annotated[
 """A standard deviation: a value, a share in per cent, the name of a column, or values by group."""
 
 Quantity = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$", max_length=100)]
-"""The name of a quantity, as expressions spell it."""
+"""Name of a quantity, as it can stand in expressions."""
 
 
 # Paths
@@ -254,8 +260,8 @@ LONGEST_NAME, LONGEST_PATH = 255, 4000
 
 
 def possible_path(path: str) -> str:
-    """Return a path that a file system can take, or the definition of a formula; ValueError for one
-    with a name of more than 255 bytes, or a zero byte.
+    """Return a path that a file system can use, or the definition of a formula. Raises ValueError
+    for a name of more than 255 bytes, or one with a zero byte.
     """
     if is_definition(path):
         return path
@@ -270,7 +276,7 @@ def possible_path(path: str) -> str:
 
 
 def read_path(given: object, info: ValidationInfo, bare: bool) -> object:
-    """Return a path with its variables expanded, from the folder of the spec."""
+    """Return a path with its variables expanded, relative to the folder of the spec."""
     if not isinstance(given, Written) or not isinstance(info.context, Context):
         return given
     info.context.paths.add(id(given.node))
@@ -282,7 +288,7 @@ def read_path(given: object, info: ValidationInfo, bare: bool) -> object:
 
 
 def moved_path(path: str, info: SerializationInfo, bare: bool) -> str:
-    """Return a path for a spec in another folder, where the context names both."""
+    """Return a path rewritten for a spec in another folder, if the context names both folders."""
     if info.context is None:
         return path
     written_in, folder = info.context
@@ -290,8 +296,8 @@ def moved_path(path: str, info: SerializationInfo, bare: bool) -> str:
 
 
 def from_folder(path: str, written_in: Path, folder: Path, bare: bool = False) -> str:
-    """Return a path that was written in one folder as it is from another; with `bare`, names
-    without a folder stay as they are.
+    """Return a path that was relative to one folder, relative to another folder. With `bare`, names
+    without a folder stay unchanged.
     """
     if written_in == folder or Path(path).is_absolute() or (bare and "/" not in path):
         return path
@@ -304,8 +310,8 @@ SpecPath = Annotated[
     AfterValidator(possible_path),
     PlainSerializer(partial(moved_path, bare=False)),
 ]
-"""The path of a file, or a glob; relative ones start at the folder of the file that they are
-written in.
+"""Path of a file, or a path with wildcards. A relative path starts at the folder of the file in
+which it is written.
 """
 PathOrName = Annotated[
     str,
@@ -317,7 +323,9 @@ PathOrName = Annotated[
 
 
 def stray_variables(root: Node, context: Context) -> Iterator[tuple[Node, str]]:
-    """Yield the texts that hold a variable and were read by no path, with what is wrong."""
+    """Yield the texts that contain a variable although they are no paths, each with what is
+    wrong.
+    """
     children = root.value.values() if isinstance(root.value, dict) else root.value
     if isinstance(children, str):
         if id(root) not in context.paths and (variable := variable_in(children)):

@@ -1,8 +1,7 @@
-"""From a YAML file to a validated spec that knows where each of its values was written, and makes
-sense as a whole.
+"""Load a YAML file as a validated spec in which every value knows its place in the file.
 
-A spec comes in layers: the file that it `extends`, the file itself, and each `--set key.path=value`
-on top.
+A spec has layers: the file that it `extends`, the file itself, and each `--set key.path=value` on
+top.
 """
 
 from __future__ import annotations
@@ -51,7 +50,7 @@ from mapmore_cli.study.yaml_loader import VARIABLES, dump, escaped, expand, pars
 
 
 def findings(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Return every mistake of an experiment whose form is right."""
+    """Yield every mistake of an experiment whose form is valid."""
     mistakes = list[Finding]()
     for each in spec.each:
         for check in (*check_names.CHECKS, *check_study.CHECKS):
@@ -60,41 +59,43 @@ def findings(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 MODELINE, SCHEMA = "# yaml-language-server: $schema=", "mapmore.schema.json"
-"""The first line of a spec that editors complete and check, and the file beside it that it names
-where we write the spec.
+"""First line of a spec, by which editors find its schema, and name of the schema file that is
+written beside the spec.
 """
 
 M = TypeVar("M", bound=BaseModel)
 Check = Callable[[M], Iterable[Finding]]
-"""Looks for mistakes that no field shows by itself."""
+"""Function that looks for mistakes that no single field shows."""
 
 
 @dataclass(frozen=True)
 class Loaded(Generic[M]):
     """A valid spec."""
 
-    spec: M  # what the file says, with defaults; numbers in the model's units
+    spec: M  # contents of the file with defaults; numbers are in the units of the model
     path: Path
-    folder: Path  # that relative paths start at
-    overrides: tuple[str, ...]  # what was set on top of the file
+    folder: Path  # relative paths start here
+    overrides: tuple[str, ...]  # settings that were applied on top of the file
     _root: Node = field(repr=False, compare=False)
     _source: SourceText = field(repr=False, compare=False)
     tables: Mapping[str, RawTable] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def name(self) -> str:
-        """How messages call it: the path of its file."""
+        """Name of the spec in messages: the path of its file."""
         return self._source.name
 
     @cached_property
     def resolved(self) -> str:
-        """YAML with the defaults filled in and `extends`, variables and units resolved; it loads to
+        """YAML with all defaults, in which `extends`, variables and units are resolved. It loads to
         an equal spec.
         """
         return self._text()
 
     def _text(self, given_only: bool = False, moved: tuple[Path, Path] | None = None) -> str:
-        """Return the spec as YAML; `moved` are the folders that its paths start at, and shall."""
+        """Return the spec as YAML. `moved` holds the folder at which its paths start now, and the
+        folder at which they shall start.
+        """
         document = self.spec.model_dump(
             mode="json",
             by_alias=True,
@@ -105,11 +106,11 @@ class Loaded(Generic[M]):
         return dump(escaped(document))
 
     def resolved_in(self, folder: Path, given_only: bool = False) -> str:
-        """Return the resolved spec for a file in another folder: relative paths start there, so
-        that it runs again where it lies.
+        """Return the resolved spec for a file in another folder. Its relative paths start there, so
+        that it can be run there.
 
-        With `given_only`, without the defaults, and with the line that tells editors the schema,
-        where the spec has it.
+        With `given_only`, leave out the defaults, and keep the line that names the schema to
+        editors if the spec has one.
         """
         text = self._text(given_only, (self.folder.resolve(), folder.resolve()))
         first = self._root.at.source.text.partition("\n")[0]
@@ -124,21 +125,21 @@ class Loaded(Generic[M]):
         return f"{MODELINE}{place}\n{text}"
 
     def where(self, *loc: str | int) -> str:
-        """Return `file:line:column` of a key or list item, or of the nearest section around it that
-        the files hold.
+        """Return `file:line:column` of a key or list item. If no file holds it, the nearest section
+        around it is used.
         """
         return str(nearest(self._root, loc).start)
 
 
 LoadedSpec = Loaded[ExperimentSpec]
-"""A valid experiment."""
+"""A valid experiment spec."""
 
 
 def load(path: Path, overrides: Sequence[str] = ()) -> LoadedSpec:
     """Read an experiment spec, with `key.path=value` overrides on top.
 
-    Raises SpecError for every mistake at once, each with its place, the source line, and what would
-    be right; UsageError for an override that is not of the form `key.path=value`.
+    Raises SpecError with all mistakes at once, each with its place, the source line and what would
+    be right; UsageError for an override that does not have the form `key.path=value`.
     """
     return load_as(path, ExperimentSpec, overrides, findings)
 
@@ -146,7 +147,7 @@ def load(path: Path, overrides: Sequence[str] = ()) -> LoadedSpec:
 def load_as(
     path: Path, model: type[M], overrides: Sequence[str] = (), check: Check[M] = lambda _: ()
 ) -> Loaded[M]:
-    """Read a spec of any kind; raises as `load` does."""
+    """Read a spec of any kind; raises the same errors as `load`."""
     return _validated(read_source(path), path, model, overrides, check)
 
 
@@ -157,8 +158,9 @@ def load_text(
     overrides: Sequence[str] = (),
     tables: Mapping[str, RawTable] = MappingProxyType({}),
 ) -> LoadedSpec:
-    """Return an experiment spec as YAML that no file holds; messages call it `name`, paths start at
-    `folder`, and `tables` are recordings in memory that it names in `data.files`. Raises as `load`.
+    """Return an experiment spec from YAML text that is in no file. `name` is its name in messages,
+    its paths start at `folder`, and `tables` holds recordings in memory that `data.files` can name.
+    Raises the same errors as `load`.
     """
     source = SourceText(name, folder, text, numbered=False)
     loaded = _validated(source, folder / name, ExperimentSpec, overrides, findings)
@@ -166,7 +168,7 @@ def load_text(
 
 
 def changed(loaded: LoadedSpec, overrides: Sequence[str]) -> LoadedSpec:
-    """Return a spec with further settings on top; raises as `load`."""
+    """Return a spec with further settings on top; raises the same errors as `load`."""
     every = (*loaded.overrides, *overrides)
     again = _validated(loaded._source, loaded.path, ExperimentSpec, every, findings)
     return replace(again, tables=loaded.tables)
@@ -175,8 +177,8 @@ def changed(loaded: LoadedSpec, overrides: Sequence[str]) -> LoadedSpec:
 def _validated(
     source: SourceText, path: Path, model: type[M], overrides: Sequence[str], check: Check[M]
 ) -> Loaded[M]:
-    """Return the spec in a text; raises all its mistakes at once, the later ones at a place being
-    consequences of the first.
+    """Validate a text and return its spec. Raises all mistakes at once; at each place only the
+    first is shown, because later ones follow from it.
     """
     problems: list[Mistake] = []
     root = _with_overrides(_extended(source, path, problems), overrides, problems)
@@ -196,7 +198,7 @@ def _validated(
     problems += [Mistake(node.at, what, VARIABLES) for node, what in strays]
     known = {problem.at for problem in problems}
     raise_if_any([*problems, *(problem for problem in later if problem.at not in known)])
-    # otherwise no file contains it, and there are no comments
+    # without a file there are no comments
     if isinstance(spec, ExperimentSpec) and path.is_file():
         spec._unconfirmed = questions_in(path.read_text(encoding="utf-8-sig"))
     return Loaded(spec, path, path.parent, tuple(overrides), root, source)
@@ -205,14 +207,14 @@ def _validated(
 def _further_mistakes(
     error: ValidationError, root: Node, keys_at: KeysAt, model: type[M], check: Check[M]
 ) -> list[Mistake]:
-    """Return what `check` finds in a spec without its parts of wrong form, so that all mistakes are
-    seen at once.
+    """Return the mistakes that `check` finds after the malformed parts of a spec were removed, so
+    that all mistakes appear at once.
     """
     if error.error_count() > MOST_ERRORS:
         return []
     sections = set[str | int]()
     while True:
-        # the last items of a list first, so that the numbers of those before them stay
+        # remove the last items of a list first, so that the indices of the others stay valid
         for loc, meant in sorted(lost(error, root, keys_at), key=_place_among_items, reverse=True):
             if meant is not None and _echoes(meant):
                 return []
@@ -225,13 +227,14 @@ def _further_mistakes(
                 for finding in check(model.model_validate(document, context=context))
                 if not ("dictionary" in sections and finding.loc[0] == "fit")
             ]
-        except ValidationError as still:  # what was left out was required: its section goes next
+        # a removed part was required, so that its section is removed next
+        except ValidationError as still:
             error, keys_at = still, partial(context.keys_at, document)
 
 
 def _echoes(loc: Loc) -> bool:
-    """Return True if a loss would be missed elsewhere: a whole section, or a part of `data` that
-    defines quantities or levels.
+    """Return True if the loss of this part would cause further mistakes elsewhere: a whole section,
+    or a part of `data` that defines quantities or levels.
     """
     return len(loc) < 2 or (
         loc[0] == "data" and (len(loc) < 4 or loc[1] in ("files", "levels", "split"))
@@ -250,16 +253,17 @@ _KEY = re.compile(r"^[ \t]*(?:- )?\{?([A-Za-z_]\w*):", re.MULTILINE)
 
 
 def questions_in(text: str) -> tuple[str, ...]:
-    """Return the open questions of a spec: its comments that begin with `CHECK`, each after the key
-    that it is about.
+    """Return the open questions of a spec: its comments that begin with `CHECK`, each with the key
+    that it concerns.
     """
     questions = []
-    # which is looked for much faster
+    # this search is much faster
     for match in _QUESTION.finditer(text) if "CHECK" in text else ():
         words = [match["text"]]
         start = text.rfind("\n", 0, match.start()) + 1
-        key = _KEY.search(text, start)  # of its line, or of the one that the comment stands above
-        if not text[start : match.start()].strip():  # a comment above its line may go on
+        key = _KEY.search(text, start)  # key of the same line, or of the line below the comment
+        # a comment above its line may have several lines
+        if not text[start : match.start()].strip():
             below = text[match.end() + 1 :].splitlines()
             after = takewhile(
                 lambda line: line.lstrip().startswith("# ") and "CHECK:" not in line, below
@@ -270,7 +274,7 @@ def questions_in(text: str) -> tuple[str, ...]:
 
 
 def confirmed(text: str) -> str:
-    """Return the text of a spec whose open questions are answered with yes: the comments stay,
+    """Return the text of a spec in which all open questions are confirmed: the comments stay,
     without `CHECK`.
     """
     return _QUESTION.sub(lambda match: f"# {match['text']}", text)
@@ -280,14 +284,14 @@ def confirmed(text: str) -> str:
 # --------------------------------------------------------------------------------------------------
 
 DEEPEST = 20
-"""Files that may extend each other, one the next."""
+"""Largest number of files in a chain of `extends`."""
 
 
 def _extended(
     source: SourceText, path: Path, problems: list[Mistake], heirs: tuple[Path, ...] = ()
 ) -> Node:
-    """Return the tree of a text with everything that it inherits; `path` is where it lies, `heirs`
-    extend it.
+    """Return the tree of a text with everything that it inherits. `path` is the text's own file,
+    and `heirs` are the files that extend it.
     """
     root = parse(source, problems)
     if root.value is None:
@@ -340,8 +344,8 @@ def _file_at(node: Node, spelt: Callable[[str], str], folder: Path, remedy: str)
 
 
 def _with_formulas(root: Node, problems: list[Mistake]) -> Node:
-    """Return the tree with the files of `formulas` read, each in the place of its path; a single
-    one may stand without a list.
+    """Return the tree in which each path in `formulas` is replaced by the contents of its file. A
+    single formula need not be in a list.
     """
     listed = root.child("formulas")
     if listed is None:
@@ -359,10 +363,10 @@ def _with_formulas(root: Node, problems: list[Mistake]) -> Node:
 
 
 def _with_units(root: Node) -> Node:
-    """Return the tree whose `units` name the unit of every column that has no canonical name: a
-    model is in the unit of its column.
+    """Return the tree with a unit in `units` for every column without a canonical name: by default,
+    a quantity keeps the unit of its column.
 
-    Per cent is a plain number where `units` does not name it.
+    Per cent become plain numbers unless `units` names the quantity.
     """
     units = root.child("units") or Node({}, root.at)
     if not isinstance(units.value, dict):
@@ -381,8 +385,8 @@ def _with_units(root: Node) -> Node:
 
 
 def _with_overrides(root: Node, overrides: Sequence[str], problems: list[Mistake]) -> Node:
-    """Return the tree with each `key.path=value` set, in this order; numbers count the items of a
-    list from 0, and `null` removes a key.
+    """Return the tree with each `key.path=value` applied in order. Numbers in a path count list
+    items from 0, and `null` removes a key.
     """
     for override in overrides:
         path, equals, text = override.partition("=")
@@ -398,8 +402,8 @@ def _with_overrides(root: Node, overrides: Sequence[str], problems: list[Mistake
 
 
 def _set(node: Node, steps: Sequence[str], value: Node) -> Node:
-    """Return the tree with a value at the end of `steps`; mappings on the way are made where there
-    are none.
+    """Return the tree with `value` at the end of the path `steps`. Missing mappings on the way are
+    created.
     """
     if not steps:
         return replace(value, key_at=value.at)

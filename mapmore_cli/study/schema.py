@@ -1,8 +1,8 @@
-"""The JSON Schema of an experiment, with which editors complete and check a spec while it is typed,
-and the reference of its keys.
+"""Make the JSON Schema of a spec, by which editors complete and check a spec while it is typed, and
+the reference of its keys.
 
-`mapmore schema` prints the schema, of which `make schema` writes the one in `configs/`; `mapmore
-schema keys` prints the reference.
+`mapmore schema` prints the schema (`make schema` writes it to `configs/`), and `mapmore schema
+keys` prints the reference.
 """
 
 from __future__ import annotations
@@ -24,13 +24,15 @@ from mapmore_cli.study.loader import SCHEMA
 from mapmore_cli.study.tree import SourceText, quoted, written
 from mapmore_cli.study.yaml_loader import parse
 
-KEY = re.compile(r"^- `(\w+)`(?: \((.+?)\))?: (.*?)(?:, as `([^`]+)`)?$\n?", re.MULTILINE)
-"""What the docstring of a section says of a key: `- `z_s` (its unit): what it is, as `0.25``."""
+KEY = re.compile(
+    r"^- `(\w+)`(?: \((.+?)\))?: (.*?)(?:(?:, as|\.? Example:) `([^`]+)`)?$\n?", re.MULTILINE
+)
+"""Line of a section's docstring that explains a key: `- `z_s` (unit): text. Example: `0.25``."""
 
 
 class _Documented(GenerateJsonSchema):
-    """Says of every key what its declaration says: its text, its unit and an example. Leaves out
-    the titles of fields, which only repeat their names.
+    """Generator that adds to every key its explanation, unit and example from the docstring, and
+    leaves out the titles of fields, which only repeat their names.
     """
 
     def field_title_should_be_set(self, _schema: object) -> bool:
@@ -41,13 +43,13 @@ class _Documented(GenerateJsonSchema):
         return _told(super().model_schema(schema), schema["cls"])
 
     def dataclass_schema(self, schema: DataclassSchema) -> JsonSchemaValue:
-        """Return the schema of a section that the mathematics declares."""
+        """Return the schema of a dataclass that the mathematics declares."""
         return _told(super().dataclass_schema(schema), schema["cls"])
 
 
 def _told(section: JsonSchemaValue, of: type) -> JsonSchemaValue:
-    """Return the schema of a section with what the docstrings of its class, and of those that it
-    inherits from, say of its keys.
+    """Return the schema of a section, with the explanations of its keys from the docstrings of its
+    class and its base classes.
     """
     keys = section.get("properties", {})
     said_of = {
@@ -63,7 +65,8 @@ def _told(section: JsonSchemaValue, of: type) -> JsonSchemaValue:
         if key in said_of:
             _, own_unit, value["description"], example = said_of[key].groups()
             node = parse(SourceText("an example", Path(), example or "", numbered=False), [])
-            value["examples"] = json.loads(json.dumps([written(node)]))  # plain, without places
+            # plain values without places
+            value["examples"] = json.loads(json.dumps([written(node)]))
             unit = own_unit or unit
         if unit is not None:
             value["unit"] = unit
@@ -71,8 +74,8 @@ def _told(section: JsonSchemaValue, of: type) -> JsonSchemaValue:
 
 
 def _unit_within(value: object) -> str | None:
-    """Return the unit of the numbers that may stand at a key, taken out of what is said of each; 1
-    for plain numbers, None if there are none.
+    """Return the unit of the numbers at a key and remove it from the parts of the schema; `1` for
+    plain numbers, None if the key takes no numbers.
     """
     if isinstance(value, list):
         return next((unit for part in value if (unit := _unit_within(part))), None)
@@ -84,7 +87,7 @@ def _unit_within(value: object) -> str | None:
 
 
 def _whole_schema() -> JsonSchemaValue:
-    """Return the schema of a spec that inherits nothing, with `extends` first of its keys."""
+    """Return the schema of a spec without inheritance, with `extends` as the first key."""
     schema = ExperimentSpec.model_json_schema(schema_generator=_Documented)
     extends = {
         "type": "string",
@@ -96,8 +99,8 @@ def _whole_schema() -> JsonSchemaValue:
 
 
 def json_schema() -> JsonSchemaValue:
-    """Return the schema (draft 2020-12) of what a file may say: numbers may carry units, and what
-    is required may be inherited.
+    """Return the schema (draft 2020-12) of a spec file. Numbers may have units, and required keys
+    may be inherited.
     """
     schema = _whole_schema()
     sections = schema["$defs"]
@@ -105,7 +108,7 @@ def json_schema() -> JsonSchemaValue:
         "required": schema.pop("required"),
         "properties": {"data": {"required": sections["Data"]["required"]}},
     }
-    # `extends` merges mappings, and no lists
+    # `extends` merges mappings, but not lists
     for name in {*_sections_within(schema, sections, ("items", "prefixItems", "$defs", "default"))}:
         sections[name].pop("required", None)
     return {
@@ -117,7 +120,7 @@ def json_schema() -> JsonSchemaValue:
 
 
 def write_schema_beside(spec: Path) -> None:
-    """Write the schema that the first line of a written spec names, where there is none yet."""
+    """Write the schema file that the first line of a spec names, unless it exists."""
     path = spec.with_name(SCHEMA)
     if not path.exists():
         write_text(path, json.dumps(json_schema(), indent=2) + "\n")
@@ -126,8 +129,8 @@ def write_schema_beside(spec: Path) -> None:
 def _sections_within(
     schema: object, sections: dict[str, Any], skipped: Sequence[str]
 ) -> Iterator[str]:
-    """Yield the sections that a schema names, from top to bottom and however often, each followed
-    by those inside it.
+    """Yield the names of the sections in a schema from top to bottom, each followed by those inside
+    it. A name can occur several times.
     """
     if isinstance(schema, list):
         for item in schema:
@@ -136,7 +139,7 @@ def _sections_within(
         name = str(schema.get("$ref", "")).removeprefix("#/$defs/")
         if name in sections:
             yield name
-            # Families within products are described there.
+            # families within products are described with `products`
             others = {key: value for key, value in sections.items() if key != name}
             yield from _sections_within(sections[name], others, skipped)
         for key, value in schema.items():
@@ -149,8 +152,8 @@ def _sections_within(
 
 
 def reference() -> str:
-    """Return every section with its keys, values and defaults as Markdown, in the order of the
-    pipeline, and the metrics of `require`.
+    """Return the reference as Markdown: every section with its keys, values and defaults in the
+    order of the pipeline, and the metrics of `require`.
     """
     schema = _whole_schema()
     names = dict.fromkeys(_sections_within(schema, schema["$defs"], ("$defs", "default")))
@@ -194,7 +197,7 @@ def _section(title: str, section: dict[str, Any]) -> str:
 
 
 def _allowed(value: dict[str, Any]) -> str:
-    """Return what may stand at a key, in one cell."""
+    """Return the table cell with the values that a key accepts."""
     if parts := value.get("anyOf", value.get("oneOf")):
         words = dict.fromkeys(map(_allowed, parts))
         return " or ".join(word for word in words if word != "nothing")
@@ -232,16 +235,19 @@ def _default(value: dict[str, Any], required: bool) -> str:
 
 
 def _meaning(value: dict[str, Any]) -> str:
-    """Return what a key is, its unit and an example, in one cell."""
+    """Return the table cell with the meaning of a key, its unit and an example."""
     unit = value.get("unit", "1")
-    words = [value.get("description", ""), *([f"unit: {unit}"] if unit != "1" else [])]
-    words += [f"as `{json.dumps(one, ensure_ascii=False)}`" for one in value.get("examples", ())]
-    return "; ".join(words).replace("|", "\\|")
+    text = value.get("description", "")
+    sentences = [text[:1].upper() + text[1:], *([f"Unit: {unit}"] if unit != "1" else [])]
+    examples = [json.dumps(example, ensure_ascii=False) for example in value.get("examples", ())]
+    sentences += [f"Example: `{example}`" for example in examples]
+    ended = [sentence.removesuffix(".") + "." for sentence in sentences if sentence]
+    return " ".join(ended).replace("|", "\\|")
 
 
 def _section_title(name: str) -> str:
-    """Return `DictionaryEntry` as words; a class whose name occurs twice begins with its module
-    (`...__data__Rate`).
+    """Return the name of a class as words: `DictionaryEntry` is `Dictionary entry`. If two classes
+    have the same name, the name of the module comes first.
     """
     module, _, last = name.rpartition("__")
     words = module.rpartition("__")[2].capitalize() + last.replace("_", "")

@@ -1,4 +1,4 @@
-"""What was read from YAML, as a tree in which every value knows the place that it comes from."""
+"""Represent YAML as a tree in which every value knows its place in the source."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from typing import Any
 from mapmore_cli.study.units import is_quantity
 
 Loc = Sequence[str | int]
-"""The way from the root to a value: keys and list indices."""
+"""Path from the root to a value: keys and list indices."""
 
 
 @dataclass(frozen=True)
 class SourceText:
-    """A text that values are read from: a file, or one `--set` of the command line (which has no
-    lines to number).
+    """A text from which values are read: a file, or one `--set` option, which has no line
+    numbers.
     """
 
     name: str
-    folder: Path  # where relative paths start
+    folder: Path  # relative paths start here
     text: str
     numbered: bool = True
 
 
 @dataclass(frozen=True)
 class Position:
-    """A place in a source; line and column count from 1."""
+    """A position in a source. Line and column count from 1."""
 
     source: SourceText
     line: int
@@ -44,7 +44,7 @@ class Position:
 
 @dataclass(frozen=True)
 class Node:
-    """A value with its place, and the place of its key where it has one."""
+    """A value with its position, and the position of its key if it has one."""
 
     value: dict[str, Node] | list[Node] | str | int | float | bool | None
     at: Position
@@ -52,7 +52,7 @@ class Node:
 
     @property
     def start(self) -> Position:
-        """Place of the key, else of the value."""
+        """Position of the key, or of the value if there is no key."""
         return self.key_at or self.at
 
     def child(self, step: str | int) -> Node | None:
@@ -65,10 +65,10 @@ class Node:
 
 
 class Written(str):
-    """A text of a spec that knows where it stands: its node, its way from the root, and the mapping
+    """A text of a spec that knows its place: its node, its path from the root, and the mapping
     around it.
 
-    As a text it has no `$${` any more; `node.value` is what was written.
+    In the text, `$${` is already replaced by `${`; `node.value` is the original.
     """
 
     __slots__ = ("around", "node", "way")
@@ -78,12 +78,14 @@ class Written(str):
 
     @property
     def is_quantity(self) -> bool:
-        """Whether it is a number with a unit."""
+        """True if the text is a number with a unit."""
         return is_quantity(self)
 
 
 def written(node: Node, way: Loc = (), around: Mapping[str, Any] = MappingProxyType({})) -> Any:
-    """Return the bare value: dicts, lists, scalars; texts know where they stand."""
+    """Return the plain value of a node: dicts, lists and scalars. Texts keep their place (see
+    `Written`).
+    """
     if isinstance(node.value, dict):
         inside: dict[str, Any] = {}
         for key, child in node.value.items():
@@ -99,15 +101,15 @@ def written(node: Node, way: Loc = (), around: Mapping[str, Any] = MappingProxyT
 
 
 def quoted(names: Iterable[object], between: str = ", ") -> str:
-    """Return names as a list for a message."""
+    """Return names as a list for a message, each in backticks."""
     return between.join(f"`{name}`" for name in names)
 
 
 def values_at(
     tree: object, place: str, way: tuple[str | int, ...] = ()
 ) -> Iterator[tuple[tuple[str | int, ...], Any]]:
-    """Yield the bare values at a place, as `data.columns.*.unit`, each after its way; `*` is every
-    key or item.
+    """Yield the plain values at a place such as `data.columns.*.unit`, each with its path. `*`
+    stands for every key or item.
     """
     step, _, rest = place.partition(".")
     items = enumerate(tree) if isinstance(tree, list) else ()
@@ -117,7 +119,7 @@ def values_at(
 
 
 def nearest(root: Node, loc: Loc) -> Node:
-    """Return the node at `loc`, or its closest ancestor that the sources hold."""
+    """Return the node at `loc`, or its nearest ancestor in the tree."""
     node = root
     for step in loc:
         below = node.child(step)
@@ -128,8 +130,8 @@ def nearest(root: Node, loc: Loc) -> Node:
 
 
 def merged(base: Node, over: Node) -> Node:
-    """Return `over` on top of `base`: mappings merge deeply, other values replace, and an empty one
-    (`null`) removes what it stands on.
+    """Return `over` on top of `base`. Mappings are merged at all depths, other values replace the
+    old ones, and an empty value (`null`) removes the old one.
     """
     if not (isinstance(base.value, dict) and isinstance(over.value, dict)):
         return over

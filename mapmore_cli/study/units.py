@@ -1,12 +1,12 @@
-"""Units, at the spec's boundary only: inside, every array is in the model's unit and carries that
-unit's name.
+"""Convert units, at the boundary of the spec only: inside, every array is in the unit of the model
+and carries the name of that unit.
 
-The units that loggers write every day are converted by a table of exact factors, which a test
-compares with pint. pint knows all others. It is imported for these alone: it takes 0.4 s of
-processor time to load, where a run that is up to date takes 0.6 s.
+Common units are converted with a table of exact factors, which a test compares with pint. Pint
+knows all other units. It is imported for these only, because it loads in 0.4 s of processor time,
+while a run that is up to date takes 0.6 s.
 
-A pressure is that of a gauge, which reads zero in air: `psig` is `psi`. An absolute pressure, as in
-`psia`, is 101.325 kPa more.
+A pressure is a gauge pressure, which is zero in the open air: `psig` is the same as `psi`. An
+absolute pressure, for example in `psia`, is larger by 101.325 kPa.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ CANONICAL: Mapping[str, str] = MappingProxyType(
         "input": "V",
     }
 )
-"""The canonical quantities and their units in a model that says nothing else."""
+"""The canonical quantities, and their default units in the model."""
 
 _NO_CHANGES: Mapping[str, str] = MappingProxyType({})
 _NAMED_DIMENSIONS = {
@@ -72,10 +72,12 @@ _EVERYDAY: Mapping[str, tuple[str, Fraction]] = {
     }.items()
     for unit, factor in factors.items()
 }
-"""Dimension, and factor to its first unit."""
+"""Dimension of each common unit, and its factor relative to the first unit of that dimension."""
 _PRESSURES = ("Pa", "hPa", "kPa", "MPa", "mbar", "bar", "psi", "mmHg", "inHg", "mmH2O", "inH2O")
 _ABSOLUTE = {unit: f"{unit}_abs" if unit.endswith("Pa") else f"{unit}a" for unit in _PRESSURES}
-"""Names of absolute pressures; kPaa is a slip rather than one."""
+"""Names of units of absolute pressure. `kPaa` is not among them, because it is more likely a typing
+error.
+"""
 _AIR = 101325  # Pa, of the standard atmosphere
 _WEIGHTS = {"kg": "kgf", "g": "gf", "lb": "lbf"}
 _COMMON = [
@@ -84,7 +86,7 @@ _COMMON = [
     *("in", *_WEIGHTS.values(), "N*m", "degC", "K", "kPa/ms"),
     *(f"{unit}/s" for unit in ("1", "%", "mm", "m", "N", "V", "Pa", "kPa", "bar", "psi")),
 ]
-"""Units that a misspelt one may be."""
+"""Units that are suggested for a misspelt unit."""
 _KNOWN = {
     *_COMMON,
     *_ABSOLUTE.values(),
@@ -114,22 +116,22 @@ _SPELLINGS = {
     }.items()
     for spelling in spellings.split(", ")
 }
-"""How else people write units; what is in small letters here may have any capitals."""
+"""Other spellings of units. A spelling in small letters matches any capitals."""
 _GAUGE = re.compile(
     rf"(?<![^\W\d_])({'|'.join(_PRESSURES)})"
     r"((?<!pa)a|g|[ _]?\([ag]\)|[ _]?\(?(?:abs|absolute|gauge)\)?)(?![^\W\d_])",
     re.IGNORECASE,
 )
-"""A pressure of which is said whether it is that of a gauge: `psig`, `bar(a)`, `kPa abs`."""
+"""A unit of pressure that says whether it is gauge or absolute: `psig`, `bar(a)`, `kPa abs`."""
 _ANY_CASE = {unit.casefold(): unit for unit in _KNOWN}
 _BRACKETS = re.compile(r"[\[(]([^][()]+)[])]$")
 _POWER = re.compile(r"(\w+?)(?:\^?([23])|([²³]))$")
 
-# one way to match
+# a unit matches in one way only
 _QUANTITY = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)(.*)", re.ASCII | re.DOTALL)
 _FACTOR = r"\(*(?:1|%|[^\W\d]\w*)(?:(?:\^|\*\*)-?\d)?\)*"
 _UNIT = re.compile(rf"{_FACTOR}(?:(?:\s*[*/·]\s*|\s+){_FACTOR})*")
-# as everybody writes it; pint has a measure of yarn by this name
+# the usual spelling; pint uses this name for a measure of yarn
 _TORQUE = re.compile(r"\b([mk]?N)(m|mm|cm)\b")
 _LONGEST_UNIT = 60
 _BASE = {
@@ -141,16 +143,16 @@ _BASE = {
 def default_unit(
     name: str, changes: Mapping[str, str] = _NO_CHANGES, rates: Mapping[str, str] = _NO_CHANGES
 ) -> str:
-    """Return the model's unit of a quantity: what `changes` (the spec's `units:`) says, otherwise
-    the canonical one, else `1`.
+    """Return the model's unit of a quantity: the one in `changes` (the spec's `units:`), otherwise
+    the canonical one, otherwise `1`.
 
-    The rate of a quantity is in its unit per unit of time: `pressure_rate` in `kPa/s`, and so are
-    `rates` by another name, given with the quantity that each is the rate of; `step_pressure` is in
-    the unit of the pressure.
+    A rate has the unit of its quantity per unit of time, for example `kPa/s` for `pressure_rate`.
+    `rates` maps rates with other names to their quantities. `step_pressure` has the unit of the
+    pressure.
     """
     if name in changes:
         return changes[name]
-    # a circle of rates is reported elsewhere
+    # a cycle of rates is reported elsewhere
     others = {key: of for key, of in rates.items() if key != name}
     if name in rates or name.endswith("_rate"):
         of = rates.get(name, name.removesuffix("_rate"))
@@ -168,11 +170,11 @@ def is_canonical(name: str) -> bool:
 
 
 def convert(values: N, source_unit: str, target_unit: str, *, difference: bool = False) -> N:
-    """Convert values, or a `difference` of two values: 1 K is -272.15 degC as a value, and 1 degC
+    """Convert values, or a `difference` of two values: 1 K is -272.15 degC as a value, but 1 degC
     as a difference.
 
-    Raises SpecError for a unit that nobody knows, or two units of different dimension; the message
-    names both.
+    Raises SpecError for an unknown unit or two units of different dimensions; the message names
+    both.
     """
     source_unit, target_unit = _spelt(source_unit), _spelt(target_unit)
     if source_unit == target_unit:
@@ -206,7 +208,9 @@ def _spelt(unit: str) -> str:
 
 
 def spell_pressures(text: str) -> str:
-    """Return a text with its pressures as we spell them: `P (bar(a))` is `P (bara)`."""
+    """Return a text in which pressures are spelt as mapmore spells them: `P (bar(a))` becomes `P
+    (bara)`.
+    """
 
     def ours(pressure: re.Match[str]) -> str:
         unit = _ANY_CASE[pressure[1].casefold()]
@@ -217,7 +221,7 @@ def spell_pressures(text: str) -> str:
 
 
 def _ours(unit: str) -> str | None:
-    """Return our spelling of a factor of a unit, where it is another: `mm2` is `mm^2`."""
+    """Return mapmore's spelling of one factor of a unit, if it differs: `mm2` becomes `mm^2`."""
     power = _POWER.fullmatch(unit)
     if power is not None and power[1] in _KNOWN:
         return f"{power[1]}^{power[2] or '²³'.index(power[3]) + 2}"
@@ -232,8 +236,8 @@ def _everyday_factor(source_unit: str, target_unit: str) -> float | None:
 
 
 def _everyday(unit: str) -> tuple[tuple[str, ...], Fraction] | None:
-    """Return dimensions and factor of a unit of the table, or of a rate `unit/time`; None for any
-    other, which pint has to be asked for.
+    """Return the dimensions and the factor of a common unit, or of a rate `unit/time`; None for any
+    other unit, which pint converts.
     """
     match [_EVERYDAY.get(part) for part in unit.split("/")]:
         case [(dimension, factor)]:
@@ -244,16 +248,16 @@ def _everyday(unit: str) -> tuple[tuple[str, ...], Fraction] | None:
 
 
 def is_quantity(text: str) -> bool:
-    """Return True for text that starts with a number and goes on with something else, as `250
-    kPa`.
+    """Return True for a text that starts with a number and continues with something else, for
+    example `250 kPa`.
     """
     match = _QUANTITY.fullmatch(text.strip())
     return match is not None and bool(match[2])
 
 
 def split_quantity(text: str) -> tuple[float, str | None]:
-    """Return number and unit of a quantity; the unit is None for a number alone. Raises SpecError
-    for text that is neither.
+    """Return the number and the unit of a quantity; the unit is None for a plain number. Raises
+    SpecError for any other text.
     """
     match = _QUANTITY.fullmatch(text.strip())
     if match is None:
@@ -264,28 +268,28 @@ def split_quantity(text: str) -> tuple[float, str | None]:
 
 
 def parse_quantity(text: str, unit: str, *, difference: bool = False) -> float:
-    """Return the number that `text` stands for in `unit`, as a value or as a `difference` of two:
-    `parse_quantity("1.1 bar", "kPa")` is 110.
+    """Return the number in `unit` that `text` stands for, as a value or as a `difference` of two
+    values: `parse_quantity("1.1 bar", "kPa")` is 110.
 
-    Raises SpecError for text that is no number with a unit, a unit that nobody knows, or one of
-    another dimension.
+    Raises SpecError for a text that is no number with a unit, an unknown unit, or a unit of another
+    dimension.
     """
     number, source_unit = split_quantity(text)
-    # 15 digits: a decimal number stays one (110 kPa rather than 110.00000000000001).
+    # round to 15 digits, so that a decimal number stays one: 110 kPa, not 110.00000000000001
     if source_unit is None:
         return number
     return float(f"{convert(number, source_unit, unit, difference=difference):.15g}")
 
 
 def check_unit(unit: str) -> None:
-    """Raise SpecError for a unit that nobody knows."""
+    """Raise SpecError for an unknown unit."""
     if _spelt(unit) not in _KNOWN:
         _pint_unit(unit)
 
 
 def is_kept(unit: str) -> bool:
-    """Return True for a unit that a quantity of one's own keeps, as `mm` and `deg`; False for `1`,
-    `%`, and what nobody knows.
+    """Return True for a unit that a quantity without a canonical name keeps, for example `mm` or
+    `deg`; False for `1`, `%` and unknown units.
     """
     everyday = _everyday(_spelt(unit))
     if everyday is not None:
@@ -297,16 +301,16 @@ def is_kept(unit: str) -> bool:
 
 
 def unit_of(text: str, like: str | None = None) -> str | None:
-    """Return the unit that a text names, as we spell it; None if it names no common one.
+    """Return the unit that a text names, in mapmore's spelling; None if it names no common unit.
 
-    The text is a unit, or ends with one in brackets: `psig` and `P (PSI)` are `psi`, `[bar(a)]` is
-    `bara`. With `like`, the unit has to be one that can be converted to it; a mass is taken as its
-    weight where `like` is a force: `kg` is `kgf`.
+    The text is a unit, or ends with a unit in brackets: `psig` and `P (PSI)` give `psi`, `[bar(a)]`
+    gives `bara`. With `like`, the unit must be convertible to it. If `like` is a force, a mass
+    means its weight: `kg` gives `kgf`.
     """
     whole = _spelt(text)
     bracket = _BRACKETS.search(whole)
     word = _spelt(bracket[1]) if bracket else whole
-    # `s` and `S` are different units where nothing says what is looked for
+    # `s` and `S` are different units, unless `like` decides
     unit = _ANY_CASE.get(word.casefold(), word) if like is not None or len(word) > 1 else word
     factors = [factor.partition("^")[0] for factor in re.split(r"[*/]", unit)]
     if (unit not in _KNOWN and not _KNOWN.issuperset(factors)) or unit.casefold() == "n/a":
@@ -316,10 +320,10 @@ def unit_of(text: str, like: str | None = None) -> str | None:
 
 
 def unit_of_file(text: str, like: str) -> str | None:
-    """Return a unit as a file spells it (`BAR`, `psig`, `seconds since 2020-01-01`) as we do; None
-    for what nobody knows.
+    """Return a unit from a file (`BAR`, `psig`, `seconds since 2020-01-01`) in mapmore's spelling;
+    None for an unknown unit.
 
-    Of several spellings, the one that can be converted to the unit `like` counts.
+    Of several possible spellings, the one that is convertible to the unit `like` is used.
     """
     text = text.split(" since ")[0]
     word = text.strip(" []()")
@@ -329,7 +333,7 @@ def unit_of_file(text: str, like: str) -> str | None:
 
 
 def can_convert(unit: str, other: str) -> bool:
-    """Return True for two units of the same dimension."""
+    """Return True if two units have the same dimension."""
     with suppress(SpecError):
         convert(1.0, unit, other)
         return True
@@ -337,7 +341,7 @@ def can_convert(unit: str, other: str) -> bool:
 
 
 def is_same(unit: str, other: str) -> bool:
-    """Return True for two units in which every quantity has the same number."""
+    """Return True if every quantity has the same number in both units."""
     try:
         return np.allclose(convert(np.array([0.0, 1.0]), unit, other), [0.0, 1.0], rtol=1e-9)
     except SpecError:
@@ -345,7 +349,7 @@ def is_same(unit: str, other: str) -> bool:
 
 
 def base_units(unit: str) -> BaseUnits | None:
-    """Return a unit in base units of the SI; None for one that nobody knows, or of broken
+    """Return a unit in base units of the SI; None for an unknown unit or one with fractional
     powers.
     """
     try:
@@ -368,7 +372,7 @@ def base_units(unit: str) -> BaseUnits | None:
 
 @functools.cache
 def _registry() -> UnitRegistry[float]:
-    """Return the units that pint knows, and absolute pressures."""
+    """Return pint's units, extended by absolute pressures."""
     import pint
 
     registry: UnitRegistry[float] = pint.UnitRegistry()
@@ -380,15 +384,15 @@ def _registry() -> UnitRegistry[float]:
 
 @functools.cache
 def _pint_unit(unit: str) -> Unit:
-    """Return a pint unit; `1` is dimensionless. The grammar is checked first, as pint would compute
-    `m**9**9**9`.
+    """Return pint's unit; `1` is dimensionless. The grammar is checked first, because pint would
+    compute `m**9**9**9`.
     """
     text = _spelt(unit)
     if len(text) <= _LONGEST_UNIT and _UNIT.fullmatch(text):
         spelled, registry = text.replace("%", "percent"), _registry()
         try:
             return registry.parse_units("" if spelled == "1" else spelled)
-        # pint and the tokenizer below it raise a dozen kinds, all for the same reason
+        # pint and its tokenizer raise a dozen types of errors, all for a malformed unit
         except Exception:
             pass
     shown = unit if len(unit) <= _LONGEST_UNIT else f"{unit[:_LONGEST_UNIT]}..."
@@ -400,7 +404,9 @@ def _pint_unit(unit: str) -> Unit:
 
 
 def _without_zero(unit: Unit) -> Unit:
-    """Return pint's unit of the differences of values in a unit that may have a zero of its own."""
+    """Return pint's unit for differences of values. It differs for units with a zero of their own,
+    such as degC.
+    """
     quantity = _registry().Quantity
     width: Unit = (quantity(1.0, unit) - quantity(0.0, unit)).units
     return width
@@ -419,8 +425,8 @@ def _dimension(unit: str) -> str:
 
 
 def _suggestion(unit: str, wanted: str = "") -> str | None:
-    """Return a did-you-mean for a misspelt unit; wrong capitals first (`kpa`), as they are the
-    commonest slip. A mass where a force is `wanted` is its weight.
+    """Return a suggestion for a misspelt unit. Wrong capitals (`kpa`) come first, because they are
+    the most common slip. If a force is `wanted`, a mass is replaced by its weight.
     """
     if unit in _WEIGHTS and wanted and can_convert(wanted, "N"):
         return f"did you mean `{_WEIGHTS[unit]}`, the weight of a mass?"

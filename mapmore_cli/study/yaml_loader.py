@@ -1,5 +1,4 @@
-"""YAML with the scalars of version 1.2's core schema, for reading and writing, and `${VAR}` in
-them.
+"""Read and write YAML with the scalars of YAML 1.2's core schema, and expand `${VAR}`.
 
 Plain PyYAML follows YAML 1.1, in which `1e-3` is text, `no` is false, `010` is eight and `1:30` is
 ninety.
@@ -40,20 +39,26 @@ _RESOLVERS = {
         (_TAG + tag, re.compile(f"(?:{pattern})\\Z", re.ASCII)) for tag, pattern in _SCALARS.items()
     ]
 }
-"""Tags and patterns that PyYAML tries in turn, whatever a scalar begins with (None)."""
+"""Tags, and the patterns that PyYAML tries in this order, for scalars with any first character
+(None).
+"""
 
 DEEPEST = 40
-"""Levels of nesting that are read; a spec needs ten."""
+"""Largest depth of nesting that is read; a spec needs ten."""
 
 
 class CoreLoader(yaml.SafeLoader):
-    """Composes nodes with YAML 1.2 core tags; `<<` is an ordinary key."""
+    """Loader that composes nodes with the tags of YAML 1.2's core schema; `<<` is an ordinary
+    key.
+    """
 
     yaml_implicit_resolvers = _RESOLVERS
     _depth = 0
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        """Return a node, unless it lies too deep (PyYAML would recurse until Python's limit)."""
+        """Return a node. Raises an error if it is nested too deeply, because PyYAML would recurse
+        until Python's limit.
+        """
         self._depth += 1
         if parent is not None and self._depth > DEEPEST:
             problem = f"nested more than {DEEPEST} levels deep"
@@ -67,25 +72,27 @@ _BOOLEANS_OF_1_1 = frozenset({"y", "n", "yes", "no", "on", "off"})
 
 
 ONE_LINE = 80
-"""Characters of a list or mapping that is written on one line."""
+"""Largest number of characters of a list or mapping that is written on one line."""
 
 
 def _on_one_line(node: yaml.Node) -> int:
-    """Mark the lists and mappings that are short; return about how many characters a node has on
-    one line.
+    """Mark short lists and mappings to be written on one line, and return the approximate number of
+    characters of a node.
     """
     if not isinstance(node, yaml.CollectionNode):
         return ONE_LINE if "\n" in node.value else len(node.value) + 2
     parts = [part for one in node.value for part in (one if isinstance(one, tuple) else (one,))]
     size = 2 + sum(map(_on_one_line, parts))
-    # `polynomial: {...}` needs no braces around it
+    # `polynomial: {...}` needs no braces of its own
     is_wrapped = len(parts) == 2 and isinstance(parts[1], yaml.CollectionNode)
     node.flow_style = size <= ONE_LINE and not is_wrapped
     return size
 
 
 class _CoreDumper(yaml.SafeDumper):
-    """Quotes what `CoreLoader` would otherwise read as something else; writes no anchors."""
+    """Dumper that quotes every text that `CoreLoader` would read as something else, and writes no
+    anchors.
+    """
 
     yaml_implicit_resolvers = _RESOLVERS
 
@@ -93,18 +100,18 @@ class _CoreDumper(yaml.SafeDumper):
         return True
 
     def serialize(self, node: yaml.Node) -> None:
-        """Write what is short on one line, but never the whole document."""
+        """Write short nodes on one line, but never the whole document."""
         _on_one_line(node)
         if isinstance(node, yaml.CollectionNode):
             node.flow_style = False
         super().serialize(node)
 
     def represent_str(self, data: str) -> yaml.ScalarNode:
-        """Escape the line breaks that only Unicode knows; PyYAML would write them out, to be read
-        back as spaces.
+        """Escape the line breaks that exist in Unicode only; PyYAML would write them unescaped and
+        read them back as spaces.
 
-        Words that readers of YAML 1.1 take for true or false, as the key `on`, are quoted for their
-        sake.
+        Words that readers of YAML 1.1 take for true or false, for example the key `on`, are quoted
+        as well.
         """
         style = (
             '"'
@@ -118,14 +125,18 @@ _CoreDumper.add_representer(str, _CoreDumper.represent_str)
 
 
 def tag_of(text: str) -> str:
-    """Return the core type of a plain scalar: `null`, `bool`, `int`, `float` or `str`."""
+    """Return the core-schema type of an unquoted scalar: `null`, `bool`, `int`, `float` or
+    `str`.
+    """
     tags = (tag.removeprefix(_TAG) for tag, pattern in _RESOLVERS[None] if pattern.match(text))
     return next(tags, "str")
 
 
 @dataclass(frozen=True)
 class _Part:
-    """A value, known by how Python writes it: `1`, `1.0` and `True` are three."""
+    """A value that is compared by its Python spelling, so that `1`, `1.0` and `True` are
+    different.
+    """
 
     written: str
     value: object = field(compare=False)
@@ -134,8 +145,8 @@ class _Part:
 def dump(value: object) -> str:
     """Return YAML that `CoreLoader` reads back to the same value.
 
-    The keys of a document are written one by one, and those of the last ones are kept: the specs of
-    a campaign differ in few of them, and to write YAML takes longer than to read it.
+    The keys of a document are written one by one and cached: the specs of a campaign differ in few
+    keys, and writing YAML is slower than reading it.
     """
     parts: list[object] = (
         [{key: one} for key, one in value.items()] if isinstance(value, dict) else []
@@ -152,7 +163,7 @@ def _dumped(part: _Part) -> str:
 
 
 def as_overrides(settings: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return settings by key path (`{"fit.max_terms": 2}`) as `--set` has them."""
+    """Return settings by key path (`{"fit.max_terms": 2}`) in the form that `--set` takes."""
     return tuple(
         f"{key}={json.dumps(escaped(value), ensure_ascii=False)}" for key, value in settings.items()
     )
@@ -162,35 +173,35 @@ def as_overrides(settings: Mapping[str, Any]) -> tuple[str, ...]:
 # --------------------------------------------------------------------------------------------------
 
 READABLE = "MAPMORE_"
-"""How the environment variables begin that any spec may read: a spec from a stranger shall see no
-key or password.
+"""Prefix of the environment variables that any spec may read. A spec from a stranger must not be
+able to read a key or a password.
 """
 
 MORE = "MAPMORE_ENV"
-"""The variable that lists further ones, with commas between them; `--env` adds to it, so that
-worker processes know them too.
+"""Name of the variable that lists further variables, separated by commas. `--env` adds to it, so
+that worker processes know them too.
 """
 
 VARIABLES = "set it, give a default as `${NAME:-default}`, or write `$${` for a plain `${`"
-"""What to do about a variable that cannot be expanded."""
+"""Remedy for a variable that cannot be expanded."""
 
 _REFERENCE = re.compile(r"\$\$\{|\$\{([^{}]*)(\}?)")
 _BODY = re.compile(r"([A-Za-z_][A-Za-z0-9_]*)(:-(.*))?", re.DOTALL)
 
 
 def expand(text: str) -> str:
-    """Return the text with every reference replaced; `$${` stands for `${`.
+    """Return the text with every reference replaced; `$${` becomes `${`.
 
-    As in a shell, `:-` gives its default for an unset and for an empty variable.
+    As in a shell, the default after `:-` replaces an unset or empty variable.
 
-    Raises ValueError for a variable that is not set and has no default, one that no spec may read,
-    or something after `${` that is no variable.
+    Raises ValueError for a variable that is not set and has no default, a variable that no spec may
+    read, and a malformed reference.
     """
     return _REFERENCE.sub(_variable_value, text)
 
 
 def readable_variables() -> dict[str, str]:
-    """Return the environment variables that specs may read."""
+    """Return the environment variables that specs may read, with their values."""
     more = os.environ.get(MORE, "").split(",")
     return {
         name: value
@@ -200,12 +211,14 @@ def readable_variables() -> dict[str, str]:
 
 
 def variable_in(text: str) -> str | None:
-    """Return the first variable in a text, as it is written."""
+    """Return the first variable reference in a text, as it is written; None if there is none."""
     return next((match[0] for match in _REFERENCE.finditer(text) if match[0] != "$${"), None)
 
 
 def escaped(value: V) -> V:
-    """Return a value with texts, wherever they are in it, that `expand` turns back into these."""
+    """Return a value in which all texts are escaped, so that `expand` returns the original
+    texts.
+    """
     changed: object = value
     if isinstance(value, dict):
         changed = {key: escaped(item) for key, item in value.items()}
@@ -239,11 +252,11 @@ def _variable_value(reference: re.Match[str]) -> str:
 # Reading
 # --------------------------------------------------------------------------------------------------
 
-LARGEST = 5_000_000  # bytes of a file: a campaign of a hundred thousand runs
-KEPT = 100_000  # characters of a text that is remembered
-_MOST_VALUES = 50_000  # that aliases repeat: nine levels of nine aliases would be 4e8
+LARGEST = 5_000_000  # bytes of a file; enough for a campaign of a hundred thousand runs
+KEPT = 100_000  # characters of the longest text that is cached
+_MOST_VALUES = 50_000  # values that aliases may repeat; nine levels of nine aliases would make 4e8
 
-_PLAINER = (  # what PyYAML says, what is meant, what to do
+_PLAINER = (  # message of PyYAML, its meaning, and the remedy
     (
         "cannot start any token",
         "a character that is not allowed here",
@@ -283,7 +296,7 @@ _PLAINER = (  # what PyYAML says, what is meant, what to do
 
 @contextmanager
 def files_read() -> Iterator[list[Path]]:
-    """Collect the files of which specs are read meanwhile."""
+    """Collect the paths of the files that are read as specs within the context."""
     paths = list[Path]()
     token = _READ.set(paths)
     try:
@@ -296,9 +309,9 @@ _READ: ContextVar[list[Path] | None] = ContextVar("_READ", default=None)
 
 
 def read_source(path: Path) -> SourceText:
-    """Return a file's text.
+    """Return the text of a file.
 
-    Raises SpecError for a file that is missing, unreadable, larger than a spec can be, or not
+    Raises SpecError for a file that is missing, unreadable, larger than a spec can be, or not in
     UTF-8.
     """
     if (paths := _READ.get()) is not None:
@@ -330,7 +343,8 @@ def read_source(path: Path) -> SourceText:
 def parse(source: SourceText, problems: list[Mistake]) -> Node:
     """Return the tree of a YAML text; a duplicate key is added to `problems`.
 
-    Raises SpecError for text that is no YAML, or nests or multiplies without end.
+    Raises SpecError for text that is not YAML, that is nested too deeply, or whose aliases multiply
+    too much.
     """
     root, mistakes = (_remembered if len(source.text) < KEPT else _tree_of)(source)
     problems += mistakes
@@ -342,7 +356,7 @@ def _tree_of(source: SourceText) -> tuple[Node, tuple[Mistake, ...]]:
         root = _composed(source.text)
     except yaml.YAMLError as error:
         _explain_fault(error, source)
-    except (ValueError, OverflowError):  # of PyYAML's `chr`
+    except (ValueError, OverflowError):  # raised by `chr` inside PyYAML
         escape = re.search(r"\\U(?!00(?:0|10))[0-9A-Fa-f]{8}", source.text)
         what = f"{(escape[0] if escape else 'an escape')} is not a Unicode character"
         fail(_at(source, escape.start() if escape else 0), what, "write the character itself")
@@ -356,12 +370,12 @@ def _tree_of(source: SourceText) -> tuple[Node, tuple[Mistake, ...]]:
 
 
 _remembered = lru_cache(maxsize=16)(_tree_of)
-"""The same for a spec that many runs of a campaign, or many variations, begin with."""
+"""The same with a cache, for a spec on which many runs of a campaign are based."""
 
 
 def _composed(text: str) -> yaml.Node | None:
-    """Return the nodes of a text. Garbage is not looked for: the many objects of a long text are
-    none, and looking takes minutes.
+    """Return the nodes of a text. The garbage collector is switched off meanwhile: all objects of a
+    long text are alive, and scanning them takes minutes.
     """
     enabled = gc.isenabled()
     gc.disable()
@@ -431,7 +445,9 @@ class _Builder:
 
     @staticmethod
     def _is_after_comma(key: yaml.Node, value: yaml.Node, number: yaml.Node) -> bool:
-        """Whether a key without a value is what a decimal comma has cut from the number before."""
+        """Return True if a key without a value was split off by a decimal comma from the number
+        before it.
+        """
         return (
             isinstance(key, yaml.ScalarNode)
             and isinstance(number, yaml.ScalarNode)
@@ -446,8 +462,8 @@ class _Builder:
 
 
 def _scalar_value(tag: str, text: str) -> str | int | float | bool | None:
-    """Return the value of a scalar; ValueError for a tag that is not of the core, or that the text
-    does not fit (`!!int x`).
+    """Return the value of a scalar. Raises ValueError for a tag outside the core schema, or one
+    that does not fit the text (`!!int x`).
     """
     kind = tag.removeprefix(_TAG)
     if any("\ud800" <= character <= "\udfff" for character in text):
@@ -478,19 +494,19 @@ _BEGIN = r"[^\s'\"\[{&*!|>]|\[[^\]]*\][ \t]*(?=\w)"
 _VALUE = re.compile(
     rf"[\w'\"<]:[ \t]+(?P<text>(?:{_BEGIN})(?:\[[^\]]*\]?|[^,{{}}\[]|\{{[^}}]*\}})*)"
 )
-"""A value without quotes behind its key, with the brackets in it."""
+"""An unquoted value after its key, including brackets."""
 
 
 def _unquoted_text(lines: Iterable[str]) -> str | None:
-    """Return the value in some lines that needs quotes for the sake of a mark in it, as
-    `P [kPa]`; None without one.
+    """Return the value in some lines that must be quoted because of a special character, for
+    example `P [kPa]`; None if there is none.
     """
     texts = (found["text"].strip() for line in lines for found in _VALUE.finditer(line))
     return next((text for text in texts if any(mark in text for mark in _MARKS)), None)
 
 
 def _explain_fault(error: Exception, source: SourceText) -> NoReturn:
-    """Raise PyYAML's complaint in plainer words, with its place."""
+    """Raise a SpecError that states PyYAML's complaint in plainer words, with its place."""
     if isinstance(error, yaml.reader.ReaderError):
         at = _at(source, error.position)
         fail(

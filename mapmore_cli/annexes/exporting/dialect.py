@@ -93,7 +93,8 @@ class Dialect:
 
 
 LARGEST, SMALLEST = 3.4028234e38, 1e-37
-"""Of a single-precision number; what lies beyond is held at the one, and is zero below the other.
+"""Of a single-precision number; what lies beyond is held at the one, and is zero below the
+other.
 """
 
 DOUBLE = Dialect(

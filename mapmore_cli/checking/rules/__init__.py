@@ -1,7 +1,7 @@
-"""The rules of `mapmore check`: functions that yield what they find in a subject. To add one, name
-it in a list of `applied`.
+"""Define the rules of `mapmore check`: functions that yield the issues of a subject. To add one,
+name it in a list of `applied`.
 
-What the readers and the spec refuse by themselves is no business of a rule.
+A rule need not check what the readers and the spec refuse themselves.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ __all__ = ["Issue", "Issues", "Rule", "Subject"]
 
 Issues = Iterator[Issue]
 Rule = Callable[["Subject"], Issues]
-"""Looks for one kind of mistake."""
+"""Function that looks for one kind of mistake."""
 
 
 @dataclass(frozen=True)
 class Subject:
-    """A spec with its recordings, and with the dataset where it could be `made` of them; of several
-    targets, one.
+    """A spec with its recordings, and with the dataset if it could be `made`; for several targets,
+    one of them.
 
-    `where(*loc)` is the `file:line:column` of a part of the spec; `units` gives the unit of every
-    quantity of the recordings, `folder` is where their sources start.
+    `where(*loc)` returns the `file:line:column` of a part of the spec. `units` holds the unit of
+    every quantity of the recordings. Paths of recordings start at `folder`.
     """
 
     spec: ExperimentSpec
@@ -44,7 +44,7 @@ class Subject:
 
     @property
     def dataset(self) -> Dataset:
-        """The curves, for rules that need them."""
+        """The dataset with its curves, for rules that need them."""
         assert self.made is not None, "the rule checks curves, but was called without any"
         return self.made
 
@@ -53,13 +53,13 @@ class Subject:
         return all(name in recording.columns for recording in self.recordings for name in names)
 
     def pooled(self, name: str, unit: str | None = None) -> Array:
-        """Return a quantity of all recordings together, `(n,)`, converted to `unit`."""
+        """Return a quantity of all recordings together, (n,), converted to `unit`."""
         columns = [recording.columns[name] for recording in self.recordings]
         values: Array = joined(columns)
         return values if unit is None else convert(values, self.units[name], unit)
 
     def span(self, name: str) -> tuple[float, float]:
-        """Return the least and the largest value of a quantity that every recording has."""
+        """Return the smallest and the largest value of a quantity that every recording has."""
         ends = [
             extremes(recording.columns[name])
             for recording in self.recordings
@@ -68,15 +68,15 @@ class Subject:
         return min(low for low, _ in ends), max(high for _, high in ends)
 
     def largest(self, name: str, unit: str | None = None) -> float:
-        """Return the largest absolute value of a quantity; 0 where a recording lacks it."""
+        """Return the largest absolute value of a quantity; 0 if a recording lacks it."""
         if not self.has(name):
             return 0.0
         ends = np.array(self.span(name))
         return float(np.abs(ends if unit is None else convert(ends, self.units[name], unit)).max())
 
     def source(self, name: str) -> str:
-        """Say where the spec says what a quantity is: its column, its expression, or the files that
-        it is set for.
+        """Return where the spec defines a quantity: its column, its expression, or the files for
+        which it is set.
         """
         for section in ("columns", "derive"):
             if name in getattr(self.spec.data, section):

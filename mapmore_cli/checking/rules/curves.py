@@ -1,5 +1,5 @@
-"""Rules about curves: enough samples, held-out data within reach, steps that terms with memory can
-count, and one value at each place.
+"""Check curves: enough samples, held-out data inside the training range, time steps that terms with
+memory can count, and one value at each place.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from mapmore_cli.modelling.validation.repeatability import WORTH, floors
 from mapmore_cli.study.check_study import formula_called
 from mapmore_cli.study.sections.dictionary import entries_of, goes_by_order, texts_in
 
-FEWEST = 5  # samples that show the shape of a curve
+FEWEST = 5  # number of samples that show the shape of a curve
 
 
 def few_samples(subject: Subject) -> Issues:
-    """Find curves of a few samples, which have no shape."""
+    """Find curves with so few samples that they have no shape."""
     for curve in subject.dataset.curves:
         if curve.size < FEWEST:
             yield Issue(
@@ -38,8 +38,8 @@ def few_samples(subject: Subject) -> Issues:
 
 
 def beyond_training(subject: Subject) -> Issues:
-    """Find held-out samples outside the training range: they test extrapolation, which is rarely
-    meant.
+    """Find held-out samples outside the training range. They test extrapolation, which is rarely
+    intended.
     """
     hold_out, dataset = subject.spec.data.split.hold_out, subject.dataset
     if hold_out is None:
@@ -59,7 +59,7 @@ def beyond_training(subject: Subject) -> Issues:
             validation <= training.max() + margin
         )
         outside = validation[~is_inside]
-        # more may lie beyond a range that the split does not go by
+        # a few more samples may lie outside the range of a quantity that does not define the split
         if outside.size > (0 if name in chosen else SOME * validation.size):
             share = "" if name in chosen else f"{outside.size / validation.size:.0%} of the "
             reached = f"{outside.min():.6g}" + (
@@ -77,8 +77,8 @@ def beyond_training(subject: Subject) -> Issues:
 
 
 def inputs_of_model(subject: Subject) -> list[str]:
-    """Return the quantities that the model is a function of, but the time; the target has its own
-    past in a free run.
+    """Return the inputs of the model without the time. The target has its own past in a free
+    run.
     """
     spec = subject.spec
     texts = [
@@ -94,8 +94,8 @@ def inputs_of_model(subject: Subject) -> list[str]:
 
 
 def _split_values(dataset: Dataset, name: str, held_out: bool) -> Array:
-    """Return a quantity's samples on one side of the split, of a long curve an even share and the
-    extremes; of the level quantity, the levels themselves.
+    """Return a quantity's samples on one side of the split; a long curve is thinned evenly, with
+    its extremes. For the level quantity, return the levels.
     """
     parts = []
     for curve in dataset.curves:
@@ -111,8 +111,8 @@ def _split_values(dataset: Dataset, name: str, held_out: bool) -> Array:
 
 
 def even_steps(subject: Subject) -> Issues:
-    """Require all recordings at the same even steps, and none with holes that nobody declared;
-    not where the order of samples is all that a model goes by.
+    """Require equal time steps in all recordings and no undeclared gaps, unless only the order of
+    samples matters to the model.
     """
     if not subject.spec.runs_over_time:
         return
@@ -146,8 +146,8 @@ def even_steps(subject: Subject) -> Issues:
 
 
 def single_valued(subject: Subject) -> Issues:
-    """Find loops: they have two values at one place, of which a model without memory has one, so
-    that its error has a floor.
+    """Find loops: they have two values at one place, but a model without memory has one, so that
+    its error cannot be smaller than half the width of the loop.
     """
     spec, dataset = subject.spec, subject.dataset
     moving = spec.runs_over_time or spec.target in ("hysteresis", "damping", "dynamic")

@@ -1,5 +1,5 @@
-"""Rules about the fit: enough samples for the terms of a segment and for formulas, and a shape that
-the data support.
+"""Check the fit: enough samples for the terms of a segment and for formulas, and a shape that the
+data support.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def short_segments(subject: Subject) -> Issues:
     least = _most_terms(subject)
     counts = [int(np.count_nonzero(curve.training)) for curve in dataset.curves]
     cuts = [cut for cut in spec.segment.values() if isinstance(cut, Cuts)]
-    if any(cut.method == "optimal" for cut in cuts):  # its segments are known after the fit
+    if any(cut.method == "optimal" for cut in cuts):  # its segments are known only after the fit
         yield from _too_many_to_place(subject, cuts, counts)
         return
     if not spec.segment and all(count > least for count in counts if count):
@@ -57,13 +57,15 @@ def short_segments(subject: Subject) -> Issues:
 
 
 def _most_terms(subject: Subject) -> int:
-    """Return how many terms a segment can have: no more than the dictionary."""
+    """Return the largest number of terms that a segment can have; it is limited by the
+    dictionary.
+    """
     most, dictionary = subject.spec.fit.max_terms, subject.spec.dictionary
     return most if remembers(dictionary) else min(most, len(terms_of(dictionary)) or most)
 
 
 def _too_many_to_place(subject: Subject, cuts: list[Cuts], counts: list[int]) -> Issues:
-    """Find curves that have too few samples for the segments that the fits will choose."""
+    """Find curves with too few samples for segments whose boundaries are chosen by fits."""
     each = _most_terms(subject) + 1
     for curve, count in zip(subject.dataset.curves, counts, strict=True):
         for cut in cuts:
@@ -104,7 +106,7 @@ def few_for_formula(subject: Subject) -> Issues:
 
 
 def contradicted_shape(subject: Subject) -> Issues:
-    """Find a `fit.shape` that training data contradict, as `run` does before it fuses."""
+    """Find a `fit.shape` that the training data contradict, as `run` does before it fuses."""
     spec, dataset = subject.spec, subject.dataset
     if spec.fit.shape is None or spec.runs_over_time or spec.model.type != "mapmore":
         return

@@ -1,4 +1,4 @@
-"""Rules about single values: a spike of one sample, and pressures that no gauge can read."""
+"""Check single values: spikes of one sample, and pressures that no gauge can read."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.study.units import convert
 
-VACUUM = -101.4  # kPa, of a gauge that reads zero in air
+VACUUM = -101.4  # kPa, for a gauge that reads zero in the open air
 WITH_ROWS = ("csv", "xlsx")  # readers of files with rows
 
 
@@ -24,7 +24,7 @@ def spikes_in(subject: Subject) -> Issues:
             recording for recording in subject.recordings if name in recording.columns
         ):
             values = recording.columns[name]
-            # block by block: a long record may change its ways
+            # block by block, because a long record may change its behaviour
             blocks = enumerate(in_blocks(values, rows=WIDE))
             rows = np.concatenate([number * WIDE + spikes(x) for number, (x,) in blocks])
             limit = _vacuum(subject, name)
@@ -47,7 +47,9 @@ def spikes_in(subject: Subject) -> Issues:
 
 
 def below_vacuum(subject: Subject) -> Issues:
-    """Find pressures below absolute zero: a current loop that reads 0 mA, or an offset too many."""
+    """Find pressures below absolute zero, for example because a current loop reads 0 mA, or an
+    offset is applied twice.
+    """
     for name in subject.spec.data.columns:
         if (limit := _vacuum(subject, name)) is None:
             continue
@@ -72,8 +74,8 @@ def below_vacuum(subject: Subject) -> Issues:
 
 
 def _vacuum(subject: Subject, name: str) -> float | None:
-    """Return the least value of a gauge pressure in its unit; None for other quantities, and for
-    differences of pressures.
+    """Return the smallest value of a gauge pressure in its unit; None for other quantities and for
+    pressure differences.
     """
     if name != "pressure" and not name.startswith("pressure_"):
         return None
@@ -84,8 +86,8 @@ def _vacuum(subject: Subject, name: str) -> float | None:
 
 
 def _first_of(subject: Subject, recording: Recording, rows: IntArray) -> str:
-    """Name the first of some samples: by its row in the file, where all rows were kept, and by its
-    time; and how many more there are.
+    """Return the place of the first of some samples (its row in the file, if all rows were kept,
+    and its time) and the number of others.
     """
     data, first = subject.spec.data, int(rows[0])
     by_rows = (

@@ -1,5 +1,5 @@
-"""Rules about what should tell the target: a column that it was computed from, and inputs that
-leave a difference untold.
+"""Check pairs of columns: one from which the target was computed, and inputs that do not explain a
+difference.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from mapmore_cli.modelling.signals.sampling import even_share
 
 
 def computed_from(subject: Subject) -> Issues:
-    """Find a target that is a straight line of another column, in each recording with an offset of
-    its own.
+    """Find a target that is a straight line of another column, with a separate offset in each
+    recording.
     """
     target = subject.target
     if target not in subject.spec.data.columns or not subject.has(target):
@@ -23,7 +23,7 @@ def computed_from(subject: Subject) -> Issues:
     others = [name for name in subject.spec.data.columns if name not in (target, "time")]
     for name in (quantity for quantity in others if subject.has(quantity)):
         if same_signals([subject.pooled(name), subject.pooled(target)]):
-            continue  # told as an error
+            continue  # another rule reports this as an error
         slopes = [
             _slope_of_line(recording.columns[name], recording.columns[target])
             for recording in subject.recordings
@@ -42,7 +42,7 @@ def computed_from(subject: Subject) -> Issues:
 
 
 def _slope_of_line(x: Array, y: Array) -> float | None:
-    """Return the slope of a straight line that tells `y`; None if none does."""
+    """Return the slope of a straight line that gives `y` from `x`; None if there is none."""
     if len(x) < FEWEST or not np.ptp(extremes(x)) or not np.ptp(extremes(y)):
         return None
     x, y = even_share(x), even_share(y)
@@ -53,8 +53,8 @@ def _slope_of_line(x: Array, y: Array) -> float | None:
 
 
 def untold_difference(subject: Subject) -> Issues:
-    """Find recordings with equal inputs and another output: what made the difference was not
-    recorded, or a file has another's name.
+    """Find recordings with equal inputs and different outputs: the cause of the difference was not
+    recorded, or a file has the wrong name.
     """
     data, target = subject.spec.data, subject.target
     inputs = {*data.quantities} - {*subject.spec.targets, "time", *data.derive}

@@ -1,4 +1,4 @@
-"""Rules about samples: what was recorded, what was left out, and whether it is static."""
+"""Check samples: what was recorded, what was left out, and whether it is static."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from mapmore_cli.domain.recording import Recording
 from mapmore_cli.domain.scores import FAR_FROM_ZERO
 from mapmore_cli.modelling.signals.sampling import PART, even_share
 
-FAR_MORE = 10  # times any other number, of samples at one end
-# what hardly stops by itself at one number: its sensor does
+FAR_MORE = 10  # ratio of the number of samples at one end to that at any other value
+# quantities that hardly stay at one value unless their sensor is saturated
 FROM_SENSORS = ("force", "pressure", "load")
-PARTS_OF_FORCE = ("hysteresis", "damping")  # targets that lie around zero, wherever the force does
+PARTS_OF_FORCE = ("hysteresis", "damping")  # targets that lie around zero, wherever the force is
 
 
 def constant(subject: Subject) -> Issues:
-    """Find quantities that never change: they explain nothing, and such a target needs no
-    explanation.
+    """Find quantities that never change. They explain nothing, and a constant target needs no
+    model.
     """
     for name in subject.spec.data.columns:
         low, high = subject.span(name)
@@ -38,7 +38,9 @@ def constant(subject: Subject) -> Issues:
 
 
 def offset(subject: Subject) -> Issues:
-    """Find a target that lies far from zero: any model errs by little of its largest value."""
+    """Find a target far from zero, for which the error of any model is a small fraction of its
+    largest value.
+    """
     spec = subject.spec
     name = spec.validation.as_ or subject.target
     if (
@@ -63,13 +65,13 @@ def offset(subject: Subject) -> Issues:
 
 
 def same_signal(subject: Subject) -> Issues:
-    """Find a signal that is there twice, as a sensor's volts and what is computed of them: neither
-    explains the other.
+    """Find a signal that occurs twice, for example a sensor's voltage and the quantity computed
+    from it. Neither explains the other.
     """
     names = [name for name in subject.spec.data.measured if name != "time" and subject.has(name)]
     for family in evidence.same_signals([subject.pooled(name) for name in names]):
         signals = " and ".join(names[place] for place in family)
-        # two inputs may be so, as the muscles of one joint
+        # two inputs may be equal, for example those of the two muscles of one joint
         target = subject.target in (names[place] for place in family)
         yield Issue(
             "error" if target else "hint",
@@ -83,8 +85,8 @@ def same_signal(subject: Subject) -> Issues:
 
 
 def clipped(subject: Subject) -> Issues:
-    """Find clipped sensors: a signal that has the value of its minimum or maximum far more often
-    than any other value.
+    """Find saturated sensors: a signal that has its minimum or maximum far more often than any
+    other value.
     """
     levels = subject.spec.data.levels
     held = ("time", None if levels is None else levels.of)
@@ -96,7 +98,7 @@ def clipped(subject: Subject) -> Issues:
             some = values if len(values) <= PART else even_share(values)
             for side, end in ends:
                 count = sum(int(np.count_nonzero(x == end)) for (x,) in in_blocks(values))
-                rests = abs(end) < MUCH * largest  # a slack muscle pulls with nothing for long
+                rests = abs(end) < MUCH * largest  # a slack muscle has zero force for a long time
                 if rests or count <= LITTLE * len(values):
                     continue
                 others = np.unique(some[some != end], return_counts=True)[1]
@@ -125,15 +127,15 @@ def _clipped(
 
 
 PULL = 0.01
-"""Share of the sum of squares of a force: one that pulls with less has its sign turned."""
+"""Share of pulling forces in the sum of squares. With less, the force has the wrong sign."""
 
 NOISE = 0.1
-"""Share of the largest force in any recording, below which one recording shows no sign."""
+"""Fraction of the largest force of all recordings. A recording below it shows no sign."""
 
 
 def force_never_pulls(subject: Subject) -> Issues:
-    """Find a force that hardly ever pulls, in all recordings or in one: a muscle pulls, and the
-    models take pull as positive. Noise and a single spike above zero are no pull.
+    """Find a force that hardly ever pulls, in all recordings or in one. A muscle pulls, and models
+    take pull as positive. Noise and a single spike above zero do not count as pull.
     """
     if not subject.has("force"):
         return
@@ -154,7 +156,7 @@ def force_never_pulls(subject: Subject) -> Issues:
 
 
 def _pull(recording: Recording) -> float:
-    """Return the share of forces above zero in the sum of squares; one where there are none."""
+    """Return the share of forces above zero in the sum of squares; one if all forces are zero."""
     above = below = 0.0
     for (x,) in in_blocks(recording.columns["force"]):
         above += float(np.sum(x[x > 0] ** 2))
@@ -175,16 +177,18 @@ def _turned(subject: Subject, what: str, where: str) -> Issue:
 
 
 STILL = 0.05
-"""Share of the range of a quantity over all recordings: it is held where it moves less in each."""
+"""Fraction of the range of a quantity over all recordings. The quantity is held constant if it
+moves less in each.
+"""
 
 
 def still_cycles(subject: Subject) -> Issues:
-    """Find load cycles over a quantity that is held: what turns back and forth is its noise."""
+    """Find load cycles of a quantity that is held constant; the reversals are then noise."""
     cycles = subject.spec.data.cycles
     if cycles is None or not subject.has(cycles.over):
         return
     low, high = subject.span(cycles.over)
-    # less than what tells one recording from another, as the pressure of levels does
+    # smaller than the differences between recordings, for example of a pressure with levels
     least = max(STILL * (high - low), LITTLE * max(abs(low), abs(high)))
     kept = [recording for recording in subject.recordings if recording.rows_kept]
     columns = [recording.columns[cycles.over] for recording in kept]
@@ -208,22 +212,22 @@ def still_cycles(subject: Subject) -> Issues:
 
 
 def _is_noise(values: Array) -> bool:
-    """Return whether neighbouring samples differ as much as any two: von Neumann's ratio is 2 of
-    noise, next to 0 of a movement.
+    """Return True if neighbouring samples differ as much as any two: von Neumann's ratio is 2 for
+    noise and near 0 for a movement.
     """
     x = values[:PART]
     return len(x) > 1 and float(np.mean(np.diff(x) ** 2)) >= float(np.var(x))
 
 
 def recorded_twice(subject: Subject) -> Issues:
-    """Find copied files: they count twice, and a copy among the validation data makes these
-    worthless.
+    """Find copied files. They count twice, and a copy among the validation data makes the
+    validation worthless.
     """
     curves = subject.made.curves if subject.made else ()
     held_out = {name for curve in curves if curve.held_out.all() for name in curve.recordings}
     known: dict[tuple[object, ...], Recording] = {}
     for recording in (recording for recording in subject.recordings if recording.rows_kept):
-        # what is set for a file does not make it another
+        # values that are set for a file do not make it different
         measured = sorted(recording.columns.keys() & subject.spec.data.columns)
         samples = (hash(even_share(recording.columns[name]).tobytes()) for name in measured)
         twin = known.setdefault((recording.rows_kept, *measured, *samples), recording)
@@ -243,8 +247,8 @@ def recorded_twice(subject: Subject) -> Issues:
 
 
 def unsettled(subject: Subject) -> Issues:
-    """Find samples that were taken while the pressure changed: the force lags then, since the
-    sensor sits at the valve.
+    """Find samples that were taken while the pressure changed. The force then lags behind, because
+    the sensor is at the valve.
     """
     data = subject.spec.data
     asked = any(keep.quantity.endswith("_rate") for keep in data.keep) or data.cycles is not None

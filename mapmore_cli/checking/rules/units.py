@@ -1,4 +1,4 @@
-"""Rules about units, header lines, and labels that cannot be set."""
+"""Check units, header lines, and labels that cannot be typeset."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mapmore_cli.study.units import can_convert, convert, default_unit, is_same,
 
 
 def strain_in_per_cent(subject: Subject) -> Issues:
-    """Find contractions by more than the whole length, which were meant in per cent."""
+    """Find contractions by more than the whole length, which are probably in per cent."""
     if not subject.has("strain"):
         return
     largest = convert(subject.span("strain")[1], subject.units["strain"], "1")
@@ -31,7 +31,7 @@ def strain_in_per_cent(subject: Subject) -> Issues:
 
 
 def unit_in_the_name(subject: Subject) -> Issues:
-    """Find columns whose name tells another unit: one called `P_psi` is hardly in kPa."""
+    """Find columns whose name contains another unit: a column `P_psi` is hardly in kPa."""
     for name, column in subject.spec.data.columns.items():
         label = read_label(column.column) if isinstance(column.column, str) else None
         if (
@@ -50,14 +50,16 @@ def unit_in_the_name(subject: Subject) -> Issues:
 
 
 def unit_line(subject: Subject) -> Issues:
-    """Find lines of units that say otherwise: kN under the name, and the column is read in N."""
+    """Find unit lines that contradict the spec, for example kN below the name of a column that is
+    read in N.
+    """
     if subject.recordings and (top := _header(subject, subject.recordings[0].source)) is not None:
         names, *below = [list(map(str, row)) for row in top.rows] or [[]]
         yield from _units_below(subject, [name.strip() for name in names], below)
 
 
 def _header(subject: Subject, source: str) -> Top | None:
-    """Return the header lines of a file, where it has several."""
+    """Return the header lines of a file, if it has several."""
     data = subject.spec.data
     peek = READERS[data.reader].peek
     if peek is None or int(data.header) < 2:
@@ -72,12 +74,12 @@ def _header(subject: Subject, source: str) -> Top | None:
     return None
 
 
-LOOKED_AT = 20  # files of which the header is looked at
+LOOKED_AT = 20  # files whose header is checked
 
 
 def header_of_numbers(subject: Subject) -> Issues:
-    """Find header lines that hold numbers in every column: they are samples, which a header
-    swallows. Numbers that count the columns are none.
+    """Find header lines with a number in every column: they are samples, which the header swallows.
+    Numbers that count the columns are allowed.
     """
     for source in [*dict.fromkeys(one.source for one in subject.recordings)][:LOOKED_AT]:
         top = _header(subject, source)
@@ -128,20 +130,21 @@ def _units_below(subject: Subject, names: list[str], below: list[list[str]]) -> 
 
 
 def _contradicted(subject: Subject, name: str, unit_told: str | None) -> str:
-    """Return the unit that a column without a scale is read in, where another one is told; else the
-    empty text.
+    """Return the unit in which a column without a scale is read, if another unit is stated;
+    otherwise an empty text.
     """
     column = subject.spec.data.columns[name]
     declared = column.unit or default_unit(name, subject.spec.units)
     if unit_told is None or column.scale != 1.0:
         return ""
-    # a name that says bar may mean absolute ones; what cannot be converted means something else
+    # a name with `bar` may mean absolute pressures, and a unit that cannot be converted means
+    # something else
     agrees = any(is_same(unit, declared) for unit in (unit_told, f"{unit_told} abs"))
     return "" if agrees or not can_convert(unit_told, declared) else declared
 
 
 def formulas_in_labels(subject: Subject) -> Issues:
-    """Find labels with a formula that cannot be set."""
+    """Find labels with a formula that cannot be typeset."""
     for quantity, label in subject.spec.report.style.labels.items():
         if "$" not in label:
             continue

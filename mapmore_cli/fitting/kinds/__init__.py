@@ -1,7 +1,7 @@
-"""From sections of the spec to models: one file for each kind of model, with its `Maker`.
+"""Make models from sections of the spec: one file with a `Maker` for each kind of model.
 
-The stages call `fit` and `build` one by one, with files between; `refit` calls them in one go. None
-of them reads or writes files.
+The stages call `fit` and `build` one by one, with files between them; `refit` calls both. None of
+them reads or writes files.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ def added_up(_path: str) -> Model:
 
 @dataclass(frozen=True)
 class Given:
-    """Hold what a model is made of: data, segmentation, and the models of needed runs by the path
-    of their spec.
+    """Everything from which a model is made: data, segmentation, and the models of needed runs by
+    the path of their spec.
     """
 
     dataset: Dataset
@@ -47,47 +47,47 @@ class Given:
 
 
 class Maker(Protocol):
-    """Maker of the models of one kind; each kind derives from this class."""
+    """Base class of objects that make the models of one kind."""
 
     @abstractmethod
     def fit(self, part: ModelChoices, given: Given) -> FitResult:
-        """Return what was fitted."""
+        """Return the fit."""
 
     @abstractmethod
     def build(self, part: ModelChoices, given: Given, result: FitResult) -> Model:
-        """Return the model that is made of the fits."""
+        """Return the model made from the fits."""
 
     def fit_together(
         self,
         part: ModelChoices,
         given: Given,  # noqa: ARG002
     ) -> tuple[FitResult, ...]:
-        """Return a fit for each output, in a kind whose outputs may share their terms."""
+        """Return a fit for each output, for a kind whose outputs may share their terms."""
         raise SpecError(f"a model of type {part.kind} has one output only", "name one target")
 
 
 @runtime_checkable
 class FitsSums(Protocol):
-    """A maker that fits formulas together, as a competitor of any model."""
+    """A maker that can fit formulas together, as a competitor of any model."""
 
     def fit_and_predict(
         self, parts: Sequence[Summand], dataset: Dataset, method: str | None
     ) -> tuple[FormulaFit, list[Array]]:
-        """Return the fit, and the sum along every curve, (n,) each."""
+        """Return the fit, and the sum along every curve, shape (n,) each."""
 
 
 @runtime_checkable
 class Fitted(Protocol):
-    """A kind that adds itself, and says what fits it."""
+    """A kind of a plugin that defines how its models are fitted."""
 
     def maker(self) -> Maker:
-        """Return what makes its models."""
+        """Return the maker of its models."""
 
 
 def maker_of(name: str) -> Maker:
-    """Return what makes models of a kind; only what that takes is imported.
+    """Return the maker of the models of a kind. Only what it needs is imported.
 
-    Raises NotInstalled if the kind is a part that is missing.
+    Raises NotInstalled if the kind belongs to a part that is missing.
     """
     if name == "pieces":
         from mapmore_cli.fitting.kinds.pieces import PiecesMaker
@@ -107,8 +107,8 @@ def maker_of(name: str) -> Maker:
 
 
 def fit(part: ModelChoices, given: Given) -> FitResult:
-    """Fit what the kind of model asks for: every segment, one model with memory, a formula, or
-    nothing if models are added up.
+    """Fit what the kind of model needs: every segment, one model with memory, a formula, or nothing
+    if models are added.
     """
     maker = maker_of(part.kind)
     if not given.dataset.also:
@@ -119,7 +119,7 @@ def fit(part: ModelChoices, given: Given) -> FitResult:
 
 
 def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
-    """Return the model that is made of the fits, of all outputs where there are several."""
+    """Return the model made from the fits; with several outputs, the model of all of them."""
     if not given.dataset.also:
         return maker_of(part.kind).build(part, given, result)
     outputs = zip(given.dataset.each, result.each, strict=True)
@@ -139,8 +139,8 @@ def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
 def refit(
     part: ModelChoices, dataset: Dataset, model_of: Callable[[str], Model] = added_up
 ) -> Model:
-    """Return the model of the training samples of a dataset, made in one go, every choice included,
-    as cross-validation does.
+    """Return the model fitted to the training samples of a dataset, with all choices made again, as
+    in cross-validation.
     """
     from mapmore_cli.fitting.kinds.pieces import segmented
 

@@ -1,4 +1,4 @@
-"""The sections of a spec by which a model is made."""
+"""Collect the sections of a spec on which a model depends."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ SegmentSection = Mapping[str, Segmented]
 
 @dataclass(frozen=True)
 class ModelChoices:
-    """Hold what a model depends on. A stage before the model reads only the sections that it needs.
+    """What a model depends on. A stage before the model reads only the sections that it needs.
 
-    - `lengths`: dimensions of the muscle (m) that its formula has.
-    - `summands`: the specs of the runs whose models are added up.
-    - `intervals`: whether models are made without each part of the training data in turn.
+    - `lengths`: dimensions of the muscle (m) that its formula needs.
+    - `summands`: specs of the runs whose models are added.
+    - `intervals`: True if models are also fitted without each part of the training data.
     """
 
     levels: Levels | None
@@ -42,20 +42,20 @@ class ModelChoices:
 
     @property
     def kind(self) -> str:
-        """The kind of model, by its name: that of `model.type`, where the kind has no other."""
+        """Name of the kind of model: `model.type`, unless the kind follows from other settings."""
         if self.model.type == "mapmore":
             return "memory" if remembers(self.dictionary) else "pieces"
         return "formula" if self.model.type == "literature" else self.model.type
 
     @property
     def over_time(self) -> bool:
-        """Whether the model runs along recordings, and is fitted to them whole."""
+        """True if the model runs along recordings, to which it is fitted as a whole."""
         return self.kind in ("memory", "state_space")
 
 
 def with_definitions(spec: ExperimentSpec) -> ExperimentSpec:
-    """Return the spec with the definition of each own formula in the place of its name, so that
-    what a stage reads needs nothing else.
+    """Return the spec with the definition of each own formula instead of its name, so that a stage
+    needs nothing else.
     """
     if not spec.own_formulas and spec.model.family is None:
         return spec
@@ -95,13 +95,13 @@ def with_definitions(spec: ExperimentSpec) -> ExperimentSpec:
 
 
 def metres_of(unit: str) -> float:
-    """Return how many metres one of a unit of length is; 1 for other units."""
+    """Return the number of metres in one unit of length; 1 for other units."""
     base = base_units(unit)
     return base.factor if base is not None and dict(base.powers) == {"m": 1} else 1.0
 
 
 def lengths_of(model: ModelChoice, lengths: Mapping[str, float | None]) -> dict[str, float | None]:
-    """Return those of the muscle's `lengths` (m) that the formula needs which is the model or its
+    """Return the `lengths` of the muscle (m) that the formula needs which is the model or its
     backbone.
     """
     name = model.name or model.backbone
@@ -110,10 +110,10 @@ def lengths_of(model: ModelChoice, lengths: Mapping[str, float | None]) -> dict[
 
 
 def level_of(levels: Levels | None, segment: SegmentSection) -> str | None:
-    """Return the quantity whose curves are interpolated: that of `levels`, unless `segment:
-    {<quantity>: none}` pools its curves.
+    """Return the quantity between whose levels curves are interpolated: that of `levels`, unless
+    `segment: {<quantity>: none}` pools its curves.
 
-    Curves of step responses stand at the pressure of their plateau; the weights go by the pressure
+    The level of a step response is the pressure of its plateau. The weights depend on the pressure
     itself, which is known at any time.
     """
     if levels is None or segment.get(levels.of) == "none":
@@ -122,7 +122,7 @@ def level_of(levels: Levels | None, segment: SegmentSection) -> str | None:
 
 
 def by_trial(segment: SegmentSection) -> bool:
-    """Return whether some boundary is placed by trying out fits."""
+    """Return True if a boundary is placed by comparing fits."""
     return any(isinstance(cut, Cuts) and cut.method == "optimal" for cut in segment.values())
 
 
@@ -145,8 +145,8 @@ def model_choices(spec: ExperimentSpec) -> ModelChoices:
 
 
 def fit_choices(spec: ExperimentSpec) -> ModelChoices:
-    """Return what the fit depends on; how pieces are joined only where the choice of a backbone
-    asks for it.
+    """Return what the fit depends on. How pieces are joined is included only if the choice of a
+    backbone depends on it.
     """
     whole = model_choices(spec)
     made = (whole.levels, whole.segment, whole.dictionary, whole.model, whole.fit, whole.lengths)
@@ -154,7 +154,7 @@ def fit_choices(spec: ExperimentSpec) -> ModelChoices:
 
 
 def summands(spec: ExperimentSpec) -> list[str]:
-    """Return the specs of the models that are added up."""
+    """Return the specs of the models that are added."""
     if spec.model.sum is not None:
         return list(dict.fromkeys(part.model for part in spec.model.sum if part.model is not None))
     return [str(spec.needs.static), str(spec.needs.damping)] if spec.model.type == "sum" else []

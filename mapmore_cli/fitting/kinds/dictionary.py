@@ -1,5 +1,5 @@
-"""From the dictionary of a spec to the names of its candidate terms, and from its derivations to
-signals that a model can repeat.
+"""Make the names of candidate terms from the dictionary of a spec, and signals that a model can
+compute itself from its derived quantities.
 """
 
 from __future__ import annotations
@@ -43,7 +43,9 @@ def signal_of(name: str, rule: Rate | Direction, units: Mapping[str, str]) -> Si
 
 
 def derivations_of(spec: ExperimentSpec) -> dict[str, str | Rate | Direction]:
-    """Return what the spec derives, with the direction that segments are cut by."""
+    """Return the derived quantities of a spec, including the direction by which segments are
+    cut.
+    """
     cuts = {name: cut for name, cut in spec.segment.items() if isinstance(cut, CutByDirection)}
     return {
         **spec.data.derive,
@@ -55,8 +57,8 @@ def derivations_of(spec: ExperimentSpec) -> dict[str, str | Rate | Direction]:
 
 
 def units_of(spec: ExperimentSpec) -> dict[str, str]:
-    """Return the model's unit of every quantity; a rate has the unit of its quantity per unit of
-    time, whatever its name is.
+    """Return the model's unit of every quantity. A rate has the unit of its quantity per unit of
+    time, whatever its name.
     """
     rates = {
         name: rule.rate_of for name, rule in spec.data.derive.items() if isinstance(rule, Rate)
@@ -65,7 +67,7 @@ def units_of(spec: ExperimentSpec) -> dict[str, str]:
 
 
 def signals_of(spec: ExperimentSpec) -> tuple[Signal, ...]:
-    """Return all rates and directions of a study, each after the one that it follows from."""
+    """Return all rates and directions of a study, each after the one from which it is computed."""
     units = units_of(spec)
     signals = {
         name: signal_of(name, rule, units)
@@ -80,8 +82,8 @@ def signals_of(spec: ExperimentSpec) -> tuple[Signal, ...]:
 
 @dataclass(frozen=True)
 class Clock:
-    """What terms with memory go by, in s: the time between samples, and the duration of the longest
-    piece that trains.
+    """Times on which terms with memory depend, s: the time between samples, and the duration of the
+    longest training piece.
     """
 
     step: float
@@ -89,11 +91,11 @@ class Clock:
 
 
 def terms_of(dictionary: Sequence[DictionaryEntry], clock: Clock | None = None) -> tuple[str, ...]:
-    """Return the names of all candidate terms in the order of the dictionary, each once; terms with
+    """Return the names of all candidate terms in the order of the dictionary, each once. Terms with
     memory need a `clock`.
 
-    Raises SpecError if products are wanted with a term that is none of theirs; DataError if
-    there would be more of them than memory allows.
+    Raises SpecError if products have a partner that is not one of their terms; DataError if there
+    would be more products than memory allows.
     """
     return tuple(
         dict.fromkeys(term for entry in dictionary for term in _terms(entry, clock, constant=True))
@@ -101,8 +103,8 @@ def terms_of(dictionary: Sequence[DictionaryEntry], clock: Clock | None = None) 
 
 
 def bounds_of(dictionary: Sequence[DictionaryEntry]) -> dict[str, tuple[float, float]]:
-    """Return the least and the greatest coefficient of terms that have some, in the target's unit;
-    of a term of several entries, those of the first.
+    """Return the smallest and largest coefficient of terms with limits, in the unit of the target.
+    For a term in several entries, the first counts.
     """
     return {
         term: entry.limits
@@ -113,8 +115,8 @@ def bounds_of(dictionary: Sequence[DictionaryEntry]) -> dict[str, tuple[float, f
 
 
 def _terms(entry: DictionaryEntry, clock: Clock | None, *, constant: bool) -> Sequence[str]:
-    """Return the terms of one family; within products, where `constant` is false, without the
-    constant.
+    """Return the terms of one family; within products, `constant` is False, and the constant is
+    left out.
     """
     name, family = entry.family
     if isinstance(family, list):
@@ -155,7 +157,7 @@ def _along_range(family: AlongRange, *, constant: bool) -> list[str]:
     return texts if constant else [text for text in texts if text != "1"]
 
 
-@lru_cache(maxsize=4096)  # a search asks for the same terms in every fold
+@lru_cache(maxsize=4096)  # a search needs the same terms in every fold
 def _term_text(text: str) -> str:
     return to_text(parse(text))
 

@@ -1,4 +1,4 @@
-"""A formula of the literature as the model, or as the backbone of another."""
+"""Fit a formula of the literature as the model, or as the backbone of another."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from mapmore_cli.modelling.shape.violations import verified
 def fitted(name: str, part: ModelChoices, dataset: Dataset) -> FormulaFit:
     """Return a formula fitted to all training samples of a dataset.
 
-    Raises FitError if it did not converge to anything usable: the model stands on it.
+    Raises FitError if the fit has no usable result, because the model depends on it.
     """
     formula_fit = fit_formula(name, dataset.curves, dataset.target, None, part.lengths)
     if formula_fit.failed:
@@ -30,10 +30,12 @@ def fitted(name: str, part: ModelChoices, dataset: Dataset) -> FormulaFit:
 
 
 class FormulaMaker(Maker):
-    """Fits a formula of the literature."""
+    """Maker of models that are a formula of the literature."""
 
     def fit(self, part: ModelChoices, given: Given) -> FitResult:
-        """Return the formula, fitted to all training samples; raises as `fitted`."""
+        """Return the formula, fitted to all training samples. Raises the same errors as
+        `fitted`.
+        """
         assert part.model.name is not None
         return FitResult(fitted(part.model.name, part, given.dataset))
 

@@ -1,4 +1,4 @@
-"""From the spec to a model with memory."""
+"""Make models with memory from a spec."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ from mapmore_cli.study.sections.dictionary import goes_by_order
 
 
 def _unseen(curve: Curve, outputs: Sequence[str], lag: int) -> Curve:
-    """Return a curve without the outputs that it holds out. Where outputs are fed back, its
-    recordings begin with `lag` samples in a row that are not held out, from which a free run
+    """Return a curve with NaN for its held-out outputs. If outputs are fed back, each recording
+    begins with the first `lag` consecutive samples that are not held out, with which a free run
     starts.
     """
     if not curve.held_out.any():
@@ -49,9 +49,10 @@ def _unseen(curve: Curve, outputs: Sequence[str], lag: int) -> Curve:
 def _asked(
     part: ModelChoices, dataset: Dataset, backbone: FormulaFit | None
 ) -> tuple[Sequence[Record], MemoryRecipe]:
-    """Return the recordings, with what the backbone leaves, and the whole recipe.
+    """Return the recordings with the residual of the backbone, and the whole recipe.
 
-    Held-out outputs are unknown: fed back, they would be the past of training samples.
+    Held-out outputs are unknown, because they would otherwise be the past of training samples if
+    they are fed back.
     """
     step, uneven, pieces = sampled(dataset.curves, goes_by_order(part.dictionary))
     longest = max(int(record.training.sum()) for record in pieces)
@@ -78,13 +79,14 @@ def _asked(
 
 
 class MemoryMaker(Maker):
-    """Fits models with memory."""
+    """Maker of models with memory."""
 
     def fit(self, part: ModelChoices, given: Given) -> FitResult:
-        """Return one model of all recordings, of what the backbone leaves where there is one.
+        """Return one model of all recordings, fitted to the residual of the backbone if there is
+        one.
 
-        Raises DataError if recordings are not sampled alike, or too few samples have a history;
-        FitError if the fit of the backbone failed.
+        Raises DataError if recordings have different time steps, or if too few samples have a
+        history; FitError if the fit of the backbone failed.
         """
         dataset = given.dataset
         backbone = (
@@ -101,16 +103,16 @@ class MemoryMaker(Maker):
         )
 
     def fit_together(self, part: ModelChoices, given: Given) -> tuple[FitResult, ...]:
-        """Return one model of all recordings for every output, with the terms of all of them;
-        raises as `fit`.
+        """Return one model of all recordings for every output, with shared terms. Raises the same
+        errors as `fit`.
         """
         records, recipe = _asked(part, given.dataset, None)
         recipes = [replace(recipe, target=output.target) for output in given.dataset.each]
         return tuple(FitResult(fit) for fit in fit_outputs(records, recipes))
 
     def build(self, part: ModelChoices, given: Given, result: FitResult) -> Model:
-        """Return the model, with the training range of its inputs; with coefficients that keep the
-        sign of its static gain where the spec asks for one.
+        """Return the model with the training range of its inputs. If the spec asks for a sign of
+        its static gain, the coefficients keep it.
         """
         assert result.memory is not None
         model = memory.memory_model(

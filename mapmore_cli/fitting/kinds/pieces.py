@@ -1,4 +1,4 @@
-"""From sections of the spec to MAPMORE, the pieces of M1 and M2."""
+"""Make MAPMORE models, the pieces of M1 and M2, from sections of the spec."""
 
 from __future__ import annotations
 
@@ -28,13 +28,15 @@ if TYPE_CHECKING:
 
 
 def cuts_of(segment: SegmentSection) -> dict[str, Cut]:
-    """Return the segmented variables; words (`none`, `levels`) are about the level quantity."""
+    """Return the cuts of the segmented variables. (The words `none` and `levels` are about the
+    level quantity.)
+    """
     return {name: cut for name, cut in segment.items() if not isinstance(cut, str)}
 
 
 def recipe_of(target: str, part: ModelChoices) -> Recipe:
-    """Return the whole recipe; without candidate terms where one model with memory stands in place
-    of the segments.
+    """Return the whole recipe; without candidate terms if one model with memory replaces the
+    segments.
     """
     level = level_of(part.levels, part.segment)
     return Recipe(
@@ -50,8 +52,8 @@ def recipe_of(target: str, part: ModelChoices) -> Recipe:
 
 
 def segmented(dataset: Dataset, part: ModelChoices) -> tuple[SegmentedCurve, ...]:
-    """Cut every training curve over its own range; what is fitted there is what the backbone
-    leaves, which costs of intervals go by.
+    """Cut every training curve over its own range. The fits by which boundaries are chosen are fits
+    to the residual of the backbone.
     """
     from mapmore_cli.modelling.literature.backbone import fit_formula
     from mapmore_cli.modelling.pieces.build import segment as cut
@@ -63,7 +65,7 @@ def segmented(dataset: Dataset, part: ModelChoices) -> tuple[SegmentedCurve, ...
 
 
 def _trained(part: ModelChoices, dataset: Dataset) -> tuple[Sequence[Curve], Recipe]:
-    """Return the curves, of which some train, and the whole recipe."""
+    """Return the curves, some of which have training samples, and the whole recipe."""
     curves = trained_at(dataset.curves, part.fit.train_level)
     return curves, recipe_of(dataset.target, part)
 
@@ -71,8 +73,8 @@ def _trained(part: ModelChoices, dataset: Dataset) -> tuple[Sequence[Curve], Rec
 def _backbone(
     part: ModelChoices, given: Given, curves: Sequence[Curve], recipe: Recipe
 ) -> tuple[FormulaFit | None, tuple[str, ...]]:
-    """Return the formula that the spec names, or the one that left-out levels choose, fitted; and
-    on what grounds it was chosen.
+    """Return the fitted formula that the spec names, or that left-out levels choose, and the
+    reasons for the choice.
     """
     name = part.model.backbone
     notes: tuple[str, ...] = ()
@@ -90,16 +92,16 @@ def _backbone(
 
 
 class PiecesMaker(Maker):
-    """Fits and fuses segments."""
+    """Maker that fits and fuses segments."""
 
     def fit(self, part: ModelChoices, given: Given) -> FitResult:
-        """Return the terms of every segment, fitted to what the backbone leaves where there is one;
-        raises FitError if its fit failed.
+        """Return the terms of every segment, fitted to the residual of the backbone if there is
+        one. Raises FitError if the fit of the backbone failed.
         """
         return self.fit_together(part, given)[0]
 
     def fit_together(self, part: ModelChoices, given: Given) -> tuple[FitResult, ...]:
-        """Return the same for every output: terms are those of all of them."""
+        """Return the same for every output, with shared terms."""
         from mapmore_cli.modelling.pieces import build as method
 
         curves, recipe = _trained(part, given.dataset)
@@ -117,7 +119,7 @@ class PiecesMaker(Maker):
         return tuple(FitResult(PiecesFit(segments), backbone, notes) for segments in fits)
 
     def build(self, part: ModelChoices, given: Given, result: FitResult) -> Model:
-        """Fuse the segments; on a backbone, keep as much of the residual as left-out training data
+        """Fuse the segments. On a backbone, keep as much of the residual as left-out training data
         support.
         """
         from mapmore_cli.modelling.pieces import build as method

@@ -1,5 +1,5 @@
-"""Candidate terms and formulas as small syntax trees: read, evaluated, differentiated, printed;
-never `eval`ed.
+"""Represent candidate terms and formulas as small syntax trees, which are read, evaluated,
+differentiated and printed, but never passed to `eval`.
 """
 
 from mapmore_cli.modelling.expressions.calculus import affine, derivative, exponents, substitute

@@ -1,4 +1,6 @@
-"""Derivatives, substitution, and the way back from scaled to physical variables."""
+"""Differentiate expressions, substitute in them, and convert them from scaled to physical
+variables.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,9 @@ from mapmore_cli.modelling.expressions.syntax import (
 
 
 def derivative(expression: Expression, name: str) -> Expression:
-    """`d expression / d name`, in canonical form; zero at the kinks of `abs` and `sign`."""
+    """Return `d expression / d name` in canonical form. At the kinks of `abs` and `sign` the
+    derivative is zero.
+    """
     if name not in expression.names:
         return ZERO
     match expression:
@@ -55,14 +59,16 @@ def derivative(expression: Expression, name: str) -> Expression:
 
 
 def substitute(expression: Expression, values: Mapping[str, Expression]) -> Expression:
-    """`expression` with every name of `values` replaced, all at once."""
+    """Return `expression` with all names in `values` replaced at the same time."""
     if isinstance(expression, Name):
         return values.get(expression.name, expression)
     return with_parts(expression, partial(substitute, values=values))
 
 
 def exponents(expression: Expression) -> dict[str, float] | None:
-    """Exponent of every name in a monomial `prod_j name_j^e_j`; None for any other expression."""
+    """Return the exponent of every name in a monomial `prod_j name_j^e_j`; None for any other
+    expression.
+    """
     powers: dict[str, float] = {}
     for factor in expression.factors if isinstance(expression, Product) else (expression,):
         base, exponent = (
@@ -75,11 +81,11 @@ def exponents(expression: Expression) -> dict[str, float] | None:
 
 
 def affine(expression: Expression, slope: float, intercept: float) -> Expression:
-    """`slope*expression + intercept` as a person would write a scaled variable: `(expression -
-    centre)/width`.
+    """Return `slope*expression + intercept` in the form in which people write a scaled variable:
+    `(expression - centre)/width`.
 
-    The width is kept positive, `(centre - expression)/width`, where the slope is negative (M2 eq
-    8's `m x + c`).
+    For a negative slope, the result is `(centre - expression)/width`, so that the width is
+    positive. The input form is that of M2 eq 8, `m x + c`.
 
     Examples
     --------

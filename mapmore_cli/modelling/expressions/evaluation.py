@@ -1,4 +1,4 @@
-"""Values of expressions on columns of samples."""
+"""Evaluate expressions on columns of samples."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from mapmore_cli.modelling.expressions.syntax import (
 
 
 class NotFinite(DataError, ValueError):
-    """A term without a finite value on a row of the data: `term` is its text, `row` the 0-based
+    """A term has no finite value on a row of the data. `term` is its text and `row` the 0-based
     row.
     """
 
@@ -41,19 +41,20 @@ class NotFinite(DataError, ValueError):
         self.row = row
 
 
-# rows at a time in a dictionary: shared powers of a block stay in the processor's cache, and memory
-# stays bounded
+# rows of a dictionary that are evaluated at a time: shared powers of a block stay in the
+# processor's cache, and the memory is bounded
 BLOCK = 8192
 
 
 def evaluate(expression: Expression, columns: Columns, n: int | None = None) -> Array:
-    """Value of `expression` on every row, `(n,)`; a new array.
+    """Return the value of `expression` on every row, shape (n,), as a new array.
 
-    - `columns`: quantities by name, each `(n,)`, or `()` for a parameter that holds for every row.
-    - `n`: number of rows; the length of the first column where it is left out.
+    - `columns`: quantities by name, shape (n,) each, or shape () for a parameter that is equal for
+      all rows.
+    - `n`: number of rows; by default the length of the first column.
 
-    Values that are not finite (a logarithm of a negative number, a division by zero) are left in,
-    without a warning. Raises `DataError` if a column is absent or of another length.
+    Values that are not finite (the logarithm of a negative number, a division by zero) remain in
+    the result, without a warning. Raises `DataError` if a column is missing or has another length.
     """
     if n is None:
         n = next((len(column) for column in columns.values() if np.ndim(column)), None)
@@ -66,7 +67,7 @@ def evaluate(expression: Expression, columns: Columns, n: int | None = None) -> 
 
 
 def folded(expression: Expression) -> Expression:
-    """`expression` with its numbers computed, but for those that it divides by.
+    """Return `expression` with constant parts computed, except constants by which it divides.
 
     Examples
     --------
@@ -84,11 +85,11 @@ def folded(expression: Expression) -> Expression:
 
 
 def dictionary_matrix(terms: Sequence[Expression], columns: Columns, n: int) -> Array:
-    """Regressors `P`, `(n, M)` in Fortran order: column j is term j on every row (M2 eq 2).
+    """Return the regressor matrix `P`, shape (n, M) in Fortran order: column j is term j on every
+    row (M2 eq 2).
 
-    Powers and function values that several terms share are computed once.
-    Raises `NotFinite` with the first row where a term has no finite value, `DataError` as
-    `evaluate` does.
+    Powers and function values that several terms share are computed once. Raises `NotFinite` with
+    the first row on which a term has no finite value, and `DataError` like `evaluate`.
     """
     matrix = np.empty((n, len(terms)), order="F")
     for rows, block in dictionary_blocks(terms, columns, n):
@@ -99,8 +100,8 @@ def dictionary_matrix(terms: Sequence[Expression], columns: Columns, n: int) -> 
 def dictionary_blocks(
     terms: Sequence[Expression], columns: Columns, n: int
 ) -> Iterator[tuple[slice, Array]]:
-    """Yield the rows of `dictionary_matrix` in blocks, `(b, M)`, with where they stand; the whole
-    is never there. Raises as it does.
+    """Yield the rows of `dictionary_matrix` in blocks of shape (b, M), each with the slice of its
+    rows. The whole matrix is never in memory. Raises the same errors.
     """
     values, block_of = _needed(terms, columns, n), dictionary_block(terms)
     for start in range(0, n, BLOCK):
@@ -110,8 +111,9 @@ def dictionary_blocks(
 
 
 def dictionary_block(terms: Sequence[Expression]) -> Callable[[Mapping[str, Array], slice], Array]:
-    """Return what makes a block of the dictionary, `(b, M)`, of columns at these `rows` of the
-    whole, which errors name; best of few thousand rows.
+    """Return a function that computes a block of the dictionary, shape (b, M), from the columns at
+    these rows. It also takes the slice of the rows, for error messages. Blocks of a few thousand
+    rows are fastest.
     """
     program = compiled(tuple(terms))
 
@@ -138,7 +140,7 @@ def dictionary_block(terms: Sequence[Expression]) -> Callable[[Mapping[str, Arra
 
 
 def _needed(terms: Sequence[Expression], columns: Columns, n: int) -> dict[str, Array]:
-    """Return the columns that the terms are evaluated on."""
+    """Return the columns that the terms need."""
     needed: dict[str, Array] = {}
     for name in sorted(names_in(terms)):
         if name not in columns:
@@ -153,7 +155,7 @@ def _needed(terms: Sequence[Expression], columns: Columns, n: int) -> dict[str, 
     return needed
 
 
-Shared = list[Value | None]  # what was computed so far of the parts that may occur again
+Shared = list[Value | None]  # values computed so far, of parts that may occur again
 # a node with everything below it, as a function of columns
 Part = Callable[[Mapping[str, Value], Shared], Value]
 Known = dict[Expression, Part]
@@ -163,10 +165,10 @@ Known = dict[Expression, Part]
 def compiled(
     expressions: tuple[Expression, ...],
 ) -> Callable[[Mapping[str, Value]], Iterator[Value]]:
-    """Return what yields the values of `expressions` in order; powers and function values that
-    several share are computed once.
+    """Return a function that yields the values of `expressions` in order. Powers and function
+    values that several of them share are computed once.
 
-    An array may be a column itself, or shared with a later value: do not change it.
+    An array may be a column itself, or shared with a later value, so do not change it.
     """
     known: Known = {}
     parts = [part_of(expression, known) for expression in expressions]
@@ -180,8 +182,8 @@ def compiled(
 
 
 def part_of(expression: Expression, known: Known) -> Part:
-    """Return a node ready to be evaluated; `known` has the powers and function values of those that
-    it is evaluated with.
+    """Return a node as a function of columns. `known` collects the powers and function values of
+    all expressions that are evaluated together.
     """
     match expression:
         case Number(value):
@@ -203,8 +205,8 @@ def part_of(expression: Expression, known: Known) -> Part:
 
 
 def _in_turn(first: Part, others: Sequence[tuple[Callable[[Any, Any], Any], Part]]) -> Part:
-    """Return a value to which others are added, or by which it is multiplied or divided, from left
-    to right.
+    """Return the function that combines a first value with others by their operations, from left to
+    right.
     """
 
     def total(columns: Mapping[str, Value], shared: Shared) -> Value:
@@ -223,7 +225,9 @@ def _factor_part(factor: Expression, known: Known) -> tuple[Callable[[Any, Any],
 
 
 def _computed_once(expression: Power | Call, known: Known) -> Part:
-    """Compute at its first occurrence, and look up at every other."""
+    """Return a function that computes the value at its first occurrence and looks it up at every
+    other.
+    """
     if expression not in known:
         compute, slot = _computed(expression, known), len(known)
 
@@ -246,8 +250,8 @@ def _computed(expression: Power | Call, known: Known) -> Part:
             divisor = _power(base, -exponent, known)
             return lambda columns, shared: np.float64(1.0) / divisor(columns, shared)
         case Power(base, exponent) if exponent.is_integer():
-            # x^5 = x^2 x^3: a few multiplications, shared between terms, where a general power
-            # costs fifty
+            # x^5 = x^2 x^3 takes a few multiplications, shared between terms, while a general power
+            # takes as long as fifty
             half = exponent // 2
             left, right = _power(base, half, known), _power(base, exponent - half, known)
             return lambda columns, shared: left(columns, shared) * right(columns, shared)

@@ -1,5 +1,5 @@
-"""Families of candidate terms: states with memory, and products of states and quantities; and how
-much memory a dictionary needs.
+"""Build families of candidate terms: states with memory, and products of states and quantities.
+Also compute how much memory a dictionary needs.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from mapmore_cli.modelling.expressions.syntax import MAX_EXPONENT, Expression, m
 
 
 def lags(of: Sequence[str], steps: Sequence[int]) -> tuple[str, ...]:
-    """Every state `of` so many samples ago, step by step: `force[k-1]`; the state itself for no
-    step.
+    """Return every state in `of` some samples ago, step by step, for example `force[k-1]`. Step 0
+    is the state itself.
     """
     return tuple(
         (Lagged(state(name), step) if step else state(name)).name for step in steps for name in of
@@ -29,10 +29,10 @@ def lags(of: Sequence[str], steps: Sequence[int]) -> tuple[str, ...]:
 def operated(
     family: str, of: Sequence[str], numbers: Sequence[float | tuple[float, ...]] = ()
 ) -> tuple[str, ...]:
-    """Return operators of a `family` on every state `of`, with each of `numbers` (`slow(pressure,
-    0.5)`) or none: `resonance(pressure)`.
+    """Return the operators of a `family` on every state in `of`, with each of `numbers`
+    (`slow(pressure, 0.5)`), or without numbers (`resonance(pressure)`).
 
-    Raises `ValueError` for numbers that do not fit the operator.
+    Raises ValueError for numbers that do not fit the operator.
     """
     names = [operator.name for operator in families()[family]]
     each = [
@@ -49,13 +49,13 @@ def operated(
 def products(
     of: Sequence[str], order: int, partners: Sequence[str] | None = None, constant: bool = True
 ) -> tuple[Expression, ...]:
-    """Every product of quantities, states or other terms `of`, of total degree up to `order`; the
-    constant first, then degree by degree.
+    """Return every product of the terms in `of` (quantities, states or other terms) with a total
+    degree up to `order`: first the constant, then degree by degree.
 
-    Within a degree, powers of what is earlier in `of` come first. The factors of a product are in
-    alphabetical order, so that its text does not depend on `of`. With `partners`, a product holds
-    powers of at most one state besides those of `partners`: for order 2 and one partner p these are
-    all states, all squares and p times every state.
+    Within a degree, powers of terms that are earlier in `of` come first. The factors of a product
+    are in alphabetical order, so that its text does not depend on the order of `of`. With
+    `partners`, a product contains powers of the partners and of at most one other term: for order 2
+    and one partner p, these are all terms, all squares, and p times every term.
 
     Examples
     --------
@@ -68,9 +68,9 @@ def products(
     ['p', 'play(p, 0.1)', 'p[k-1]', 'p^2', 'p*play(p, 0.1)', 'p*p[k-1]', 'play(p, 0.1)^2',
      'p[k-1]^2']
 
-    Raises ValueError for an order outside 0..20, a state named twice, or a partner that is none
-    of the states; DataError if there would be more of them than memory allows, before any is
-    built.
+    Raises ValueError for an order outside 0..20, a term named twice, or a partner that is not in
+    `of`. Raises DataError, before any product is built, if there would be more products than
+    memory allows.
     """
     if not 0 <= order <= MAX_EXPONENT:
         raise ValueError(f"the order must lie in 0..{MAX_EXPONENT}, not {order}")
@@ -95,27 +95,27 @@ def products(
 
 
 def count_products(states: int, order: int, partners: int) -> int:
-    """How many products `products` gives of so many states, of which so many are partners, the
-    constant included.
+    """Return how many products `products` makes of this many states and partners, including the
+    constant.
     """
     whole = partners + order
-    # of partners alone, and with a power of one of the others
+    # products of partners alone, and products with a power of one other state
     return math.comb(whole, order) + (states - partners) * math.comb(whole, partners + 1)
 
 
-SHARE = 0.5  # of the installed memory, what one fit may take: other programs need some as well
-ASSUMED = 4_000_000_000  # bytes of memory where the system does not say
+SHARE = 0.5  # share of the installed memory that one fit may use; other programs need memory too
+ASSUMED = 4_000_000_000  # bytes of memory, if the system does not report them
 
 
 def products_bytes(candidates: int) -> int:
-    """Bytes of what selection needs of a dictionary that is built block by block: three matrices
-    (M+1, M+1).
+    """Return the bytes that term selection needs for a dictionary that is built block by block:
+    three matrices of shape (M+1, M+1).
     """
     return 3 * 8 * (candidates + 1) ** 2
 
 
 def usable_memory() -> int:
-    """Bytes that one fit may take."""
+    """Return the number of bytes that one fit may use."""
     try:
         installed = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, ValueError, OSError):
@@ -124,13 +124,15 @@ def usable_memory() -> int:
 
 
 def fits_whole(samples: int, candidates: int) -> bool:
-    """Whether the whole dictionary may be in memory at once; else it is built block by block."""
+    """Return True if the whole dictionary may be in memory at once. Otherwise it is built block by
+    block.
+    """
     return 8 * samples * candidates <= usable_memory()
 
 
 def refuse_beyond_memory(candidates: int) -> None:
-    """Raise DataError if so many candidates are too many even block by block, saying what they
-    would need and what there is.
+    """Raise DataError if there are too many candidates even for a dictionary that is built block by
+    block. The message gives the memory that they need and the memory that exists.
     """
     needed, room = products_bytes(candidates), usable_memory()
     if needed > room:

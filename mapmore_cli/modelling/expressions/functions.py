@@ -1,7 +1,8 @@
-"""Functions of one argument, which expressions and recursions may call.
+"""Define the functions of one argument that expressions and recursions may call.
 
-A row says everything that is known of its function: how NumPy computes it, its derivative, and its
-text in every language that a model is written in. Nothing else knows of a function.
+A row of the table holds everything about its function: how NumPy computes it, its derivative, and
+its text in every language in which a model is written. No other module knows anything about a
+single function.
 """
 
 from __future__ import annotations
@@ -21,10 +22,11 @@ LIBRARY: Mapping[str, str] = {
     "latex": r"\{}\left(#\right)",
     "mathml": "<mi>{}</mi><mrow><mo>(</mo>#<mo>)</mo></mrow>",
 }
-"""What a function is in a language whose library has it under its own name.
+"""For each language, the name of a function whose name in the library is the usual one.
 
-The text of code is a name of the library, or an expression of `x`, one number. `np._safe` is the
-export's own: infinite or not a number where Python raises. Markup has `#` for the argument.
+The text of code is a name in the library, or an expression of one number `x`. `np._safe` belongs to
+the exported code: it returns infinity or NaN if Python would raise an error. In markup, `#` stands
+for the argument.
 """
 
 NAME = re.compile(r"[\w.]+")
@@ -34,9 +36,9 @@ HELPER = "{}_of"
 class ScalarFunction(NamedTuple):
     """A function of one argument.
 
-    - `compute`: its values along columns, and of one number; any callable that keeps NaN.
-    - `slope`: its derivative by x, an expression.
-    - `texts`: what it is in each language of `LIBRARY`.
+    - `compute`: function that computes the values of columns or of one number; it must keep NaN.
+    - `slope`: derivative by x, as an expression.
+    - `texts`: text of the function in each language of `LIBRARY`.
     """
 
     compute: Callable[[Any], Any]
@@ -44,14 +46,14 @@ class ScalarFunction(NamedTuple):
     texts: Mapping[str, str]
 
     def is_in_library(self, language: str) -> bool:
-        """Say whether the language has the function; else an export defines `HELPER`."""
+        """Return True if the language has the function. Otherwise an export defines `HELPER`."""
         return NAME.fullmatch(self.texts[language]) is not None
 
 
 def function(
     name: str, compute: Callable[[Any], Any], slope: str, **texts: str
 ) -> tuple[str, ScalarFunction]:
-    """Return a row of `FUNCTIONS`; `texts` are those of the languages whose library has the
+    """Return a row of `FUNCTIONS`. `texts` holds the texts for languages whose library has the
     function under another name, or not at all.
     """
     if unknown := texts.keys() - LIBRARY.keys():
@@ -68,7 +70,7 @@ FUNCTIONS: Mapping[str, ScalarFunction] = dict(
             np.log,
             "1/x",
             python="-math.inf if x == 0 else np._safe(math.log, x)",
-            matlab="log(abs(x)) + 0 / (x >= 0)",  # MATLAB's own is complex below zero
+            matlab="log(abs(x)) + 0 / (x >= 0)",  # MATLAB's `log` is complex for negative numbers
             latex=r"\ln\left(#\right)",
         ),
         function(
@@ -91,7 +93,7 @@ FUNCTIONS: Mapping[str, ScalarFunction] = dict(
         function(
             "sign",
             np.sign,
-            "0",  # zero at the kink, too
+            "0",  # zero at the kink too
             python="(x > 0) - (x < 0) if x == x else x",
             c="x != x ? x : (x > 0) - (x < 0)",
             latex=r"\operatorname{sign}\left(#\right)",
@@ -130,4 +132,4 @@ FUNCTIONS: Mapping[str, ScalarFunction] = dict(
         ),
     )
 )
-"""A further function is a further row."""
+"""Functions by name. To add a function, add a row."""

@@ -1,8 +1,8 @@
-"""Operators with memory: the form of a file in `operators/`.
+"""Define the form of an operator with memory, of which each file in `operators/` holds some.
 
-An operator turns a state x into a new one by a causal rule that is the same at all times. Its file
-says how it is written, its recursion, how it is printed, and what a spec may set of it. Nothing
-else knows of it.
+An operator turns a state x into a new state by a causal rule that does not change over time. Its
+file says how its name is written, how it is computed, how it is printed, and what a spec may set.
+No other module knows anything about a single operator.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from mapmore_cli.modelling.expressions.functions import FUNCTIONS
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of an operator.
+    """A number that an operator takes.
 
-    - `key`: what a spec calls it, or a list of it.
-    - `unit`: the unit that a name's number is in; `1` for a ratio.
-    - `example`: a value as a spec's author would write it.
-    - `above`, `below`: what it has to be larger and smaller than.
-    - `between`: least and greatest value that training tries, of the time between samples and the
-      longest piece's duration, both s.
+    - `key`: name in a spec, for one value or a list of values.
+    - `unit`: unit of the number in the name of a state; `1` for a ratio.
+    - `example`: a value as the author of a spec would write it.
+    - `above`, `below`: limits between which the number must lie, not included.
+    - `between`: smallest and largest value that training tries, as a function of the time between
+      samples and the duration of the longest piece, both in s.
     """
 
     key: str
@@ -41,9 +41,9 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Setting:
-    """Settings on which a state of an operator depends besides its source.
+    """What a state of an operator depends on besides its source.
 
-    - `numbers`: those of the state's name, or those that training found.
+    - `numbers`: numbers from the name of the state, or estimated in training.
     - `step`: time between samples, s.
     - `limits`: training range of the source; NaN for operators that do not need it.
     """
@@ -54,21 +54,23 @@ class Setting:
 
     @property
     def width(self) -> float:
-        """The first number as a fraction of the source's training range, in the source's unit."""
+        """The first number times the training range of the source, in the source's unit."""
         low, high = self.limits
         return self.numbers[0] * (high - low)
 
 
 Amount = Any
-"""What a rule computes with: a float, a column, (n,), or an expression of a program."""
+"""A value that a rule computes with: a float, a column of shape (n,), or an expression of a
+program.
+"""
 
 
 class Arithmetic:
-    """What a recursion computes with beside `+ - * / **` and comparisons: here whole columns,
-    elsewhere floats or statements of a program.
+    """Operations that a recursion needs besides `+ - * / **` and comparisons. This class computes
+    with whole columns; others compute with floats or write statements of a program.
 
-    `then` and `otherwise` are values, or functions without arguments that compute one; for columns
-    both are computed.
+    `then` and `otherwise` are values, or functions without arguments that compute a value. For
+    columns, both are computed.
     """
 
     def where(self, condition: Amount, then: Amount, otherwise: Amount) -> Amount:
@@ -78,16 +80,16 @@ class Arithmetic:
         )
 
     def clip(self, x: Amount, low: Amount, high: Amount) -> Amount:
-        """Return x, held at low and high."""
+        """Return x limited to the interval from low to high."""
         return np.clip(x, low, high)
 
     def call(self, function: str, x: Amount) -> Amount:
-        """Return the value of one of `FUNCTIONS` at x."""
+        """Return the value of a function of `FUNCTIONS` at x."""
         return FUNCTIONS[function].compute(x)
 
 
 class _Floats(Arithmetic):
-    """One number at a time; of a branch only the side that counts is computed."""
+    """Operations on single numbers. Only the branch that applies is computed."""
 
     def where(self, condition: Amount, then: Amount, otherwise: Amount) -> Amount:
         chosen = then if condition else otherwise
@@ -105,17 +107,19 @@ COLUMNS, FLOATS = Arithmetic(), _Floats()
 
 @dataclass(frozen=True)
 class Recursion:
-    """An operator from one sample to the next: `s[k] = next(m, s[k-1], ..., s[k-p], x[k], ...,
-    x[k-q])`.
+    """Rule of an operator from one sample to the next: `s[k] = next(m, s[k-1], ..., s[k-p], x[k],
+    ..., x[k-q])`.
 
-    This is the one definition of an operator: values along a recording, steps of a free run,
-    derivatives and exported code follow from it. `next` is called with floats, with columns and
-    with the names of a program, so it branches by `m.where` and not by `if`.
+    This is the only definition of an operator: values along a recording, steps of a free run,
+    derivatives and exported code are derived from it. Because `next` is called with floats, with
+    columns and with the names of a program, it must branch with `m.where` instead of `if`.
 
-    - `own`, `source`: how many past values of its own, p, and of its source, q, it needs.
-    - `next`: the new value, of the arithmetic m and p + q + 1 numbers in the order above.
-    - `rest`: the value where the source has always been x.
-    - `weights`: of a linear operator, the p + q + 1 weights; None for others.
+    - `own`, `source`: number of past values of the state, p, and of its source, q, that the rule
+      needs.
+    - `next`: function that returns the new value, from the operations m and the p + q + 1 numbers
+      in the order above.
+    - `rest`: value of the state if the source has always been x.
+    - `weights`: the p + q + 1 weights of a linear operator; None for other operators.
     """
 
     own: int
@@ -126,8 +130,8 @@ class Recursion:
 
 
 def linear(past: Sequence[float], driven: Sequence[float], steady: float = 1.0) -> Recursion:
-    """Return the recursion `s[k] = sum_i past_i s[k-i] + sum_j driven_j x[k-j]`, i from 1, j from
-    0; at rest s is `steady` times x.
+    """Return the recursion `s[k] = sum_i past_i s[k-i] + sum_j driven_j x[k-j]`, with i from 1 and
+    j from 0. At rest, s is `steady` times x.
     """
     weights = (*past, *driven)
     return Recursion(
@@ -141,26 +145,25 @@ def linear(past: Sequence[float], driven: Sequence[float], steady: float = 1.0) 
 
 @dataclass(frozen=True)
 class Operator:
-    """Everything that is known of an operator.
+    """An operator with memory.
 
-    - `name`: as in `slow(pressure, 0.3)`.
-    - `summary`: what a spec's author reads of its family.
-    - `recursion`: from one sample to the next.
-    - `parameters`: its numbers, in the order of its name.
-    - `needs`: what training has to find of the source: its `range`, which widths are fractions of;
-      or the `oscillator` that it drives,
-      where the name has no numbers.
-    - `starts`: where training can find its numbers: sets of them to begin from, of the time between
-      samples and the longest piece's
-      duration, s.
-    - `spread`: numbers where a spec gives a `count` of them: of that count, the time between
-      samples and the longest piece's duration, both
-      s.
-    - `family`: the key of the spec's family that writes it, if that is not its name: a family may
-      write several operators.
-    - `along`: a faster way to compute its values on one uninterrupted piece, (n,), which begins at
-      rest; None takes the recursion.
-    - `timed`: whether it needs even steps of time; else the order of samples is enough.
+    - `name`: name in a state, for example `slow` in `slow(pressure, 0.3)`.
+    - `summary`: explanation of its family for the author of a spec.
+    - `recursion`: function that returns the rule from one sample to the next.
+    - `parameters`: its numbers, in the order in which the name of a state has them.
+    - `needs`: what training must find out about the source: its `range`, if widths are fractions of
+      it, or the `oscillator` that it drives, if the name has no numbers.
+    - `starts`: sets of numbers from which training begins its search, as a function of the time
+      between samples and the duration of the longest piece, s. None if training cannot estimate the
+      numbers.
+    - `spread`: function that returns the numbers if a spec gives a `count`, from that count, the
+      time between samples and the duration of the longest piece, both in s.
+    - `family`: key of the family in a spec, if it is not `name`. A family may consist of several
+      operators.
+    - `along`: faster way to compute the values on one uninterrupted piece, shape (n,), that begins
+      at rest; None uses the recursion.
+    - `timed`: True if the operator needs equal time steps. Otherwise the order of the samples is
+      enough.
     """
 
     name: str
@@ -176,17 +179,19 @@ class Operator:
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """How many numbers may stand in a name: none as well, where training finds them."""
+        """How many numbers the name of a state may have; zero is among them if training can
+        estimate them.
+        """
         return (0, len(self.parameters)) if self.found else (len(self.parameters),)
 
     @property
     def found(self) -> bool:
-        """Whether training finds numbers that a name leaves out."""
+        """True if training estimates the numbers that a name leaves out."""
         return self.needs == "oscillator" or self.starts is not None
 
     @property
     def latex(self) -> str:
-        """The name upright."""
+        """Name in upright letters, as LaTeX."""
         return rf"\mathrm{{{self.name.replace('_', chr(92) + '_')}}}"
 
 
@@ -199,9 +204,9 @@ NOTHING_BEFORE = (np.empty(0), np.empty(0))
 def along(
     operator: Operator, x: Array, setting: Setting, before: tuple[Array, Array] = NOTHING_BEFORE
 ) -> Array:
-    """Return the state along one uninterrupted piece, (n,); NaN where the source x is NaN at the
-    beginning, at rest then. Where the piece goes on, its own last values and those of the source
-    came `before`.
+    """Return the state along one uninterrupted piece, shape (n,). It is NaN while the source x is
+    NaN at the beginning, and starts at rest after that. If the piece continues another, `before`
+    holds the last values of the state and of the source.
     """
     own, source = map(_from_first_number, before)
     if len(own):
@@ -220,19 +225,21 @@ def along(
 
 
 def _from_first_number(values: Array) -> Array:
-    """Return the values from the first that is a number."""
+    """Return the values from the first one that is not NaN."""
     known = ~np.isnan(values)
     return values[int(np.argmax(known)) if known.any() else len(values) :]
 
 
 def _latest(values: Array, count: int) -> list[float]:
-    """Return the last values, the last first; before the first of them, it has always been that."""
+    """Return the last values, the latest first. Missing earlier values are equal to the first
+    value.
+    """
     last: list[float] = values[: -count - 1 : -1].tolist()
     return last + [float(values[0])] * (count - len(last))
 
 
 def from_rest(rule: Recursion, x: Array) -> Array:
-    """Return a recursion along x, (n,), as if x had always been x[0] before."""
+    """Return a recursion along x, shape (n,), as if x had always been x[0] before."""
     first = float(x[0])
     if rule.own == 0:
         return run_recursion(rule, x, [], [first] * rule.source)
@@ -241,11 +248,11 @@ def from_rest(rule: Recursion, x: Array) -> Array:
 
 
 def run_recursion(rule: Recursion, x: Array, own: list[float], past: list[float]) -> Array:
-    """Return a recursion along x, (n,), from its own last values and the `past` of x, the last
-    first.
+    """Return a recursion along x, shape (n,). `own` holds the last values of the state and `past`
+    those of x, the latest first.
 
-    A linear one is a filter, one without memory is computed for all samples at once, any other
-    sample by sample.
+    A linear recursion is computed as a filter, a recursion without memory for all samples at once,
+    and any other sample by sample.
     """
     if rule.own == 0:
         whole, n = np.concatenate([past[::-1], x]), len(past)

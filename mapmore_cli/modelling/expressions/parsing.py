@@ -1,4 +1,4 @@
-"""Expressions from text, by recursive descent.
+"""Read expressions from text by recursive descent.
 
     sum      = product { ("+" | "-") product }
     product  = signed { ("*" | "/") signed }
@@ -6,8 +6,8 @@
     power    = atom [ ("^" | "**") signed ]            the exponent must be constant
     atom     = number | name | state | function "(" sum ")" | "(" sum ")"
 
-A state with memory (`expressions.states`), as `force[k-1]`, is one name. Length and depth are
-limited, so that hostile text ends in an `ExpressionError` and never in a `RecursionError`.
+A state with memory (`expressions.states`), for example `force[k-1]`, is one name. Length and depth
+are limited, so that hostile text causes an `ExpressionError`, never a `RecursionError`.
 """
 
 from __future__ import annotations
@@ -41,7 +41,9 @@ from mapmore_cli.modelling.expressions.syntax import (
 )
 
 RANGED = "unit"
-"""Marks what waits for a training range (`expressions.ranged`)."""
+"""Function name that marks an argument whose training range is not known yet
+(`expressions.ranged`).
+"""
 
 MAX_LENGTH = 10_000
 MAX_DEPTH = 50
@@ -49,11 +51,13 @@ MAX_DEPTH = 50
 
 @lru_cache(maxsize=4096)
 def parse(text: str, ranged: Callable[[Expression], Expression] | None = None) -> Expression:
-    """Syntax tree of `text`, in canonical form; of a text that comes again, the same tree.
+    """Return the syntax tree of `text` in canonical form. The same text returns the same object.
 
-    Parts of it may wait for a training range where it is said what is `ranged` in their place.
+    With `ranged`, parts of the text may depend on a training range; the function returns what
+    stands in their place.
 
-    Raises ExpressionError if `text` is no expression; its `position` says where.
+    Raises ExpressionError if `text` is no valid expression; its `position` is the place of the
+    fault.
 
     Examples
     --------
@@ -69,7 +73,7 @@ def parse(text: str, ranged: Callable[[Expression], Expression] | None = None) -
     parser.ranged = ranged
     expression = parser.sum()
     parser.expect("end", "an operator")
-    # written out, nothing grows tenfold
+    # the written-out text stays short
     if len(text) > MAX_LENGTH // 10 and (length := len(to_text(expression))) > MAX_LENGTH:
         raise ExpressionError(
             f"the expression has {length} characters when its powers are written out, more "
@@ -80,11 +84,11 @@ def parse(text: str, ranged: Callable[[Expression], Expression] | None = None) -
 
 
 candidate = partial(parse, ranged=partial(Call, RANGED))
-"""Reads a term of a dictionary, which may wait for a training range."""
+"""Read a term of a dictionary, which may depend on a training range that is not known yet."""
 
 
 class _Parser(Tokens):
-    """One method for each rule of the grammar."""
+    """Parser with one method for each rule of the grammar."""
 
     _depth = 0
     ranged: Callable[[Expression], Expression] | None = None
@@ -101,7 +105,7 @@ class _Parser(Tokens):
             raise self._misfit(f"expected {wanted}, found {next_text}")
 
     def _misfit(self, message: str) -> ExpressionError:
-        """Return the error at the next token; some stand in names of states only."""
+        """Return the error at the next token. Some tokens are valid only in names of states."""
         message = (
             f"unexpected character {self.next.text!r}"
             if self.next.kind in ("[", "]", ",")

@@ -1,4 +1,4 @@
-"""Expressions as text and as LaTeX."""
+"""Print expressions as text, LaTeX and MathML."""
 
 from __future__ import annotations
 
@@ -20,37 +20,38 @@ from mapmore_cli.modelling.expressions.syntax import (
     power,
 )
 
-# how tightly a text binds; an operand that binds less than its place needs is put in brackets
+# how tightly a text binds; an operand that binds less tightly than its place requires is put in
+# brackets
 _SUM, _PRODUCT, _POWER, _ATOM = range(4)
 
 _Bound = tuple[str, int]
 
 
 def to_text(expression: Expression, digits: int | None = None) -> str:
-    """Canonical text: `parse(to_text(e)) == e` where `digits` is left out; else numbers are rounded
-    to so many digits.
+    """Return the canonical text: `parse(to_text(e)) == e` without `digits`. With `digits`, numbers
+    are rounded to this many significant digits.
     """
     return _Text(digits).printed(expression)[0]
 
 
 def to_latex(expression: Expression, digits: int | None = None) -> str:
-    r"""LaTeX for mathematics mode: names upright, parameters such as `a1` in italics with an index,
-    quotients as `\frac`.
+    r"""Return LaTeX for mathematics mode: names upright, parameters such as `a1` in italics with an
+    index, quotients as `\frac`.
     """
     return _Latex(digits).printed(expression)[0]
 
 
 def to_mathml(expression: Expression, digits: int | None = None) -> tuple[str, ...]:
-    """Presentation MathML with the same look as the LaTeX: an `<mrow>` for each term of a sum, so
-    that a line may end between them.
+    """Return presentation MathML that looks like the LaTeX, with one `<mrow>` for each term of a
+    sum, so that a line can break between them.
     """
     terms = expression.terms if isinstance(expression, Sum) else (expression,)
     return tuple(f"<mrow>{term}</mrow>" for term in _MathML(digits).signed(terms))
 
 
 class _Text:
-    """How expressions look as text; numbers have so many significant digits, None for all that they
-    need.
+    """Style of expressions as text. Numbers have `digits` significant digits, or as many as they
+    need for None.
     """
 
     brackets = "({})"
@@ -76,7 +77,7 @@ class _Text:
         raise TypeError(f"not an expression: {expression!r}")
 
     def operand(self, expression: Expression, needed: int) -> str:
-        """Return the text of an operand, in brackets where its place needs them."""
+        """Return the text of an operand, in brackets if its place requires them."""
         text, bound = self.printed(expression)
         return text if bound >= needed else self.brackets.format(text)
 
@@ -126,7 +127,7 @@ class _Text:
 
 
 class _Latex(_Text):
-    """How expressions look as LaTeX."""
+    """Style of expressions as LaTeX."""
 
     brackets = r"\left({}\right)"
     numeral, scientific = "{}", r"{} \times 10^{{{}}}"
@@ -174,7 +175,7 @@ class _Latex(_Text):
         return text
 
     def state(self, wanted: State) -> _Bound:
-        """Return a quantity or a state; numbers of an operator are its index."""
+        """Return a quantity or a state. The numbers of an operator become its index."""
         match wanted:
             case Measured(name):
                 if indexed := re.fullmatch(r"([A-Za-z])([0-9]*)", name):
@@ -190,7 +191,7 @@ class _Latex(_Text):
 
 
 class _MathML(_Latex):
-    """How expressions look as MathML."""
+    """Style of expressions as MathML."""
 
     brackets = "<mrow><mo>(</mo>{}<mo>)</mo></mrow>"
     before_first = "<mo>−</mo>"
@@ -219,13 +220,13 @@ def _sign(expression: Expression) -> tuple[Expression, bool]:
 
 
 def _factors(expression: Expression) -> tuple[tuple[Expression, ...], bool]:
-    """Return the factors without the leading minus, and whether there was one."""
+    """Return the factors without the leading minus, and True if there was one."""
     size, minus = _sign(expression)
     return (size.factors if isinstance(size, Product) else (size,)), minus
 
 
 def _inverse(factor: Expression) -> Expression | None:
-    """Return what `factor` divides by; None if it multiplies."""
+    """Return the divisor that `factor` stands for; None if it multiplies."""
     return (
         power(factor.base, -factor.exponent)
         if isinstance(factor, Power) and factor.exponent < 0

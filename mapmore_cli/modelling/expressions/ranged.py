@@ -1,6 +1,7 @@
-"""Candidate terms that wait for a training range: x in `unit(x)` runs from 0 to 1 along it.
+"""Fill the training range into candidate terms that depend on it: in `unit(x)`, x is scaled to run
+from 0 to 1 over its training range.
 
-`abs(unit(strain - 0.1))^3` becomes `abs((strain - 93)/830)^3`.
+For example, `abs(unit(strain - 0.1))^3` becomes `abs((strain - 93)/830)^3`.
 """
 
 from __future__ import annotations
@@ -16,21 +17,25 @@ from mapmore_cli.modelling.expressions.printing import to_text
 from mapmore_cli.modelling.expressions.syntax import Expression, Name
 
 DIGITS = 4
-"""Significant digits of a width, and of a place as part of the range: enough, and short."""
+"""Significant digits of a width, and of a position as a fraction of the range. They are enough, and
+keep the text short.
+"""
 
 Courses = tuple[tuple[str, float, float], ...]
-"""Inputs and states, each with its least and greatest training value."""
+"""Inputs and states, each with its smallest and largest training value."""
 
 
 def placed(texts: tuple[str, ...], courses: Courses) -> tuple[str, ...]:
-    """Return all terms with the numbers of their training ranges, each once."""
+    """Return all terms with their training ranges filled in, without repetitions."""
     if not any(RANGED in text for text in texts):
         return texts
     return _placed(texts, tuple(_without_rounding(*course) for course in courses))
 
 
 def _without_rounding(name: str, low: float, high: float) -> tuple[str, float, float]:
-    """Return a range without the last digits, in which segments that are scaled alike differ."""
+    """Return a range without its last digits, in which segments with equal scaling differ by
+    rounding.
+    """
     width = float(f"{high - low:.9g}") or 1.0
     low = round(low / width, 9) * width
     return name, low, low + width if high > low else low
@@ -41,7 +46,7 @@ def _placed(texts: tuple[str, ...], courses: Courses) -> tuple[str, ...]:
     ranges = {name: (low, high) for name, low, high in courses}
 
     def line(distance: Expression) -> Expression:
-        """Return a straight line over a range, with the numbers of that range."""
+        """Return the straight line over a range, with the numbers of that range."""
         (name,) = distance.names
         start, end = evaluate(distance, {name: np.arange(2.0)}, 2).tolist()
         low, high = ranges[name]

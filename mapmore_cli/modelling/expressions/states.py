@@ -1,9 +1,10 @@
-"""States with memory as names, `force[k-1]`, `slow(play(pressure, 0.16), 0.3)`; and the tokens that
-they and expressions are read from.
+"""Read and write the names of states with memory, for example `force[k-1]` or `slow(play(pressure,
+0.16), 0.3)`, and the tokens of which these names and expressions consist.
 
     state    = ( quantity | operator "(" state { "," number } ")" ) [ "[" "k" "-" steps "]" ]
 
-In an expression a state is one name, by its canonical text; `modelling.memory` computes its values.
+In an expression, a state is one name, given by its canonical text. `modelling.memory` computes its
+values.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ _TOKEN = re.compile(
 
 
 class ExpressionError(ValueError):
-    """Text that is no expression; `position` is the 0-based offset of the first character that does
-    not fit.
+    """A text is no valid expression. `position` is the 0-based offset of the first character that
+    does not fit.
     """
 
     def __init__(self, message: str, position: int = 0) -> None:
@@ -42,23 +43,25 @@ class ExpressionError(ValueError):
 class _State:
     @property
     def parts(self) -> tuple[State, ...]:
-        """The state and all that it is made of, the innermost first."""
+        """The state and all states of which it is made, the innermost first."""
         assert isinstance(self, State)
         return (self,) if isinstance(self, Measured) else (*self.source.parts, self)
 
     @property
     def quantity(self) -> str:
-        """The measured quantity that the state is made of."""
+        """The measured quantity of which the state is made."""
         return self.parts[0].name
 
     @property
     def lag(self) -> int:
-        """Samples that it looks back at least, and so without a value at the beginning."""
+        """Number of samples that the state looks back at least. It has no value for so many samples
+        at the beginning.
+        """
         return sum(part.steps for part in self.parts if isinstance(part, Lagged))
 
     @property
     def goes_by_order(self) -> bool:
-        """Whether it needs the order of samples at most, and no time between them."""
+        """True if the state needs the order of samples, but not the time between them."""
         return all(
             not OPERATORS[part.operator].timed
             if isinstance(part, Operated)
@@ -69,27 +72,27 @@ class _State:
 
 @dataclass(frozen=True)
 class Measured(_State):
-    """A quantity as it is now."""
+    """A quantity at the present sample."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class Lagged(_State):
-    """`source` some samples ago."""
+    """A state some samples ago."""
 
     source: State
     steps: int
 
     @property
     def name(self) -> str:
-        """As `force[k-2]`."""
+        """Name of the state, for example `force[k-2]`."""
         return f"{self.source.name}[k-{self.steps}]"
 
 
 @dataclass(frozen=True)
 class Operated(_State):
-    """An operator of `OPERATORS` along the history of `source`."""
+    """An operator of `OPERATORS` applied to the history of `source`."""
 
     operator: str
     source: State
@@ -97,7 +100,7 @@ class Operated(_State):
 
     @property
     def name(self) -> str:
-        """As `play(pressure, 0.16)`."""
+        """Name of the state, for example `play(pressure, 0.16)`."""
         return (
             f"{self.operator}({', '.join([self.source.name, *map(shortest_text, self.numbers)])})"
         )
@@ -107,12 +110,12 @@ State = Measured | Lagged | Operated
 
 
 def shortest_text(value: float) -> str:
-    """Return the shortest text of a number that reads as the same number."""
+    """Return the shortest text that reads as exactly the same number."""
     return repr(value).removesuffix(".0")
 
 
 class Token(NamedTuple):
-    """A word of an expression; `kind` is `number`, `name`, `end`, or the mark itself."""
+    """A token of an expression. `kind` is `number`, `name`, `end`, or the symbol itself."""
 
     kind: str
     text: str
@@ -120,8 +123,8 @@ class Token(NamedTuple):
 
 
 class Tokens:
-    """The tokens of a text, read one after the other; `next` is the one to be read. Raises
-    ExpressionError if none begins.
+    """Tokens of a text, read one after the other; `next` is the token to be read. Raises
+    ExpressionError if the text continues with no valid token.
     """
 
     def __init__(self, text: str) -> None:
@@ -129,13 +132,13 @@ class Tokens:
         self.next = next(self._rest)
 
     def take(self) -> Token:
-        """Return the next token, and go on."""
+        """Return the next token and advance."""
         token = self.next
         self.next = next(self._rest, token)
         return token
 
     def skip(self, kind: str) -> bool:
-        """Take the next token if it is of this kind; return whether it was."""
+        """Take the next token if it is of this kind, and return True if it was."""
         return self.next.kind == kind and bool(self.take())
 
 
@@ -150,7 +153,7 @@ def _token(match: re.Match[str]) -> Token:
 
 @lru_cache(maxsize=4096)
 def state(text: str) -> State:
-    """Return the state that `text` names. Raises ExpressionError if it names none."""
+    """Return the state that `text` names. Raises ExpressionError for a malformed name."""
     tokens = Tokens(text)
     parsed = read_state(tokens, tokens.take())
     if tokens.next.kind != "end":
@@ -159,7 +162,7 @@ def state(text: str) -> State:
 
 
 def opens_state(name: Token, mark: Token) -> bool:
-    """Whether the identifier `name`, with `mark` behind it, begins the name of a state with
+    """Return True if the identifier `name`, followed by `mark`, begins the name of a state with
     memory.
     """
     return mark.kind == "[" or (mark.kind == "(" and name.text in OPERATORS)
@@ -188,7 +191,7 @@ def read_state(tokens: Tokens, name: Token, depth: int = 0) -> State:
 
 
 def _operated(tokens: Tokens, name: Token, depth: int) -> Operated:
-    """Return the operator of that name with what stands in its bracket."""
+    """Return the operator `name` applied to the contents of its bracket."""
     operator = OPERATORS.get(name.text)
     if operator is None:
         raise ExpressionError(

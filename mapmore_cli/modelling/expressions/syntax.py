@@ -1,9 +1,9 @@
-"""The syntax tree of expressions, and the constructors that keep it in a light canonical form.
+"""Define the syntax tree of expressions, and constructors that keep it in a simple canonical form.
 
-Build trees with `add`, `multiply`, `power` and `call`; they flatten nested sums and products, drop
-zeros and ones, and fold the numbers of a product into one in front. Subtraction is a factor of -1
-and division an exponent of -1, so six kinds of node are enough. The folding never changes a value
-that is finite without it, but for rounding.
+Build trees with `add`, `multiply`, `power` and `call`. They flatten nested sums and products, drop
+zeros and ones, and fold the numbers of a product into one number in front. Subtraction is a factor
+of -1 and division an exponent of -1, so that six kinds of nodes are enough. Apart from rounding,
+folding never changes a value that is finite without it.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from mapmore_cli.modelling.expressions.states import IDENTIFIER, ExpressionError
 MAX_EXPONENT = 20
 
 Class = TypeVar("Class", bound=type)
-Operand = Union["Expression", float]  # what stands beside an expression in arithmetic
+Operand = Union["Expression", float]  # operand beside an expression in arithmetic
 Operation = Callable[[Any, Operand], "Expression"]
 
 
 @dataclass_transform(frozen_default=True)
 def _node(cls: Class) -> Class:
-    """Return a frozen dataclass that stores its hash, because trees are looked up often and
-    computing a hash visits the whole tree.
+    """Return a frozen dataclass that stores its hash. Trees are looked up often, and computing a
+    hash visits the whole tree.
     """
     made: Any = dataclass(frozen=True)(cls)
     walked = made.__hash__
@@ -40,12 +40,12 @@ def _node(cls: Class) -> Class:
         return int(held["_hash"])
 
     made.__hash__ = kept
-    return cls  # which the decorator of dataclasses has changed in place
+    return cls  # the dataclass decorator has changed it in place
 
 
 def _both_ways(made: Callable[[Expression, Expression], Expression]) -> tuple[Operation, Operation]:
-    """Return an operation whose other operand, an expression or a number, stands on the right, and
-    one where it stands on the left.
+    """Return an operation with the other operand (an expression or a number) on the right, and the
+    operation with it on the left.
     """
     return lambda left, right: made(left, expression(right)), lambda right, left: made(
         expression(left), right
@@ -58,15 +58,15 @@ def _compared(comparison: str) -> Callable[[Any, Operand], Condition]:
 
 @_node
 class Expression:
-    """Base of the nodes; immutable, comparable and hashable."""
+    """Base class of the nodes; immutable, comparable and hashable."""
 
     def __getstate__(self) -> dict[str, object]:
-        """Without the hash, which is another one in another process."""
+        """Return the state without the hash, which differs between processes."""
         return {name: value for name, value in self.__dict__.items() if name != "_hash"}
 
     @cached_property
     def names(self) -> frozenset[str]:
-        """Every quantity that occurs."""
+        """All quantities that occur in the expression."""
         match self:
             case Name(name):
                 return frozenset({name})
@@ -76,7 +76,7 @@ class Expression:
                 return part.names
         return frozenset()
 
-    # a number of NumPy's leaves arithmetic with an expression to the expression
+    # makes NumPy's numbers leave the arithmetic to the expression
     __array_ufunc__ = None
 
     __add__, __radd__ = _both_ways(lambda left, right: add(left, right))
@@ -106,14 +106,14 @@ class Number(Expression):
     def __post_init__(self) -> None:
         if not math.isfinite(self.value):
             raise ExpressionError(f"{self.value} is not a finite number")
-        # there is one zero: -0.0 would have a sign that its text cannot keep
+        # there is only one zero, because the text cannot keep the sign of -0.0
         object.__setattr__(self, "value", self.value + 0.0)
 
 
 @_node
 class Name(Expression):
-    """A quantity or a parameter, by an identifier that is not a function's name; or a state with
-    memory, by its canonical text.
+    """A quantity or a parameter, given by an identifier that is no name of a function; or a state
+    with memory, given by its canonical text.
     """
 
     name: str
@@ -159,7 +159,7 @@ class Power(Expression):
 
 @_node
 class Call(Expression):
-    """One of `FUNCTIONS` applied to an argument."""
+    """One of `FUNCTIONS`, applied to an argument."""
 
     function: str
     argument: Expression
@@ -167,8 +167,8 @@ class Call(Expression):
 
 @dataclass(frozen=True)
 class Condition:
-    """`left comparison right`, with `<`, `<=`, `>`, `>=` or `==`; false where a side is not a
-    number.
+    """Comparison of two expressions with `<`, `<=`, `>`, `>=` or `==`. It is false if a side is
+    NaN.
     """
 
     left: Expression
@@ -191,8 +191,8 @@ def expression(value: Operand) -> Expression:
 
 
 def add(*terms: Expression) -> Expression:
-    """Sum of `terms`, nested sums flattened, zeros dropped, and all numbers folded into the
-    first.
+    """Return the sum of `terms` with nested sums flattened, zeros dropped and all numbers folded
+    into the first term.
     """
     flat = [
         part
@@ -211,8 +211,8 @@ def add(*terms: Expression) -> Expression:
 
 
 def multiply(*factors: Expression) -> Expression:
-    """Product of `factors`, nested products flattened, ones dropped, and all numbers folded into
-    one in front.
+    """Return the product of `factors` with nested products flattened, ones dropped and all numbers
+    folded into one factor in front.
     """
     flat = [
         part
@@ -229,7 +229,7 @@ def multiply(*factors: Expression) -> Expression:
 
 
 def power(base: Expression, exponent: float) -> Expression:
-    """`base^exponent`, where the reciprocal of a power is a power."""
+    """Return `base^exponent`. The reciprocal of a power is again a power."""
     if exponent == 1.0:
         return base
     if exponent == 0.0:
@@ -240,7 +240,7 @@ def power(base: Expression, exponent: float) -> Expression:
 
 
 def call(function: str, argument: Expression) -> Expression:
-    """`function(argument)`, for one of `FUNCTIONS`."""
+    """Return `function(argument)` for one of `FUNCTIONS`."""
     if function not in FUNCTIONS:
         raise ExpressionError(
             f"there is no function `{function}`; there are {', '.join(FUNCTIONS)}"
@@ -249,7 +249,7 @@ def call(function: str, argument: Expression) -> Expression:
 
 
 def negate(expression: Expression) -> Expression:
-    """`-expression`."""
+    """Return `-expression`."""
     return multiply(Number(-1.0), expression)
 
 
@@ -259,8 +259,8 @@ def names_in(expressions: Iterable[Expression]) -> frozenset[str]:
 
 
 def with_parts(expression: Expression, change: Callable[[Expression], Expression]) -> Expression:
-    """Return the expression, in canonical form, with every part of it changed; a name or a number
-    as it is.
+    """Return the expression in canonical form with `change` applied to each of its parts. A name or
+    a number is returned unchanged.
     """
     match expression:
         case Sum(terms):
@@ -275,8 +275,8 @@ def with_parts(expression: Expression, change: Callable[[Expression], Expression
 
 
 def _folded(numbers: list[float]) -> list[float]:
-    """Return the product of the numbers, as none if it is one; as their magnitudes where it
-    would overflow or lose digits.
+    """Return the product of the numbers as a list: empty if the product is one, and the magnitudes
+    one by one if their product would overflow or lose digits.
     """
     product = math.prod(numbers)
     if sys.float_info.min <= abs(product) < math.inf:

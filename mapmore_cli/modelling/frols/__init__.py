@@ -1,10 +1,10 @@
-"""Forward regression with orthogonal least squares (FROLS), the engine of MAPMORE.
+"""Select terms by forward regression with orthogonal least squares (FROLS), the engine of MAPMORE.
 
 M1 eq 2-4, M2 eq 2-8; S. A. Billings, *Nonlinear System Identification*, Wiley 2013, chapter 3.
 
-`frols` selects as on paper (`tests/modelling/frols/textbook.py`) in forms that are fast and keep
-their digits: one greedy choice (`select`), and two forms of what is left of the candidates
-(`engine`).
+`frols` makes the same choice as the method on paper (`tests/modelling/frols/textbook.py`), in forms
+that are fast and numerically accurate: one greedy choice (`select`), and two representations of the
+candidates' remainders (`engine`).
 """
 
 from mapmore_cli.modelling.frols.engine import (

@@ -1,11 +1,12 @@
-"""Standard errors of least squares where neighbouring samples of a recording err together.
+"""Compute standard errors of least squares when neighbouring samples of a recording have correlated
+errors.
 
-Their covariance is `(P'P)^-1 P' Omega P (P'P)^-1`, Omega that of the noise: `white` noise and a
-`drift` of which the share `kept` is left after a sample, `Omega = white I + drift kept^|i-j|`
-within a recording. A sum over lags as that of Newey and West (Econometrica 55, 1987) comes out at a
-half and less where `kept` is .97: residuals of a fit vary less than the noise does, its slowest
-part the least. So the noise is that whose residuals, in the mean over this very fit, go together as
-those that were found (`matched`).
+The covariance of the coefficients is `(P'P)^-1 P' Omega P (P'P)^-1`, where Omega is the covariance
+of the noise: `white` noise and a `drift` of which the share `kept` remains after one sample, `Omega
+= white I + drift kept^|i-j|` within a recording. A sum over lags like that of Newey and West
+(Econometrica 55, 1987) gives half the true value or less for `kept` = 0.97, because the residuals
+of a fit vary less than the noise, and its slowest part least of all. So the noise is chosen whose
+residuals, after this very fit, have on average the measured autocovariance (`matched`).
 """
 
 from __future__ import annotations
@@ -18,11 +19,12 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 
-PART = 1 << 14  # samples, of the first recordings, that tell what the noise is
-MOST = 1 << 21  # numbers of the chosen columns, which are held in memory as a whole a few times
-FEWEST = 20  # samples of a recording below which they do not tell
-CHANCE = 0.01  # of white noise to be taken for a drift
-COARSE, FINE = np.log(3.0), 0.05  # steps and tolerance of the search, of the logarithm of a time
+PART = 1 << 14  # samples, from the first recordings, from which the noise is estimated
+MOST = 1 << 21  # numbers in the chosen columns; a few copies of them are in memory at once
+FEWEST = 20  # samples; shorter recordings are too short to estimate the noise
+CHANCE = 0.01  # probability that white noise is taken for a drift
+# step and tolerance of the search, in the logarithm of a time constant
+COARSE, FINE = np.log(3.0), 0.05
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,9 @@ class Noise:
 
     @property
     def worth(self) -> float:
-        """How many independent samples one sample is worth, for a mean over many."""
+        """Number of independent samples to which one sample is equivalent, in a mean over many
+        samples.
+        """
         slow = self.drift * (1 + self.kept) / (1 - self.kept)
         return (self.white + self.drift) / (self.white + slow) if self.white + slow else 1.0
 
@@ -45,12 +49,12 @@ class Noise:
 def correlated_errors(
     P: Array, residual: Array, lengths: Sequence[int], ridge: Array | None = None
 ) -> tuple[Array, float]:
-    """Return standard errors of the coefficients, (k,), and how many independent samples the n
-    samples are worth.
+    """Return the standard errors of the coefficients, shape (k,), and the number of independent
+    samples to which the n samples are equivalent.
 
-    `P` (n, k) and the `residual` (n,) are of recordings of these `lengths` one after the other,
-    each in the order of time; `ridge` (k,) is added to the diagonal of P'P. NaN without a degree of
-    freedom.
+    `P`, shape (n, k), and `residual`, shape (n,), hold recordings with these `lengths` one after
+    the other, each in the order of time. `ridge`, shape (k,), is added to the diagonal of P'P. The
+    errors are NaN without a degree of freedom.
     """
     n, k = P.shape
     if n <= k:
@@ -67,8 +71,8 @@ def correlated_errors(
 
 
 def matched(records: _Records) -> Noise:
-    """Return the noise of which residuals of this fit go together as those do that were found; it
-    is white where these could be chance.
+    """Return the noise for which the residuals of this fit have the measured autocovariance. It is
+    white if the measured one could be due to chance.
     """
     from scipy.optimize import minimize_scalar, nnls
     from scipy.special import chdtri
@@ -113,7 +117,7 @@ class _Records:
     lengths: Sequence[int]
 
     def first(self, count: int) -> _Records:
-        """Return the recordings of the first so many samples."""
+        """Return the recordings that contain the first `count` samples."""
         ends = np.minimum(np.cumsum(self.lengths), count)
         lengths = [one for one in np.diff(ends, prepend=0).tolist() if one]
         basis = np.linalg.qr(self.basis[:count])[0]
@@ -121,28 +125,28 @@ class _Records:
 
     @cached_property
     def lags(self) -> list[int]:
-        """0, 1, 2, 4, ... up to an eighth of the longest recording."""
+        """Lags 0, 1, 2, 4, ... up to an eighth of the longest recording."""
         return [0, *(2**i for i in range(1 + int(np.log2(max(max(self.lengths) / 8, 1)))))]
 
     @cached_property
     def pairs(self) -> Array:
-        """Pairs of samples at each lag."""
+        """Number of pairs of samples at each lag."""
         return np.array([sum(max(one - lag, 0) for one in self.lengths) for lag in self.lags])
 
     @cached_property
     def sums(self) -> Array:
-        """Return the sums of products of residuals at each lag."""
+        """Sums of products of residuals at each lag."""
         e = self.residual[:, None]
         return np.array([float(np.sum(e * _shifted(e, self.lengths, lag))) for lag in self.lags])
 
     @cached_property
     def shifts(self) -> list[Array]:
-        """The columns shifted by each lag, (n, k)."""
+        """The columns shifted by each lag, shape (n, k)."""
         return [_shifted(self.basis, self.lengths, lag) for lag in self.lags]
 
     def expected(self, kept: float) -> Array:
-        """Return the mean of the `sums` for noise of variance one: `tr(L M R M)`, with R its
-        correlation, M what the fit leaves, L the shift by a lag.
+        """Return the mean of `sums` for noise of variance one: `tr(L M R M)`, where R is the
+        correlation of the noise, M projects onto the residuals, and L shifts by a lag.
         """
         turned = _together(self.basis, self.lengths, kept) if kept else self.basis
         inner = self.basis.T @ turned
@@ -175,7 +179,9 @@ def _together(columns: Array, lengths: Sequence[int], kept: float) -> Array:
 
 
 def _shifted(columns: Array, lengths: Sequence[int], lag: int) -> Array:
-    """Return the mean of the columns before and after by a lag within a recording, (n, k)."""
+    """Return the mean of the columns shifted forwards and backwards by a lag within a recording,
+    shape (n, k).
+    """
     moved = np.zeros_like(columns)
     for rows in _rows(lengths):
         own, size = columns[rows], max(rows.stop - rows.start - lag, 0)

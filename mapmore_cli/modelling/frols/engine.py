@@ -1,6 +1,7 @@
-"""`frols` and `frols_together`, and the forms of the method: on the Gram matrix a tall dictionary
-is read once; on an orthonormal basis of the chosen columns it is read in every step, and keeps all
-digits. Its triangular factor may stand for it.
+"""Provide `frols` and `frols_together`, and the two numerical forms of the method. With the Gram
+matrix, a tall dictionary is read only once. With an orthonormal basis of the chosen columns, it is
+read in every step, but no digits are lost. The triangular factor of the dictionary can replace the
+dictionary.
 """
 
 from __future__ import annotations
@@ -34,24 +35,25 @@ from mapmore_cli.modelling.frols.select import (
 from mapmore_cli.modelling.frols.together import Together, chosen_together
 from mapmore_cli.modelling.frols.weighing import Weighing, reweighted
 
-# a downdated `q'q` below this fraction of `p'p` has lost too many digits (anything of 1e-4..1e-10
-# would serve)
+# a downdated `q'q` below this fraction of `p'p` has lost too many digits (any value from 1e-4 to
+# 1e-10 would do)
 PIVOT_TOLERANCE = 1e-6
 # a downdated residual sum of squares below this fraction of its last explicit value has lost too
 # many digits
 RESIDUAL_TOLERANCE = 1e-9
 
-# error of a product `p'y`, as a fraction of `|p| |y|`, whatever n is
+# error of a product `p'y` as a fraction of `|p| |y|`, for any n
 ROUNDING = 8 * float(np.finfo(np.float64).eps)
-LEAST_DIGITS = 1e-6  # relative accuracy that an ERR must have to be reported
-BALANCE = 1e-12  # how far the sum of ERR may be from what the residual says
+LEAST_DIGITS = 1e-6  # required relative accuracy of a reported ERR
+# largest difference between the sum of ERR and the value that follows from the residual
+BALANCE = 1e-12
 
 
 class GramRemainders(Remainders):
-    """Remainders known by their products only, O(M k) a step: of `matrix`, the `Z'Z` of scaled
-    columns, (M+1, M+1).
+    """Remainders that are known only by their products, at a cost of O(M k) per step. `matrix` is
+    the `Z'Z` of scaled columns, shape (M+1, M+1).
 
-    Their `blocks` are read once more where the residual is so small that its digits are lost in
+    The `blocks` are read once more if the residual is so small that its digits are lost within
     those of `y'y`.
     """
 
@@ -62,8 +64,8 @@ class GramRemainders(Remainders):
         self.picks: list[int] = []
 
     def reductions(self) -> tuple[Array, Array]:
-        """See `Remainders`. Raises DigitsLost where a live `q'q` is mostly rounding error, or the
-        winner is not clear.
+        """Return the reductions (see `Remainders`). Raises DigitsLost if a `q'q` is mostly rounding
+        error, or if rounding could change the winner.
         """
         if (self.squares < PIVOT_TOLERANCE * self.pp)[self.live].any():
             raise DigitsLost
@@ -89,7 +91,7 @@ class GramRemainders(Remainders):
         )
 
     def choose(self, pick: int) -> Array:
-        """See `Remainders`."""
+        """Choose a candidate (see `Remainders`)."""
         length = np.sqrt(self.squares[pick])
         row: Array = (
             np.append(self.gram[pick] - self.rows[:, pick] @ self.rows[:, :-1], self.products[pick])
@@ -105,12 +107,12 @@ class GramRemainders(Remainders):
         return row
 
     def _renew(self) -> None:
-        """Form products with the residual itself instead of y, so that they keep their digits
-        however small it is.
+        """Compute products with the residual itself instead of y, so that they keep their digits
+        even if the residual is very small.
 
-        What rounding left of the chosen columns in `r = y - P_chosen theta` is `U U'r`, with `R'
-        U'r = P_chosen'r`. Raises DigitsLost where residual and sum of ERR together are not `y'y`:
-        the chosen columns have lost too many digits.
+        Because of rounding, `r = y - P_chosen theta` still contains a part of the chosen columns,
+        `U U'r` with `R' U'r = P_chosen'r`. Raises DigitsLost if the residual and the sum of ERR do
+        not add up to `y'y`, because the chosen columns have then lost too many digits.
         """
         R = np.triu(self.rows[:, self.picks])
         theta = np.linalg.solve(R, self.rows[:, -1])
@@ -127,13 +129,14 @@ class GramRemainders(Remainders):
             raise DigitsLost
 
 
-# number of values up to which a dictionary counts as small: there digits come before speed
+# number of values up to which a dictionary counts as small; accuracy is then more important than
+# speed
 SMALL = 2**16
 # a candidate gets an explicit remainder when its downdated `q'q` has fallen to this fraction of
 # `p'p`
 LOST, LOST_OF_SMALL = 1e-6, 1e-2
-# the products `y'q` are computed afresh when the residual sum of squares has fallen by this factor
-# since they last were
+# the products `y'q` are computed again from the residual when the residual sum of squares has
+# fallen by this factor since the last time
 RENEWED = 1e-2
 
 
@@ -141,10 +144,11 @@ class BasisRemainders(Remainders):
     """Remainders of the candidates `P`, (n, M), and of `y`, (n,), by an orthonormal basis of up to
     `limit` chosen columns.
 
-    `q'q` and `y'q` are downdated by `u'P` of each new direction u. A candidate that loses digits
-    that way gets an explicit remainder `q = p - U U'p`, orthogonalised twice ("twice is enough":
-    Giraud and Langou 2005) and again in every later step, with norm and product computed from it:
-    nothing is lost in ill-conditioned dictionaries, at a cost for those candidates only.
+    `q'q` and `y'q` are downdated by `u'P` of each new direction u. A candidate that loses digits in
+    this way gets an explicit remainder `q = p - U U'p`, orthogonalised twice ("twice is enough":
+    Giraud and Langou 2005) and again in every later step; its norm and product are computed from
+    the remainder. So ill-conditioned dictionaries lose no digits, and only the affected candidates
+    cost more time.
     """
 
     def __init__(self, P: Array, y: Array, limit: int) -> None:
@@ -156,7 +160,7 @@ class BasisRemainders(Remainders):
         self.remainders = np.empty((len(y), 0))
 
     def choose(self, pick: int) -> Array:
-        """See `Remainders`."""
+        """Choose a candidate (see `Remainders`)."""
         held = self.explicit == pick
         unit = self._cleared(
             self._cleared(self.remainders[:, held][:, 0] if held.any() else self.P[:, pick])
@@ -177,8 +181,8 @@ class BasisRemainders(Remainders):
         return row
 
     def _renew(self) -> None:
-        """Form norms and products from explicit remainders where downdating has lost the digits;
-        dependent candidates drop out.
+        """Compute norms and products from explicit remainders if downdating has lost their digits,
+        and drop dependent candidates.
         """
         lost = self.live & (self.squares < self.lost_below)
         lost[self.explicit] = False
@@ -196,7 +200,7 @@ class BasisRemainders(Remainders):
         )
 
     def _cleared(self, vectors: Array) -> Array:
-        """Return a vector, or the columns of a matrix, without what lies in the basis."""
+        """Return a vector, or the columns of a matrix, without their components in the basis."""
         basis = self.basis[:, : self.size]
         return vectors - basis @ (basis.T @ vectors)
 
@@ -205,8 +209,8 @@ def _column_squares(P: Array) -> Array:
     return np.asarray(np.einsum("ij,ij->j", P, P))
 
 
-# one `syrk` over so many takes about as long as a matrix-vector product, of which the basis needs
-# one a term
+# one `syrk` over this many columns takes about as long as a matrix-vector product, of which the
+# basis needs one for each term
 GRAM_COLUMNS_PER_TERM = 16
 
 
@@ -220,29 +224,30 @@ def frols(
     names: Sequence[str] = (),
     weighing: Weighing | None = None,
 ) -> Selection:
-    """Select the few columns of `P` that explain `y`, one after the other by error reduction ratio.
+    """Select the few columns of `P` that explain `y`, one after the other, by their error reduction
+    ratio.
 
     In each iteration every unselected regressor is orthogonalised against the selected ones (M2 eq
     2), its coefficient is `g = y'q / q'q` (eq 3) and its error reduction ratio `ERR = g^2 q'q /
     y'y` (eq 4), with the uncentred `y'y`; the highest wins (eq 5). The coefficients of the original
     regressors follow from `A theta = g`.
 
-    A tall dictionary is read once, for `P'P`; where that loses digits, once more, for its
-    triangular factor. A small or wide one is read for every term. The selection does not depend on
-    which; neither `P` nor `y` is changed, or copied unless its squares overflow.
+    A tall dictionary is read once, to compute `P'P`, and once more, to compute its triangular
+    factor, if `P'P` loses digits. A small or wide dictionary is read for every term. The selection
+    is the same in all cases. `P` and `y` are not changed, and are copied only if their squares
+    overflow.
 
     - `P`: candidate regressors, (n, M), in either memory order; `y`: dependent variable, (n,).
-    - `max_terms`: limit on the number of terms (M2 eq 7 read as: stop after that many); None for no
+    - `max_terms`: largest number of terms (M2 eq 7, read as: stop after so many terms); None for no
       limit.
-    - `tolerance`: stop when `1 - sum ERR <= tolerance` (M2 eq 6). Where a column of `P` is
-      constant, it counts out first: what is
-      left has to be that fraction of the squares about the mean of `y`.
-    - `stop`: `tolerance`; or `bic`, `ebic`, `aicc`, `press`: go on to `max_terms`, or until
-      rounding error is left (1e-28 of `y'y`, or no independent candidate), and keep the number of
-      terms that is best by that criterion.
-    - `names` of the candidates, (M,), for tables and messages; `p0`, `p1`, ... where they have
-      none.
-    - `weighing`: how samples weigh, where not all alike: their uncertainty, a robust loss.
+    - `tolerance`: stop when `1 - sum ERR <= tolerance` (M2 eq 6). If a column of `P` is constant,
+      `y'y` is replaced by the sum of squares about the mean of `y`.
+    - `stop`: `tolerance`, or one of the criteria `bic`, `ebic`, `aicc`, `press`. With a criterion,
+      the selection continues to `max_terms`, or until only rounding error is left (1e-28 of `y'y`,
+      or no independent candidate); then the number of terms with the best criterion is kept.
+    - `names`: names of the candidates, (M,), for tables and messages; `p0`, `p1`, ... by default.
+    - `weighing`: weights of the samples, by their uncertainty or by a robust loss; None for equal
+      weights.
 
     Raises DataError if `P` or `y` has a value that is not finite, with its column and row;
     ValueError if the shapes or the names do not fit, or `max_terms` is below one.
@@ -285,8 +290,8 @@ def frols(
 
 @dataclass(frozen=True)
 class Regression:
-    """One output to explain: the `blocks` of candidates and output, how samples weigh, and the
-    blocks of some candidates (`only`), where those come sooner than by all.
+    """A regression problem with one output: the `blocks` of candidates and output, the weights of
+    the samples, and a faster way (`only`) to obtain the blocks of some candidates.
     """
 
     blocks: Blocks
@@ -294,7 +299,7 @@ class Regression:
     only: Callable[[IntArray], Blocks] | None = None
 
     def of(self, chosen: IntArray) -> Blocks:
-        """Return the blocks of some candidates."""
+        """Return the blocks of some candidates only."""
         if self.only is not None:
             return self.only(chosen)
         return lambda: ((P[:, chosen], y) for P, y in self.blocks())
@@ -307,20 +312,20 @@ def frols_together(
     *,
     stop: str = "tolerance",
 ) -> tuple[Selection, ...]:
-    """`frols` of a dictionary that comes in row blocks and never as a whole, for one output or for
-    several, a selection each: memory O(M^2 + block), whatever n is.
+    """Select terms like `frols` from a dictionary that is read in row blocks, for one or several
+    outputs, and return a selection for each. The memory is O(M^2 + block), independent of n.
 
-    Several outputs `y_j` have the same columns: the highest sum of their error reduction ratios
-    wins, `sum_j (y_j'q)^2 / (q'q y_j'y_j)`, so that the unit of an output does not matter (Billings
-    2013, section 3.4); each then has coefficients of its own. Candidates have one order in all
-    problems. The tolerance ends the choice when every output is within it; criteria count the sum
-    over outputs.
+    Several outputs `y_j` share their terms: the candidate with the largest sum of their error
+    reduction ratios wins, `sum_j (y_j'q)^2 / (q'q y_j'y_j)`, so that the units of the outputs do
+    not matter (Billings 2013, section 3.4). Each output has its own coefficients. The candidates
+    have the same order in all problems. The tolerance stops the selection when it is reached for
+    every output; criteria are summed over the outputs.
 
-    Each call of `blocks` yields `P (b, M)` and `y (b,)` of one block after the other, best of a few
-    thousand rows. Most records need one pass. There is another where the normal equations lose
-    digits (an ill-conditioned or dependent dictionary, a residual sum of squares below 1e-9 of
-    `y'y`), two where squares of the values overflow or vanish, and one where a tolerance may end
-    the choice.
+    Each call of `blocks` yields `P`, shape (b, M), and `y`, shape (b,), of one block after the
+    other; blocks of a few thousand rows are fastest. Usually one pass is enough. One more is needed
+    if the normal equations lose digits (an ill-conditioned or dependent dictionary, or a residual
+    sum of squares below 1e-9 of `y'y`), two more if squares of the values overflow or underflow,
+    and one more if the tolerance may stop the selection.
 
     Raises DataError if a value is not finite, with its column and its row counted over all
     blocks; ValueError if there is no row or no column, or `max_terms` is below one.
@@ -345,7 +350,9 @@ def frols_together(
 def _shared_terms(
     problems: Sequence[Regression], sigmas: Sequence[Array | None], stopping: Stopping
 ) -> tuple[IntArray, str, int]:
-    """Return the candidates that all outputs share, why they are so many, and of how many."""
+    """Return the candidates that all outputs share, the reason for their number, and the number of
+    independent candidates.
+    """
     parts, wholes, blocks = list[Remainders](), list[float](), list[Blocks]()
     for one, sigma in zip(problems, sigmas, strict=True):
         own = one.blocks if sigma is None else weighted(one.blocks, sigma)
@@ -359,18 +366,18 @@ def _shared_terms(
 
 
 def reads_once(n: int, M: int, terms: int) -> bool:
-    """Whether `frols` forms `P'P`, as `frols_together` does, so that the dictionary need not be
-    there as a whole.
+    """Return True if `frols` computes `P'P`, as `frols_together` does, so that the dictionary need
+    not be in memory as a whole.
 
-    It does not of a small dictionary, which costs nothing anyway and keeps more digits on the
-    basis; nor of one so wide that reading it once for every term costs less.
+    It does not for a small dictionary, for which the basis is fast enough and more accurate, nor
+    for a dictionary so wide that reading it once per term is faster.
     """
     return n * M > SMALL and n > M and GRAM_COLUMNS_PER_TERM * (terms + 2) >= M
 
 
 def _by_gram(blocks: Blocks, stopping: Stopping, sigma: Array | None = None) -> Selection:
-    """Select on the Gram matrix; on explicit remainders if it has lost the digits that the choice
-    needs.
+    """Select with the Gram matrix, or with explicit remainders if the Gram matrix has lost digits
+    that the choice needs.
     """
     blocks = blocks if sigma is None else weighted(blocks, sigma)
     matrix, scale, samples = gram(blocks)
@@ -384,7 +391,7 @@ def _by_gram(blocks: Blocks, stopping: Stopping, sigma: Array | None = None) -> 
 
 
 def _fewer_rows(blocks: Blocks, samples: int, width: int) -> tuple[Array, Array]:
-    """Return `P` and `y` as they are where they are small, else their triangular factor."""
+    """Return `P` and `y` unchanged if they are small, and their triangular factor otherwise."""
     if samples * width <= SMALL:
         P, y = map(np.concatenate, zip(*blocks(), strict=True))
         return P, y
@@ -393,7 +400,7 @@ def _fewer_rows(blocks: Blocks, samples: int, width: int) -> tuple[Array, Array]
 
 def _by_basis(P: Array, y: Array, stopping: Stopping, sigma: Array | None = None) -> Selection:
     blocks, limit = blocks_of_rows(P, y), stopping.limit(*P.shape)
-    with np.errstate(over="ignore", invalid="ignore"):  # `safe_scale` looks for the cause
+    with np.errstate(over="ignore", invalid="ignore"):  # `safe_scale` finds the cause
         squares = np.append(_column_squares(P), y @ y)
     scale = safe_scale(squares, blocks)
     if (scale != 1.0).any():
@@ -403,13 +410,13 @@ def _by_basis(P: Array, y: Array, stopping: Stopping, sigma: Array | None = None
 
 
 def triangle(blocks: Blocks) -> tuple[Array, Array]:
-    """Triangular factor of `Z = [P y]`, (M+1, M+1), split into its P and y: `Z = Q R` with
-    orthonormal columns of Q.
+    """Return the triangular factor R of `Z = [P y]`, shape (M+1, M+1), split into its P and y: `Z =
+    Q R`, where Q has orthonormal columns.
 
-    Inner products of columns of R are those of Z, therefore FROLS chooses the same terms, with the
-    same numbers, on R as on Z. Unlike `Z'Z`, Householder's R loses nothing. Blocks are folded in
-    one after the other (J. Demmel et al. 2012, "Communication-optimal parallel and sequential QR
-    and LU factorizations", sequential TSQR), so the memory is O(M^2 + block).
+    Columns of R have the same inner products as those of Z, so FROLS chooses the same terms with
+    the same numbers. Unlike `Z'Z`, Householder's R loses no digits. The blocks are included one
+    after the other (J. Demmel et al. 2012, "Communication-optimal parallel and sequential QR and LU
+    factorizations", sequential TSQR), so the memory is O(M^2 + block).
     """
     factor = np.empty((0, 0))
     for P, y in blocks():

@@ -1,7 +1,7 @@
-"""Row blocks: the only way in which a tall dictionary is read, so that it need not fit into memory.
+"""Read a tall dictionary in row blocks, so that it need not fit into memory.
 
-`Z = [P y]` stands for the candidates with the dependent variable as one more column; arrays of `M +
-1` values run over its columns.
+`Z = [P y]` stands for the candidates with the dependent variable as one more column. Arrays of M +
+1 values run over its columns.
 """
 
 from __future__ import annotations
@@ -15,11 +15,14 @@ from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.errors import DataError
 
 Blocks = Callable[[], Iterable[tuple[Array, Array]]]
-"""Starts a pass over the rows: yields `P (b, M)` and `y (b,)` of one block after the other."""
+"""Function that starts a pass over the rows: it yields `P`, shape (b, M), and `y`, shape (b,), of
+one block after the other.
+"""
 
-# rows at a time: a block of a common dictionary stays in the processor's cache between its products
+# rows of a block; a block of a common dictionary stays in the processor's cache between its
+# products
 BLOCK = 4096
-# sums of squares between these can be multiplied with each other without overflow or underflow
+# sums of squares within these limits can be multiplied without overflow or underflow
 SMALLEST, LARGEST = 1e-140, 1e140
 
 
@@ -54,12 +57,12 @@ def weighted(blocks: Blocks, uncertainty: Array) -> Blocks:
 
 
 def safe_scale(squares: Array, blocks: Blocks) -> Array:
-    """Powers of two, (M+1,), that bring the columns of `Z` near one where their sums of `squares`,
-    (M+1,), left the safe range; else one.
+    """Return powers of two, shape (M+1,), that bring the columns of `Z` near one if their sums of
+    `squares`, shape (M+1,), are outside the safe range; one for all other columns.
 
-    Sums are infinite or NaN where a value is not finite or its square overflows, zero where squares
-    vanish. There values are looked at one by one. Raises DataError if one is not finite, with
-    its column and row.
+    Sums are infinite or NaN if a value is not finite or its square overflows, and zero if squares
+    underflow. The values of these columns are then checked one by one. Raises DataError if a value
+    is not finite, with its column and row.
     """
     scale = np.ones(len(squares))
     unsafe = np.flatnonzero(~((squares > SMALLEST) & (squares < LARGEST)))
@@ -76,7 +79,7 @@ def power_of_two(positive: Array) -> Array:
 
 
 def _largest_values(blocks: Blocks, columns: IntArray) -> Array:
-    """Largest absolute value of some columns of `Z`, (columns,)."""
+    """Return the largest absolute value of some columns of `Z`, shape (columns,)."""
     largest, start = np.zeros(len(columns)), 0
     for P, y in blocks():
         values = np.abs(np.column_stack([P, y])[:, columns])
@@ -95,12 +98,12 @@ def _largest_values(blocks: Blocks, columns: IntArray) -> Array:
 
 
 def gram(blocks: Blocks) -> tuple[Array, Array, int]:
-    """Return `Z'Z`, (M+1, M+1), of columns divided by powers of two that bring its diagonal between
-    1/4 and 1, these, (M+1,), and n.
+    """Return `Z'Z`, shape (M+1, M+1), of columns that are divided by powers of two so that its
+    diagonal lies between 1/4 and 1; these powers, shape (M+1,); and n.
 
-    One pass over the blocks; three where squares overflow or vanish: the values are then scaled
-    instead of the sums. Raises DataError if a value is not finite, with its column and row;
-    ValueError if there is no row, or no column.
+    It takes one pass over the blocks, or three if squares overflow or underflow, because the values
+    are then scaled instead of the sums. Raises DataError if a value is not finite, with its column
+    and row; ValueError if there is no row, or no column.
     """
     matrix, samples = _sum_of_products(blocks)
     scale = safe_scale(np.diag(matrix), blocks)
@@ -116,8 +119,8 @@ def _sum_of_products(blocks: Blocks) -> tuple[Array, int]:
         M = P.shape[1]
         if not samples:
             total = np.zeros((M + 1, M + 1))
-        with np.errstate(over="ignore", invalid="ignore"):  # `safe_scale` looks for the cause
-            # NumPy sees the transpose and calls syrk, for either memory order, without a copy
+        with np.errstate(over="ignore", invalid="ignore"):  # `safe_scale` finds the cause
+            # NumPy recognises the transpose and calls syrk without a copy, for either memory order
             total[:M, :M] += P.T @ P
             total[M, :M] += P.T @ y
             total[M, M] += y @ y
@@ -130,13 +133,13 @@ def _sum_of_products(blocks: Blocks) -> tuple[Array, int]:
     return total, samples
 
 
-CONSTANT = 1e-12  # a column that spreads less than this fraction of its magnitude is constant
+CONSTANT = 1e-12  # a column whose spread is below this fraction of its magnitude is constant
 
 
 @dataclass(frozen=True)
 class Standard:
-    """Mean and standard deviation of the columns of `Z = [P y]`, (M+1,) each; a constant column has
-    an infinite one, and becomes zero.
+    """Mean and standard deviation of the columns of `Z = [P y]`, shape (M+1,) each. The standard
+    deviation of a constant column is infinite, so that the standardised column is zero.
     """
 
     centre: Array
@@ -152,7 +155,7 @@ class Moments:
     products: Array
 
     def without(self, other: Moments) -> Moments:
-        """Return what is left when some of the rows are taken out."""
+        """Return the moments without those of some of the rows."""
         return Moments(
             self.samples - other.samples, self.sums - other.sums, self.products - other.products
         )
@@ -170,11 +173,11 @@ class Moments:
 
 
 def standard(blocks: Blocks) -> Standard:
-    """Return mean and standard deviation over all rows, in one pass; in three where squares
-    overflow or vanish.
+    """Return mean and standard deviation over all rows. It takes one pass, or three if squares
+    overflow or underflow.
 
-    Raises DataError if a value is not finite, with its column and row; ValueError if there is
-    no row.
+    Raises DataError if a value is not finite, with its column and row; ValueError if there is no
+    row.
     """
     first, shift, variance = _mean_and_variance(blocks)
     scale = safe_scale(variance, blocks)
@@ -187,12 +190,13 @@ def standard(blocks: Blocks) -> Standard:
 
 
 def _mean_and_variance(blocks: Blocks) -> tuple[Array, Array, Array]:
-    """Return the first row, the mean as seen from there, and the variance, (M+1,) each.
+    """Return the first row, the mean relative to it, and the variance, shape (M+1,) each.
 
-    Squares of large means would swallow the spread: they are taken from the first row.
+    Deviations are taken from the first row, because the squares of large means would swallow the
+    spread.
     """
     origin, sums, squares, samples = np.zeros(0), np.zeros(1), np.zeros(1), 0
-    with np.errstate(over="ignore", invalid="ignore"):  # `safe_scale` looks for the cause
+    with np.errstate(over="ignore", invalid="ignore"):  # `safe_scale` finds the cause
         for P, y in blocks():
             Z = np.column_stack([P, y])
             if samples == 0 and len(y):
@@ -218,8 +222,8 @@ def standardised(blocks: Blocks, by: Standard) -> Blocks:
 
 
 def moments(blocks: Blocks) -> Moments:
-    """Return sums of the columns of standardised blocks and of their products, in one pass; memory
-    O(M^2 + block).
+    """Return sums of the columns of standardised blocks and of their products, in one pass with
+    O(M^2 + block) memory.
     """
     sums = np.zeros(1)
 

@@ -1,5 +1,5 @@
-"""Notes on what was selected: inputs so far from zero that their powers and products cannot be told
-apart, and a model that is nothing but a constant.
+"""Write notes on a selection: inputs so far from zero that their powers and products cannot be
+distinguished, and a model that is only a constant.
 """
 
 from __future__ import annotations
@@ -13,19 +13,20 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import SegmentFit
 from mapmore_cli.domain.results import FitResult
 
-# times its spread that the mean of an input may be: the square of that, times the rounding error of
-# a number, is what a coefficient loses
+# largest ratio of an input's mean to its spread; the square of this ratio times the rounding error
+# of a number is the error of a coefficient
 FAR = 1e4
 PLACED = ("unit_square", "range")
 """Scalings that move the origin to the samples."""
 
 
 def far_from_zero(pieces: Sequence[SegmentFit], samples: Mapping[str, Array]) -> list[str]:
-    """Return a note for every input of several terms whose mean is more than 1e4 times its standard
-    deviation over the training `samples`, (n,) each, in coordinates that keep their origin.
+    """Return a note for every input whose mean is more than 1e4 times its standard deviation over
+    the training `samples`, shape (n,) each, if it occurs in several terms and its scaling keeps the
+    origin.
 
-    For `1e6 + x` the square and the input itself differ by less than rounding leaves of them, and
-    the terms that are found are not those of x.
+    For `1e6 + x`, the square and the input itself differ by less than their rounding error, so that
+    the selected terms may be wrong.
     """
     terms = {term for one in pieces if one.scaling.rule not in PLACED for term in one.candidates}
     notes = []
@@ -42,7 +43,7 @@ def far_from_zero(pieces: Sequence[SegmentFit], samples: Mapping[str, Array]) ->
 
 
 def constant_alone(fit: FitResult) -> list[str]:
-    """Return a note if no term but the constant was chosen, and nothing else is in the model."""
+    """Return a note if the constant is the only chosen term and the model has nothing else."""
     if fit.backbone is not None or {term for one in fit.pieces for term in one.terms} != {"1"}:
         return []
     left = max(one.selection.sse / one.selection.yy for one in fit.pieces)

@@ -1,10 +1,10 @@
-"""Regularised FROLS: orthogonal selection on the covariance matrix plus a ridge, backward pruning,
-and the choice of the ridge.
+"""Implement regularised FROLS: orthogonal selection on the covariance matrix plus a ridge, backward
+pruning, and the choice of the ridge.
 
-With z the centred columns divided by their standard deviations, `G = Z'Z/n + ridge I` and `h =
-Z'y/n`, selection minimises `theta' G theta - 2 h' theta` greedily (regularised orthogonal least
-squares, with one ridge for all terms). Any `Q` with `Q'Q = G` stands for the data, therefore the
-engine for plain data does the selection.
+Let z be the centred columns divided by their standard deviations, `G = Z'Z/n + ridge I` and `h =
+Z'y/n`. The selection greedily minimises `theta' G theta - 2 h' theta` (regularised orthogonal least
+squares, with one ridge for all terms). Any `Q` with `Q'Q = G` can replace the data, so the engine
+for plain data makes the selection.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from mapmore_cli.modelling.frols.select import FULL_LEVERAGE, widened
 
 @dataclass(frozen=True)
 class Regularised:
-    """The covariance `C` of standardised columns `[P y]`, (M+1, M+1), over n samples, with a
+    """Covariance `C` of standardised columns `[P y]`, shape (M+1, M+1), over n samples, and a
     ridge.
     """
 
@@ -44,11 +44,13 @@ class Regularised:
         return self.covariance[-1, :-1]
 
     def coefficients(self, chosen: IntArray) -> Array:
-        """`theta = G^-1 h` of some of the candidates, (k,)."""
+        """Return the coefficients `theta = G^-1 h` of some candidates, shape (k,)."""
         return cho_solve(cho_factor(self.gram[np.ix_(chosen, chosen)]), self.products[chosen])
 
     def unexplained(self, chosen: IntArray, theta: Array) -> float:
-        """`SSE / y'y` of the chosen terms on the samples, without the ridge's penalty."""
+        """Return `SSE / y'y` of the chosen terms on the samples, without the penalty of the
+        ridge.
+        """
         explained = theta @ (
             2 * self.products[chosen] - self.covariance[np.ix_(chosen, chosen)] @ theta
         )
@@ -57,11 +59,11 @@ class Regularised:
 
 
 def select(data: Regularised, max_terms: int, among: IntArray | None = None) -> Selection:
-    """Forward selection of up to `max_terms` candidates, of all or of `among` (m,), in standardised
-    units.
+    """Select up to `max_terms` candidates forwards, from all or from `among`, shape (m,), in
+    standardised units.
 
     ERR is that of the regularised problem: `1 - sum ERR` is `(SSE/n + ridge theta'theta) /
-    (y'y/n)`. Candidates that were excluded are NaN in the tables.
+    (y'y/n)`. In the tables, excluded candidates are NaN.
     """
     M = len(data.covariance) - 1
     columns = np.arange(M) if among is None else among
@@ -83,10 +85,10 @@ def select(data: Regularised, max_terms: int, among: IntArray | None = None) -> 
 
 
 def prune(data: Regularised, chosen: IntArray) -> list[IntArray]:
-    """Subsets of `chosen` of 1, 2, ... terms: the term of the least `theta_i^2 / (G^-1)_ii` goes
-    first.
+    """Return subsets of `chosen` with 1, 2, ... terms: in each step, the term with the smallest
+    `theta_i^2 / (G^-1)_ii` is removed.
 
-    That is by how much the regularised error grows when term i is left out and the others are
+    This quantity is the increase of the regularised error if term i is left out and the others are
     fitted again.
     """
     subsets = [np.asarray(chosen)]
@@ -98,15 +100,17 @@ def prune(data: Regularised, chosen: IntArray) -> list[IntArray]:
     return subsets
 
 
-# candidates, as fractions of a standardised candidate's own variance
+# candidate values of the ridge, as fractions of the variance of a standardised candidate
 RIDGES = (1e-5, 1e-4, 5e-4, 2e-3, 1e-2, 5e-2)
 
 
 def choose_ridge(total: Moments, blocks: Sequence[Moments], forward: int, max_terms: int) -> float:
-    """Return the ridge whose models predict left-out blocks of samples best, the weaker of equals.
+    """Return the ridge whose models best predict blocks of samples that were left out; if several
+    are equal, the smallest ridge.
 
-    For each ridge and each block a model of `max_terms` terms is selected (forward, then pruned) on
-    the other blocks. Everything comes from sums of products, so the rows are not read again.
+    For each ridge and each block, a model of `max_terms` terms is selected (forwards, then pruned)
+    on the other blocks. Everything is computed from sums of products, so the rows are not read
+    again.
     """
     errors = [
         sum(
@@ -137,11 +141,11 @@ def _left_out_error(
 
 
 def ridge_press(blocks: Blocks, data: Regularised, subsets: Sequence[IntArray]) -> Array:
-    """Return `PRESS = sum_i (r_i / (1 - h_i))^2` of each subset, (m,), in one pass over
-    standardised blocks; infinite where a leverage is one.
+    """Return `PRESS = sum_i (r_i / (1 - h_i))^2` of each subset, shape (m,), in one pass over
+    standardised blocks; infinite if a leverage is one.
 
-    The leverage is `h_i = 1/n + z_i' G^-1 z_i / n`: of the mean, and of the terms. A ridge makes it
-    exact but for the change of means and standard deviations by one sample.
+    The leverage `h_i = 1/n + z_i' G^-1 z_i / n` consists of that of the mean and that of the terms.
+    With a ridge it is exact, except that one sample also changes the means and standard deviations.
     """
     total = np.zeros(len(subsets))
     for P, y in blocks():

@@ -1,5 +1,5 @@
-"""The greedy choice of FROLS, whatever holds the remainders; and the criteria that choose the
-number of terms.
+"""Make the greedy choice of FROLS with any form of the remainders, and choose the number of terms
+by a criterion.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.fits import Selection
 from mapmore_cli.modelling.frols.moments import Blocks, divided, standard, weighted
 
-# candidates whose ERR lies within this fraction of the best are tied; the lower dictionary index
-# wins
+# candidates with an ERR within this fraction of the best are tied; the one with the lower index in
+# the dictionary wins
 TIE_TOLERANCE = 1e-9
-# the square of rounding error: a smaller ERR explains nothing, and a smaller residual leaves
-# nothing to explain
+# the square of the rounding error: a smaller ERR explains nothing, and after a smaller residual
+# nothing is left to explain
 NO_GAIN = 1e-28
-# a regressor counts as dependent when `q'q <= RANK_TOLERANCE p'p`: what remains is then rounding
+# a regressor is dependent if `q'q <= RANK_TOLERANCE p'p`, because the remainder is then rounding
 # error
 RANK_TOLERANCE = 1e-24
 CRITERIA = ("tolerance", "bic", "ebic", "aicc", "press")  # rules for the number of terms
@@ -29,12 +29,12 @@ CRITERIA = ("tolerance", "bic", "ebic", "aicc", "press")  # rules for the number
 
 @dataclass(frozen=True)
 class Stopping:
-    """When enough terms are chosen: `max_terms` (None: no limit), or all but the fraction
-    `tolerance` is explained.
+    """Rule for the end of the selection: there are `max_terms` terms (None for no limit), or only
+    the fraction `tolerance` is unexplained.
 
-    The fraction is one of `y'y`, or of the squares about the mean: see `to_explain`. Criteria other
-    than `tolerance` choose the number of terms afterwards, among all that can be had: no tolerance
-    ends them.
+    The fraction refers to `y'y`, or to the squares about the mean (see `to_explain`). Criteria
+    other than `tolerance` choose the number of terms afterwards among all possible numbers; for
+    them, no tolerance ends the selection.
     """
 
     max_terms: int | None
@@ -50,7 +50,7 @@ class Stopping:
             )
 
     def limit(self, n: int, M: int) -> int:
-        """Return the most terms that n samples and M candidates allow."""
+        """Return the largest number of terms that n samples and M candidates allow."""
         return min(n, M) if self.max_terms is None else min(self.max_terms, n, M)
 
     def preferred(
@@ -61,10 +61,10 @@ class Stopping:
         unexplained: Array,
         shape: tuple[int, int],
     ) -> tuple[list[Iteration], str]:
-        """Return the steps up to the number of terms that the criterion prefers, and why they end
-        there; `stop` is why they ended before.
+        """Return the steps up to the number of terms that the criterion prefers, and the reason why
+        they end there. `stop` is the reason why the selection ended.
 
-        `errors` are the PRESS of 1, 2, ... terms, and `unexplained` is as in `fewest_terms`, of a
+        `errors` returns the PRESS of 1, 2, ... terms; `unexplained` is as in `fewest_terms`, for a
         dictionary of the `shape` (n, M).
         """
         if self.criterion == "tolerance" or not steps:
@@ -77,12 +77,12 @@ class Stopping:
 
 
 class DigitsLost(Exception):
-    """The remainders have lost the digits that the choice depends on."""
+    """The remainders have lost digits on which the choice depends."""
 
 
 class Remainders:
-    """What the chosen terms leave of y, `sse` of `yy`, and of every candidate: the vectors `q` of
-    M2 eq 2, in whatever form.
+    """Remainders of y (`sse` of `yy`) and of every candidate after the chosen terms are subtracted:
+    the vectors `q` of M2 eq 2, in any form.
 
     `squares` `q'q` and `products` `y'q`, (M,) each, are downdated from step to step; `pp` are the
     candidates' own squares.
@@ -94,8 +94,8 @@ class Remainders:
         self.live = pp > 0
 
     def reductions(self) -> tuple[Array, Array]:
-        """`g = y'q / q'q` (M2 eq 3), `ERR = g^2 q'q / y'y` (eq 4), (M,) each; NaN where chosen or
-        dependent. Raises DigitsLost.
+        """Return `g = y'q / q'q` (M2 eq 3) and `ERR = g^2 q'q / y'y` (eq 4), shape (M,) each; NaN
+        for chosen or dependent candidates. Raises DigitsLost.
         """
         g = np.full(len(self.products), np.nan)
         np.divide(self.products, self.squares, out=g, where=self.live)
@@ -104,8 +104,8 @@ class Remainders:
     def choose(self, pick: int) -> Array:
         """Orthogonalise the others against candidate `pick`.
 
-        Returns `u'[P y]`, (M+1,), with `u` the pick's remainder at unit length: one row of the
-        triangular factor. Raises DigitsLost.
+        Return `u'[P y]`, shape (M+1,), where `u` is the remainder of the pick at unit length. It is
+        one row of the triangular factor. Raises DigitsLost.
         """
         raise NotImplementedError
 
@@ -116,8 +116,8 @@ class Remainders:
 
 
 class Iteration(NamedTuple):
-    """One iteration: the pick, `g` and ERR of all candidates, (M,), the row of the triangular
-    factor, (M+1,), what is left of `y'y`.
+    """One step of the selection: the chosen candidate, `g` and ERR of all candidates, shape (M,),
+    the row of the triangular factor, shape (M+1,), and the remaining part of `y'y`.
     """
 
     pick: int
@@ -135,11 +135,10 @@ def greedy(
     """Choose the candidate of the highest ERR (M2 eq 5) until the error is within the tolerance (eq
     6) or `limit` terms are chosen (eq 7).
 
-    `whole()` is the sum of squares that the tolerance is a fraction of, at most `y'y`; it is asked
-    for only where it can matter. Returns the steps and why they end: `tolerance`; `max_terms`;
-    `no_gain` where no candidate explains anything; `rank` where none is independent of the chosen
-    ones. A residual of rounding error ends them by any rule. Raises DigitsLost as the remainders
-    do.
+    `whole()` is the sum of squares to which the tolerance refers, at most `y'y`; it is called only
+    if it can matter. Returns the steps and the reason for their end: `tolerance`; `max_terms`;
+    `no_gain` if no candidate explains anything; `rank` if none is independent of the chosen ones. A
+    residual of rounding error always ends the selection. Raises DigitsLost if the remainders do.
     """
     steps: list[Iteration] = []
     by_tolerance = stopping.criterion == "tolerance"
@@ -163,19 +162,21 @@ def greedy(
 
 
 def _highest(err: Array) -> IntArray:
-    """Return the candidates of the highest ERR that tie; none if every ERR is NaN."""
+    """Return the candidates with the highest ERR, which are tied; an empty array if every ERR is
+    NaN.
+    """
     return np.flatnonzero(
         err >= np.max(err, initial=-np.inf, where=~np.isnan(err)) * (1 - TIE_TOLERANCE)
     )
 
 
 def to_explain(blocks: Blocks, samples: int, yy: float, uncertainty: Array | None = None) -> float:
-    """Sum of squares that a tolerance is a fraction of: `y'y`; less what the constant explains
-    where a candidate is constant.
+    """Return the sum of squares to which a tolerance refers: `y'y`, without the part that a
+    constant candidate explains.
 
-    A constant explains nearly all of a target that stands far from zero, as a length does, and
-    nothing of what it does. A target that is constant itself is explained by one. Reads the blocks
-    once; twice where they are weighted by an `uncertainty`, (n,).
+    A constant explains nearly all of a target far from zero, for example a length, but nothing of
+    its variation. A constant target is explained by a constant. Reads the blocks once, or twice if
+    they are weighted by an `uncertainty`, shape (n,).
     """
     known = standard(blocks if uncertainty is None else weighted(blocks, 1 / uncertainty))
     constant = np.isinf(known.spread) & (known.centre != 0)
@@ -187,20 +188,21 @@ def to_explain(blocks: Blocks, samples: int, yy: float, uncertainty: Array | Non
     return yy - float(y @ (1 / uncertainty)) ** 2 / float(np.sum(uncertainty**-2.0))
 
 
-# floor of the unexplained fraction: below it the residual is rounding error, and more terms explain
-# nothing
+# smallest unexplained fraction that counts; below it, the residual is rounding error, and more
+# terms explain nothing
 ROUNDING = 1e-30
 
 
 def fewest_terms(criterion: str, unexplained: Array, n: int, candidates: int = 0) -> int:
-    """Return the number of terms at which a criterion is least, the smaller of equals; of several
-    outputs, its sum.
+    """Return the number of terms with the smallest criterion, the smaller number of equals. For
+    several outputs, the criterion is summed.
 
     `unexplained` (k,), or (m, k) of m outputs, is `SSE / y'y` after 1, 2, ... terms of n samples.
 
     - `bic`: `n ln(SSE/n) + k ln n` (Schwarz 1978);
-    - `ebic`: `2 k ln M` more, since the best of M `candidates` explain some noise (Chen and Chen
-      2008, Biometrika 95, with gamma one and the powers of M in place of the numbers of subsets);
+    - `ebic`: larger by `2 k ln M`, because the best of M `candidates` explain some noise (Chen and
+      Chen 2008, Biometrika 95, with gamma one and the powers of M in place of the numbers of
+      subsets);
     - `aicc`: `n ln(SSE/n) + 2k + 2k(k+1)/(n-k-1)` (Hurvich and Tsai 1989).
     """
     outputs = np.atleast_2d(unexplained)
@@ -216,14 +218,14 @@ def fewest_terms(criterion: str, unexplained: Array, n: int, candidates: int = 0
 
 
 FULL_LEVERAGE = 1e-8
-"""A sample with `1 - h` below this alone decides a coefficient; its error when left out is
-unknown.
+"""A sample with `1 - h` below this determines a coefficient alone, so that its error when left out
+is unknown.
 """
 
 
 def press(blocks: Blocks, chosen: IntArray, factor: Array, projections: Array) -> Array:
-    """Return `PRESS_k = sum_i (r_ik / (1 - h_ik))^2` after 1, 2, ... terms (Allen 1974), (k,);
-    infinite where a sample has leverage one.
+    """Return `PRESS_k = sum_i (r_ik / (1 - h_ik))^2` after 1, 2, ... terms (Allen 1974), shape
+    (k,); infinite if a sample has leverage one.
 
     Of the `chosen` candidates (k,), `factor` is the upper triangular R, (k, k), and `projections`
     are `c = U'y`, (k,), with `U = P_chosen R^-1`. Its first k columns give the leverages `h_ik =
@@ -247,12 +249,12 @@ def selected(
     blocks: Blocks,
     uncertainty: Array | None = None,
 ) -> Selection:
-    """Return the greedy choice, at the number of terms that the stop rule prefers. Raises
-    DigitsLost as `greedy`.
+    """Return the greedy choice with the number of terms that the stopping rule prefers. Raises
+    DigitsLost like `greedy`.
 
-    The remainders are of columns of `Z = [P y]` divided by `scale`, (M+1,); `blocks` are the rows
-    of `Z`, read for `press`, and where the tolerance may end the choice. They are weighted by the
-    `uncertainty`, (n,), where there is one.
+    The remainders are those of columns of `Z = [P y]` divided by `scale`, shape (M+1,). `blocks`
+    are the rows of `Z`; they are read for `press`, and if the tolerance may end the selection. They
+    are weighted by `uncertainty`, shape (n,), unless it is None.
     """
     whole = cache(lambda: to_explain(divided(blocks, scale), samples, remainders.yy, uncertainty))
     steps, stop = greedy(remainders, stopping, limit, whole)
@@ -301,8 +303,8 @@ def _selection_of_steps(
 
 
 def in_units(found: Selection, scale: Array) -> Selection:
-    """Return a selection of columns of `Z = [P y]` divided by `scale`, (M+1,), as one of the
-    columns themselves.
+    """Return a selection from columns of `Z = [P y]` divided by `scale`, shape (M+1,), as a
+    selection from the original columns.
     """
     y, columns = float(scale[-1]), scale[:-1]
     chosen = columns[found.chosen]
@@ -313,14 +315,14 @@ def in_units(found: Selection, scale: Array) -> Selection:
         theta_error=found.theta_error * y / chosen,
         a=found.a * chosen / chosen[:, None],
         g_all=found.g_all * y / columns,
-        sse=found.sse * y * y,  # infinite where the square is no number: a power would raise
+        sse=found.sse * y * y,  # infinite if the square overflows; a power would raise an error
         yy=found.yy * y * y,
     )
 
 
 def widened(found: Selection, among: IntArray, M: int) -> Selection:
-    """Return the selection from the candidates `among`, (m,), as a selection from all M candidates;
-    tables are NaN for the others.
+    """Return the selection from the candidates `among`, shape (m,), as a selection from all M
+    candidates. In the tables, the others are NaN.
     """
     tables = np.full((2, len(found.chosen), M), np.nan)
     tables[:, :, among] = found.g_all, found.err_all

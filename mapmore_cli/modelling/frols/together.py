@@ -18,21 +18,23 @@ from mapmore_cli.modelling.frols.select import (
 
 
 class Together(Remainders):
-    """What the chosen terms leave of several outputs; `sse` is the largest share that is left of
-    any.
-    """
+    """Remainders of several outputs. `sse` is the largest unexplained share of any output."""
 
     def __init__(self, parts: Sequence[Remainders], wholes: Sequence[float]) -> None:
         self.parts, self.wholes, self.yy = parts, wholes, 1.0
         self.unexplained: list[list[float]] = []
 
     def reductions(self) -> tuple[Array, Array]:
-        """See `Remainders`; ERR is the sum over outputs, and stands in the place of g as well."""
+        """Return the reductions (see `Remainders`). ERR is the sum over the outputs, and is
+        returned for g too.
+        """
         err = np.sum([part.reductions()[1] for part in self.parts], axis=0)
         return err, err
 
     def choose(self, pick: int) -> Array:
-        """See `Remainders`; a row for each output, (m, M+1)."""
+        """Choose a candidate (see `Remainders`), and return a row for each output, shape (m,
+        M+1).
+        """
         rows = np.stack([part.choose(pick) for part in self.parts])
         self.unexplained.append([part.sse / (part.yy or 1.0) for part in self.parts])
         left = zip(self.parts, self.wholes, strict=True)
@@ -43,14 +45,16 @@ class Together(Remainders):
 def chosen_together(
     joint: Together, blocks: Sequence[Blocks], stopping: Stopping, limit: int, samples: int
 ) -> tuple[IntArray, str]:
-    """Return up to `limit` candidates that all outputs share, in their order, and why they are so
-    many; `blocks` are the rows of candidates and output, for each.
+    """Return up to `limit` candidates that all outputs share, in the order of their choice, and the
+    reason for their number. `blocks` holds the rows of candidates and output for each output.
     """
     steps, stop = greedy(joint, stopping, limit, lambda: 1.0)
     width = len(joint.parts[0].pp) + 1
 
     def errors() -> Array:
-        """Return the sum over outputs of PRESS, as a share of each, after 1, 2, ... terms, (k,)."""
+        """Return the PRESS after 1, 2, ... terms as a share of each output, summed over the
+        outputs, shape (k,).
+        """
         left = np.zeros(len(steps))
         for j, (own, part) in enumerate(zip(blocks, joint.parts, strict=True)):
             rows = [step._replace(row=step.row[j]) for step in steps]

@@ -1,8 +1,8 @@
-"""How samples weigh: by their uncertainty, by a robust loss; and standard errors that do not take
-residuals to be independent.
+"""Weight samples by their uncertainty or by a robust loss, and compute standard errors that do not
+assume independent residuals.
 
-P. J. Huber, *Robust Statistics*, Wiley 1981, chapter 7; A. E. Beaton and J. W. Tukey,
-Technometrics 16 (1974). The engine chooses the terms; only the uncertainty of its samples changes.
+P. J. Huber, *Robust Statistics*, Wiley 1981, chapter 7; A. E. Beaton and J. W. Tukey, Technometrics
+16 (1974). The engine chooses the terms; weights only change the uncertainty of its samples.
 """
 
 from __future__ import annotations
@@ -19,32 +19,35 @@ from mapmore_cli.modelling.frols.correlated import MOST, correlated_errors
 from mapmore_cli.modelling.frols.moments import Blocks, weighted
 
 TUNING = {"huber": 1.345, "bisquare": 4.685}
-"""Residuals in scales beyond which a sample counts less, or not at all: 95 % efficient with normal
-noise.
+"""Residual, in units of the scale, from which on a sample has less weight (`huber`) or none
+(`bisquare`). With these values, the loss is 95 % efficient for normal noise.
 """
 
-ROUNDS = 10  # of reweighting at most, with the same terms
-SETTLED = 1e-8  # change of every weight below which another round changes nothing
-LEAST_WEIGHT = 1e-12  # of a sample that does not count: its row is then below rounding error
-MAD = 1.4826  # standard deviation of normal noise over its median absolute deviation
-EXACT = 1e-12  # of the target: residuals that small are rounding error, and no scale
+ROUNDS = 10  # largest number of rounds of reweighting with the same terms
+SETTLED = 1e-8  # if every weight changes by less than this, a further round changes nothing
+# weight of a sample without influence; its row is then below the rounding error
+LEAST_WEIGHT = 1e-12
+MAD = 1.4826  # ratio of the standard deviation of normal noise to its median absolute deviation
+EXACT = 1e-12  # fraction of the target; smaller residuals are rounding error, which is no scale
 FEW = 5
-"""Below so many curves sums over them say little, and standard errors are a guess."""
+"""With fewer curves than this, sums over curves say little, and standard errors from them would be
+a guess.
+"""
 
 
 @dataclass(frozen=True)
 class Weighing:
-    """How n samples weigh.
+    """Weights of n samples.
 
-    - `uncertainty`: standard deviation of each, (n,). ERR, `sse` and `yy` of a selection are those
-      of the weighted columns.
-    - `loss`: `squares`; `huber` or `bisquare` count large residuals less.
-    - `scale`: that of the residuals; None for 1.4826 times their median absolute value.
-    - `curves`: the curve of each sample, (n,), where residuals of a curve go together.
-    - `alike`: whether all curves count alike, however many samples they have.
-    - `recorded`: the place of each sample in the order of time, (n,), where it is known.
-    - `start`: weights of the samples, (n,), with which a robust loss chooses the first terms; all
-      are alike without.
+    - `uncertainty`: standard deviation of each sample, (n,). ERR, `sse` and `yy` of a selection
+      then refer to the weighted columns.
+    - `loss`: `squares`, or `huber` or `bisquare`, which give large residuals less weight.
+    - `scale`: scale of the residuals; None for 1.4826 times their median absolute value.
+    - `curves`: curve of each sample, (n,), if the residuals of a curve are correlated.
+    - `alike`: True if all curves have the same weight, whatever their number of samples.
+    - `recorded`: rank of each sample in the order of time, (n,), if it is known.
+    - `start`: weights of the samples, (n,), with which a robust loss chooses the first terms; equal
+      weights if None.
     """
 
     uncertainty: Array | None = None
@@ -57,8 +60,8 @@ class Weighing:
 
     @cached_property
     def sigma(self) -> Array | None:
-        """What rows are divided by, (n,); None if all samples count alike. Weights have the mean
-        one, so that weighted squares keep the unit of the target.
+        """Divisors of the rows, (n,); None if all samples have the same weight. The weights have
+        the mean one, so that weighted squares keep the unit of the target.
         """
         sigma = self.uncertainty
         if self.alike and self.curves is not None:
@@ -67,24 +70,24 @@ class Weighing:
         return None if sigma is None else np.asarray(sigma * np.sqrt(np.mean(sigma**-2.0)))
 
     def by(self, weights: Array | None) -> Array | None:
-        """Return the divisors of the rows, (n,), that also count robust weights, (n,)."""
+        """Return the divisors of the rows, (n,), that include the robust weights, (n,)."""
         if weights is None:
             return self.sigma
         return (1.0 if self.sigma is None else self.sigma) / np.sqrt(weights)
 
     def in_unit(self, unit: float) -> Weighing:
-        """Return the same weights for a target that is divided by a unit."""
+        """Return the same weights for a target that is divided by `unit`."""
         return self if self.scale is None else replace(self, scale=self.scale / unit)
 
     def rows(self, blocks: Blocks) -> Blocks:
-        """Return blocks in units of the uncertainty."""
+        """Return the blocks divided by the uncertainty."""
         return blocks if self.sigma is None else weighted(blocks, self.sigma)
 
     def settled(
         self, loss: str, chosen: Blocks, weights: Array | None
     ) -> tuple[Array, float, Array]:
-        """Return weights that settle with the chosen columns, the scale of their residuals, and
-        the uncertainty that counts them so.
+        """Return the converged weights for the chosen columns, the scale of their residuals, and
+        the uncertainty that includes these weights.
         """
         P, y = map(np.concatenate, zip(*self.rows(chosen)(), strict=True))
         weights = np.ones(len(y)) if weights is None else weights
@@ -102,8 +105,8 @@ class Weighing:
     def with_errors(
         self, found: Selection, only: Callable[[IntArray], Blocks], weights: Array | None
     ) -> Selection:
-        """Return a selection with standard errors that go by curves, by robust weights, or by what
-        goes together along few recordings.
+        """Return a selection with standard errors that allow for correlation within curves, for
+        robust weights, or for correlation along a few recordings.
         """
         k, n = len(found.chosen), found.samples
         curves = numbered_curves(self.curves, k)
@@ -120,8 +123,8 @@ class Weighing:
         return replace(found, theta_error=errors, curves=count)
 
     def _along(self, blocks: Blocks, theta: Array, recorded: IntArray) -> tuple[Array, float]:
-        """Return standard errors that allow for correlated residuals along recordings, (k,), and
-        the number of independent samples.
+        """Return standard errors that allow for correlated residuals along recordings, shape (k,),
+        and the number of independent samples.
         """
         P, y = map(np.concatenate, zip(*blocks(), strict=True))
         labels = np.zeros(len(y), dtype=np.int64) if self.curves is None else self.curves
@@ -138,12 +141,12 @@ def reweighted(
     select: Callable[[Sequence[Array | None]], Sequence[Selection]],
     only: Sequence[Callable[[IntArray], Blocks]],
 ) -> tuple[Selection, ...]:
-    """Return what is selected with these weights, an output each; of a robust loss, with those of a
-    robust start, then with the final ones.
+    """Return the selection with these weights, one for each output. For a robust loss, the terms
+    are selected with the weights of a robust start, and then with the final weights.
 
-    `select` takes the uncertainty of every output, and `only` the candidates whose columns are
-    wanted. With the chosen terms, weights and least squares follow from each other in at most ten
-    rounds, at first by Huber's loss, which has a single minimum.
+    `select` takes the uncertainty of every output; each function in `only` takes candidates and
+    returns their blocks. With the chosen terms, weights and least-squares fits alternate for at
+    most ten rounds. The first rounds use Huber's loss, which has a single minimum.
     """
     weights = [one.start for one in weighings]
     found = select([one.by(w) for one, w in zip(weighings, weights, strict=True)])
@@ -160,15 +163,15 @@ def reweighted(
 
 
 def scale_of(residual: Array, y: Array) -> float:
-    """Return `1.4826 median |r|`; where most residuals are rounding error of `y`, that."""
+    """Return `1.4826 median |r|`, or the rounding error of `y` if most residuals are below it."""
     exact = EXACT * float(np.sqrt(np.mean(y**2)))
     return max(MAD * float(np.median(np.abs(residual))), exact) or 1.0
 
 
 def loss_weights(loss: str, residual: Array) -> Array:
-    """Return the weights of residuals in scales, (n,).
+    """Return the weights of residuals that are given in units of the scale, shape (n,).
 
-    `huber`: `min(1, 1.345/|r|)`. `bisquare`: `(1 - (r/4.685)^2)^2`, nothing beyond 4.685.
+    `huber`: `min(1, 1.345/|r|)`. `bisquare`: `(1 - (r/4.685)^2)^2`, and zero beyond 4.685.
     """
     size = np.abs(residual) / TUNING[loss]
     if loss == "huber":
@@ -177,8 +180,9 @@ def loss_weights(loss: str, residual: Array) -> Array:
 
 
 def numbered_curves(labels: IntArray | None, terms: int) -> IntArray | None:
-    """Return the curve of each sample from 0, (n,), by its label, (n,); None if curves are too
-    few for sums over them: below `FEW`, or no more than the terms.
+    """Return the number of each sample's curve, counted from 0, shape (n,), from its label, shape
+    (n,). None if there are too few curves for sums over them: fewer than `FEW`, or no more than the
+    terms.
     """
     if labels is None:
         return None
@@ -189,8 +193,8 @@ def numbered_curves(labels: IntArray | None, terms: int) -> IntArray | None:
 def sandwich_errors(
     blocks: Blocks, theta: Array, curves: IntArray | None, loss: str, weights: Array | None
 ) -> Array:
-    """Return standard errors of `theta`, (k,), where residuals of a curve go together, or a robust
-    loss weighs them.
+    """Return standard errors of `theta`, shape (k,), for residuals that are correlated within a
+    curve or weighted by a robust loss.
 
     With `psi_i = w_i r_i` and its mean slope m (1 for squares) they are the sandwich
     `(P'P)^-1 (sum_c s_c s_c') (P'P)^-1 / m^2` of the sums `s_c = sum_{i in c} psi_i p_i`, times
@@ -222,6 +226,6 @@ def sandwich_errors(
 
 
 def _mean_slope(loss: str, weights: Array) -> float:
-    """Return the mean derivative of `w(r) r`, which the weights alone tell."""
+    """Return the mean derivative of `w(r) r`, which depends on the weights only."""
     root = np.sqrt(weights)
     return float(np.mean(weights == 1.0 if loss == "huber" else root * (5 * root - 4)))

@@ -1,7 +1,7 @@
-"""Models of the literature, selectable by name and fitted on the same training data as MAPMORE.
+"""Provide models of the literature by name, fitted to the same training data as MAPMORE.
 
-Adding a formula is one file in `formulas/`, with a `FORMULA`, or with `FORMULAS` where some are
-nearly the same; or an entry point that names such a file.
+To add a formula, add a file to `formulas/` with `FORMULA`, or with `FORMULAS` for several similar
+ones; or add an entry point that names such a file.
 """
 
 from __future__ import annotations
@@ -53,12 +53,12 @@ def _published() -> dict[str, Formula]:
 
 
 def names() -> tuple[str, ...]:
-    """Names of all formulas, in alphabetical order."""
+    """Return the names of all formulas in alphabetical order."""
     return tuple(_published())
 
 
 def get(name: str) -> Formula:
-    """Return the formula called `name`, or defined by it; raises KeyError if there is none."""
+    """Return the formula with this name or definition. Raises KeyError if there is none."""
     if is_family(name):
         from mapmore_cli.modelling.literature.family import family_of
 
@@ -79,8 +79,8 @@ COMPONENTS = {"static": "Static force", "damping": "Damping force", "dynamic": "
 
 
 def reference() -> str:
-    """Return every formula with its equation, source and inputs as Markdown, by the force that it
-    gives.
+    """Return the reference as Markdown: every formula with its equation, source and inputs, grouped
+    by the force that it predicts.
     """
     sections = {
         title: [formula for formula in _published().values() if formula.component == word]

@@ -1,6 +1,6 @@
-"""A formula of the literature as backbone, with MAPMORE explaining what it leaves.
+"""Use a formula of the literature as a backbone, to whose residual MAPMORE is fitted.
 
-M1's outlook asks for physics-based static terms: a known formula and a few local corrections keep
+M1's outlook suggests physics-based static terms: a known formula with a few local corrections keeps
 the model readable.
 """
 
@@ -20,7 +20,7 @@ from mapmore_cli.modelling import literature
 
 
 def pooled(parts: Sequence[tuple[Curve, BoolArray]]) -> dict[str, Array]:
-    """Columns of the chosen samples of all curves."""
+    """Return the columns of the chosen samples of all curves together."""
     return {
         name: np.concatenate([curve.columns[name][rows] for curve, rows in parts])
         for name in parts[0][0].columns
@@ -28,7 +28,7 @@ def pooled(parts: Sequence[tuple[Curve, BoolArray]]) -> dict[str, Array]:
 
 
 def pooled_training(curves: Sequence[Curve]) -> dict[str, Array]:
-    """Columns of all training samples of all curves."""
+    """Return the columns of all training samples of all curves together."""
     return pooled([(curve, curve.training) for curve in curves])
 
 
@@ -42,8 +42,8 @@ def fit_formula(
 ) -> FormulaFit:
     """Fit a formula to the training samples of all curves.
 
-    `lengths` are the muscle's `length` and `diameter`, in m, for formulas that have one of them;
-    `starts` names published starting values.
+    `lengths` holds the muscle's `length` and `diameter` in m, for formulas that need them. `starts`
+    is the name of published starting values.
     """
     columns = pooled_training(curves)
     key = _digest(columns, name, target, method, starts, *sorted(lengths.items()))
@@ -59,8 +59,8 @@ def fit_formula(
 
 MOST_KEPT = 512
 _FITTED: dict[bytes, FormulaFit] = {}
-"""Fits by what they follow from: backbone, its choice, left-out data and competitors ask the same
-formula of the same samples.
+"""Cache of fits, by everything that determines them: the backbone, its choice, left-out data and
+competitors often need the same fit.
 """
 
 
@@ -72,8 +72,8 @@ def _digest(columns: Columns, *how: object) -> bytes:
 
 
 def residual_of(curve: Curve, target: str, backbone: FormulaFit | None) -> Curve:
-    """Return the curve with its target replaced by what the backbone leaves; unchanged without
-    one.
+    """Return the curve with its target reduced by the value of the backbone; unchanged without a
+    backbone.
     """
     if backbone is None:
         return curve

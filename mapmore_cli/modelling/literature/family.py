@@ -1,12 +1,13 @@
-"""Muscles of one make as a family: one function of pressure and strain, times a largest force that
-follows from a dimension.
+"""Model muscles of one make as a family: one common function of pressure and strain, times a
+largest force that depends on a dimension.
 
     F = zero + S(l) f(P, strain),   S(l) = a atan(b (l - dead))   or   a l^b
 
-f is the hinged Sárosi formula, fitted to the forces of all specimens over their own largest ones;
-`zero` is the mean of their forces when slack. b has a prior, since a few specimens hardly show it:
-of the rest length of McKibben muscles, 19.03 1/m and a dead length of 7.5 mm (Bolen, Elzein, Pang,
-Hunt, Actuators 2026, of 31 muscles of 10 mm); of a diameter, the power 2.
+f is the hinged Sárosi formula, fitted to the forces of all specimens, each divided by its own
+largest force. `zero` is the mean of their forces when slack. b has a prior, because a few specimens
+hardly determine it. For the rest length of McKibben muscles, it is 19.03 1/m, with a dead length of
+7.5 mm (Bolen, Elzein, Pang, Hunt, Actuators 2026, from 31 muscles of 10 mm diameter). For a
+diameter, it is the power 2.
 """
 
 from __future__ import annotations
@@ -34,21 +35,23 @@ DEAD = 0.0075
 """Length of the fittings, m."""
 
 CENTRE = {"saturating": 19.03, "power": 2.0}
-"""Centre of the prior of b: per metre, and a power."""
+"""Centre of the prior of b: in 1/m for `saturating`, and the exponent for `power`."""
 
 SPREAD, SCATTER = 0.3, 0.05
-"""Deviation of the prior of ln b, and of the logarithms of the largest forces of specimens of one
-dimension.
+"""Standard deviation of the prior of ln b, and of the logarithm of the largest force among
+specimens of equal dimensions.
 """
 
 LOW, HIGH = 0.02, 0.995
-"""Shares of a specimen's samples below its slack force and below its largest one."""
+"""Quantiles of a specimen's forces that count as its slack force and as its largest force."""
 
 SLACK = 0.1
-"""Of the largest force: what the lowest force exceeds is no zero of a slack muscle."""
+"""Fraction of the largest force above which the lowest force is no longer the zero of a slack
+muscle.
+"""
 
 PRIOR = 0.15
-"""Standard deviation of a new specimen's scales about one."""
+"""Standard deviation about one of the scales of a new specimen."""
 
 WITHIN = (0.3, 3.0)
 """Bounds of the scale of the strain."""
@@ -56,7 +59,7 @@ WITHIN = (0.3, 3.0)
 
 @lru_cache(maxsize=64)
 def family_of(text: str) -> Family:
-    """Return the family of a definition; ValueError if it defines none."""
+    """Return the family of a definition. Raises ValueError if the text defines no family."""
     try:
         document = dict(json.loads(text)["family"])
         metres = float(document.pop("metres"))
@@ -92,18 +95,18 @@ def _scale_text(settings: FamilySettings, metres: float) -> str:
 
 @dataclass(frozen=True)
 class Family(Formula):
-    """A formula with a fit of its own, of all specimens at once; one unit of the quantity that they
-    differ in is so many `metres`.
+    """A formula that is fitted to all specimens at once. One unit of the quantity in which they
+    differ is `metres` m.
     """
 
     settings: FamilySettings = field(kw_only=True)
     metres: float = field(kw_only=True)
 
     def fit(self, columns: Columns, y: Array, method: str | None = None) -> FormulaFit:
-        """Fit the scales of all specimens and their common function; standard errors are those of
-        the function.
+        """Fit the scales of all specimens and their common function. The standard errors are those
+        of the function.
 
-        Raises DataError if all samples are of one specimen.
+        Raises DataError if all samples are from one specimen.
         """
         of = self.settings.of
         which, number = np.unique(columns[of], return_inverse=True)
@@ -139,11 +142,11 @@ class Family(Formula):
         )
 
     def _law(self, lengths: Array, largest: Array) -> tuple[float, float]:
-        """Return a and b by least squares of ln S, with the prior of ln b."""
+        """Return a and b from a least-squares fit of ln S, with the prior of ln b."""
         centre = math.log(CENTRE[self.settings.scale])
 
         def rest(log_b: float) -> Array:
-            """Return what b leaves of ln S, which is ln a."""
+            """Return ln S minus the part that depends on b, which is ln a."""
             b = math.exp(log_b)
             if self.settings.scale == "power":
                 return np.log(largest) - b * np.log(lengths)
@@ -160,13 +163,13 @@ class Family(Formula):
         return math.exp(float(np.mean(rest(best)))), math.exp(best)
 
     def equation(self, fit: FormulaFit) -> Expression:
-        """Return the formula with its numbers, the hinge as a person would write it."""
+        """Return the formula with its numbers, and the hinge in its readable form."""
         text = f"zero + ({_scale_text(self.settings, self.metres)})*({PRINTED})"
         return with_numbers(parse(text), fit.parameters)
 
 
 def _slack_and_largest(y: Array) -> tuple[float, float]:
-    """Force when slack, and the largest force beyond it."""
+    """Return the force when slack, and the largest force above it."""
     low, high = np.quantile(y, [LOW, HIGH])
     zero = float(low) if abs(low) < SLACK * high else 0.0
     return zero, float(high) - zero
@@ -175,12 +178,13 @@ def _slack_and_largest(y: Array) -> tuple[float, float]:
 def adapted(
     fit: FormulaFit, columns: Mapping[str, Array], target: Array, dimension: float
 ) -> FormulaFit:
-    """Return the formula of a new specimen of the family: `zero + q_force S f(P, q_strain strain)`,
-    of pressure and strain alone.
+    """Return the formula of a new specimen of the family, `zero + q_force S f(P, q_strain strain)`,
+    as a function of pressure and strain only.
 
-    `columns` hold the specimen's pressure and strain, (n,) each, `target` its forces; without rows,
-    the scales are one. The scales have a prior of one, +-15 %; samples of one strain err together
-    and count as one, of 5 % of the force.
+    `columns` holds the pressure and strain of the specimen, shape (n,) each, and `target` its
+    forces; without rows, both scales are one. The prior of each scale is one, with a standard
+    deviation of 15 %. Samples of one strain have a common error, so they count as one sample with
+    an error of 5 % of the force.
     """
     family = family_of(fit.definition)
     known = {**fit.parameters, family.settings.of: dimension}
@@ -192,8 +196,8 @@ def adapted(
         f"{NAME}, adapted", family.reference, text, {"zero": None, "q_force": None, **bounds}, {}
     )
     formula, n = formula_of(made), len(target)
-    columns = columns or dict.fromkeys(("pressure", "strain"), target)  # no rows
-    # samples of one strain err together
+    columns = columns or dict.fromkeys(("pressure", "strain"), target)  # without rows
+    # samples of one strain have a common error
     span = float(np.ptp(columns["strain"])) or 1.0 if n else 1.0
     strains = np.round(columns["strain"] / span, 2)
     _, number, counts = np.unique(strains, return_inverse=True, return_counts=True)

@@ -1,5 +1,5 @@
-"""A formula as one line of text, from which prediction, derivatives, fitting and equation
-follow.
+"""Define a formula by one line of text, from which prediction, derivatives, fitting and equation
+are derived.
 """
 
 from __future__ import annotations
@@ -38,10 +38,11 @@ RANDOM = "random"
 
 @dataclass(frozen=True)
 class LinearForm:
-    """A formula in other parameters than the printed ones: in those that make it linear.
+    """A formula in other parameters than the printed ones, in which it is linear.
 
     `text` is the same function of the inputs, `linear` names the parameters in which it is linear,
-    and `printed` has every printed parameter as an expression of these and of the nonlinear ones.
+    and `printed` gives every printed parameter as an expression of these and of the nonlinear
+    parameters.
     """
 
     text: str
@@ -51,30 +52,30 @@ class LinearForm:
 
 @dataclass(frozen=True)
 class Formula:
-    """A parametric model with a name, which one expression holds; its output may stand against any
-    target.
+    """A parametric model with a name, defined by one expression. Its output may be compared with
+    any target.
 
-    - `name`, `reference`: as in the spec, and where it is published.
-    - `inputs`: quantities that it predicts from.
-    - `parameters`: in the order of the publication.
+    - `name`, `reference`: name in a spec, and where the formula is published.
+    - `inputs`: quantities from which it predicts.
+    - `parameters`: names in the order of the publication.
     - `text`: the formula as an expression of inputs and parameters.
-    - `nonlinear`: the parameters in which it is not linear, and where to seek them; every term must
-      be linear in one of the others, or hold a dimension of the muscle.
-    - `form`: how it is fitted, where it is printed in parameters in which it is not linear.
-    - `published_starts`: starting values that papers print for it, by the names that specs have for
-      them.
-    - `start`: the one of them that `levenberg_marquardt` starts from, or `random`.
-    - `title`: as people write the name; the name where there is none.
-    - `about`: what it is, where the docstring of its file does not say it.
-    - `component`: the component of the force that it was published for, `static`, `damping` or
+    - `nonlinear`: parameters in which it is not linear, with the intervals in which they are
+      sought. Every term must be linear in another parameter, or contain a dimension of the muscle.
+    - `form`: linear form in which it is fitted, if it is printed in parameters in which it is not
+      linear.
+    - `published_starts`: starting values that papers print, by the name that a spec uses.
+    - `start`: name of the starting values that `levenberg_marquardt` uses, or `random`.
+    - `title`: usual name in texts; `name` if it is empty.
+    - `about`: explanation of the formula; by default the docstring of its module.
+    - `component`: component of the force for which it was published: `static`, `damping` or
       `dynamic`.
-    - `dimensions`: those of its parameters that are dimensions of the muscle (`diameter`, in m),
-      given and not fitted.
-    - `given`: values of the dimensions, once `of_muscle` has put them in.
-    - `units`, `definition`: units of the parameters, and what defines the formula, where a spec
-      does (`own`).
-    - `fitted_to`: `target`: fitted by `fit`. `load_cycles`: fitted by a method of its own to
-      another experiment than it predicts.
+    - `dimensions`: parameters that are dimensions of the muscle (for example `diameter`, in m),
+      which are given and not fitted.
+    - `given`: values of the dimensions, after `of_muscle` has set them.
+    - `units`, `definition`: units of the parameters, and the text that defines the formula, for a
+      formula of a spec (`own`).
+    - `fitted_to`: `target` for a formula that `fit` fits; `load_cycles` for one that has its own
+      method and is fitted to another experiment than the one it predicts.
     """
 
     name: str
@@ -97,10 +98,9 @@ class Formula:
     fitted_to: ClassVar[str] = TARGET
 
     def of_muscle(self, lengths: Mapping[str, float | None]) -> Self:
-        """Return the formula with the dimensions of a muscle, in m, those that it needs among
-        `lengths`.
+        """Return the formula with the dimensions of a muscle, in m, which are taken from `lengths`.
 
-        Raises `SpecError` if one of them is not known.
+        Raises SpecError if a dimension that the formula needs is unknown.
         """
         for name in self.dimensions:
             if not lengths.get(name):
@@ -112,7 +112,7 @@ class Formula:
         return replace(self, given=known_lengths)
 
     def checked(self) -> Self:
-        """Return the formula; raises ValueError if its text is not what it declares."""
+        """Return the formula. Raises ValueError if its text contradicts its declarations."""
         if self.expression.names != {*self.inputs, *self.parameters}:
             raise ValueError(
                 f"{self.name}: the names in the text are not the inputs and parameters"
@@ -127,9 +127,10 @@ class Formula:
         return self
 
     def starting_from(self, start: str) -> Formula:
-        """Return the formula fitted from published starting values, or from random ones.
+        """Return the formula with the given starting values for its fit: published ones, or
+        `random`.
 
-        Raises `SpecError` for starting values that nobody has published for it.
+        Raises SpecError if no such starting values are published.
         """
         known = (RANDOM, *self.published_starts)
         if start not in known:
@@ -146,14 +147,12 @@ class Formula:
 
     @cached_property
     def fitted(self) -> tuple[str, ...]:
-        """Names of the parameters that a fit finds: all but the dimensions of the muscle."""
+        """Names of the parameters that a fit estimates: all except the dimensions of the muscle."""
         return tuple(name for name in self.parameters if name not in self.dimensions)
 
     @cached_property
     def linear(self) -> tuple[str, ...]:
-        """Names of the parameters in which the formula is linear, those of its linear form where it
-        has one.
-        """
+        """Names of the parameters in which the formula, or its linear form, is linear."""
         if self.form is not None:
             return self.form.linear
         nonlinear = {parameter.name for parameter in self.nonlinear}
@@ -164,16 +163,18 @@ class Formula:
         return parse((self.form or self).text)
 
     def fit(self, columns: Columns, y: Array, method: str | None = None) -> FormulaFit:
-        """Least-squares fit to the target `y`, `(n,)`, with the inputs among `columns`.
+        """Fit the formula by least squares to the target `y`, shape (n,), with its inputs among
+        `columns`.
 
-        `method` is `variable_projection` (the default: no starting values with at most one
-        nonlinear parameter, bounds and ten starts with more; for a linear formula, linear least
-        squares), `levenberg_marquardt` (ten starts, no bounds) or `simplex` (the same, without
-        derivatives). A poor fit is told by the status and the notes, never raised.
+        `method` is one of three. `variable_projection` is the default: it needs no starting values
+        if at most one parameter is nonlinear, and uses bounds and ten starts otherwise; a linear
+        formula is fitted by linear least squares. `levenberg_marquardt` uses ten starts and no
+        bounds. `simplex` does the same without derivatives. A poor fit is not an error: the status
+        and the notes of the result report it.
 
-        Raises DataError for a value that is not finite, an absent input, or fewer samples than
-        parameters; SpecError for a dimension of the muscle that `of_muscle` has not put in;
-        ValueError for an unknown method.
+        Raises DataError for a value that is not finite, a missing input, or fewer samples than
+        parameters; SpecError for a dimension of the muscle that `of_muscle` has not set; ValueError
+        for an unknown method.
         """
         default = next(iter(solvers.METHODS))
         method = method or default
@@ -185,26 +186,32 @@ class Formula:
                 f"write `method: {solvers.LEVENBERG_MARQUARDT}` beside `starts`",
             )
         problem = self.problem(columns, y)
-        # without parameters there is nothing to descend to
+        # without parameters there is nothing to search
         return self._result(problem, solvers.METHODS[method if self.fitted else default](problem))
 
     def predict(self, parameters: Mapping[str, float], columns: Columns) -> Array:
-        """Return the formula on every row, `(n,)`; NaN with the parameters of a failed fit."""
+        """Return the formula on every row, shape (n,); NaN if the parameters are those of a failed
+        fit.
+        """
         values = {name: columns[name] for name in self.inputs if name in columns}
         values |= {name: np.asarray(parameters[name]) for name in self.parameters}
         return evaluate(self.expression, values, row_count(columns))
 
     def equations(self, fit: FormulaFit) -> dict[str, Expression]:
-        """`equation`, by the name of the formula; of some formulas, one for each of their parts."""
+        """Return `equation` by the name of the formula. Some formulas return one equation for each
+        of their parts.
+        """
         return {self.name: self.equation(fit)}
 
     def equation(self, fit: FormulaFit) -> Expression:
-        """Return the formula with the numbers of a fit that has not failed, in physical units."""
+        """Return the formula with the numbers of a fit, in physical units. The fit must not have
+        failed.
+        """
         return with_numbers(self.expression, fit.parameters)
 
     def problem(self, columns: Columns, y: Array) -> LeastSquares:
-        """Return the rows in canonical order, so that the order of the samples cannot change a
-        digit of the fit; raises as `fit`.
+        """Return the least-squares problem with its rows in canonical order, so that the order of
+        the samples cannot change a digit of the fit. Raises the same errors as `fit`.
         """
         inputs = {name: finite(name, columns) for name in self.inputs}
         target = finite("the target", {"the target": y})
@@ -281,7 +288,9 @@ class Formula:
         )
 
     def _printed(self, problem: LeastSquares, beta: Array, c: Array) -> dict[str, float]:
-        """Return the parameters as printed, from those of the linear form, and the dimensions."""
+        """Return the printed parameters, computed from those of the linear form, and the
+        dimensions.
+        """
         dimensions = {name: np.asarray(value) for name, value in self.given.items()}
         values = {**problem.values(beta, c), **dimensions}
         printed = {} if self.form is None else self.form.printed
@@ -291,12 +300,12 @@ class Formula:
         }
 
     def _jacobian(self, values: Mapping[str, float], columns: Columns, n: int) -> Array:
-        """Return derivatives for the fitted parameters at `values`, `(n, p)`."""
+        """Return the derivatives by the fitted parameters at `values`, shape (n, p)."""
         numbers = {name: np.asarray(value) for name, value in values.items()}
         gradient = [derivative(self.expression, name) for name in self.fitted]
         return dictionary_matrix(gradient, {**columns, **numbers}, n)
 
 
 def with_numbers(expression: Expression, numbers: Mapping[str, float]) -> Expression:
-    """Return the expression with numbers in place of names."""
+    """Return the expression with numbers instead of names."""
     return substitute(expression, {name: Number(value) for name, value in numbers.items()})

@@ -1,13 +1,13 @@
-"""Sárosi's formula with a slack foot, on normalised data: its values, its derivatives, its units,
-and how it is fitted.
+"""Fit Sárosi's formula with a slack foot on normalised data: its values, derivatives, units and
+search.
 
 With p = P/max|P|, x = strain/max|strain|, f = F/max|F| (any target F):
 
     f = lo + w ln(1 + exp((hi - lo)/w)),   hi = (a1 p + a2) exp(a3 x) + a4 x p + a5 p + a6,   lo =
     b0 + b1 p + b2 x
 
-is Sárosi's `hi` above the foot and the plane `lo` on it, joined by a hinge of width w. Coordinates
-q, `(10,)`, are the parameters in the order of `NAMES`, but for ln w in place of w.
+is Sárosi's `hi` above the foot and the plane `lo` on it, joined by a hinge of width w. The
+coordinates q, shape (10,), are the parameters in the order of `NAMES`, with ln w instead of w.
 """
 
 from __future__ import annotations
@@ -26,51 +26,54 @@ from mapmore_cli.modelling.literature.solvers import agreement, descend, onto_bo
 METHOD = "penalised least squares"
 NAMES = ("a1", "a2", "a3", "a4", "a5", "a6", "b0", "b1", "b2", "w")
 A, A3, B, B1, LN_W = [0, 1, 3, 4, 5], 2, [6, 7, 8], 7, 9
-"""Places of the parameters in q: the linear ones of `hi`, its curvature, those of `lo`, the foot's
-slope with pressure, the width.
+"""Indices of the parameters in q: the linear ones of `hi`, its curvature, those of `lo`, the slope
+of the foot with the pressure, and the width.
 """
 
 
-# Constants of the fit, each below its reason. `docs/formula_tables.py RUNS hinge` shows what half
-# and twice of each make of the errors between strain levels.
+# Constants of the fit, each below its reason. `docs/formula_tables.py RUNS hinge` shows how half
+# and twice each constant change the errors between strain levels.
 
-# a3 at the starts: from a steep decay to a bend upwards
+# a3 at the starts, from a steep decay to a bend upwards
 STARTS = (-8.0, -4.0, -2.0, -0.7, 1.5)
-# evaluations of each start, of which the lowest end is followed on
+# evaluations for each start; only the lowest end is continued
 FIRST = 100
-# w at the starts: a sharp hinge, which widens where it must
+# w at the starts: a sharp hinge, which the search can widen
 START_W = 0.02
-# the start of `hi` is fitted to the normalised targets above it
+# the start of `hi` is fitted to the normalised targets above this
 UPPER = 0.12
-# the start of `lo` is fitted to the normalised targets below it
+# the start of `lo` is fitted to the normalised targets below this
 FOOT = 0.06
-# bound of |a3|: no data tell steeper decays apart
+# bound of |a3|; data cannot distinguish steeper decays
 LARGEST_A3 = 15.0
-# least w: a sharper hinge is a kink, which has no slope
+# smallest w; a sharper hinge is a kink, which has no slope
 LEAST_W = 0.004
-# largest w: a wider hinge is none, since it bends the whole curve
+# largest w; a wider hinge bends the whole curve, so it is no hinge
 LARGEST_W = 0.3
-# weights of the priors by parameter: so small that they decide what no data show, and no more
+# weights of the priors by parameter; they are so small that they matter only if the data say
+# nothing
 PRIOR_WEIGHTS = (0.01, *5 * (0.003,), 0.001, 0.03, 0.03, 0.001)
 # prior of a3/max|strain|, per unit of strain
 DECAY = -33.0
-# the prior of a3 is no steeper, however large the strain
+# the prior of a3 is never steeper than this, however large the strain
 STEEPEST = -12.0
-# weight of the prior of a3 times the largest strain: over a short range a3 is vague
+# weight of the prior of a3 times the largest strain; over a short range, the data hardly determine
+# a3
 DECAY_WEIGHT = 0.002
-# prior of w, of the largest target
+# prior of w, as a fraction of the largest target
 PRIOR_W = 0.03
-# most samples that the data count as against the priors: neighbours in a slow recording repeat each
-# other, and counted one by one they leave the priors no weight
+# largest number of samples by which the data count against the priors: neighbouring samples of a
+# slow recording repeat each other, and counted one by one they would leave the priors no weight
 INDEPENDENT = 300
-# any curvature passes through so few strain levels: decides on the words of a note alone
+# so few strain levels can be fitted with any curvature; affects only the words of a note
 FEW_LEVELS = 3
-# of max|strain|: nearer strain levels are one; decides on the words of a note alone
+# fraction of max|strain| below which two strain levels count as one; affects only the words of a
+# note
 APART = 0.05
 
 
 def linearised(q: Array, p: Array, x: Array) -> tuple[Array, Array]:
-    """Return the normalised force, `(n,)`, and its derivative for q, `(n, 10)`."""
+    """Return the normalised force, shape (n,), and its derivative by q, shape (n, 10)."""
     a1, a2, a3, a4, a5, a6, b0, b1, b2, log_w = q
     w, decay = np.exp(log_w), np.exp(a3 * x)
     high, low = (a1 * p + a2) * decay + (a4 * x + a5) * p + a6, b0 + b1 * p + b2 * x
@@ -88,8 +91,8 @@ def linearised(q: Array, p: Array, x: Array) -> tuple[Array, Array]:
 
 
 class _Problem(NamedTuple):
-    """Normalised rows with the roots of their weights, each `(n,)`, and the centres and weights of
-    the priors, `(10,)`.
+    """Normalised rows with the square roots of their weights, shape (n,) each, and the centres and
+    weights of the priors, shape (10,).
     """
 
     p: Array
@@ -100,26 +103,26 @@ class _Problem(NamedTuple):
     weight: Array
 
     def of_data(self, q: Array) -> tuple[Array, Array]:
-        """Residuals of the rows and their derivatives, `(n,)` and `(n, 10)`."""
+        """Return the residuals of the rows and their derivatives, shapes (n,) and (n, 10)."""
         force, slopes = linearised(q, self.p, self.x)
         return self.root * (force - self.f), self.root[:, None] * slopes
 
     def system(self, q: Array) -> tuple[Array, Array]:
-        """Return the same with the priors below: `(n + 10,)` and `(n + 10, 10)`."""
+        """Return the same with the priors as further rows: shapes (n + 10,) and (n + 10, 10)."""
         residual, slopes = self.of_data(q)
         priors = self.weight * (q - self.centre), np.diag(self.weight)
         return np.concatenate([residual, priors[0]]), np.concatenate([slopes, priors[1]])
 
 
 def fit_hinge(columns: Columns, y: Array) -> FormulaFit:
-    """Fit the hinged formula to `pressure`, `strain` (a fraction) and the target `y`, `(n,)` each
-    and finite.
+    """Fit the hinged formula to `pressure`, `strain` (a fraction) and the target `y`, shape (n,)
+    each, all finite.
 
-    Of five starts that differ in the curvature, the lowest penalised sum of squares wins, the `sse`
-    of the result; errors are with the priors taken as observations, rank and
-    condition those of the data alone. Deterministic; the units of pressure and target are no
-    matter. Above some thousand samples the search goes over means of neighbouring ones
-    (`problem.condensed`).
+    Five starts differ in the curvature; the one with the lowest penalised sum of squares (the `sse`
+    of the result) wins. The standard errors count the priors as observations; rank and condition
+    are those of the data alone. The fit is deterministic and does not depend on the units of
+    pressure and target. With more than some thousand samples, the search uses means of neighbouring
+    samples (`problem.condensed`).
 
     Raises FitError if the formula has no finite value at any start.
     """
@@ -180,7 +183,7 @@ def fit_hinge(columns: Columns, y: Array) -> FormulaFit:
 
 
 def _strain_levels(strain: Array) -> int:
-    """Return number of strains that lie apart; many where the strain is swept."""
+    """Return the number of distinct strain levels; a large number if the strain is swept."""
     values = np.unique(strain)
     gap = APART * float(np.abs(values).max())
     count, i = 0, 0
@@ -203,8 +206,8 @@ def _normalised(
 
 
 def _search_bounds() -> tuple[Array, Array]:
-    """Return least and largest q, (10,): of the curvature, of the foot's slope with pressure, and
-    of the width.
+    """Return the smallest and largest q, shape (10,): only the curvature, the slope of the foot
+    with the pressure, and the width have bounds.
     """
     low, high = np.full((2, len(NAMES)), np.inf) * [[-1.0], [1.0]]
     low[[A3, B1, LN_W]] = -LARGEST_A3, 0.0, np.log(LEAST_W)
@@ -213,8 +216,8 @@ def _search_bounds() -> tuple[Array, Array]:
 
 
 def _start_at(problem: _Problem, a3: float) -> Array:
-    """Return `hi` through the upper targets and `lo` through the lowest ones, by least squares, for
-    a starting curvature.
+    """Return a start with the curvature a3: `hi` is fitted to the upper targets and `lo` to the
+    lowest ones, both by least squares.
     """
     p, x, ones = problem.p, problem.x, np.ones_like(problem.p)
     q, decay = np.zeros(len(NAMES)), np.exp(a3 * x)

@@ -1,4 +1,6 @@
-"""Linear least squares by singular values: minimum norm, rank, condition, standard errors."""
+"""Solve linear least squares by singular values, with minimum norm, rank, condition and standard
+errors.
+"""
 
 from __future__ import annotations
 
@@ -9,20 +11,22 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 
 RANK_TOLERANCE = 1e-13
-"""Singular values below this fraction of the largest are rounding (exactly dependent columns leave
-about 1e-16).
+"""Singular values below this fraction of the largest count as rounding. Exactly dependent columns
+leave about 1e-16.
 """
 
 SHARE = 0.1
-"""Part of a parameter in a direction that changes nothing, from which on it is undetermined."""
+"""A parameter is undetermined if more than this part of it lies in a direction that does not change
+the result.
+"""
 
 
 class LinearFit(NamedTuple):
-    """The minimum-norm solution of `min |Phi beta - y|` with unit columns.
+    """The minimum-norm solution of `min |Phi beta - y|` with columns scaled to unit length.
 
-    - `beta`: `(m,)`, in the units of the given columns.
-    - `basis`: `(n, m)` orthonormal basis of the columns' space, zero beyond the rank.
-    - `residual`: `(n,)`, `Phi beta - y`, taken as the part of -y outside the basis.
+    - `beta`: shape (m,), in the units of the given columns.
+    - `basis`: orthonormal basis of the column space, shape (n, m); zero beyond the rank.
+    - `residual`: `Phi beta - y`, shape (n,), computed as the part of -y outside the basis.
     """
 
     beta: Array
@@ -31,10 +35,10 @@ class LinearFit(NamedTuple):
 
 
 def solve_linear(phi: Array, y: Array) -> LinearFit:
-    """Least squares with finite regressors `phi`, `(n, m)`, and target `y`, `(n,)`.
+    """Solve least squares with finite regressors `phi`, shape (n, m), and target `y`, shape (n,).
 
-    Columns are scaled to unit length first, so that neither the solution nor the rank depends on
-    units.
+    The columns are scaled to unit length first, so that neither the solution nor the rank depends
+    on units.
     """
     lengths = _lengths(phi)
     u, s, vt = np.linalg.svd(phi / lengths, full_matrices=False)
@@ -42,16 +46,18 @@ def solve_linear(phi: Array, y: Array) -> LinearFit:
     basis = u * above
     components = basis.T @ y
     residual = basis @ components - y
-    residual -= basis @ (basis.T @ residual)  # once more: keeps the digits of small residuals
+    # a second pass, which keeps the digits of small residuals
+    residual -= basis @ (basis.T @ residual)
     weights = np.divide(components, s, out=np.zeros_like(s), where=above)
     return LinearFit(vt.T @ weights / lengths, basis, residual)
 
 
 def parameter_errors(jacobian: Array, variance: float) -> tuple[Array, int, float]:
-    """Return standard errors `(p,)`, rank and condition from a Jacobian `(n, p)` at the solution.
+    """Return standard errors, shape (p,), rank and condition from a Jacobian at the solution, shape
+    (n, p).
 
-    `cov = variance (J'J)^-1`. Where the rank is deficient, the errors of parameters that the data
-    do not tell apart are NaN, and the condition is that of the space which is left.
+    `cov = variance (J'J)^-1`. With a deficient rank, the errors of parameters that the data cannot
+    distinguish are NaN, and the condition is that of the remaining space.
     """
     lengths = _lengths(jacobian)
     _, s, vt = np.linalg.svd(jacobian / lengths, full_matrices=False)
@@ -63,11 +69,11 @@ def parameter_errors(jacobian: Array, variance: float) -> tuple[Array, int, floa
 
 
 def half_width(error: float, freedom: int) -> float:
-    """Half of the 95 % confidence interval of a parameter, `t_{0.975, freedom} error`; NaN where
-    the error is unknown.
+    """Return half the width of the 95 % confidence interval of a parameter, `t_{0.975, freedom}
+    error`; NaN if the error is unknown.
 
-    It holds for independent errors of equal size. The samples of a record over time are neighbours,
-    and theirs are not: there it is too narrow.
+    It holds for independent errors of equal size. Neighbouring samples of a recording have
+    dependent errors, for which the interval is too narrow.
     """
     from scipy.special import stdtrit
 
@@ -75,10 +81,10 @@ def half_width(error: float, freedom: int) -> float:
 
 
 def _lengths(columns: Array) -> Array:
-    """Lengths of columns, `(n, m)`; one for a column of zeros."""
+    """Return the lengths of columns, shape (n, m); one for a column of zeros."""
     largest = np.abs(columns).max(axis=0)
     largest[largest == 0.0] = 1.0
-    # squares of tiny or huge columns would leave the range
+    # squares of very small or very large columns would overflow or underflow
     lengths = largest * np.linalg.norm(columns / largest, axis=0)
     lengths[lengths == 0.0] = 1.0
     return np.asarray(lengths)

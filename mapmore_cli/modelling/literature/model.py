@@ -1,5 +1,5 @@
-"""A formula of the literature as a model, or as the part of a model that another is built on:
-evaluated, printed, written as statements.
+"""Evaluate, print and export a formula of the literature, as a model or as the part on which
+another model is built.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from mapmore_cli.modelling.literature.formula import with_numbers
 from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
 
 DIGITS = 6
-"""Digits of the printed numbers; model.h5 holds all of them."""
+"""Significant digits of printed numbers; model.h5 holds all digits."""
 
 
 def formula_model(
@@ -40,7 +40,7 @@ def formula_model(
     training: Sequence[CurveRange],
     quantities: Mapping[str, Quantity],
 ) -> Model:
-    """Return a fitted formula as a model; the `training` curves, in the order of their levels, say
+    """Return a fitted formula as a model. The `training` curves, in the order of their levels, give
     the range of its inputs.
     """
     inputs = sorted({*literature.of(fit).inputs, *([level] if level is not None else [])})
@@ -50,13 +50,13 @@ def formula_model(
 
 
 def backbone_values(fit: FormulaFit | None, inputs: Columns, n: int) -> Array:
-    """Return a fitted formula at n rows; zero where there is none."""
+    """Return a fitted formula at n rows; zero without a formula."""
     return np.zeros(n) if fit is None else literature.of(fit).predict(fit.parameters, inputs)
 
 
 def formula_equations(fit: FormulaFit | None, units: Mapping[str, float]) -> tuple[Equation, ...]:
-    """Return a fitted formula by the names of its parts; `units` says how many of the model's units
-    one unit of a quantity is.
+    """Return a fitted formula as equations, by the names of its parts. `units` gives the number of
+    the model's units in one unit of each printed quantity.
     """
     if fit is None:
         return ()
@@ -68,20 +68,22 @@ def formula_equations(fit: FormulaFit | None, units: Mapping[str, float]) -> tup
 
 
 def printed(name: str, expression: Expression) -> Equation:
-    """Return an equation whose numbers have six digits, computed as far as they can be."""
+    """Return an equation with its constants computed as far as possible and rounded to six
+    digits.
+    """
     return as_equation(name, folded(expression), DIGITS)
 
 
 def where_finite(
     inputs: Sequence[Quantity], columns: Columns, value: Callable[[dict[str, Array], int], Array]
 ) -> Array:
-    """Return a function of the inputs; NaN where an input is not finite, (n,)."""
+    """Return the values of a function of the inputs, shape (n,); NaN if an input is not finite."""
     values = {
         quantity.name: np.asarray(columns[quantity.name], dtype=np.float64) for quantity in inputs
     }
     n = row_count(columns)
     finite = np.logical_and.reduce([np.ones(n, dtype=np.bool_), *map(np.isfinite, values.values())])
-    # a term may overflow far outside, and what follows from a NaN is replaced
+    # a term may overflow far outside the data, and values computed from a NaN are replaced below
     with np.errstate(all="ignore"):
         return np.where(finite, value(values, n), np.nan)
 
@@ -89,9 +91,9 @@ def where_finite(
 def formula_value(
     m: Writer, fit: FormulaFit | None, inputs: Mapping[str, Expression]
 ) -> Expression:
-    """Write a fitted formula; zero where there is none.
+    """Write a fitted formula as statements; zero without a formula.
 
-    Raises DataError if the fit failed, or the formula is no closed expression.
+    Raises DataError if the fit failed, or if the formula has no closed expression.
     """
     if fit is None:
         return Number(0.0)
@@ -114,22 +116,22 @@ class FormulaVerbs(Verbs):
     """Operations of a formula as a model."""
 
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
-        """Return the formula at every row, (n,); NaN where an input is."""
+        """Return the formula at every row, shape (n,); NaN if an input is NaN."""
         fit = model.body_of(Formula).fit
         return SimulatedRun(
             where_finite(model.inputs, columns, lambda inputs, n: backbone_values(fit, inputs, n))
         )
 
     def parameters(self, model: Model) -> int:
-        """Return the parameters of the formula."""
+        """Return the number of parameters of the formula."""
         return len(model.body_of(Formula).fit.parameters)
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-        """Return the formula with its parameters put in."""
+        """Return the formula with the values of its parameters."""
         return formula_equations(model.body_of(Formula).fit, units)
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
-        """Write a formula alone."""
+        """Write the formula as statements."""
         body = model.body_of(Formula)
         limit(m, body.ranges, body.level, inputs)
         return formula_value(m, body.fit, inputs)

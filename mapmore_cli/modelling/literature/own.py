@@ -1,5 +1,5 @@
-"""Formulas that a spec defines: an expression with its parameters, as a text that travels with the
-fit and the model file.
+"""Define formulas of a spec: an expression with its parameters, as a text that is stored with the
+fit and in the model file.
 """
 
 from __future__ import annotations
@@ -19,39 +19,40 @@ from mapmore_cli.modelling.literature.problem import Nonlinear
 
 @dataclass(frozen=True, kw_only=True)
 class FamilySettings(Settings):
-    """What specimens of a family differ in, from which their largest force follows.
+    """The quantity in which the specimens of a family differ, and how their largest force depends
+    on it.
 
-    - `of`: the quantity, one value for each, as `rest_length`
-    - `scale`: `saturating` is `a atan(b (l - 7.5 mm))` of a length, without its fittings; `power`
-      is `a l^b`, as `power`
+    - `of`: The quantity, with one value for each specimen. Example: `rest_length`
+    - `scale`: How the largest force depends on the quantity l. `saturating` is `a atan(b (l - 7.5
+      mm))`, for a length, of which 7.5 mm are fittings. `power` is `a l^b`. Example: `power`
     """
 
     of: str
     scale: Literal["saturating", "power"] = "saturating"
 
     def definition(self, metres: float) -> str:
-        """Return the family as a text that travels with its fit; one unit of `of` is so many
-        `metres` (1 for other quantities).
+        """Return the family as a text that is stored with its fit. One unit of `of` is `metres` m
+        (1 for quantities that are no length).
         """
         return json.dumps({"family": {**vars(self), "metres": metres}}, sort_keys=True)
 
 
 def is_family(name: str) -> bool:
-    """Whether the name of a formula is the definition of a family."""
+    """Return True if the name of a formula is the definition of a family."""
     return name.startswith('{"family"')
 
 
 NEAREST = 1e-4
-"""Share of the larger bound: what lies nearer to zero is not sought where the bounds lie on both
-sides of it.
+"""Fraction of the larger bound: if the bounds have different signs, values nearer to zero than this
+are not searched.
 """
 
 LONGEST = 100_000
-"""Characters of a definition."""
+"""Largest number of characters of a definition."""
 
 
 def is_definition(name: str) -> bool:
-    """Whether the name of a formula is a definition of one."""
+    """Return True if the name of a formula is the definition of a formula."""
     return name.startswith("{")
 
 
@@ -62,8 +63,8 @@ def definition(
     bounds: dict[str, tuple[float, float] | None],
     units: dict[str, str],
 ) -> str:
-    """Return the definition as canonical JSON: `bounds` are of every parameter, None if the
-    formula is linear in it.
+    """Return the definition as canonical JSON. `bounds` has an entry for every parameter, None if
+    the formula is linear in it.
     """
     document = {
         "name": name,
@@ -79,8 +80,8 @@ def definition(
 def formula_of(text: str) -> Formula:
     """Return the formula of a definition.
 
-    Raises ValueError for a text that defines no formula; an expression that is none is an
-    `ExpressionError`.
+    Raises ValueError for a text that defines no formula, and ExpressionError for a malformed
+    expression.
     """
     if len(text) > LONGEST:
         raise ValueError(f"the definition has {len(text)} characters, more than {LONGEST}")
@@ -110,8 +111,8 @@ def formula_of(text: str) -> Formula:
 
 
 def units_of_parameters(fit: FormulaFit) -> Mapping[str, str]:
-    """Return the units that a spec gives the parameters of its own formula; none for a formula of
-    the literature.
+    """Return the units that a spec gives to the parameters of its own formula; empty for a formula
+    of the literature.
     """
     return (
         formula_of(fit.definition).units if fit.definition and not is_family(fit.definition) else {}
@@ -119,7 +120,9 @@ def units_of_parameters(fit: FormulaFit) -> Mapping[str, str]:
 
 
 def _intervals(low: float, high: float) -> Iterator[tuple[float, float]]:
-    """Yield the bounds as intervals of which none holds zero: the search is by factors."""
+    """Yield the bounds as intervals that do not contain zero, because the search goes by
+    factors.
+    """
     least = NEAREST * max(abs(low), abs(high))
     if low < 0:
         yield low, min(high, -least)

@@ -1,5 +1,5 @@
-"""A least-squares problem: one formula, one set of rows, in coordinates that no change of units
-moves; and what its solution holds.
+"""Define a least-squares problem (one formula, one set of rows) in coordinates that do not depend
+on units, and the contents of its solution.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ Intervals = tuple[tuple[float, float], ...]
 class Nonlinear:
     """A parameter that enters its formula nonlinearly.
 
-    It is sought as the dimensionless coordinate `c = value * max|per|`, `value / max|of|` or the
-    value itself, in `intervals`: inclusive, ascending, and none of them across zero.
+    It is sought as a dimensionless coordinate: `c = value * max|per|`, `value / max|of|`, or the
+    value itself. The `intervals` of the coordinate include their ends, ascend, and do not contain
+    zero inside.
     """
 
     name: str
@@ -32,11 +33,11 @@ class Nonlinear:
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Lowest and highest coordinate."""
+        """Smallest and largest coordinate."""
         return self.intervals[0][0], self.intervals[-1][1]
 
     def span(self, columns: Columns) -> float:
-        """Return the coordinate of the value one; one where the data have no span."""
+        """Return the coordinate of the value one; one if the data have no span."""
         quantity = self.per or self.of
         if quantity is None:
             return 1.0
@@ -44,27 +45,29 @@ class Nonlinear:
         return largest if self.per else 1.0 / largest
 
     def written(self, c: float) -> str:
-        """Return a coordinate as a person would write the value."""
+        """Return the value of a coordinate as a text, for example as a multiple of
+        1/max|strain|.
+        """
         per, of = self.per and f"/max|{self.per}|", self.of and f" max|{self.of}|"
         return f"{c:g}{per or of or ''}"
 
 
 @dataclass(frozen=True)
 class LeastSquares:
-    """Find `beta`, `c` that minimise `|Phi(c) beta + f0(c) - y|^2` over n rows.
+    """Problem of finding `beta` and `c` that minimise `|Phi(c) beta + f0(c) - y|^2` over n rows.
 
-    (Or the formula's own residual, where it is not such a product.)
+    (Or the formula's own residual, if it does not have this form.)
 
-    - `expression`: the formula, of inputs and parameters.
+    - `expression`: the formula of inputs and parameters.
     - `linear`: names of the m parameters `beta` in which the formula is linear.
     - `nonlinear`: the k parameters with coordinates `c`.
-    - `gradient`: derivative of the formula for every parameter, linear and nonlinear; those for
-      `linear` are the regressors.
-    - `columns`, `y`: the inputs and the target, each `(n,)`.
-    - `counts`: number of samples that each row stands for, `(n,)`; None if each is one.
-    - `start`: a published value to start from for every parameter, where one is asked for.
+    - `gradient`: derivative of the formula by every parameter. Those by `linear` are the
+      regressors.
+    - `columns`, `y`: the inputs and the target, shape (n,) each.
+    - `counts`: number of samples for which each row stands, shape (n,); None if each is one.
+    - `start`: published starting value of every parameter, or None.
 
-    Every residual and regressor is times the roots of the counts.
+    Every residual and regressor is multiplied by the square root of its count.
     """
 
     expression: Expression
@@ -77,26 +80,28 @@ class LeastSquares:
     start: Mapping[str, float] | None = None
 
     def residual(self, beta: Array, c: Array) -> Array:
-        """Return formula minus target, `(n,)`; not finite where the formula overflows."""
+        """Return formula minus target, shape (n,). The values are not finite if the formula
+        overflows.
+        """
         values = {**self.columns, **self.values(beta, c)}
         return self._weights * (evaluate(self.expression, values, len(self.y)) - self.y)
 
     def sse(self, beta: Array, c: Array) -> float:
-        """Sum of squares of the residual."""
+        """Return the sum of squares of the residual."""
         residual = self.residual(beta, c)
         return float(residual @ residual)
 
     def slopes(self, names: Sequence[str], beta: Array, c: Array) -> Array:
-        """Return derivatives of the formula for some parameters, `(n, p)`, those of nonlinear ones
-        for their coordinates; raises `NotFinite` where it overflows.
+        """Return the derivatives of the formula by some parameters, shape (n, p); for nonlinear
+        parameters, by their coordinates. Raises NotFinite if the formula overflows.
         """
         values = {**self.columns, **self.values(beta, c)}
         matrix = dictionary_matrix([self.gradient[name] for name in names], values, len(self.y))
         return self._weights[:, None] * matrix / [self.spans.get(name, 1.0) for name in names]
 
     def linear_at(self, c: Array) -> tuple[Array, Array]:
-        """Return the regressors `Phi(c)`, `(n, m)`, and the target `y - f0(c)`, `(n,)`; raises
-        `NotFinite` where the formula overflows.
+        """Return the regressors `Phi(c)`, shape (n, m), and the target `y - f0(c)`, shape (n,).
+        Raises NotFinite if the formula overflows.
         """
         nothing = np.zeros(len(self.linear))
         target = -self.residual(nothing, c)
@@ -105,43 +110,42 @@ class LeastSquares:
         return self.slopes(self.linear, nothing, c), target
 
     def values(self, beta: Array, c: Array) -> dict[str, Array]:
-        """Parameters by name, in the units of the data, `()` each."""
+        """Return the parameters by name, in the units of the data, shape () each."""
         spans = np.array([*self.spans.values()])
         return dict(zip(self.gradient, map(np.asarray, (*beta, *(c / spans))), strict=True))
 
     @cached_property
     def spans(self) -> dict[str, float]:
-        """Coordinate of the value one of every nonlinear parameter."""
+        """Coordinate of the value one, for every nonlinear parameter."""
         return {parameter.name: parameter.span(self.columns) for parameter in self.nonlinear}
 
     @property
     def bounds(self) -> tuple[Array, Array]:
-        """Lowest and highest coordinates of the nonlinear parameters, `(k,)` each."""
+        """Smallest and largest coordinates of the nonlinear parameters, shape (k,) each."""
         ends = np.array([parameter.bounds for parameter in self.nonlinear]).reshape(-1, 2)
         return ends[:, 0], ends[:, 1]
 
     @cached_property
     def at_levels(self) -> LeastSquares:
-        """The problem at the levels that its inputs scatter about.
+        """The problem with each input replaced by the level about which it scatters.
 
-        The scatter of nominally equal values raises the numerical rank. A fit uses it, as it is
-        scored on it; a note says what the rank is without (`polynomial_5` has 18 of 21 at four
-        pressures).
+        The scatter of nominally equal values raises the numerical rank. A fit uses the measured
+        values, because it is scored on them; a note gives the rank without the scatter. For
+        example, `polynomial_5` has rank 18 of 21 at four pressures.
         """
         return replace(self, columns={name: nominal(x) for name, x in self.columns.items()})
 
     def allows(self, c: Array) -> bool:
-        """Whether all coordinates, `(k,)`, have a sign that they are sought with."""
+        """Return True if all coordinates, shape (k,), have a sign that the intervals allow."""
         low, high = self.bounds
         return bool(((c > 0) | (low < 0)).all() and ((c < 0) | (high > 0)).all())
 
     def condensed(self) -> LeastSquares:
-        """Return the problem over means of neighbouring samples, where there are many: quick, and
-        nearly the same.
+        """Return the problem over means of neighbouring samples, if there are many samples. It is
+        faster to solve and nearly the same.
 
-        It stays as it is with a parameter that is sought in shares `of` a quantity: a force that
-        decays over the slowest rates shows in few samples, and which decay is best would be decided
-        without them.
+        The problem is unchanged if a parameter is sought as a fraction `of` a quantity: a force
+        that decays over the slowest rates shows in few samples, which the means would hide.
         """
         if any(parameter.of for parameter in self.nonlinear):
             return self
@@ -154,23 +158,25 @@ class LeastSquares:
 
 
 LIMIT = 4096
-"""Most cells; tables of no more rows are left as they are."""
+"""Largest number of cells. Tables with no more rows than this are unchanged."""
 
 FINEST = 512
-"""Cells along the range of an input, halved until there are no more than `LIMIT` in all."""
+"""Number of cells along the range of an input; it is halved until there are at most `LIMIT` cells
+in all.
+"""
 
 
 def condensed(columns: Columns, y: Array) -> tuple[Columns, Array, Array]:
-    """Return `columns` and `y`, each `(n,)`, averaged over the finest grid that leaves at most
-    `LIMIT` cells, and the rows in each cell.
+    """Return `columns` and `y`, shape (n,) each, averaged over the finest grid with at most `LIMIT`
+    cells, and the number of rows in each cell.
 
-    A sum of squares weighted by the counts is that of the rows, less their scatter within the
-    cells, up to the curvature of the model over a cell: a hinge of slope one and width w is missed
-    by 1/(96 w 512^2) of the full scale, 4e-6 where w = 0.01.
+    A sum of squares weighted by the counts equals the sum over the rows, minus their scatter within
+    the cells, up to the curvature of the model within a cell: for a hinge of slope one and width w,
+    the difference is 1/(96 w 512^2) of the full scale, which is 4e-6 for w = 0.01.
     """
     if len(y) <= LIMIT:
         return columns, y, np.ones(len(y))
-    # in their ranges, 0 to 1
+    # scaled to 0 to 1 in their ranges
     places = [
         (column - column.min()) / (float(np.ptp(column)) or 1.0) for column in columns.values()
     ]
@@ -188,22 +194,21 @@ def condensed(columns: Columns, y: Array) -> tuple[Columns, Array, Array]:
 
 
 SCATTER = 0.1
-"""Of the smallest distance between two levels: how far values may lie apart that are nominally one.
-"""
+"""Fraction of the smallest distance between two levels within which values are nominally equal."""
 
 VALUES_A_LEVEL = 5
-"""Distinct values for every level, from which on they are scatter about it; fewer may be levels of
-their own.
+"""Mean number of distinct values at a level from which on they count as scatter; fewer values may
+be separate levels.
 """
 
 
 def nominal(column: Array) -> Array:
-    """Return the column, `(n,)`, with every value replaced by the level that it scatters about;
-    unchanged where there are no such levels.
+    """Return the column, shape (n,), with every value replaced by the level about which it
+    scatters; unchanged if there are no such levels.
 
-    Levels are groups of values that lie nearer together than `SCATTER` times the smallest distance
-    between two groups, `VALUES_A_LEVEL` or more in a group on the average; the finest such
-    partition is taken.
+    Levels are groups of values that lie closer together than `SCATTER` times the smallest distance
+    between two groups, with at least `VALUES_A_LEVEL` values per group on average. The finest such
+    partition is used.
     """
     values, place = np.unique(column, return_inverse=True)
     gaps = np.diff(values)
@@ -220,7 +225,9 @@ def nominal(column: Array) -> Array:
 
 
 def dependence(rank: int, count: int, inputs: Columns, choice: str) -> str:
-    """Return the note for data that leave parameters undetermined, and what was chosen then."""
+    """Return the note for data that do not determine all parameters; `choice` says which solution
+    was taken.
+    """
     distinct = ", ".join(f"{len(np.unique(column))} of {name}" for name, column in inputs.items())
     return (
         f"rank {rank} of {count}: the data do not determine all parameters (distinct "
@@ -229,8 +236,8 @@ def dependence(rank: int, count: int, inputs: Columns, choice: str) -> str:
 
 
 def finite(name: str, columns: Columns) -> Array:
-    """Return the column `name`; raises `DataError` if it is absent, and with the first row in
-    which it is not finite.
+    """Return the column `name`. Raises DataError if it is missing, or with the first row at which
+    it is not finite.
     """
     if name not in columns:
         raise DataError(

@@ -1,11 +1,11 @@
-"""How a formula is fitted: by variable projection, by Levenberg and Marquardt's method, or by the
-simplex.
+"""Fit a formula by variable projection, by Levenberg and Marquardt's method, or by the simplex
+method.
 
-Variable projection leaves the nonlinear coordinates c alone: the linear parameters follow by least
-squares, so that `r(c) = Phi(c) Phi(c)^+ y - y`. With one coordinate it needs no starting values:
-the sum of squares is scanned over all that the parameter may be, and every valley is descended.
-With several it goes from ten starts, as the other two methods do, which are there for parity with
-the papers.
+Variable projection searches only the nonlinear coordinates c. For each c, the linear parameters
+follow by least squares, so that `r(c) = Phi(c) Phi(c)^+ y - y`. With one coordinate, no starting
+values are needed: the sum of squares is scanned over all values that the parameter may have, and
+the search descends into every valley. With several coordinates, it begins from ten starts. So do
+the other two methods, which exist for comparison with the papers.
 """
 
 from __future__ import annotations
@@ -23,13 +23,15 @@ from mapmore_cli.modelling.literature.problem import LeastSquares, Nonlinear
 
 Bounds = tuple[Array | float, Array | float]
 System = Callable[[Array], tuple[Array, Array]]
-"""From a place, `(k,)`, to the residuals there, `(n,)`, and their derivatives, `(n, k)`; it may
-raise `NotFinite`.
+"""Function from coordinates, shape (k,), to the residuals, shape (n,), and their derivatives, shape
+(n, k). It may raise `NotFinite`.
 """
 
 
 class End(NamedTuple):
-    """Where a descent ended, `(k,)`; half the sum of squares there; whether it had converged."""
+    """End of a descent: the coordinates, shape (k,), half the sum of squares, and whether the
+    descent converged.
+    """
 
     x: Array
     cost: float
@@ -42,10 +44,10 @@ class End(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """Linear parameters `beta`, `(m,)`, and coordinates `c`, `(k,)`; `status` and `method` as in
-    `FormulaFit`.
+    """Linear parameters `beta`, shape (m,), and coordinates `c`, shape (k,). `status` and `method`
+    are those of `FormulaFit`.
 
-    `rivals` are beta and c of other minima that are nearly as deep.
+    `rivals` holds beta and c of other minima that are nearly as deep.
     """
 
     beta: Array
@@ -57,14 +59,14 @@ class Solution(NamedTuple):
 
 
 def failure(problem: LeastSquares, method: str) -> Solution:
-    """Return the solution where the formula overflows from every start: NaN throughout."""
+    """Return the solution of NaN, for a formula that overflows from every start."""
     nothing = np.full(len(problem.linear), np.nan), np.full(len(problem.nonlinear), np.nan)
     return Solution(*nothing, "failed", method, ("every start overflowed",))
 
 
-TOLERANCE = 1e-15  # relative, of steps and of what they gain
+TOLERANCE = 1e-15  # relative, for steps and for the gain of a step
 EVALUATIONS = 400
-REFUSED = 1e100  # stands for an overflow, so that the step is not taken
+REFUSED = 1e100  # stands for an overflow, so that the step is rejected
 
 
 def descend(
@@ -74,15 +76,16 @@ def descend(
     method: Literal["trf", "lm"] = "trf",
     evaluations: int | None = None,
 ) -> list[End]:
-    """Return the nearest minimum of `|r(x)|^2` from every start in which it is finite, in their
-    order, by SciPy's least squares.
+    """Return the nearest minimum of `|r(x)|^2` from every start at which it is finite, in the order
+    of the starts, by SciPy's least squares.
 
-    `bounds` are the lowest and the highest coordinates, each `(k,)`; `lm` takes none. Each start
-    has so many `evaluations`, by default `EVALUATIONS`.
+    `bounds` holds the smallest and the largest coordinates, shape (k,) each; the method `lm` takes
+    none. Each start may use `evaluations` evaluations, by default `EVALUATIONS`.
     """
     from scipy.optimize import least_squares
 
-    @lru_cache(maxsize=1)  # SciPy asks for the derivatives where it has asked for the residuals
+    # SciPy asks for the derivatives at the point at which it asked for the residuals
+    @lru_cache(maxsize=1)
     def at(place: bytes) -> tuple[Array, Array] | None:
         try:
             with np.errstate(all="ignore"):
@@ -122,12 +125,12 @@ def descend(
     return ends
 
 
-TOUCHING = 1e-6  # of the range of a coordinate (or absolute, where it has no end)
+TOUCHING = 1e-6  # fraction of the range of a coordinate; absolute, if the range is unbounded
 
 
 def onto_bounds(x: Array, bounds: tuple[Array, Array]) -> tuple[Array, list[int]]:
-    """Return the coordinates `x`, `(k,)`, moved onto a bound where they all but touch it, and the
-    indices of those.
+    """Return the coordinates `x`, shape (k,), moved onto a bound if they almost touch it, and the
+    indices of those that were moved.
     """
     lower, upper = bounds
     width = upper - lower
@@ -136,21 +139,22 @@ def onto_bounds(x: Array, bounds: tuple[Array, Array]) -> tuple[Array, list[int]
     return moved, [i for i in range(len(x)) if moved[i] in (lower[i], upper[i])]
 
 
-AGREEMENT = 1e-6  # relative difference between sums of squares that are called equal
-# times the least sum of squares (1.12 times the RMSE), up to which another minimum is told
+AGREEMENT = 1e-6  # relative difference between sums of squares that count as equal
+# multiple of the smallest sum of squares (1.12 times the RMSE) up to which another minimum is
+# reported
 RIVAL = 1.25
-DISTINCT = 1e-3  # relative difference between sums of squares of minima that are called different
+DISTINCT = 1e-3  # relative difference between sums of squares of minima that count as different
 
 
 def agreement(ends: Sequence[End], best: End, starts: int) -> str:
-    """Return a note that says how many of the `starts` ended at the smallest sum of squares."""
+    """Return a note on how many of the `starts` ended at the smallest sum of squares."""
     agreeing = sum(end.cost <= (1 + AGREEMENT) * best.cost + 1e-20 for end in ends)
     return f"{agreeing} of {starts} starts found the same sum of squares"
 
 
 def rivals(ends: Sequence[End], best: End) -> list[End]:
-    """Return converged ends in other minima than the best that are nearly as deep, one of each, the
-    deepest first.
+    """Return converged ends in other minima that are nearly as deep as the best, one for each
+    minimum, the deepest first.
     """
     distinct = [best]
     for end in sorted(ends, key=_cost):
@@ -168,7 +172,9 @@ SEED = 20170714  # any fixed number: the same data give the same fit
 
 
 def drawn_starts(nonlinear: tuple[Nonlinear, ...]) -> Iterator[Array]:
-    """Return `STARTS` seeded places in the intervals, each `(k,)` and log-uniform in magnitude."""
+    """Return `STARTS` seeded points in the intervals, shape (k,) each, with log-uniform
+    magnitudes.
+    """
     rng = np.random.default_rng(SEED)
     for _ in range(STARTS):
         place = []
@@ -179,18 +185,18 @@ def drawn_starts(nonlinear: tuple[Nonlinear, ...]) -> Iterator[Array]:
 
 
 METHOD = "variable projection"
-SCAN_POINTS = 24  # in each interval of the coordinate
-FLAT = 1e-10  # relative change of the sum of squares over the whole scan
-ROUNDING = 1e-24  # of y'y: sums of squares below are rounding
+SCAN_POINTS = 24  # points in each interval of the coordinate
+FLAT = 1e-10  # relative change of the sum of squares over the whole scan that counts as none
+ROUNDING = 1e-24  # fraction of y'y below which a sum of squares is rounding
 
 
 def variable_projection(problem: LeastSquares) -> Solution:
     """Solve `problem` by variable projection.
 
-    The search goes over means of neighbouring samples where there are many, and the lowest end is
-    finished on all samples. The status is `converged`, `at_bound`, `stopped_by_limit`, or `failed`
-    where every start overflows. Notes name a parameter that ends at a bound or that the data do not
-    show, and say how many starts agree.
+    If there are many samples, the search uses means of neighbouring samples, and the lowest end is
+    refined on all samples. The status is `converged`, `at_bound`, `stopped_by_limit`, or `failed`
+    if every start overflows. Notes name a parameter that ends at a bound or that the data do not
+    determine, and say how many starts agree.
     """
     if not problem.nonlinear:
         straight = _projected(problem, np.empty(0))
@@ -228,8 +234,8 @@ def variable_projection(problem: LeastSquares) -> Solution:
 
 
 def _valleys(problem: LeastSquares) -> list[tuple[tuple[Array, Array], list[Array]]]:
-    """Scan the only nonlinear parameter; return every interval with the places of least sums of
-    squares in it, nothing if all places are equally good.
+    """Scan the only nonlinear parameter. Return every interval with the places of its smallest sums
+    of squares; an empty list if all places are equally good.
     """
     grids = _grids(problem)
     sse = np.array([[_projected_sse(problem, c) for c in grid] for grid in grids])
@@ -263,8 +269,9 @@ def _projected(problem: LeastSquares, c: Array) -> linear.LinearFit:
 
 
 def _projection(problem: LeastSquares, c: Array) -> tuple[Array, Array]:
-    """r and `dr/dc`, but for a part within the regressors' space, which has no share in the
-    gradient (Kaufman); over the largest target, so that the unit is no matter.
+    """Return r and `dr/dc`, without the part in the space of the regressors, which does not
+    contribute to the gradient (Kaufman). Both are divided by the largest target, so that the unit
+    does not matter.
     """
     unit = float(np.abs(problem.y).max()) or 1.0
     best = _projected(problem, c)
@@ -277,12 +284,13 @@ LEVENBERG_MARQUARDT = "levenberg_marquardt"
 
 
 def levenberg_marquardt(problem: LeastSquares) -> Solution:
-    """Solve `problem` by MINPACK's Levenberg-Marquardt, all parameters at once and without bounds.
+    """Solve `problem` with MINPACK's Levenberg-Marquardt method, for all parameters at once and
+    without bounds.
 
-    The linear parameters start at zero, the nonlinear ones at seeded random places of their
-    intervals, or all of them at the problem's published start; the lowest sum of squares wins, and
-    a note says how many starts came to it. The status is `converged`, `stopped_by_limit`, or
-    `failed` where every start overflowed.
+    The linear parameters start at zero and the nonlinear ones at seeded random places of their
+    intervals, or all of them start at the published values. The lowest sum of squares wins, and a
+    note says how many starts reached it. The status is `converged`, `stopped_by_limit`, or `failed`
+    if every start overflowed.
     """
     names, m = list(problem.gradient), len(problem.linear)
     unit = float(np.abs(problem.y).max()) or 1.0
@@ -303,19 +311,19 @@ def levenberg_marquardt(problem: LeastSquares) -> Solution:
 
 
 SIMPLEX = "simplex"
-FMINSEARCH = 1e-4  # of coordinates and of the sum of squares, fminsearch's
-PER_PARAMETER = 200  # evaluations, fminsearch's
+FMINSEARCH = 1e-4  # of coordinates and of the sum of squares, as in fminsearch
+PER_PARAMETER = 200  # evaluations, as in fminsearch
 
 
 def simplex(problem: LeastSquares) -> Solution:
-    """Solve `problem` by ten descents of a simplex over all parameters at once, with the settings
-    of `fminsearch`.
+    """Solve `problem` by ten simplex searches over all parameters at once, with the settings of
+    `fminsearch`.
 
-    H does not say how its random starts are drawn. Here a linear parameter starts where its term
-    alone is at most as large as the target (uniform, of either sign), a nonlinear one in its
-    intervals. Sums of squares are over means of neighbouring samples where there are many. The
-    status is `converged`, `stopped_by_limit` (of evaluations), or `failed` where every start
-    overflowed.
+    H does not say how its random starts are drawn. Here, a linear parameter starts at a random
+    value (uniform, of either sign) at which its term alone is at most as large as the target; a
+    nonlinear parameter starts within its intervals. If there are many samples, the sums of squares
+    are over means of neighbouring samples. The status is `converged`, `stopped_by_limit` (of
+    evaluations), or `failed` if every start overflowed.
     """
     from scipy.optimize import minimize
 
@@ -352,8 +360,8 @@ def simplex(problem: LeastSquares) -> Solution:
 def _best_solution(
     problem: LeastSquares, ends: Sequence[End], starts: int, method: str
 ) -> Solution:
-    """Return the lowest of the ends of all parameters at once, with its rivals; of those whose
-    parameters have the signs of the source, where there are any.
+    """Return the lowest end of a search over all parameters, with its rivals. Ends whose parameters
+    have the signs of the source are preferred.
     """
     if not ends:
         return failure(problem, method)

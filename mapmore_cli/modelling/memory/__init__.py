@@ -1,5 +1,5 @@
-"""Models with memory: delays, slow states, hysteresis operators and resonances as candidates of one
-regression.
+"""Fit models with memory: delays, slow states, hysteresis operators and resonances are candidates
+of one regression.
 """
 
 from mapmore_cli.domain.fits import MemoryFit

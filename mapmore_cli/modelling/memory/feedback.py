@@ -1,7 +1,8 @@
-"""The statements of one sample of a model with memory: its states, and the sum of its terms.
+"""Write the statements of one sample of a model with memory: its states, and the sum of its terms.
 
-A term is a product of a part of fed-back states and a part of inputs, `D_j = own_j input_j`.
-Programs write both parts; training and prediction compute the inputs' part for all samples at once.
+A term is a product of a factor of fed-back states and a factor of inputs, `D_j = own_j input_j`.
+Programs write both factors. Training and prediction compute the factor of the inputs for all
+samples at once.
 """
 
 from __future__ import annotations
@@ -35,13 +36,13 @@ from mapmore_cli.modelling.program.writing import Inputs, Writer, product_as_wri
 
 
 class StateWriter:
-    """Writes the states of one sample, each once.
+    """Writer of the states of one sample, each once.
 
-    - `seen`: the number of samples before this one, by which operators know that they begin; None
+    - `seen`: number of samples before this one, by which operators recognise the first sample; None
       if all past values are known.
-    - `queues`: by what they hold, the names of the queues of past values.
-    - `rules`: where all past values are known, operators are functions of the program; their
-      rules by the names of these.
+    - `queues`: names of the queues of past values, by what they hold.
+    - `rules`: if all past values are known, operators are functions of the program; `rules` holds
+      their recursions by the names of these functions.
     """
 
     def __init__(
@@ -86,7 +87,7 @@ class StateWriter:
         return self.known[wanted]
 
     def pushed(self, output: Expression) -> dict[str, Expression]:
-        """Return the value of this sample for every queue."""
+        """Return the value that this sample appends to each queue."""
         known = {**self.known, Measured(self.output): output}
         return {queue: known[source] for source, queue in self.queues.items()}
 
@@ -103,8 +104,8 @@ class StateWriter:
         return Name(self.recalls[queue, steps].name)
 
     def _operated(self, operated: Operated) -> Expression:
-        """Write an operator from past values; it rests up to the first sample on which its source
-        has a value.
+        """Write an operator in terms of past values. It is at rest up to the first sample at which
+        its source has a value.
         """
         m, rule = self.m, OPERATORS[operated.operator].recursion(setting_of(operated, self.states))
         x = m.let("source", self.value(operated.source))
@@ -119,7 +120,9 @@ class StateWriter:
     def _next(
         self, stem: str, rule: Callable[..., Any], values: Sequence[Expression]
     ) -> Expression:
-        """Write a rule of some values; as a function where a run calls it with numbers."""
+        """Write a rule applied to some values. It becomes a function of the program if a run calls
+        it with numbers.
+        """
         m = self.m
         if self.seen is not None:
             return m.let(stem, rule(m, *values))
@@ -129,7 +132,9 @@ class StateWriter:
         return m.use(stem, function, values)
 
     def _past(self, of_state: State, count: int) -> list[Expression]:
-        """Write the last values of a state; before the first, it has always been that."""
+        """Write the last values of a state. Before the first sample, the state had the value of the
+        first sample.
+        """
         past: list[Expression] = []
         for steps in range(1, count + 1):
             value = self._recalled(of_state, steps)
@@ -140,8 +145,8 @@ class StateWriter:
 
 
 class Parts(NamedTuple):
-    """Terms taken apart: (k) parts of inputs, the G different parts of fed-back states, and (k)
-    which of these is a term's, -1 for none.
+    """Terms split into factors: the factors of inputs (k), the G distinct factors of fed-back
+    states, and the index of the latter for each term (k), -1 for none.
     """
 
     inputs: list[Expression]
@@ -155,7 +160,7 @@ class Parts(NamedTuple):
         weights: Sequence[Expression],
         names: Mapping[str, Expression],
     ) -> Expression:
-        """Write `base + sum_g weight_g own_g`, the states called as `names` says."""
+        """Write `base + sum_g weight_g own_g`; `names` gives the expressions of the states."""
         fed = [
             product_as_written(weight, m.let("own", substitute(part, names)))
             for part, weight in zip(self.owns, weights, strict=True)
@@ -164,7 +169,7 @@ class Parts(NamedTuple):
 
 
 def parts_of_terms(terms: Sequence[str], fed_back: Container[str]) -> Parts:
-    """Return terms taken apart; raises DataError as `parted` does."""
+    """Return terms split into factors. Raises DataError like `parted`."""
     both = [parted(parse(text), fed_back) for text in terms]
     owns = list(dict.fromkeys(part for part, _ in both if part != ONE))
     groups = np.array([-1 if part == ONE else owns.index(part) for part, _ in both], dtype=np.int64)
@@ -172,13 +177,14 @@ def parts_of_terms(terms: Sequence[str], fed_back: Container[str]) -> Parts:
 
 
 class Feedback:
-    """What a free run repeats at every sample: from past values to the output and the fed-back
-    states.
+    """The part of a free run that is repeated at every sample: from past values to the output and
+    the fed-back states.
 
-    - `queues`: (q) the states whose past values it needs, the output first.
-    - `recalls`: by the names of past values, which queue, and how many samples ago.
-    - `longest`: measured outputs that a run begins with; `depth`: past values that the next sample
-      may need.
+    - `queues`: (q) the states whose past values are needed, the output first.
+    - `recalls`: for each name of a past value, the queue and the number of samples that it lies
+      back.
+    - `longest`: number of measured outputs with which a run begins; `depth`: number of past values
+      that the next sample may need.
 
     Raises DataError for a state or a term that cannot be fed back.
     """
@@ -212,12 +218,16 @@ class Feedback:
 
     @cached_property
     def step(self) -> Run:
-        """The q values of a sample from its past ones, `base` and the weights."""
+        """Function that returns the q values of a sample from its past values, `base` and the
+        weights.
+        """
         return ready_for_one_sample(self.block, self.rules)
 
     @cached_property
     def slopes(self) -> Run:
-        """The derivatives of the q values by every past value and every weight, along a run."""
+        """Function that returns the derivatives of the q values by every past value and every
+        weight, along a run.
+        """
         names = [*self.recalls, *self.weights]
         return ready_for_columns(
             with_slopes_by(self.block, names), functions_with_slopes(self.functions)
@@ -225,10 +235,11 @@ class Feedback:
 
 
 def fed_back_states(states: StateSet, output: str) -> dict[str, int]:
-    """Return the states that depend on the output, with how many samples they look back at least.
+    """Return the states that depend on the output, each with the smallest number of samples that it
+    looks back.
 
-    Raises DataError for a state of the output as it is now: a model cannot explain its output by
-    itself.
+    Raises DataError for a state of the output at the present sample, because a model cannot explain
+    its output by itself.
     """
     lags: dict[str, int] = {}
     for name in states.names:
@@ -245,16 +256,17 @@ def fed_back_states(states: StateSet, output: str) -> dict[str, int]:
 
 
 def looks_back(of_state: State) -> bool:
-    """Whether the quantity that a state is made of enters it delayed: `stop(force[k-1], 0.1)` does,
-    `stop(force, 0.1)[k-1]` does not.
+    """Return True if the quantity of which a state is made enters it with a delay:
+    `stop(force[k-1], 0.1)` does, `stop(force, 0.1)[k-1]` does not.
     """
     return any(isinstance(part, Lagged) for part in of_state.parts[1:2])
 
 
 def parted(term: Expression, fed_back: Container[str]) -> tuple[Expression, Expression]:
-    """Return a term as (part of fed-back states) times (part of inputs).
+    """Return a term as a product (factor of fed-back states) times (factor of inputs).
 
-    Raises DataError if one factor has both: its value at every sample could not be prepared.
+    Raises DataError if one factor contains both, because its values could not be computed before
+    the run.
     """
     fed: list[Expression] = []
     inputs: list[Expression] = []

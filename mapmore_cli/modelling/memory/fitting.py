@@ -1,5 +1,5 @@
-"""From pieces of recordings to a model with memory: its terms, the open numbers of its operators,
-its coefficients.
+"""Fit a model with memory to pieces of recordings: its terms, the free parameters of its operators,
+and its coefficients.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from mapmore_cli.modelling.memory.selectors import TermChoice, problem_of
 from mapmore_cli.modelling.memory.training import DIGITS, TrainingData, Unknown, left_open
 from mapmore_cli.modelling.selection import MemoryRecipe
 
-# share of each piece's training samples on which free runs compete, where they decide on the number
-# of terms
+# share of each piece's training samples on which free runs are compared to choose the number of
+# terms
 LATE = 0.25
-STARTS = 3  # sets of numbers of operators that are refined
-SHORT = 2048  # training samples on which they compete
+STARTS = 3  # sets of starting values of operators that are refined
+SHORT = 2048  # training samples on which these sets are compared
 
 DIVERGES = "use another `fit.stop`, fewer delayed outputs, or a ridge"
 
@@ -38,12 +38,12 @@ def fit_with_memory(
 ) -> MemoryFit:
     """Choose and fit the terms of one model to the training samples of all pieces.
 
-    Numbers of operators that the dictionary leaves open are found first; they and the coefficients
-    minimise the error in free run. `progress` is told how many numbers of terms were tried in free
-    run, and how many will be.
+    Operator parameters that the dictionary leaves free are estimated first. Then they and the
+    coefficients are adjusted to minimise the error in free run. `progress` is called with how many
+    numbers of terms were tried in free run, and how many will be.
 
-    Raises DataError if a quantity is missing, no sample has enough history, a state cannot be
-    fed back, the dictionary needs more memory than there is, or no model's free run stays finite.
+    Raises DataError if a quantity is missing, no sample has enough history, a state cannot be fed
+    back, the dictionary needs more memory than there is, or no model has a finite free run.
     """
     numbers = left_open(records, recipe.dictionary, recipe.step)
     if numbers.states and recipe.loss != "squares":
@@ -81,10 +81,10 @@ def fit_with_memory(
 
 
 def fit_outputs(records: Sequence[Record], recipes: Sequence[MemoryRecipe]) -> list[MemoryFit]:
-    """Choose and fit the terms of several outputs to the training samples of all pieces: recipes
-    are alike but for their target, and share the terms.
+    """Choose and fit the terms of several outputs to the training samples of all pieces. The
+    recipes differ only in their target, and share the terms.
 
-    Raises DataError as `fit_with_memory`, and where operators have open numbers.
+    Raises DataError like `fit_with_memory`, and if operators have free parameters.
     """
     if numbers := left_open(records, recipes[0].dictionary, recipes[0].step).states:
         raise DataError(
@@ -108,15 +108,15 @@ def fit_outputs(records: Sequence[Record], recipes: Sequence[MemoryRecipe]) -> l
 
 
 def _ahead(choice: TermChoice, numbers: Sequence[float] | Array = ()) -> Array:
-    """Return coefficients and constant of one step ahead, and the operators' numbers that go with
-    them.
+    """Return coefficients and constant of the one-step-ahead fit, followed by the operators'
+    parameters.
     """
     return np.array([*choice.selection.theta, choice.constant, *numbers])
 
 
 def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) -> Array:
-    """Where the search for open numbers begins: the best of a few sets, refined on a short part
-    with the terms that each set prefers.
+    """Return the point from which the search for the free parameters begins: the best of a few
+    sets, each refined on a short part of the data with the terms that it prefers.
     """
 
     def ahead(numbers_tried: tuple[float, ...]) -> float:
@@ -124,10 +124,10 @@ def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) ->
             try:
                 return TrainingData(records, recipe, numbers_tried).selector.best().selection.sse
             except NotFinite:
-                return np.inf  # these numbers make the state grow without bound
+                return np.inf  # with these parameters, the state grows without bound
 
     best, least = np.empty(0), np.inf
-    # the first training samples of all pieces together compete
+    # the sets are compared on the first training samples of all pieces
     before = np.cumsum([0, *(record.training.sum() for record in records)])
     short = [
         record.training & (np.cumsum(record.training) <= SHORT - count)
@@ -141,7 +141,8 @@ def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) ->
         choice = training.selector.best()
         chosen = choice.selection.chosen
         if not len(best):
-            best = searched  # what is left where no set's free run stays finite, or none is chosen
+            # the result if no set has a finite free run, or no comparison is needed
+            best = searched
         part = numbers.those_of(training.open_in(chosen))
         problem = training.problem(chosen, short, search=True)
         point = refine(problem, _ahead(choice, searched[part]))
@@ -154,9 +155,9 @@ def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) ->
 def _sized_in_free_run(
     records: Sequence[Record], recipe: MemoryRecipe, numbers: Sequence[float], progress: Progress
 ) -> tuple[IntArray, Array]:
-    """Fit models of every size to the early training samples, and run them over the late ones.
+    """Fit models of every size to the early training samples, and simulate them over the late ones.
 
-    Returns the terms of least error, and the RMSE of the models of 1, 2, ... terms.
+    Returns the terms with the smallest error, and the RMSE of the models of 1, 2, ... terms.
     """
     late, beginnings = [], []
     for record in records:

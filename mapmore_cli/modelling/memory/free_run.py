@@ -1,5 +1,5 @@
-"""Simulation: a model driven by its inputs and by its own output, from first outputs; one step
-ahead, by the measured output.
+"""Simulate a model from its inputs and its own earlier outputs, or predict one step ahead from the
+measured output.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ class Along:
     """A model with memory along one recording, block after block: simulated from the first measured
     outputs, or one step `ahead` of the measured past.
 
-    Memory starts again at gaps of `time` (s), where that runs backwards, and after empty inputs. A
-    model without delayed outputs needs none: its free run is its one-step-ahead prediction.
-    Otherwise the output must be measured at the beginning of every piece, over the longest delay;
-    measured outputs after that are not used.
+    The memory restarts at gaps of `time` (s), at steps backwards in time, and after missing inputs.
+    A model without delayed outputs needs no measured output; its free run equals its one-step-ahead
+    prediction. Any other model needs the measured output at the beginning of every piece, over the
+    longest delay. In free run, later measured outputs are not used.
     """
 
     def __init__(self, model: MemoryModel, ahead: bool = False) -> None:
@@ -43,7 +43,9 @@ class Along:
         self._begin_anew()
 
     def _begin_anew(self) -> None:
-        """Forget the piece: its states, what the run recalls, and rows that wait for a history."""
+        """Forget the current piece: its states, the recalled values, and the rows that wait for a
+        history.
+        """
         self.past: Past = {}
         self.recalled: Array | None = None
         self.waiting: Columns = {}
@@ -52,8 +54,8 @@ class Along:
     def __call__(self, columns: Columns) -> SimulatedRun:
         """Return the next rows, (n,); `columns` as for `kinds.simulate`.
 
-        Raises DataError if an input is missing; as `AtSample` where a first output is, or
-        samples are not at the model's time steps.
+        Raises DataError if an input is missing, and AtSample if a first output is missing or the
+        time steps are not those of the model.
         """
         values = np.full(row_count(columns), np.nan)
         diverged = list[int]()
@@ -80,8 +82,8 @@ class Along:
         return predicted
 
     def _simulated(self, piece: Columns, n: int) -> Array:
-        """Return the free run of a piece, or of its part before the first sample that leaves all
-        bounds; nothing (NaN) as long as rows wait for a history.
+        """Return the free run of a piece, up to the first sample that leaves all bounds; NaN for
+        rows that still wait for a history.
         """
         if self.waiting:
             piece = {name: np.concatenate([self.waiting[name], x]) for name, x in piece.items()}
@@ -99,8 +101,8 @@ class Along:
         return np.concatenate([np.full(ready.start, np.nan), run.output])[-n:]
 
     def _pieces(self, columns: Columns, n: int) -> Iterator[tuple[IntArray, Columns, bool]]:
-        """Yield row numbers and columns of the pieces within which memory lasts: rows with all
-        inputs, one step apart; and whether a piece goes on that of the block before.
+        """Yield the row numbers and columns of the pieces within which memory lasts (rows with all
+        inputs, one time step apart), and True if a piece continues that of the block before.
         """
         inputs, states = memory_inputs(self.model), self.model.states
         needed = (columns[name] for name in ("time", *inputs) if name in columns)
@@ -123,8 +125,8 @@ class Along:
 
 
 def _refuse_other_steps(time: Array, rows: IntArray, step: float) -> None:
-    """Refuse a record with longer steps than the model's, which would be all gaps, where most steps
-    from row to row are; a longer one between two samples is taken for a gap.
+    """Refuse a recording in which most time steps are longer than the model's, because every step
+    would count as a gap. Single longer steps are gaps.
     """
     neighbours, longest = np.flatnonzero(np.diff(rows) == 1), step * (1 + UNEVEN)
     distances = np.diff(time)[neighbours]

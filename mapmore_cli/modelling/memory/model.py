@@ -1,4 +1,4 @@
-"""A model with memory: its prediction along a recording, its training range, its equation, its
+"""Predict along a recording with a model with memory, and give its training range, equation and
 program.
 """
 
@@ -52,8 +52,8 @@ def memory_model(
     quantities: Mapping[str, Quantity],
     notes: tuple[str, ...] = (),
 ) -> Model:
-    """Return a model with memory, on the backbone that it was fitted on; the `training` curves say
-    the range of the inputs.
+    """Return a model with memory, on the backbone with which it was fitted. The `training` curves
+    give the range of the inputs.
     """
     formula = () if backbone is None else literature.of(backbone).inputs
     inputs = sorted({*memory_inputs(memory), *formula})
@@ -77,7 +77,7 @@ def _base(model: Model, columns: Columns) -> Array:
 
 
 def _written(m: Writer, model: MemoryModel, inputs: Inputs) -> Expression:
-    """Write the output at a sample in free run; nothing before there is history, and once it has
+    """Write the output at a sample in free run; NaN before there is history, and after the run has
     diverged.
     """
     seen = m.number("seen")
@@ -87,8 +87,8 @@ def _written(m: Writer, model: MemoryModel, inputs: Inputs) -> Expression:
     early = seen < float(max((state(name).lag for name in model.states.names), default=0))
 
     def bounded() -> Expression:
-        """Write the output while it stays within bounds; nothing from where it leaves them, up to
-        a reset.
+        """Write the output while it stays within the bounds; NaN from the sample at which it leaves
+        them, until a reset.
         """
         value, (low, high) = _sum_of_terms(m, model, names), divergence_bounds(model.limits)
         lost_now = [(lost > 0, NOTHING), (value < low, NOTHING), (value > high, NOTHING)]
@@ -109,8 +109,8 @@ def _written(m: Writer, model: MemoryModel, inputs: Inputs) -> Expression:
 
 
 def _sum_of_terms(m: Writer, model: MemoryModel, names: Mapping[str, Expression]) -> Expression:
-    """Write `constant + sum_j theta_j D_j`, the terms of inputs first, as a free run adds them
-    up.
+    """Write `constant + sum_j theta_j D_j`. Terms of inputs come first, which is the order in which
+    a free run adds them.
     """
     parts = parts_of_terms(model.terms, fed_back_states(model.states, model.output))
     sums: dict[int, list[Expression]] = {group: [] for group in range(len(parts.owns))}
@@ -130,8 +130,8 @@ class MemoryVerbs(Verbs):
     """Operations of a model with memory."""
 
     def running(self, model: Model, ahead: bool = False) -> Callable[[Columns], SimulatedRun]:
-        """Return what tells the next rows of a recording each time that it is called: in free run,
-        or one step `ahead`; on the backbone where there is one.
+        """Return a function that predicts the next rows of a recording each time it is called: in
+        free run, or one step `ahead`. The backbone is included.
         """
         along = Along(model.body_of(Memory).model, ahead)
 
@@ -142,7 +142,9 @@ class MemoryVerbs(Verbs):
         return next_rows
 
     def simulate(self, model: Model, columns: Columns, ahead: bool = False) -> SimulatedRun:
-        """Return the model in free run along one recording, (n,), or one step `ahead`."""
+        """Return the free run of the model along one recording, shape (n,), or its prediction one
+        step `ahead`.
+        """
         next_rows, diverged, rows = self.running(model, ahead), list[int](), 0
 
         def values(block: Columns) -> Array:
@@ -157,15 +159,17 @@ class MemoryVerbs(Verbs):
         return SimulatedRun(row_by_row(values, columns), tuple(diverged))
 
     def one_step(self, model: Model, columns: Columns) -> Array:
-        """Prediction of every row from the measured past, (n,); NaN before there is history."""
+        """Return the prediction of every row from the measured past, shape (n,); NaN before there
+        is history.
+        """
         return self.simulate(model, columns, ahead=True).values
 
     def settled(self, model: Model, columns: Columns) -> Array:
-        """Return the output where the inputs stand still, (n,): a fed-back one by Steffensen's
-        method.
+        """Return the output for constant inputs, shape (n,). A fed-back output is found by
+        Steffensen's method.
 
-        Coefficients are (k,), or (k, n): others at each place. Raises FitError if the output
-        comes to no rest.
+        Coefficients have the shape (k,), or (k, n) if they differ between rows. Raises FitError if
+        the output does not come to rest.
         """
         from scipy.optimize import fixed_point
 
@@ -173,7 +177,7 @@ class MemoryVerbs(Verbs):
         terms, start = list(map(parse, memory.terms)), np.full(len(base), memory.limits[1])
 
         def following(y: Array) -> Array:
-            """Return the next output after one that has always been y."""
+            """Return the next output if the output has always been y."""
             states = evaluate_states(memory.states, {**columns, memory.output: y}, still=True)
             parts = dictionary_matrix(terms, states, len(y)) * memory.theta.T
             return np.asarray(parts.sum(axis=1) + memory.constant)
@@ -188,7 +192,7 @@ class MemoryVerbs(Verbs):
         )
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-        """Return the backbone first, then the equation of the next output."""
+        """Return the equation of the backbone, then that of the next output."""
         body = model.body_of(Memory)
         own, limits = (
             body.model,
@@ -204,7 +208,7 @@ class MemoryVerbs(Verbs):
         )
 
     def rules(self, model: Model) -> Iterator[str]:
-        """Yield how the model is run."""
+        """Yield the rules by which the model is run, as sentences."""
         body = model.body_of(Memory)
         memory = body.model
         if body.backbone is not None:
@@ -218,20 +222,20 @@ class MemoryVerbs(Verbs):
         yield f"It runs free {start}, {steps}."
 
     def parameters(self, model: Model) -> int:
-        """Return the coefficients of the terms, with the model's own constant where it has one, and
-        the parameters of the backbone.
+        """Return the number of parameters: coefficients of the terms, the model's own constant if
+        it has one, and the parameters of the backbone.
         """
         body = model.body_of(Memory)
         coefficients = len(body.model.theta) + (body.model.constant != 0.0)
         return coefficients + (0 if body.backbone is None else len(body.backbone.parameters))
 
     def fed_back(self, model: Model) -> tuple[str, ...]:
-        """Return the output, where the model goes on from it."""
+        """Return the name of the output if the model is fed back, otherwise nothing."""
         memory = model.body_of(Memory).model
         return (memory.output,) if fed_back_states(memory.states, memory.output) else ()
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
-        """Write a model with memory, on its backbone where it has one."""
+        """Write a model with memory as statements, including its backbone."""
         body = model.body_of(Memory)
         limit(m, body.ranges, None, inputs)
         m.kept.steps.append(body.model.states.step)
@@ -240,7 +244,7 @@ class MemoryVerbs(Verbs):
         )
 
     def faults(self, model: Model) -> Iterator[str]:
-        """Say what of a stored model no prediction would notice."""
+        """Yield faults of a stored model that no prediction would reveal."""
         memory = model.body_of(Memory).model
         if memory.output != model.output.name or not all(
             parse(text).names <= {*memory.states.names} for text in memory.terms

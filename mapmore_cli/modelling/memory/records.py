@@ -1,4 +1,4 @@
-"""Uninterrupted pieces of recordings, the unit within which memory lasts."""
+"""Cut recordings into uninterrupted pieces, within which memory lasts."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from mapmore_cli.modelling.signals.sampling import UNEVEN, cut_after, steps_wher
 
 
 class AtSample(DataError):
-    """A mistake at one `sample`, counted from 0 in what was given; `fault` is the message without
-    its number.
+    """An error at one `sample`, counted from 0 in the columns that were passed. `fault` is the
+    message without the number of the sample.
     """
 
     def __init__(self, sample: int, fault: str, remedy: str | None) -> None:
@@ -28,7 +28,7 @@ class AtSample(DataError):
 
 @contextmanager
 def numbered(rows: IntArray) -> Iterator[None]:
-    """Tell mistakes at the samples of a part by their `rows` in the whole."""
+    """Convert errors at samples of a part into errors at their `rows` of the whole."""
     try:
         yield
     except AtSample as error:
@@ -36,7 +36,7 @@ def numbered(rows: IntArray) -> Iterator[None]:
 
 
 def complete(columns: Iterable[Array], n: int) -> BoolArray:
-    """Return the rows, of n, on which every column has a value."""
+    """Return True for rows, out of n, on which every column has a value."""
     return np.asarray(
         np.logical_and.reduce([np.ones(n, dtype=np.bool_), *map(np.isfinite, columns)])
     )
@@ -44,8 +44,8 @@ def complete(columns: Iterable[Array], n: int) -> BoolArray:
 
 @dataclass(frozen=True)
 class Record:
-    """One piece: quantities by name, (n,) each, at even time steps; `training` (n,) marks the
-    samples to learn from.
+    """One piece: quantities by name, shape (n,) each, at equal time steps. `training`, shape (n,),
+    marks the training samples.
     """
 
     columns: Columns
@@ -58,10 +58,11 @@ class Record:
 
 
 def uninterrupted(time: Array, step: float) -> list[slice]:
-    """Return the pieces of a record with the stamps `time` (n,): cut where a step is longer than
-    `step` (s), or time runs backwards. With an infinite `step` the order of samples alone counts.
+    """Return the pieces of a recording with the time stamps `time`, shape (n,). It is cut at steps
+    longer than `step` (s) and at steps backwards in time. With an infinite `step`, only the order
+    of the samples counts.
 
-    Raises AtSample where stamps are neither `step` apart nor a gap: the memory of the model counts
+    Raises AtSample if a step is neither `step` nor a gap, because the memory of the model counts
     samples.
     """
     if math.isinf(step):
@@ -82,10 +83,10 @@ def uninterrupted(time: Array, step: float) -> list[slice]:
 
 
 def time_step(curves: Sequence[Curve]) -> float:
-    """Return the time between samples that all curves have in common, s: the median.
+    """Return the time between samples that all curves have in common, s; it is the median.
 
-    Raises DataError if a curve has another one: lags count samples, so all recordings must be
-    sampled alike.
+    Raises DataError if a curve has another time step: lags count samples, so all recordings must be
+    sampled at the same rate.
     """
     steps = {curve.id: typical_step(curve.columns["time"]) for curve in curves if curve.size > 1}
     usual = float(np.median(list(steps.values()))) if steps else float("nan")
@@ -107,12 +108,12 @@ def time_step(curves: Sequence[Curve]) -> float:
 def sampled(
     curves: Sequence[Curve], ordered: bool = False
 ) -> tuple[float, bool, tuple[Record, ...]]:
-    """Return the time between samples, s, whether it is uneven, and the recordings cut into
+    """Return the time between samples, s, True if it is uneven, and the recordings cut into
     uninterrupted pieces.
 
-    Where what runs along them goes by the order of samples alone (`ordered`), steps may be uneven:
-    then the time is the median, and pieces end only where time runs backwards. Raises DataError
-    where steps are uneven and must not be.
+    Time steps may be uneven if the model depends only on the order of the samples (`ordered`). The
+    time is then the median, and pieces end only at steps backwards in time. Raises DataError if
+    steps are uneven and must not be.
     """
     try:
         step = time_step(curves)
@@ -125,10 +126,10 @@ def sampled(
 
 
 def records_of(curves: Sequence[Curve], step: float) -> tuple[Record, ...]:
-    """Return the recordings of all curves cut into uninterrupted pieces; samples that are held out,
-    or at rest, do not train.
+    """Return the recordings of all curves cut into uninterrupted pieces. Held-out samples and
+    samples at rest are not training samples.
 
-    Raises DataError if samples are not at even time steps.
+    Raises DataError if the time steps are not equal.
     """
     records: list[Record] = []
     for curve in curves:

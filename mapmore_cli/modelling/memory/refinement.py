@@ -1,13 +1,15 @@
-"""Coefficients of least simulation error: Levenberg-Marquardt on free runs of growing horizons.
+"""Find the coefficients with the smallest simulation error, by the Levenberg-Marquardt method on
+free runs of growing horizons.
 
-One step ahead, coefficients are biased by the noise of the outputs that they are given. In free run
-there is none, but the error is no longer quadratic, and far from its least a run may explode. Runs
-that begin again from measured outputs every few samples are nearly as tame as one step ahead; each
-horizon starts from the coefficients of the one before.
+One step ahead, the noise of the measured outputs biases the coefficients. A free run does not use
+measured outputs, but its error is no longer quadratic, and far from its minimum a run may explode.
+Runs that restart from measured outputs every few samples are nearly as well behaved as
+one-step-ahead predictions. Each horizon starts from the coefficients of the horizon before.
 
-The sensitivities of a run follow from the derivatives of one sample's statements: a value moves by
-what enters it, and by the past values that it is made of. All samples together are one triangular
-system of narrow band, which LAPACK solves for all coefficients at once: no loop over samples.
+The sensitivities of a run follow from the derivatives of the statements of one sample: a value
+changes with its inputs and with the past values of which it is made. All samples together are one
+triangular system with a narrow band, which LAPACK solves for all coefficients at once, without a
+loop over samples.
 """
 
 from __future__ import annotations
@@ -23,20 +25,21 @@ from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.modelling.frols.correlated import correlated_errors
 from mapmore_cli.modelling.memory.simulation import ReadyPiece, Trajectory
 
-FIRST, GROWTH = 16, 8  # samples of the shortest horizon, and how many times longer the next one is
-# where a run over the next horizon explodes a nearer one is tried, down to this many times the last
+FIRST, GROWTH = 16, 8  # samples of the shortest horizon, and the factor to the next one
+# if a run over the next horizon explodes, a nearer one is tried, down to this multiple of the last
 LEAST_GROWTH = 1.2
-# Levenberg-Marquardt's factor at the start, and where a step is given up
+# Levenberg-Marquardt factor at the start, and the factor at which a step is given up
 DAMPING, MOST_DAMPING = 1e-3, 1e8
-# iterations, and the relative gain of the error at which to stop: of free runs, and at a horizon
+# iterations, and the relative gain of the error at which the search stops: for free runs, and for a
+# horizon
 THOROUGH, QUICK = (40, 1e-7), (6, 1e-2)
-# way, in the search, over which a number of an operator is moved for its difference quotient
+# step of the search coordinate for the difference quotient by an operator's parameter
 NUDGE = 1e-5
 
 
 def sensitivities(piece: ReadyPiece, run: Trajectory, theta: Array) -> Array:
-    """Return the derivatives of the outputs of a run by theta and by the constant, (n, k + 1); not
-    finite where the run is unstable.
+    """Return the derivatives of the outputs of a run by theta and by the constant, shape (n, k +
+    1); not finite if the run is unstable.
     """
     feedback, n, q = piece.feedback, len(run.begins), len(piece.history)
     inputs, groups = piece.inputs[:n], feedback.parts.groups
@@ -60,8 +63,8 @@ def sensitivities(piece: ReadyPiece, run: Trajectory, theta: Array) -> Array:
 
 
 def _banded(piece: ReadyPiece, run: Trajectory, slopes: Array) -> Array:
-    """`I - d(values)/d(past values)` by its diagonals; what lies before the beginning of a stretch
-    is measured, and does not move.
+    """Return `I - d(values)/d(past values)` by its diagonals. Values before the beginning of a
+    stretch are measured, so their derivatives are zero.
     """
     q, _, n = slopes.shape
     recalls, rows = list(piece.feedback.recalls.values()), np.arange(n)
@@ -77,12 +80,12 @@ def _banded(piece: ReadyPiece, run: Trajectory, slopes: Array) -> Array:
 
 
 class Point(NamedTuple):
-    """A place of the search with its runs.
+    """A point of the search, with its runs.
 
-    - `vector`: (k + 1 + m,) theta, the constant, and the operators' numbers as `Unknown.searched`
-      says.
-    - `error`, `runs`: what is minimised, infinite where a run diverges; the runs of all pieces.
-    - `residuals`: measured less simulated output of all samples that count, (n,).
+    - `vector`: theta, the constant, and the operators' parameters in the coordinates of
+      `Unknown.searched`, shape (k + 1 + m,).
+    - `error`, `runs`: the objective, infinite if a run diverges; and the runs of all pieces.
+    - `residuals`: measured minus simulated output of all samples that count, shape (n,).
     """
 
     vector: Array
@@ -95,12 +98,12 @@ class Point(NamedTuple):
 class FreeRunProblem:
     """Simulation error of one set of terms on training samples.
 
-    - `pieces`: the pieces, of the operators' numbers (m,).
-    - `counted`: (n,) the samples of each piece that count.
-    - `bounds`: least and greatest output of a run.
-    - `ridge`: (k,) penalty of each squared coefficient.
-    - `free_constant`: whether the model has a constant of its own.
-    - `between`: (2, k + 1 + m) least and greatest place of a point.
+    - `pieces`: function that returns the pieces for the operators' parameters, (m,).
+    - `counted`: for each piece, (n,), True for the samples that count.
+    - `bounds`: smallest and largest output of a run.
+    - `ridge`: penalty of each squared coefficient, (k,).
+    - `free_constant`: True if the model has a constant of its own.
+    - `between`: smallest and largest vector, (2, k + 1 + m).
     """
 
     pieces: Callable[[Array], Sequence[ReadyPiece]]
@@ -111,12 +114,12 @@ class FreeRunProblem:
     between: Array
 
     def split(self, vector: Array) -> tuple[Array, float, Array]:
-        """Return the parts of theta (k,), of the constant, and of the operators' numbers (m,)."""
+        """Return theta, (k,), the constant, and the operators' parameters, (m,), of a vector."""
         terms = len(self.ridge)
         return vector[:terms], float(vector[terms]), vector[terms + 1 :]
 
     def at(self, vector: Array, horizon: int | None = None) -> Point:
-        """Return the place that a vector leads to, within its bounds, with its runs and error."""
+        """Return the point at a vector, moved within its bounds, with its runs and error."""
         vector = np.clip(vector, *self.between)
         theta, constant, numbers = self.split(vector)
         runs, residuals = list[Trajectory](), list[Array]()
@@ -131,8 +134,8 @@ class FreeRunProblem:
         return Point(vector, float(error), runs, pooled)
 
     def normal(self, point: Point, horizon: int | None = None) -> tuple[Array, Array]:
-        """Half the curvature `J'J + ridge` and half the downhill gradient of the error along a
-        point's runs, by all of its vector.
+        """Return half the curvature `J'J + ridge` and half the downhill gradient of the error at a
+        point, by all entries of its vector.
         """
         slopes, theta = self.slopes(point, horizon), self.split(point.vector)[0]
         curvature, downhill = slopes.T @ slopes, slopes.T @ point.residuals
@@ -142,10 +145,11 @@ class FreeRunProblem:
         return curvature, downhill
 
     def slopes(self, point: Point, horizon: int | None = None) -> Array:
-        """Return the derivatives of the outputs by all of a point's vector, (n, k + 1 + m).
+        """Return the derivatives of the outputs by all entries of a point's vector, shape (n, k + 1
+        + m).
 
-        By the number of an operator it is a central difference; one-sided at a bound, and where a
-        run to the other side diverges.
+        By an operator's parameter, it is a central difference. It is one-sided at a bound, and if a
+        run on the other side diverges.
         """
         theta, _, numbers = self.split(point.vector)
         runs = zip(self.pieces(numbers), point.runs, self.counted, strict=True)
@@ -159,7 +163,9 @@ class FreeRunProblem:
         return np.column_stack(columns)
 
     def free(self, vector: Array, downhill: Array) -> BoolArray:
-        """(k + 1 + m,) what may move: not a number at a bound that the search wants to leave."""
+        """Return True for the entries of the vector that may change, shape (k + 1 + m,): all except
+        parameters at a bound beyond which the search would go.
+        """
         low, high = self.between
         at_low, at_high = vector <= low, vector >= high
         free: BoolArray = ~((at_low & (downhill < 0)) | (at_high & (downhill > 0)))
@@ -168,8 +174,8 @@ class FreeRunProblem:
 
 
 def refine(problem: FreeRunProblem, start: Array) -> Point:
-    """Return the point of least error in free run, searched from a vector; of infinite error where
-    no run on the way stays finite.
+    """Return the point with the smallest error in free run, searched from a vector. Its error is
+    infinite if no run on the way is finite.
     """
     *_, numbers = problem.split(start)
     fed_back = any(piece.feedback.weights for piece in problem.pieces(numbers))
@@ -190,10 +196,10 @@ def refine(problem: FreeRunProblem, start: Array) -> Point:
 
 
 def minimise(problem: FreeRunProblem, start: Array, horizon: int | None) -> Point:
-    """Search by Levenberg-Marquardt at one horizon (None: free run); steps whose run diverges are
-    refused as those are that raise the error.
+    """Search by the Levenberg-Marquardt method at one horizon (None for a free run). A step is
+    rejected if it raises the error or if its run diverges.
 
-    SciPy's trust region ends in other valleys of the error, and no lower ones on the whole.
+    SciPy's trust-region method ends in other minima, which are not lower on the whole.
     """
     point, damping = problem.at(start, horizon), DAMPING
     iterations, least_gain = THOROUGH if horizon is None else QUICK
@@ -222,18 +228,20 @@ def minimise(problem: FreeRunProblem, start: Array, horizon: int | None) -> Poin
 
 
 def _of_unit_diagonal(curvature: Array) -> tuple[Array, Array]:
-    """Return the curvature by coefficients that are divided by their sizes, and these: coefficients
-    differ by orders of magnitude.
+    """Return the curvature with coefficients divided by their sizes, and these sizes, because
+    coefficients differ by orders of magnitude.
     """
     size = np.sqrt(np.maximum(np.diag(curvature), np.finfo(np.float64).tiny))
     return curvature / size / size[:, None], size
 
 
 def free_run_errors(problem: FreeRunProblem, vector: Array) -> tuple[Array, float]:
-    """Return standard errors of a point, (k + 1 + m,), from the slopes of its runs and what goes
-    together along their residuals; and how many independent samples these are worth.
+    """Return the standard errors of a point, shape (k + 1 + m,), from the slopes of its runs and
+    the autocovariance of their residuals; and the number of independent samples to which the
+    samples are equivalent.
 
-    NaN without a degree of freedom or finite slopes, and for a number at its bound.
+    The errors are NaN without a degree of freedom or without finite slopes, and for a parameter at
+    its bound.
     """
     point = problem.at(vector)
     slopes, (_, downhill) = problem.slopes(point), problem.normal(point)

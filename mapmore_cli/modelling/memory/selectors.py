@@ -1,5 +1,5 @@
-"""Models of 1, 2, ... terms from the same regressors: plain FROLS, or regularised FROLS with
-pruning.
+"""Choose models of 1, 2, ... terms from the same regressors, by plain FROLS or by regularised FROLS
+with pruning.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from mapmore_cli.modelling.selection import MemoryRecipe, Stop
 
 @dataclass(frozen=True)
 class Regressors:
-    """States and output of the n training samples that have a history, (n,) each, one recording
-    after the other.
+    """States and output of the n training samples that have a history, shape (n,) each, one
+    recording after the other.
 
-    `uncertainty`, (n,), is that of the output, if it is known; `lengths` are the numbers of samples
-    of the recordings.
+    `uncertainty`, shape (n,), is that of the output, or None. `lengths` holds the number of samples
+    of each recording.
     """
 
     terms: tuple[Expression, ...]
@@ -44,8 +44,8 @@ class Regressors:
     def blocks(
         self, among: IntArray | None = None, part: slice = slice(None)
     ) -> Iterator[tuple[Array, Array]]:
-        """Yield the dictionary and the output, block by block; some of the terms, or the samples,
-        alone.
+        """Yield the dictionary and the output, block by block; on request only some terms or some
+        samples.
         """
         terms = self.terms if among is None else [self.terms[i] for i in among]
         states, y = {name: values[part] for name, values in self.states.items()}, self.y[part]
@@ -87,7 +87,7 @@ def regressors(
     return Regressors(tuple(terms), pooled, y, np.concatenate(sigma) if sigma else None, lengths)
 
 
-FOLDS = 4  # blocks of samples that are left out in turn where the ridge is chosen
+FOLDS = 4  # blocks of samples that are left out one after the other to choose the ridge
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,9 @@ class TermChoice:
 
 
 def problem_of(data: Regressors, recipe: MemoryRecipe, among: IntArray | None = None) -> Regression:
-    """Return candidates and output as FROLS reads them, of some candidates where that is said."""
+    """Return candidates and output in the form that FROLS reads; only the candidates `among`,
+    unless it is None.
+    """
     every = np.arange(len(data.terms)) if among is None else among
     return Regression(
         partial(data.blocks, every),
@@ -113,7 +115,7 @@ def problem_of(data: Regressors, recipe: MemoryRecipe, among: IntArray | None = 
 
 
 class _Plain:
-    """FROLS on the candidates as they are, in one piece where they fit into memory."""
+    """Plain FROLS on the candidates, in memory as a whole if they fit."""
 
     def __init__(self, data: Regressors, recipe: MemoryRecipe) -> None:
         self.data, self.recipe, self.whole = data, recipe, None
@@ -135,15 +137,15 @@ class _Plain:
         return [largest.forward[: size + 1] for size in range(len(largest.forward))]
 
     def among(self, chosen: IntArray, stop: str) -> TermChoice:
-        """Return the model with these candidates, in the order of their error reduction; `stop` is
+        """Return the model with these candidates, in the order of their error reduction. `stop` is
         the reason for their number.
         """
         choice = self._selected(chosen, len(chosen))
         return replace(choice, selection=replace(choice.selection, stop=stop))
 
     def penalty(self, chosen: IntArray) -> Array:
-        """(k,) what the ridge, a part of each candidate's variance, adds to the squared error for
-        each squared coefficient.
+        """Return the penalty of each squared coefficient, shape (k,): the ridge is a fraction of
+        each candidate's variance.
         """
         return np.zeros(len(chosen))
 
@@ -161,11 +163,11 @@ class _Plain:
 
 
 class _Ridged:
-    """Regularised FROLS: forward, then backward, from sums of products that are formed block by
-    block.
+    """Regularised FROLS: forward selection, then pruning, from sums of products that are computed
+    block by block.
 
-    Its methods are those of `_Plain`. The ridge is chosen here where the recipe leaves that open.
-    Raises DataError if no candidate explains anything.
+    Its methods are those of `_Plain`. The ridge is chosen here if the recipe leaves it open. Raises
+    DataError if no candidate explains anything.
     """
 
     def __init__(self, data: Regressors, recipe: MemoryRecipe) -> None:
@@ -214,7 +216,7 @@ class _Ridged:
 
 
 def selector(data: Regressors, recipe: MemoryRecipe) -> _Plain | _Ridged:
-    """Return what gives a model of any number of terms: plain FROLS where the recipe has no ridge,
-    else regularised FROLS.
+    """Return an object that gives models of any number of terms: plain FROLS if the recipe has no
+    ridge, otherwise regularised FROLS.
     """
     return _Plain(data, recipe) if recipe.ridge == 0.0 else _Ridged(data, recipe)

@@ -1,8 +1,9 @@
-"""The static gain of a model with memory, of which the sign is known.
+"""Give the static gain of a model with memory a known sign.
 
-Where the inputs stand still, operators are at rest. Without delays of the output, the output at
-rest is linear in the coefficients, as it is on the way: they are found under the sign as those of a
-surface are (`shape.exchange`). Other fits are judged.
+For constant inputs, operators come to rest. Without delayed outputs, the output at rest is linear
+in the coefficients, like the output in motion. The coefficients are then found under the condition
+on the sign by the same method as for a surface (`shape.exchange`). For all other models, the sign
+is only checked.
 """
 
 from __future__ import annotations
@@ -43,8 +44,8 @@ def with_signed_gain(
 ) -> Model:
     """Return the model with static gains of the signs that the recipe asks for.
 
-    `records` are those that the fit was made of. Raises FitError if no coefficients of the
-    chosen terms have the signs, or where they are not found under them and have others.
+    `records` are those of the fit. Raises FitError if no coefficients of the chosen terms have
+    these signs, or if the method cannot impose them and the fit has others.
     """
     memory, body = fit.model, model.body_of(Memory)
     region = region_of(model, curves, recipe)

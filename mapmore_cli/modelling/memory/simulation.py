@@ -1,4 +1,4 @@
-"""One uninterrupted piece of a recording, made ready to be simulated many times with other
+"""Prepare an uninterrupted piece of a recording for many simulations with different
 coefficients.
 """
 
@@ -18,16 +18,17 @@ from mapmore_cli.modelling.memory.feedback import Feedback
 from mapmore_cli.modelling.memory.records import AtSample, complete
 from mapmore_cli.modelling.memory.states import Past, evaluate_states, value_of
 
-# training ranges by which a free run may leave the training range before it counts as diverged
+# a free run counts as diverged if it leaves the training range by more than this many training
+# ranges
 DIVERGED = 100.0
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A run, and where in it the run began again.
+    """A run, and the samples at which it was restarted.
 
-    - `values`: (q, n) the output, and what else the model recalls; fewer samples than the piece
-      has where the run left all bounds.
+    - `values`: (q, n) the output and the other recalled values. There are fewer samples than in the
+      piece if the run left all bounds.
     - `begins`: (n,) the sample at which the stretch of each sample began.
     """
 
@@ -36,19 +37,19 @@ class Trajectory:
 
     @property
     def output(self) -> Array:
-        """(n,) simulated outputs."""
+        """Simulated outputs, (n,)."""
         return np.asarray(self.values[0])
 
 
 class ReadyPiece:
-    """A piece made ready for one set of terms: its samples from the row `start` on, where every
+    """A piece prepared for one set of terms: its samples from the row `start` on, at which every
     state of inputs has a value and the longest delay is over.
 
-    - `inputs`: (n, k) input parts of the terms.
-    - `measured`: (start + n,) output; NaN where it is not known.
-    - `history`: (q, start + n) what the model recalls along the measured output, at rest before.
-    - `past`: the last values of its states; with them the piece continues an earlier one, and
-      starts with its first row.
+    - `inputs`: (n, k) factors of inputs in the terms.
+    - `measured`: (start + n,) output; NaN if it is unknown.
+    - `history`: (q, start + n) recalled values along the measured output, at rest before it.
+    - `past`: the last values of the states of an earlier piece, which this piece continues from its
+      first row on.
     """
 
     def __init__(self, feedback: Feedback, columns: Columns, past: Past | None = None) -> None:
@@ -77,15 +78,17 @@ class ReadyPiece:
 
     @cached_property
     def restarts(self) -> BoolArray:
-        """(n,) whether a run may begin again at a sample: everything before it is known."""
+        """True for samples at which a run may restart, (n,), because all earlier values that it
+        needs are known.
+        """
         known = np.isfinite(self.measured) & np.isfinite(self.history).all(axis=0)
         back = np.concatenate([[0], np.cumsum(~known)])
         rows = np.arange(self.start, self.start + self.size)
         return np.asarray(back[rows] == back[np.maximum(rows - self.feedback.depth, 0)])
 
     def begins(self, horizon: int | None) -> IntArray:
-        """(n,) the sample at which the stretch of each sample begins; a single one without a
-        `horizon`.
+        """Return the sample at which the stretch of each sample begins, (n,). Without a `horizon`,
+        there is a single stretch.
         """
         rows = np.arange(self.size)
         if horizon is None:
@@ -100,10 +103,11 @@ class ReadyPiece:
         horizon: int | None = None,
         before: Array | None = None,
     ) -> Trajectory:
-        """Simulate with the coefficients `theta` (k,), beginning again from measured outputs after
-        every `horizon` samples; from what came `before`, (q, depth), where the piece goes on.
+        """Simulate with the coefficients `theta`, (k,), restarting from measured outputs after
+        every `horizon` samples. If the piece continues another, `before`, (q, depth), holds its
+        last values.
 
-        It ends at the first sample that leaves the `bounds`, which is left out.
+        The run ends before the first sample that leaves the `bounds`.
         """
         feedback, (low, high), weighted = self.feedback, bounds, self.inputs * theta
         groups = feedback.parts.groups
@@ -136,15 +140,15 @@ class ReadyPiece:
         return Trajectory(np.concatenate(parts, axis=1), begins[:done])
 
     def recalled_at(self, sample: int) -> Array:
-        """Return the past values of the measured output that the model uses at a sample, (q,
+        """Return the past values of the measured output that the model uses at a sample, shape (q,
         depth).
         """
         back = np.arange(-self.feedback.depth, 0) + self.start + sample
         return self.history[:, np.maximum(back, 0)]
 
     def recalled(self, trajectory: Trajectory) -> dict[str, Value]:
-        """Return every past value that a run needs, (n,) each by name: measured where it is from
-        before the beginning of its stretch.
+        """Return every past value that a run needs, shape (n,) each, by name. Values from before
+        the beginning of a stretch are measured.
         """
         rows, begins = np.arange(len(trajectory.begins)), trajectory.begins
         columns: dict[str, Value] = {}
@@ -159,7 +163,7 @@ class ReadyPiece:
 
 
 def refuse_unknown_beginning(piece: ReadyPiece) -> None:
-    """Raise AtSample where a measured output that the run begins with is missing."""
+    """Raise AtSample if a measured output with which the run begins is missing."""
     first = piece.start - piece.feedback.longest
     known = np.isfinite(piece.measured[first : piece.start])
     if piece.size and not known.all():
@@ -174,7 +178,7 @@ def refuse_unknown_beginning(piece: ReadyPiece) -> None:
 
 
 def divergence_bounds(limits: tuple[float, float]) -> tuple[float, float]:
-    """Least and greatest output that a run may have, from the training range."""
+    """Return the smallest and largest output that a run may have, from the training range."""
     low, high = limits
     reach = DIVERGED * (high - low if high > low else max(abs(high), 1.0))
     return max(low - reach, -sys.float_info.max), min(high + reach, sys.float_info.max)

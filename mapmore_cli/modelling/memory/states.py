@@ -1,5 +1,5 @@
-"""Values of states with memory along a piece of a recording, and the numbers behind them, which
-training finds.
+"""Compute states with memory along a piece of a recording, and the parameters of their operators,
+which training estimates.
 """
 
 from __future__ import annotations
@@ -23,17 +23,18 @@ from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.selection import MemoryRecipe
 
 Past = dict[str, Array]
-"""The last values of each state and of what it is made of, by their names: what a piece goes on
-from.
+"""The last values of each state and of the states of which it is made, by name. A piece that
+continues another starts from them.
 """
 
 
 def evaluate_states(
     states: StateSet, columns: Columns, past: Past | None = None, *, still: bool = False
 ) -> dict[str, Array]:
-    """Every state along one uninterrupted piece, (n,) each, scaled and clipped as `states` says;
-    NaN before there is history. With a `past` it goes on from there, and leaves its own. Where all
-    stand `still`, each row is a piece of its own, whose quantities have always been the same.
+    """Return every state along one uninterrupted piece, shape (n,) each, scaled and clipped as
+    `states` says; NaN before there is history. With `past`, the piece continues another, and leaves
+    its own last values in `past`. With `still`, each row is a piece of its own whose quantities
+    have always been constant.
 
     Raises DataError if a quantity is missing.
     """
@@ -52,13 +53,13 @@ def evaluate_states(
             values[name] = np.clip(
                 (values[name] - low) / (high - low), -states.margin, 1 + states.margin
             )
-        else:  # it stood still in training
+        else:  # it was constant in training
             values[name] = np.where(np.isnan(values[name]), np.nan, 0.0)
     return values
 
 
 MOST_PAST = 2
-"""Past values that an operator needs at most."""
+"""Largest number of past values that an operator needs."""
 
 
 def value_of(
@@ -70,8 +71,9 @@ def value_of(
     *,
     still: bool = False,
 ) -> Array:
-    """One state in physical units, (n,), from a `past` where there is one; it and what it is made
-    of are kept in `known`, by their names. `still` is as in `evaluate_states`.
+    """Return one state in physical units, shape (n,), continued from `past` unless that is None.
+    The state and those of which it is made are stored in `known` by name. `still` is as in
+    `evaluate_states`.
     """
     before = {} if past is None else past
     if wanted.name in known:
@@ -103,8 +105,8 @@ def value_of(
 
 
 def setting_of(operated: Operated, numbers: StateSet) -> Setting:
-    """Return what an operator's state depends on: numbers of its name, or those that training
-    found.
+    """Return the setting of an operator's state, with the numbers of its name or those that
+    training estimated.
     """
     source = operated.source.name
     match OPERATORS[operated.operator].needs:
@@ -116,12 +118,14 @@ def setting_of(operated: Operated, numbers: StateSet) -> Setting:
 
 
 def delayed(x: Array, steps: int, before: Array) -> Array:
-    """`x[k - steps]`, (n,), where the last values `before` came; NaN before there is history."""
+    """Return `x[k - steps]`, shape (n,), where `before` holds the values before the first; NaN
+    before there is history.
+    """
     return np.concatenate([np.full(steps, np.nan), before, x])[len(before) :][: len(x)]
 
 
 def memory_inputs(memory: MemoryModel) -> tuple[str, ...]:
-    """Every quantity that the states are made of, besides the output."""
+    """Return every quantity of which the states are made, except the output."""
     return tuple(sorted({state(name).quantity for name in memory.states.names} - {memory.output}))
 
 
@@ -131,10 +135,11 @@ def resolve_states(
     recipe: MemoryRecipe,
     resonances: Mapping[str, tuple[float, float]] = MappingProxyType({}),
 ) -> StateSet:
-    """Return the states of these names, with every number that they need; `resonances` are those
-    that were found already.
+    """Return the states with these names, with every parameter that they need. `resonances` holds
+    those that are already known.
 
-    `resonance` without numbers is the oscillator that explains most of the recipe's target.
+    For `resonance` without numbers, the oscillator is taken that explains most of the recipe's
+    target.
 
     Raises DataError if a quantity is missing, or no training sample has a value of every state.
     """
@@ -179,8 +184,8 @@ def resolve_states(
 
 
 def with_ranges(records: Sequence[Record], recipe: MemoryRecipe) -> tuple[str, ...]:
-    """Return the dictionary with the training ranges that it waits for; raises DataError as
-    `resolve` does.
+    """Return the dictionary with the training ranges filled in. Raises DataError like
+    `resolve_states`.
     """
     waiting = {
         name for text in recipe.dictionary if RANGED in text for name in candidate(text).names
@@ -206,7 +211,7 @@ def _training_values(values: Sequence[Array], training: Sequence[BoolArray]) -> 
     return np.concatenate([column[rows] for column, rows in zip(values, training, strict=True)])
 
 
-# Hz: what a load on a soft muscle rings with
+# Hz: frequencies with which a load on a soft muscle rings
 FREQUENCIES = tuple(np.geomspace(1.0, 15.0, 30).tolist())
 DAMPINGS = (0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7)
 
@@ -214,16 +219,16 @@ DAMPINGS = (0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7)
 def find_resonance(
     driving: Sequence[Array], output: Sequence[Array], training: Sequence[BoolArray], step: float
 ) -> tuple[float, float]:
-    """Frequency (Hz) and damping ratio of the oscillator that leaves least of the training output,
-    the slowest of equals.
+    """Return frequency (Hz) and damping ratio of the oscillator that leaves the smallest part of
+    the training output unexplained; of equals, the slowest.
 
     The output is fitted with `[1, x, x^2, s, y, v]`: the driving quantity x, a slow state s of it
-    that stands for everything else with memory, the oscillator's position y and velocity v.
+    that stands for all other memory, and the oscillator's position y and velocity v.
 
     - `driving`, `output`: (n,) for every piece.
-    - `training`: (n,) samples that count.
+    - `training`: (n,) True for samples that count.
     """
-    # an oscillation of fewer than five samples is not resolved
+    # an oscillation with fewer than five samples per period is not resolved
     frequencies = [frequency for frequency in FREQUENCIES if frequency * step <= 0.2]
     if not frequencies:
         raise DataError(
@@ -252,7 +257,7 @@ def find_resonance(
         )[known]
         along_basis, products = basis.T @ moved, moved.T @ left
         gram = moved.T @ moved - along_basis.T @ along_basis
-        # by how much the squares that are left shrink
+        # ratio by which the unexplained squares shrink
         gain = float(products @ np.linalg.lstsq(gram, products, rcond=1e-10)[0])
         if gain > most * (1 + 1e-9):
             best, most = numbers, gain

@@ -1,10 +1,10 @@
-"""Training samples made ready: the numbers that terms leave open, regressors for one step ahead,
-pieces for free runs.
+"""Prepare training samples: the parameters that terms leave free, regressors for one-step-ahead
+prediction, and pieces for free runs.
 
-Training finds numbers of operators: `wen(force[k-1])` has none in its name. A grid is scanned, one
-step ahead: for every set of starting numbers FROLS chooses the terms, and the sets of least error
-are kept. They are refined together with all coefficients in free run. From random starts few
-searches end at the best model; from the grid most do.
+Training estimates parameters of operators: the name `wen(force[k-1])` contains none. A grid is
+scanned one step ahead: for every set of starting values, FROLS chooses the terms, and the sets with
+the smallest errors are kept. They are refined together with all coefficients in free run. From
+random starts, few searches end at the best model; from the grid, most do.
 """
 
 from __future__ import annotations
@@ -37,9 +37,11 @@ from mapmore_cli.modelling.memory.simulation import (
 from mapmore_cli.modelling.memory.states import resolve_states
 from mapmore_cli.modelling.selection import MemoryRecipe
 
-DIGITS = 10  # significant digits of a number that was found; its standard error is far larger
-ALL = 64  # sets of starting numbers up to which every one is tried
-AT_BOUND = 1e-6  # of the way between the bounds: a number so near to one lies on it
+DIGITS = 10  # significant digits of an estimated parameter; its standard error is far larger
+ALL = 64  # largest number of sets of starting values of which every one is tried
+# distance, as a fraction of the range between the bounds, at which a parameter counts as at its
+# bound
+AT_BOUND = 1e-6
 
 
 Numbers = tuple[tuple[float, ...], ...]  # those of each state
@@ -47,11 +49,11 @@ Numbers = tuple[tuple[float, ...], ...]  # those of each state
 
 @dataclass(frozen=True)
 class Unknown:
-    """The m numbers of operators that some terms leave open; a number that has to be positive is
-    searched by its logarithm.
+    """The m operator parameters that some terms leave free. The logarithm is searched if a
+    parameter must be positive.
 
-    - `states`: operators without their numbers, the innermost first, each once; those of fewer
-      terms keep their order.
+    - `states`: operators without their parameters, the innermost first, each once. A subset of the
+      terms keeps this order.
     - `step`, `longest`: time between samples and duration of the longest piece, s.
     """
 
@@ -61,7 +63,7 @@ class Unknown:
 
     @cached_property
     def places(self) -> list[tuple[Operated, Parameter]]:
-        """(m) the state that each number belongs to, and what it is."""
+        """The state to which each parameter belongs, and the parameter, (m)."""
         return [
             (operated, parameter)
             for operated in self.states
@@ -70,7 +72,7 @@ class Unknown:
 
     @cached_property
     def limits(self) -> Array:
-        """(2, m) least and greatest numbers."""
+        """Smallest and largest parameters, (2, m)."""
         ends = [
             parameter.between(self.step, self.longest)
             for _, parameter in self.places
@@ -80,7 +82,7 @@ class Unknown:
 
     @property
     def bounds(self) -> Array:
-        """(2, m) least and greatest places in the search."""
+        """Bounds of the search coordinates, (2, m)."""
         return np.array([self._place(end) for end in self.limits])
 
     def _place(self, numbers: Array) -> Array:
@@ -88,20 +90,20 @@ class Unknown:
         return np.where(positive, np.log(np.where(positive, numbers, 1.0)), numbers)
 
     def searched(self, numbers: Sequence[float]) -> Array:
-        """(m,) where numbers lie in the search."""
+        """Return the search coordinates of parameters, (m,)."""
         return self._place(np.clip(numbers, *self.limits))
 
     def numbers(self, searched: Array, digits: int = 17) -> tuple[float, ...]:
-        """Return the numbers at a place of the search, to so many significant digits."""
+        """Return the parameters at search coordinates, with this many significant digits."""
         values = np.where(self.limits[0] > 0, np.exp(searched), searched)
         return tuple(float(f"{value:.{digits}g}") + 0.0 for value in values)
 
     def those_of(self, part: Unknown) -> BoolArray:
-        """(m,) whether a number is one of `part`, too."""
+        """Return True for the parameters that are in `part` too, (m,)."""
         return np.array([operated in part.states for operated, _ in self.places], dtype=np.bool_)
 
     def filled(self, texts: Sequence[str], numbers: Sequence[float]) -> tuple[str, ...]:
-        """Return the terms with the numbers in their states' names."""
+        """Return the terms with the parameters inserted in the names of their states."""
         rest, by_state = list(numbers), {}
         for operated in self.states:
             count = len(OPERATORS[operated.operator].parameters)
@@ -116,7 +118,9 @@ class Unknown:
         )
 
     def identified(self, searched: Array, errors: Array) -> Identified:
-        """Return the numbers with their standard errors, from those of the search."""
+        """Return the parameters with their standard errors, computed from those of the search
+        coordinates.
+        """
         numbers = np.array(self.numbers(searched, DIGITS))
         names = tuple(f"{parameter.key} of {operated.name}" for operated, parameter in self.places)
         scale = np.where(self.limits[0] > 0, numbers, 1.0)
@@ -128,10 +132,11 @@ class Unknown:
     def scan(
         self, error: Callable[[tuple[float, ...]], float], keep: int
     ) -> list[tuple[float, ...]]:
-        """Return the `keep` best sets of starting numbers, the best first, by the `error` one step
-        ahead with the numbers of all states.
+        """Return the `keep` best sets of starting values, the best first, by the one-step-ahead
+        `error` with the parameters of all states.
 
-        All sets are tried where they are few, else each state over its grid in turn.
+        If there are few sets, all are tried; otherwise the grid of each state is scanned one after
+        the other.
         """
         grids = [
             starts(self.step, self.longest)
@@ -154,9 +159,7 @@ class Unknown:
 
 
 def left_open(records: Sequence[Record], terms: Sequence[str], step: float) -> Unknown:
-    """Return the numbers that terms leave open; `step` is the time between the samples of the
-    records, s.
-    """
+    """Return the parameters that terms leave free; `step` is the time between samples, s."""
     parts = {
         part
         for text in terms
@@ -176,7 +179,7 @@ def left_open(records: Sequence[Record], terms: Sequence[str], step: float) -> U
 
 
 def _with(wanted: State, numbers: dict[Operated, tuple[float, ...]]) -> State:
-    """Return a state with the numbers of what was left open in it."""
+    """Return a state with the parameters inserted that it left free."""
     if isinstance(wanted, Measured):
         return wanted
     inner = _with(wanted.source, numbers)
@@ -188,11 +191,11 @@ def _with(wanted: State, numbers: dict[Operated, tuple[float, ...]]) -> State:
 
 
 class TrainingData:
-    """One set of training samples, and the `numbers` of operators that the recipe's dictionary
-    leaves open.
+    """One set of training samples, and the `numbers` (parameters) of operators that the recipe's
+    dictionary leaves free.
 
-    Raises DataError if a quantity is missing, too few samples have a history, or a state cannot
-    be fed back.
+    Raises DataError if a quantity is missing, too few samples have a history, or a state cannot be
+    fed back.
     """
 
     def __init__(
@@ -206,7 +209,7 @@ class TrainingData:
         self.states = resolve_states(_names_in(self.dictionary), records, recipe)
         fed_back = fed_back_states(self.states, recipe.target)
         for term in self.terms:
-            parted(term, fed_back)  # refuses what no free run could feed back
+            parted(term, fed_back)  # raises an error for what no free run could feed back
         self.data = regressors(records, self.states, self.terms, recipe.target)
         if len(self.data.y) <= recipe.max_terms:
             raise DataError(
@@ -218,8 +221,8 @@ class TrainingData:
         self.selector = selector(self.data, recipe)
 
     def fit(self, choice: TermChoice, vector: Array | None = None) -> MemoryFit:
-        """Return the model of a choice, with its coefficients of one step ahead; or with those of
-        a point found in free run, in the order of the choice, and their standard errors.
+        """Return the model of a choice with its one-step-ahead coefficients; or with those of a
+        point that was found in free run, in the order of the choice, and their standard errors.
         """
         selection, constant, identified = choice.selection, choice.constant, None
         chosen = selection.chosen
@@ -253,8 +256,9 @@ class TrainingData:
         )
 
     def _with_errors(self, selection: Selection, choice: TermChoice) -> Selection:
-        """Return the selection with standard errors by what goes together along the recordings;
-        those of a robust loss or of weighted samples stay, which take samples to be independent.
+        """Return the selection with standard errors that allow for correlation along the
+        recordings. With a robust loss or weighted samples, the standard errors remain those for
+        independent samples.
         """
         data, k = self.data, len(selection.chosen)
         weighed = self.recipe.loss != "squares" or data.uncertainty is not None
@@ -268,7 +272,7 @@ class TrainingData:
         return replace(selection, theta_error=errors, worth=worth)
 
     def open_in(self, chosen: IntArray) -> Unknown:
-        """Return the numbers that some candidates leave open."""
+        """Return the parameters that some candidates leave free."""
         return left_open(
             self.records, [self.recipe.dictionary[i] for i in chosen], self.recipe.step
         )
@@ -276,15 +280,15 @@ class TrainingData:
     def problem(
         self, chosen: IntArray, counted: Sequence[BoolArray] | None = None, *, search: bool = False
     ) -> FreeRunProblem:
-        """Return the simulation error of some candidates, over the training samples or those that
-        are `counted`, (n,) for each record.
+        """Return the simulation error of some candidates, over all training samples or over those
+        that are `counted`, (n,) for each record.
 
-        `search` says whether the numbers that they leave open are to be searched as well.
+        `search` is True if the parameters that they leave free are to be searched as well.
 
         Raises DataError if no sample has a history, or a first output is missing.
         """
         wanted = [record.training for record in self.records] if counted is None else counted
-        parts = []  # a run goes on to the last wanted sample
+        parts = []  # a run continues to the last sample that counts
         for record, mask in zip(self.records, wanted, strict=True):
             end = int(np.max(np.flatnonzero(mask), initial=-1)) + 1
             if end:
@@ -294,7 +298,7 @@ class TrainingData:
 
         @lru_cache(maxsize=4)
         def made_ready(*at: float) -> list[ReadyPiece]:
-            """Return all pieces; where numbers are searched, those of a place of the search."""
+            """Return all pieces, prepared for the search coordinates `at`."""
             terms, states = tuple(self.dictionary[i] for i in chosen), self._states_of(chosen)
             if at:
                 terms = numbers.filled(texts, numbers.numbers(np.array(at)))
@@ -327,7 +331,7 @@ class TrainingData:
         )
 
     def _states_of(self, chosen: IntArray) -> StateSet:
-        """Return the states that some candidates need, with their numbers."""
+        """Return the states that some candidates need, with their parameters."""
         states, used = self.states, frozenset[str]().union(*(self.terms[i].names for i in chosen))
         places = [place for place, name in enumerate(states.names) if name in used]
         kept = replace(states, names=tuple(states.names[place] for place in places))

@@ -1,4 +1,6 @@
-"""Several outputs that share their segments and terms: a model for each, in one."""
+"""Model several outputs that share their segments and terms: one model for each, combined in
+one.
+"""
 
 from mapmore_cli.domain.models import Outputs
 from mapmore_cli.domain.results import OutputsFit

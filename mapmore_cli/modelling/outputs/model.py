@@ -1,4 +1,4 @@
-"""A model of several outputs: whoever asks for one number goes by `Model.each`."""
+"""Combine the models of several outputs. Code that needs one number uses `Model.each`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from mapmore_cli.modelling.program.writing import Inputs, Writer
 
 
 def outputs_model(name: str, models: Sequence[Model]) -> Model:
-    """Return the models of all outputs as one."""
+    """Return one model that holds the models of all outputs."""
     first = models[0]
     return Model(
         name=name,
@@ -38,25 +38,27 @@ def _structure(model: Model) -> tuple[object, ...]:
 
 
 class OutputsVerbs(Verbs):
-    """Operations of a model of several outputs; those that return one number raise an error."""
+    """Operations of a model of several outputs. Those that return one number raise UsageError."""
 
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
-        """Predict the one output; UsageError if there are several."""
+        """Predict the output; raises UsageError if there are several."""
         return kinds.simulate(kinds.alone(model), columns)
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
-        """Write the one output; UsageError if there are several."""
+        """Write the output; raises UsageError if there are several."""
         return kinds.verbs_of(model).write(m, kinds.alone(model), inputs)
 
     def outside_range(self, model: Model, columns: Columns) -> BoolArray:
-        """Return True if an input is beyond the training range of any output, (n,)."""
+        """Return True for rows at which an input lies outside the training range of any output,
+        shape (n,).
+        """
         beyond: BoolArray = np.logical_or.reduce(
             [kinds.outside_range(part, columns) for part in model.each]
         )
         return beyond
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-        """Return the equations of every output, named after it."""
+        """Return the equations of every output, with its name."""
         return tuple(
             replace(row, id=f"{part.output.name}: {row.id}")
             for part in model.each
@@ -64,15 +66,15 @@ class OutputsVerbs(Verbs):
         )
 
     def rules(self, model: Model) -> tuple[str, ...]:
-        """Return how the equations are put together, alike for all outputs."""
+        """Return how the equations are combined; it is the same for all outputs."""
         return tuple(dict.fromkeys(rule for part in model.each for rule in kinds.rules(part)))
 
     def parameters(self, model: Model) -> int:
-        """Return the parameters of all outputs."""
+        """Return the number of parameters of all outputs together."""
         return sum(map(kinds.parameters, model.each))
 
     def faults(self, model: Model) -> Iterator[str]:
-        """Yield why a stored one is refused."""
+        """Yield the faults for which a stored model is refused."""
         each = model.each
         names = [part.output.name for part in each]
         if len(names) < 2 or len({*names}) < len(names) or model.output != each[0].output:

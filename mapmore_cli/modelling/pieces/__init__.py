@@ -1,5 +1,5 @@
-"""The method of M1 and M2: curves cut into segments, a few terms chosen for each, the pieces fused
-with smooth weights.
+"""Implement the method of M1 and M2: curves are cut into segments, a few terms are chosen for each
+segment, and the pieces are fused with smooth weights.
 """
 
 from mapmore_cli.domain.models import Pieces

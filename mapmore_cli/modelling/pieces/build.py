@@ -1,7 +1,7 @@
-"""MAPMORE from curves to a model: segment, fit, fuse (M1 section III, M2 section 3).
+"""Build a MAPMORE model from curves: segment, fit, fuse (M1 section III, M2 section 3).
 
-The stages of the pipeline call the three steps one by one, with files between; cross-validation
-calls them in one go.
+The stages of the pipeline call the three steps one by one, with files between them;
+cross-validation calls them directly.
 """
 
 from __future__ import annotations
@@ -82,14 +82,14 @@ def segment(
     backbone: FormulaFit | None = None,
     also: Sequence[str] = (),
 ) -> tuple[SegmentedCurve, ...]:
-    """Cut every training curve: by its measured course, or (`optimal`) by what the fits of its
-    segments would leave; of several outputs, `also` others, by the sum of what they leave, each in
-    its range.
+    """Cut every training curve by its measured course, or (`optimal`) so that the fits of its
+    segments have the smallest error. With several outputs (`also`), the errors are summed, each
+    divided by the range of its output.
 
     Raises DataError if a segment holds no sample, or a curve has too few for the cut.
     """
     terms = [candidate(text) for text in recipe.dictionary]
-    # losses that leave samples out do not compare
+    # losses that leave samples out are not comparable
     recipe = replace(recipe, fit=replace(recipe.fit, loss="squares", scale="auto"))
     recipes = [recipe, *(replace(recipe, target=name) for name in also)]
     training = training_curves(curves, recipe.level is not None)
@@ -119,8 +119,9 @@ def fit(
     tick: Callable[[], None] = lambda: None,
     also: Sequence[str] = (),
 ) -> tuple[tuple[SegmentFit, ...], ...]:
-    """Fit every segment of every training curve, to what the backbone leaves where there is one;
-    the fits of the target, then those of `also` others. `tick` is called after each segment.
+    """Fit every segment of every training curve, to the residual of the backbone if there is one.
+    Return the fits of the target, then those of the outputs in `also`. `tick` is called after each
+    segment.
 
     Raises DataError if a segment has too few samples, or a term is not finite on its samples.
     """
@@ -144,8 +145,8 @@ def fit(
 def _labels_of_curves(
     rows: Rows, curves: Sequence[Curve], curve: Curve, pooled: bool
 ) -> IntArray | None:
-    """Return which residuals go together, (n,): those of a curve where several are pooled, else
-    those of a recording; None if all are of one.
+    """Return labels of correlated residuals, shape (n,): the curve of each sample if several curves
+    are pooled, otherwise its recording; None if there is only one.
     """
     if pooled:
         ends = np.cumsum([one.size for one in curves])
@@ -161,13 +162,13 @@ def fit_together(
     recipes: Sequence[Recipe],
     origin: IntArray | None = None,
 ) -> tuple[SegmentFit, ...]:
-    """Choose and fit the terms of one segment, for every placement of its scaling; the least
-    training SSE wins, the first of equals. `columns` are those of its curve; `recipes` are alike
-    but for their target, which share terms and placement.
+    """Choose and fit the terms of one segment for every placement of its scaling. The placement
+    with the smallest training SSE wins, the first of equals. `columns` are those of the curve. The
+    `recipes` differ only in their targets, which share terms and placement.
 
-    All placements share the slope of y, so their scaled SSE compare. Rows are sorted first: the
-    numbers then do not depend on the order in which a logger wrote them; more than a million are
-    not. `origin` says which residuals go together, (n,), for the rows of the segment.
+    All placements share the slope of y, so their scaled SSE are comparable. Up to a million rows
+    are sorted first, so that the result does not depend on the order in which a logger wrote them.
+    `origin` labels correlated residuals, shape (n,), for the rows of the segment.
     """
     recipe, n = recipes[0], len(segment.rows)
     most = min(recipe.fit.max_terms, len(terms))
@@ -181,7 +182,7 @@ def fit_together(
     variables = quantities_in(terms)
     outputs = [_samples_of(segment, columns, variables, one, origin) for one in recipes]
     robust = recipe.fit.loss != "squares"
-    missed = "scale" if robust else "sse"  # weighted squares do not compare
+    missed = "scale" if robust else "sse"  # weighted squares are not comparable
     ends = {
         name: np.array(extremes(x)) for name, x in zip(variables, outputs[0].inputs, strict=True)
     }
@@ -217,13 +218,13 @@ def fit_together(
     return best
 
 
-# samples for each term of the fit by which outliers are found
+# samples per term in the fit that finds outliers
 SAMPLES_PER_TERM = 3
 
 
 @dataclass(frozen=True)
 class _Samples:
-    """The samples of a segment, of `inputs` and one output `y`, (n,) each, and how they weigh."""
+    """Samples of a segment (`inputs` and one output `y`, shape (n,) each) and their weights."""
 
     inputs: Sequence[Array]
     y: Array
@@ -232,7 +233,9 @@ class _Samples:
     def placements(
         self, recipe: Recipe, variables: Sequence[str], robust: Array | None = None
     ) -> tuple[Scaling, ...]:
-        """Return all scalings; samples count by their uncertainty, and by `robust` weights."""
+        """Return all scalings. Samples are weighted by their uncertainty and by the `robust`
+        weights.
+        """
         sigma, weights = self.weighing.sigma, robust
         if sigma is not None:
             weights = (1.0 if robust is None else robust) / sigma**2
@@ -292,12 +295,12 @@ def _robust(
     recipe: Recipe,
     place: int,
 ) -> tuple[Sequence[Scaling], Sequence[Selection]]:
-    """Return one placement with an anchor, and terms, of which no outlier decides.
+    """Return one placement with an anchor, and terms, that no outlier decides.
 
-    Outliers are found by robust fits with an offset beside the terms, which no anchor binds: of as
-    many terms as the segment has, and of so many that the shape of the curve leaves little. Each
-    gives weights with which the first terms are chosen; of them, and of none, the least scale of
-    what is left wins.
+    Outliers are found by robust fits with a free offset, which no anchor constrains. One fit has as
+    many terms as the segment; the other has so many that it follows the curve closely. Each gives
+    weights for the choice of the first terms. Of these two sets of weights, and equal weights, the
+    one with the smallest scale of the residuals wins.
     """
     free, n, most = [*terms, parse("1")], len(outputs[0].y), recipe.fit.max_terms
     ways = []
@@ -326,8 +329,8 @@ def _selected_terms(
 ) -> tuple[Selection, ...]:
     """Return the terms that FROLS chooses, for each output.
 
-    The dictionary is built block by block if one or two passes over it are enough, so that it never
-    lies in memory as a whole.
+    The dictionary is built block by block if one or two passes over it are enough, so that it is
+    never in memory as a whole.
     """
     n, how = len(outputs[0].y), (recipe.fit.max_terms, recipe.fit.tolerance)
     weighings = [
@@ -359,9 +362,10 @@ def fuse(
     recipe: Recipe,
     quantities: Mapping[str, Quantity],
 ) -> Model:
-    """Join the segment functions; curves come in the order of their levels.
+    """Join the segment functions. The curves come in the order of their levels.
 
-    All of a residual is carried between levels; `cross_validation` says how much of it is kept.
+    The residual on a backbone is carried between levels in full; `cross_validation` then says how
+    much of it is kept.
     """
     backbone, level = result.backbone, recipe.level
     needed = {
@@ -404,7 +408,7 @@ def build(
     quantities: Mapping[str, Quantity],
     backbone: FormulaFit | None = None,
 ) -> Model:
-    """Return a model from curves in one go."""
+    """Build a model from curves in one call."""
     segmentation = segment(curves, recipe, backbone)
     result = FitResult(PiecesFit(*fit(curves, segmentation, recipe, backbone)), backbone)
     model = fuse(name, curves, segmentation, result, recipe, quantities)
@@ -427,11 +431,12 @@ def _segment_function(fit: SegmentFit, samples: Columns) -> SegmentFunction:
 def _extrapolation(
     recipe: Recipe, inputs: Sequence[str], default: Side
 ) -> dict[str, tuple[Side, Side]]:
-    """Return the declared behaviour, or the default: `continue` for one-term fits, else `saturate`.
+    """Return the declared extrapolation, or the default: `continue` for one-term fits, otherwise
+    `saturate`.
 
-    A polynomial of several terms explodes beyond its data, and while interpolating between levels a
-    curve is evaluated past its own end as a matter of course: on a simulated muscle that made a
-    validation RMSE of 771 N out of 19.6 N.
+    A polynomial of several terms explodes outside its data, and interpolation between levels
+    evaluates a curve past its own end. On a simulated muscle, this made a validation RMSE of 771 N
+    instead of 19.6 N.
     """
     asked = {name: recipe.fuse.beyond(name) for name in inputs}
     return {

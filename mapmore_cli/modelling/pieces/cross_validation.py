@@ -1,18 +1,18 @@
-"""What models of the rest say of training data that were left out of them: the share of a residual
-on a backbone, and the backbone itself.
+"""Compare models with training data that were left out of their fits, to choose the share of the
+residual on a backbone, and the backbone itself.
 
-The residual is known at the training levels. Between them it is carried with the share `g + (1 -
-g)(1 - 2t)^2` (`across_levels`), so that it counts in full at the levels whatever left-out levels
-say about the way between. The residual of pooled data, one surface, counts everywhere with the
+The residual is known at the training levels. Between them, it is carried with the share `g + (1 -
+g)(1 - 2t)^2` (`across_levels`), so that it counts in full at the levels, whatever left-out levels
+say about the space between. The residual of pooled data (one surface) counts everywhere with the
 share g that left-out blocks support.
 
 A backbone is chosen among every static formula of the study's inputs, and none. Each inner level
-(of one surface: each inner block along every input) is left out in turn, and everything is done
-again without it: formula, cuts, terms, and then the share of the residual that serves best. The
-outermost ones are no part of the choice, for there a model extrapolates. With three training levels
-or fewer the choice would be chance (on measured muscles it took Sárosi's formula where the hinged
-one has a tenth of its error). There `FEW` is taken, which keeps to the plain formula where data
-have no slack foot.
+(for one surface, each inner block along every input) is left out once, and everything is done again
+without it: formula, cuts, terms, and then the best share of the residual. The outermost levels take
+no part in the choice, because a model would have to extrapolate to them. With three training levels
+or fewer, the choice would be left to chance: on measured muscles, it took Sárosi's formula although
+the hinged formula has a tenth of its error. `FEW` is then taken, which keeps to the plain formula
+if the data have no slack foot.
 """
 
 from __future__ import annotations
@@ -35,25 +35,25 @@ from mapmore_cli.modelling.literature.backbone import fit_formula, pooled
 from mapmore_cli.modelling.pieces.build import build, quantities_in
 from mapmore_cli.modelling.pieces.recipe import Cuts, Recipe
 
-# contiguous blocks of a curve or a surface where there are too few levels to leave one out; the
-# inner ones are left out in turn
+# contiguous blocks of a curve or a surface, if there are too few levels to leave one out; each
+# inner block is left out once
 BLOCKS = 5
 
 BACKBONE, RESIDUAL, SHRUNKEN = "backbone", "backbone + residual", "backbone + shrunken residual"
 
 Folds = list[tuple[BoolArray, ...]]
-"""For every fold and curve, the training samples that are left out."""
+"""Training samples that are left out, for every fold and curve."""
 
 Progress = Callable[[int, int], None]
-"""Told how many folds of how many are done."""
+"""Function that is called with the number of folds done and the number of all folds."""
 
 
 @dataclass(frozen=True)
 class LeftOutErrors:
-    """Every training sample that was left out of some fold, (n,) each: as measured, and as the
-    fold's model without it says.
+    """Every training sample that was left out of some fold, shape (n,) each: measured, and
+    predicted by the model of the fold without it.
 
-    The model says `backbone` plus the `residual` of the pieces.
+    The prediction is the `backbone` plus the `residual` of the pieces.
     """
 
     measured: Array
@@ -62,13 +62,13 @@ class LeftOutErrors:
     folds: int
 
     def rmse(self, share: float) -> float:
-        """Error of the backbone with a share of the residual."""
+        """Return the RMSE of the backbone with a share of the residual."""
         return float(np.sqrt(np.mean((self.backbone + share * self.residual - self.measured) ** 2)))
 
     @property
     def share(self) -> float:
-        """`g = clip(sum(f r) / sum(f^2), 0, 1)`: least squares of what the backbone left, r, on
-        what the pieces predicted of it, f.
+        """Share `g = clip(sum(f r) / sum(f^2), 0, 1)`: least squares of the backbone's residual r
+        on its prediction f by the pieces.
         """
         f, r = self.residual, self.measured - self.backbone
         power = float(f @ f)
@@ -83,7 +83,8 @@ def leave_out(
     folds: Folds,
     progress: Progress = lambda _done, _total: None,
 ) -> LeftOutErrors:
-    """Predictions of left-out training data by models of the rest, backbone included.
+    """Return predictions of left-out training data by models of the other data, including the
+    backbone.
 
     Raises FitError if the backbone cannot be fitted without some of the data.
     """
@@ -102,7 +103,9 @@ def _of_fold(
     quantities: Mapping[str, Quantity],
     backbone: str | None,
 ) -> tuple[Array, Array, Array]:
-    """Return the target of one fold, what the backbone of the rest says of it, and the pieces."""
+    """Return the target of one fold, the prediction of the backbone, and the prediction of the
+    pieces.
+    """
     training = [
         replace(curve, held_out=curve.held_out | out)
         for curve, out in zip(curves, left_out, strict=True)
@@ -125,7 +128,9 @@ def _of_fold(
 
 
 def _of_fewer_samples(recipe: Recipe) -> Recipe:
-    """Return the recipe that joins segments which lack samples only since some are left out."""
+    """Return the recipe changed so that segments are joined if they lack samples only because some
+    are left out.
+    """
     cuts, least = dict(recipe.cuts), recipe.fit.max_terms + 1
     for name, cut in recipe.cuts.items():
         if isinstance(cut, Cuts) and cut.joins:
@@ -134,7 +139,7 @@ def _of_fewer_samples(recipe: Recipe) -> Recipe:
 
 
 def inner_level_count(curves: Sequence[Curve], recipe: Recipe) -> int:
-    """How many curves have a level between two others of the training data."""
+    """Return how many curves have a level between two other training levels."""
     return (
         0
         if recipe.level is None
@@ -143,14 +148,14 @@ def inner_level_count(curves: Sequence[Curve], recipe: Recipe) -> int:
 
 
 def inner_folds(curves: Sequence[Curve], recipe: Recipe) -> Folds:
-    """Return what is left out in turn: data that lie between others.
+    """Return the folds: data that lie between other data are left out.
 
-    - Each inner level, since between levels is where a level-wise residual can do harm.
+    - Each inner level, because a residual that is fitted level by level can do harm between levels.
     - With fewer than three training levels, each inner block of the curves along the variable that
       is cut.
-    - Where curves are pooled into one surface, each of these blocks, and the inner levels where the
-      curves have some. A single curve, as
-      a table, has inner blocks along every input of the surface.
+    - For curves pooled into one surface, each of these blocks, and the inner levels if the curves
+      have any. A single curve, for example a table, has inner blocks along every input of the
+      surface.
     """
     return [fold for along in _folds_along(curves, recipe) for fold in along[1:-1]]
 
@@ -193,8 +198,8 @@ def in_curve(
 
 
 def block(curve: Curve, along: str, number: int) -> BoolArray:
-    """Return the training samples in one of `BLOCKS` blocks of a curve, (n,), in the order of a
-    quantity.
+    """Return the training samples in one of the `BLOCKS` blocks of a curve, shape (n,); blocks
+    follow the order of the quantity `along`.
     """
     out = np.zeros(curve.size, dtype=bool)
     rows = np.flatnonzero(curve.training)
@@ -204,7 +209,9 @@ def block(curve: Curve, along: str, number: int) -> BoolArray:
 
 
 def _blocks_along(curves: Sequence[Curve], name: str) -> Folds:
-    """At most five contiguous blocks along a variable, which part no samples of one value."""
+    """Return at most five contiguous blocks along a variable. Samples with the same value are in
+    the same block.
+    """
     values = np.unique(np.concatenate([curve.columns[name][curve.training] for curve in curves]))
     ends = [(part[0], part[-1]) for part in np.array_split(values, min(BLOCKS, len(values)))]
     return [
@@ -222,14 +229,13 @@ def with_trusted_residual(
 ) -> Model:
     """Return a model on a backbone, with as much of its residual as left-out training data support.
 
-    - With three levels or more, inner levels are left out, and their `share` of the residual is
-      carried between levels.
-    - With fewer, inner blocks of the curves are left out, and the residual is dropped where it does
-      harm there. With two, nothing is known
-      between them: a residual that is kept counts at the levels alone.
-    - Of one surface, inner blocks are left out, and all of the residual is multiplied by their
-      `share`. Where there are no blocks, as along
-      two values of an input, it is left as it is.
+    - With three levels or more, each inner level is left out once, and the resulting `share` of the
+      residual is carried between levels.
+    - With fewer levels, inner blocks of the curves are left out, and the residual is dropped if it
+      does harm there. With two levels, nothing is known between them, so a residual that is kept
+      counts only at the levels.
+    - For one surface, inner blocks are left out, and the whole residual is multiplied by their
+      `share`. If there are no blocks, for example along an input with two values, it is unchanged.
     """
     body, unit = model.body_of(Pieces), model.output.unit
     assert body.backbone is not None
@@ -275,7 +281,9 @@ def with_trusted_residual(
 
 
 def _times(body: Pieces, share: float) -> Pieces:
-    """Return the pieces times a number, which their scalings hold; without segments for zero."""
+    """Return the pieces multiplied by a number, which becomes part of their scalings; without
+    segments if it is zero.
+    """
 
     def multiplied(segment: SegmentFunction) -> SegmentFunction:
         y_slope, y_intercept = segment.scaling.y_slope, segment.scaling.y_intercept
@@ -294,18 +302,18 @@ def _times(body: Pieces, share: float) -> Pieces:
 
 
 FEW, FEWEST_FOLDS = "sarosi_hinged", 2
-"""The formula that is taken where there are fewer folds than the fewest that choose."""
+"""The formula that is taken if there are fewer folds than the smallest number that can decide."""
 
 MARGIN = 0.02
-"""Of the least error, within which the formula with fewer parameters is taken. Wider margins lost
-on measured muscles.
+"""Fraction of the smallest error within which the formula with fewer parameters is preferred. Wider
+margins were worse on measured muscles.
 """
 
-SAMPLES = 300  # of every curve that the choice is made on, an even share in the order of the curve
+SAMPLES = 300  # samples of every curve on which the choice is based, evenly spread along the curve
 
 
 class BackboneChoice(NamedTuple):
-    """The formula that was chosen, None for no backbone, and on what grounds."""
+    """The formula that was chosen (None for no backbone), and the reasons."""
 
     name: str | None
     note: str
@@ -317,7 +325,9 @@ def choose_backbone(
     quantities: Mapping[str, Quantity],
     progress: Progress = lambda _done, _total: None,
 ) -> BackboneChoice:
-    """Choose among the `possible_backbones` by left-out inner levels of the training data."""
+    """Choose among the `possible_backbones` by inner levels of the training data that were left
+    out.
+    """
     names = possible_backbones(curves, recipe.target)
     part = "block" if recipe.level is None else "level"
     folds = inner_folds(curves, recipe)
@@ -330,7 +340,7 @@ def choose_backbone(
     folds = inner_folds(thinned, recipe)
     errors: dict[str | None, float] = {}
     for number, name in enumerate(names, start=1):
-        with suppress(MapmoreError):  # which cannot be fitted without some of the data
+        with suppress(MapmoreError):  # a formula that cannot be fitted without some of the data
             left_out = leave_out(thinned, recipe, quantities, name, folds)
             errors[name] = left_out.rmse(1.0 if name is None else left_out.share)
         progress(number, len(names))
@@ -355,8 +365,8 @@ def choose_backbone(
 
 
 def possible_backbones(curves: Sequence[Curve], target: str) -> tuple[str | None, ...]:
-    """None, and every static formula that is fitted to the target and finds its inputs in the
-    curves.
+    """Return None and every static formula that can be fitted to the target and whose inputs the
+    curves have.
     """
     known = {name for name in curves[0].columns if name != target}
     usable = [
@@ -368,8 +378,8 @@ def possible_backbones(curves: Sequence[Curve], target: str) -> tuple[str | None
 
 
 def simplest_backbone(errors: Mapping[str | None, float]) -> str | None:
-    """Return the formula with the fewest parameters of those within the margin of the least error,
-    the better one of equals.
+    """Return the formula with the fewest parameters among those within the margin of the smallest
+    error; of equals, the one with the smaller error.
     """
     near = [name for name, error in errors.items() if error <= (1 + MARGIN) * min(errors.values())]
 
@@ -380,8 +390,8 @@ def simplest_backbone(errors: Mapping[str | None, float]) -> str | None:
 
 
 def thin(curve: Curve, along: str | None) -> Curve:
-    """At most `SAMPLES` training samples of a curve, an even share in the order of a variable;
-    held-out samples are left out.
+    """Return at most `SAMPLES` training samples of a curve, evenly spread in the order of a
+    variable, without the held-out samples.
     """
     rows = np.flatnonzero(curve.training)
     if along is not None:

@@ -1,9 +1,9 @@
-"""The definition of MAPMORE: scaling, segment functions, weights, levels and extrapolation (M2 eq
-8-12) as statements.
+"""Define MAPMORE as statements: scaling, segment functions, weights, levels and extrapolation (M2
+eq 8-12).
 
-Predictions, derivatives, knots of the inverse, C, Python and FMUs all come from here. Each function
-writes one equation with a `Writer` m, whose `where` and `choose` branch; a side that no sample
-takes is not computed.
+Predictions, derivatives, the knots of the inverse, C, Python and FMUs are all derived from these
+statements. Each function writes one equation with a `Writer` m, which branches with `where` and
+`choose`; a branch that no sample takes is not computed.
 
     y = sum_l w_l(level) sum_i f_i(E(x)) prod_j w_ij(E(x_j))
 """
@@ -28,8 +28,8 @@ from mapmore_cli.modelling.program.writing import Inputs, Writer, renamed_all
 
 
 def pieces_value(m: Writer, body: Pieces, inputs: Inputs) -> Expression:
-    """Write the pieces without their backbone; `inputs` in the order of the model. Return the
-    output.
+    """Write the pieces without their backbone, and return the output. `inputs` are in the order of
+    the model.
     """
     free = [name for name in inputs if name != body.level]
     functions = [_curve_function(m, curve, body, free) for curve in body.curves]
@@ -60,21 +60,25 @@ def across_levels(
     fusion: Fusion,
     curve_at: Callable[[int], Expression],
 ) -> Expression:
-    """Write the curves between their levels and beyond the outermost.
+    """Write the interpolation of the curves between their levels and its continuation outside the
+    outermost levels.
 
     Between levels i and i + 1, at the place t between them: with `linear` triangles, `(1 - t) f_i +
     t f_{i+1}` (M1 figure 2); with `pchip` the cubic Hermite interpolant of slopes that keep the
-    shape of the curves' values (Fritsch and Butland 1984). A share `g + (1 - g)(1 - 2t)^2` of it is
-    carried, g = `shrink`. At a level its own curve counts alone: another may have no value there.
+    shape of the curves' values (Fritsch and Butland 1984). It is multiplied by the share `g + (1 -
+    g)(1 - 2t)^2`, g = `shrink`. At a level, only its own curve counts, because the others may have
+    no value there.
 
-    Beyond the outermost level, `continue` and `saturate` hold its curve, `continue_linear` goes on
-    with the slope at that level, and `zero` lets the weight drop to zero (M2 figure 7d). `curve_at`
-    writes a curve, given its number.
+    Beyond the outermost level, `continue` and `saturate` use its curve unchanged, `continue_linear`
+    continues with the slope at that level, and `zero` reduces the weight to zero (M2 figure 7d).
+    `curve_at` writes the curve with a number.
     """
     last = len(levels) - 1
 
     def counting(i: int) -> range:
-        """Return the curves that count between two levels; with `pchip` also those beside them."""
+        """Return the curves that count between two levels; for `pchip`, the adjacent curves count
+        too.
+        """
         reach = 0 if fusion.levels == "linear" else 1
         return range(max(i - reach, 0), min(i + 1 + reach, last) + 1)
 
@@ -128,9 +132,9 @@ def _slope(
 ) -> Expression:
     """Write the slope across levels at one of them, from the values of the curves that count.
 
-    With two of them it is that of the line. Else, inside, the weighted harmonic mean of the
-    neighbouring differences, or zero where they differ in sign; at the ends, three-point
-    differences held back so that the outermost interval stays monotone.
+    With two curves, it is the slope of the line. Otherwise, at an inner level, it is the weighted
+    harmonic mean of the neighbouring differences, or zero if these differ in sign; at the ends, it
+    is a three-point difference that is limited so that the outermost interval stays monotone.
     """
     h = [levels[j] - levels[i] for i, j in pairwise(f)]
     delta = [
@@ -194,8 +198,8 @@ def segment_value(
 
     It is `f(x) = y_slope sum_k theta_k D_k(z) + y_intercept`, `z = slope x + intercept`.
 
-    `beyond` has, by input, where a curve goes straight on from its limit, and how far beyond that
-    the sample is.
+    For each input, `beyond` holds the conditions under which a curve continues as a straight line
+    from its limit, and the distance of the sample from the limit.
     """
     scaling = segment.scaling
     scales = zip(scaling.variables, scaling.slope.tolist(), scaling.intercept.tolist(), strict=True)
@@ -228,8 +232,8 @@ def weighted_terms(segment: SegmentFunction, regressors: Sequence[Expression]) -
 
 
 def _curve_function(m: Writer, curve: CurveFunction, body: Pieces, free: Sequence[str]) -> str:
-    """Write a curve as a function of its free inputs, and of the level where there is one; return
-    its name.
+    """Write a curve as a function of its free inputs, and of the level if there is one; return the
+    name of the function.
     """
     fusion = body.fusion
     names = [*free, *([body.level] if body.level is not None else [])]
@@ -300,9 +304,9 @@ def fused_value(
 ) -> Expression:
     """Write `sum_i f_i prod_j w_ij(x_j)`, one variable after the other (M2 eq 9-11).
 
-    Within a segment its function counts alone; in the zone at boundary i, `(1 - s) f_i + s
-    f_{i+1}`: weights sum to one. `z_s = 0` is a step, at which the boundary itself belongs to the
-    left segment.
+    Within a segment, only its function counts. In the zone at boundary i, the value is `(1 - s) f_i
+    + s f_{i+1}`, so that the weights sum to one. With `z_s = 0`, the transition is a step, and the
+    boundary itself belongs to the left segment.
     """
     if not boundaries:
         return of_cell(cell)
@@ -349,8 +353,8 @@ def zones_of(curve: CurveFunction, body: Pieces) -> dict[str, tuple[Array, Array
 def _side_conditions(
     x: Expression, limits: tuple[float, float], sides: tuple[Side, Side]
 ) -> tuple[tuple[Condition, Side, float], ...]:
-    """Return for both sides where an input is beyond its limit, what happens there, and the
-    limit.
+    """Return for both sides the condition that an input is outside its limit, the behaviour there,
+    and the limit.
     """
     return ((x < limits[0], sides[0], limits[0]), (x > limits[1], sides[1], limits[1]))
 
@@ -361,8 +365,8 @@ def _held_places(
     sides: tuple[Side, Side],
     words: Sequence[str] = ("saturate", "continue_linear"),
 ) -> list[tuple[Condition, Expression]]:
-    """Return where the extrapolation function E holds an input: at a limit, or at the value that a
-    side gives (M2 eq 12).
+    """Return the conditions under which the extrapolation function E holds an input, each with the
+    value: a limit, or the value that the spec gives for this side (M2 eq 12).
     """
     held = [
         (beyond, side if isinstance(side, float) else end if side in words else None)
@@ -374,7 +378,9 @@ def _held_places(
 def _beyond_with(
     x: Expression, limits: tuple[float, float], sides: tuple[Side, Side], word: str
 ) -> list[tuple[Condition, Expression]]:
-    """Return the sides that have the word: where x is beyond that limit, and how far."""
+    """Return for each side with this word the condition that x is outside the limit, and its
+    distance from the limit.
+    """
     return [
         (beyond, x - end)
         for beyond, side, end in _side_conditions(x, limits, sides)
@@ -385,13 +391,13 @@ def _beyond_with(
 def _reached(
     m: Writer, segment: SegmentFunction, curve: CurveFunction, body: Pieces, x: Inputs
 ) -> dict[str, Expression]:
-    """Hold a segment function beyond its samples by more than z_s of their width (`hold: samples`),
-    where transition zones reach there.
+    """Return the inputs of a segment function, held at a distance of z_s times the width outside
+    its samples (`hold: samples`), if transition zones reach that far.
 
-    M2 eq 10 and 11 make a transition zone z_s of *both* neighbours' widths: in the zone beside a
-    wide segment, the function of a narrow one would be carried several times its width beyond its
-    data, where a polynomial explodes. Segments of one width that are full of samples are not held.
-    The outer ends of a curve are left to `extrapolation`.
+    By M2 eq 10 and 11, a transition zone covers z_s of *both* neighbours' widths: beside a wide
+    segment, the function of a narrow one would be evaluated several times its own width outside its
+    data, where a polynomial explodes. Segments of equal width that are full of samples are not
+    held. The outer ends of a curve are left to `extrapolation`.
     """
     held = {}
     for name, (below, above) in held_between(segment, curve, body).items():
@@ -403,8 +409,8 @@ def _reached(
 def held_between(
     segment: SegmentFunction, curve: CurveFunction, body: Pieces
 ) -> dict[str, tuple[float | None, float | None]]:
-    """Return by variable between which values a segment function is held, None for a side at which
-    it is not; nothing with `hold: none`.
+    """Return for each variable the values between which a segment function is held, None for a side
+    without a limit; an empty mapping with `hold: none`.
     """
     if body.fusion.hold == "none":
         return {}
@@ -428,7 +434,7 @@ def pieces_program(body: Pieces, names: Sequence[str]) -> Program:
 
 
 def rule_of_weights(body: Pieces) -> str:
-    """Say how weights rise and fall along one variable (M2 eq 10 and 11)."""
+    """Return a sentence on how weights rise and fall along one variable (M2 eq 10 and 11)."""
     fusion = body.fusion
     return (
         f"The weight of a piece is w where it rises and 1 - w where it falls, 1 between and 0 "
@@ -439,8 +445,8 @@ def rule_of_weights(body: Pieces) -> str:
 
 
 def cell_weights(x: Array, boundaries: Array, fusion: Fusion) -> Array:
-    """Return the weight of every segment along one variable at x, (n, count); each row sums to one
-    (M2 eq 10 and 11).
+    """Return the weight of every segment along one variable at x, shape (n, count). Each row sums
+    to one (M2 eq 10 and 11).
     """
 
     def weight(place: int) -> Array:

@@ -1,4 +1,4 @@
-"""MAPMORE as a model: its prediction, its training range, its equations."""
+"""Predict with a MAPMORE model, and give its training range and its equations."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ OUTER_LEVEL = {
     "continue_linear": "the curves go on straight, with the slope between levels there",
     "zero": "the pieces are 0",
 }
-"""What is said of the steps of `definition`."""
+"""Sentences that describe the steps of `definition`."""
 
 
 @lru_cache(maxsize=8)
 def _ready(body: Pieces, names: tuple[str, ...]) -> Callable[[Columns], list[Array]]:
-    """Return the pieces ready for many calls; to write their program takes ten times as long as to
-    predict a few rows.
+    """Return the pieces prepared for many calls, because writing their program takes ten times as
+    long as predicting a few rows.
     """
     return evaluator(pieces_program(body, names))
 
@@ -55,8 +55,8 @@ def _ready(body: Pieces, names: tuple[str, ...]) -> Callable[[Columns], list[Arr
 def _weight(
     segment: SegmentFunction, curve: CurveFunction, body: Pieces, units: Mapping[str, float]
 ) -> str:
-    """Return where the weight of a segment rises and falls, and between which values the segment
-    is held.
+    """Return where the weight of a segment rises and falls, and between which values the segment is
+    held.
     """
     words = []
     held = held_between(segment, curve, body)
@@ -75,11 +75,11 @@ def _weight(
 
 
 class PiecesVerbs(Verbs):
-    """Operations of a model of joined pieces."""
+    """Operations of a model of fused pieces."""
 
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
-        """Return `backbone(inputs) + sum_i f_i(E(x)) prod_j w_ij(x_j)` at every row, (n,) (M1 eq 5,
-        M2 eq 9); NaN where an input is.
+        """Return `backbone(inputs) + sum_i f_i(E(x)) prod_j w_ij(x_j)` at every row, shape (n,) (M1
+        eq 5, M2 eq 9); NaN if an input is NaN.
         """
         body = model.body_of(Pieces)
         names = tuple(quantity.name for quantity in model.inputs)
@@ -92,8 +92,8 @@ class PiecesVerbs(Verbs):
         return SimulatedRun(where_finite(model.inputs, columns, value))
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-        """Return the backbone first, then every segment function, in the model's units or in
-        others.
+        """Return the equation of the backbone, then those of every segment function, in the model's
+        units or in others.
         """
         body = model.body_of(Pieces)
         pieces = (
@@ -107,7 +107,7 @@ class PiecesVerbs(Verbs):
         return *formula_equations(body.backbone, units), *pieces
 
     def rules(self, model: Model) -> Iterator[str]:
-        """Yield sentences on how the pieces are joined, and what holds beyond the limits (M2 eq
+        """Yield sentences on how the pieces are joined, and what applies outside the limits (M2 eq
         9-12).
         """
         body = model.body_of(Pieces)
@@ -137,14 +137,14 @@ class PiecesVerbs(Verbs):
             yield f"{name}: {f'beyond its limits {below}' if below == above else told}."
 
     def parameters(self, model: Model) -> int:
-        """Return the number of coefficients of all segments and of parameters of the backbone."""
+        """Return the number of coefficients of all segments plus the parameters of the backbone."""
         body = model.body_of(Pieces)
         return sum(len(one.theta) for one in body.segments) + (
             0 if body.backbone is None else len(body.backbone.parameters)
         )
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
-        """Write pieces, on their backbone where they have one."""
+        """Write the pieces as statements, including their backbone."""
         body = model.body_of(Pieces)
         limit(m, body.ranges, body.level, inputs)
         base = formula_value(m, body.backbone, inputs)
@@ -159,7 +159,7 @@ class PiecesVerbs(Verbs):
         )
 
     def faults(self, model: Model) -> Iterator[str]:
-        """Say what of a stored model no prediction would notice."""
+        """Yield faults of a stored model that no prediction would reveal."""
         levels = np.array([curve.level for curve in model.body_of(Pieces).curves], dtype=np.float64)
         if model.level is not None and not (
             np.isfinite(levels).all() and (np.diff(levels) > 0).all()

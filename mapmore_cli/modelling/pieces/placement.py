@@ -1,5 +1,5 @@
-"""Scaled coordinates of a segment (M1 step 1, M2 (i)): the rules, and the anchor of `unit_square`,
-of which no single sample decides.
+"""Scale the coordinates of a segment (M1 step 1, M2 (i)): the rules, and the anchor of
+`unit_square`, which no single sample decides.
 """
 
 from __future__ import annotations
@@ -14,17 +14,19 @@ from mapmore_cli.domain.arrays import Array, extremes
 from mapmore_cli.domain.fits import Scaling
 from mapmore_cli.modelling.signals.sampling import even_share
 
-# share of a segment's samples at which the trend's mean stands for its end, and the fewest samples
-# that tell the trend there
+# share of a segment's samples near its end whose mean stands for the end of the trend, and the
+# smallest number of samples for this mean
 END_FRACTION, FEWEST = 0.05, 3
-# variables for which all `2^v` corners are tried as origins; beyond, only all-left and all-right
+# largest number of variables for which all `2^v` corners are tried as origins; with more, only
+# all-left and all-right
 EVERY_CORNER_UP_TO = 3
 # directions in which samples near the anchor vary by less than this share of the largest variation
 # are ignored
 FLAT = 1e-3
-# weights that differ by less than this part are alike; samples more than these where they do not
+# weights that differ by less than this fraction count as equal; number of further samples if they
+# differ
 ALIKE, EXTRA = 1e-12, 1
-ROUNDING = 1e-9  # of a sum of weights
+ROUNDING = 1e-9  # fraction of a sum of weights
 
 
 def placements(
@@ -34,18 +36,18 @@ def placements(
     variables: Sequence[str],
     weights: Array | None = None,
 ) -> tuple[Scaling, ...]:
-    """Return all scalings of the samples of v `inputs` and of `y`, (n,) each, that satisfy a rule;
-    the caller keeps the one that errs least.
+    """Return all scalings of the samples of v `inputs` and of `y`, (n,) each, that satisfy a rule.
+    The caller keeps the one with the smallest error.
 
-    - `unit_square`: x and y span one unit and the trend passes through the origin, which lies at
-      the left or at the right end of each
-      variable: scaled data lie in [0, 1] or [-1, 0]. The two are not equivalent for one-term fits,
-      since left-anchored powers of a falling curve are concave and right-anchored ones convex.
+    - `unit_square`: x and y span one unit, and the trend passes through the origin, which lies at
+      the left or at the right end of each variable, so that scaled data lie in [0, 1] or [-1, 0].
+      The two differ for one-term fits: for a falling curve, powers anchored on the left are
+      concave, and those anchored on the right convex.
     - `max_abs`: division by the largest magnitude, no offset.
     - `none`: data as they are.
 
-    `weights` of the samples, (n,), decide about the anchor (`end_of_trend`); None if all are
-    alike.
+    `weights` of the samples, (n,), are used for the anchor (`end_of_trend`); None for equal
+    weights.
     """
     names, count = tuple(variables), len(variables)
     ends = np.array([extremes(x) for x in (*inputs, y)])
@@ -81,20 +83,20 @@ def _anchored(
 
 
 def span(width: ArrayLike) -> Array:
-    """Return widths to divide by; a constant variable stays as it is."""
+    """Return the widths by which variables are divided; one for a constant variable."""
     return np.where(np.asarray(width) > 0, width, 1.0)
 
 
 def end_of_trend(away: Array, y: Array, weights: Array) -> float:
-    """Return the mean of the trend of `y`, (n,), at the nearest 5 % of the samples; from the anchor
-    these are `away`, (v, n), in scaled coordinates.
+    """Return the mean of the trend of `y`, (n,), at the 5 % of the samples that are nearest to the
+    anchor. `away`, (v, n), holds the distances from the anchor in scaled coordinates.
 
-    Where they weigh alike and are three or more, that is their mean. Else the trend is the parabola
-    of weighted least squares through so many of the nearest samples that they carry the weight of
-    as many, and of three at least: a sample that counts little then moves nothing, although the
-    trend is steep and the sample's place counts as before. Equal rows are one sample of their
-    summed weight, so that k of them are one of k times the weight. All samples at the same distance
-    count, so that the order of rows does not matter.
+    If these are at least three samples of equal weight, the result is their mean. Otherwise, the
+    trend is a parabola, fitted by weighted least squares to so many of the nearest samples that
+    their total weight is that of 5 % of the samples, and at least that of three. A sample with a
+    small weight then has little influence, even if the trend is steep. Equal rows count as one
+    sample with the sum of their weights. All samples at the same distance count, so that the order
+    of rows does not matter.
     """
     far = np.abs(away).max(axis=0)
     order = np.lexsort([y, *away, far])

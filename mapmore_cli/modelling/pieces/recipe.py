@@ -1,5 +1,5 @@
-"""What MAPMORE has to be told to turn curves into a model: the sections `segment` and `fuse`, and
-the whole recipe.
+"""Define the settings by which MAPMORE turns curves into a model: the sections `segment` and
+`fuse`, and the whole recipe.
 """
 
 from __future__ import annotations
@@ -29,25 +29,29 @@ USES = {
     "gradient": ("count",),
     "optimal": ("count", "min_samples"),
 }
-"""Keys of each method; the first is needed."""
+"""Keys of each method; the first is required."""
 
 CELLS = 20
-"""Cells of the grid of `optimal`."""
+"""Number of cells in the grid of `optimal`."""
 
 
 @dataclass(frozen=True)
 class Cuts(Settings):
-    """How one variable is cut into segments.
+    """How the range of one variable is cut into segments. The key `method` is one of these words:
 
-    - `even`: so many of equal width; `breakpoints`: at given places. Neighbours are joined until
-      each holds `min_samples`.
-    - `gradient`: where the slope of the target changes most, a tenth of each curve's range apart.
-    - `optimal`: where the fits leave the least, on a grid of 20 equal cells.
+    - `even`: segments of equal width. Neighbours are joined until each holds `min_samples`.
+    - `breakpoints`: segments between given boundaries. Neighbours are joined in the same way.
+    - `gradient`: boundaries at the places where the slope of the target changes most, at least a
+      tenth of each curve's range apart.
+    - `optimal`: the boundaries, on a grid of 20 equal cells, with which the fits have the smallest
+      error.
 
-    - `method`: one of these, as `even`
-    - `count`: number of segments (not for `breakpoints`), as `4`
-    - `at`: the inner boundaries of `breakpoints`, as `[0.05, 0.1]`
-    - `min_samples`: samples that each segment holds at least (`optimal`: 10), as `20`
+    - `method`: One of the words above. Example: `even`
+    - `count`: Number of segments (not for `breakpoints`). More segments follow the curve more
+      closely, but overfit sooner. Example: `4`
+    - `at`: Inner boundaries for `breakpoints`. Example: `[0.05, 0.1]`
+    - `min_samples`: Smallest number of samples in a segment (10 by default for `optimal`). Example:
+      `20`
     """
 
     method: Literal["even", "breakpoints", "gradient", "optimal"]
@@ -57,22 +61,22 @@ class Cuts(Settings):
 
     @property
     def segments(self) -> int:
-        """The `count`, of the methods that need it."""
+        """The value of `count`, for the methods that need it."""
         assert self.count is not None
         return self.count
 
     @property
     def least(self) -> int:
-        """Samples that each segment holds at least."""
+        """Smallest number of samples that each segment must hold."""
         return self.min_samples or (10 if self.method == "optimal" else 0)
 
     @property
     def joins(self) -> bool:
-        """Whether segments with too few samples are joined to their neighbours."""
+        """True if segments with too few samples are joined with their neighbours."""
         return self.method in ("even", "breakpoints")
 
     def __post_init__(self) -> None:
-        """Refuse keys that the method lacks or has no use for."""
+        """Refuse keys that the method does not use, and require those that it needs."""
         needed = USES[self.method][0]
         if getattr(self, needed) is None:
             example = "count: 4" if needed == "count" else "at: [0.05, 0.1]"
@@ -99,10 +103,11 @@ class Cuts(Settings):
 
 @dataclass(frozen=True)
 class CutByDirection(Settings):
-    """Segments for rise and fall.
+    """Separate segments for rising and falling motion.
 
-    - `of`: the rate whose sign decides, as `strain_rate`
-    - `dead_band`: rate up to which the last direction holds, as `0.002`
+    - `of`: The rate whose sign decides. Example: `strain_rate`
+    - `dead_band`: Largest absolute rate that counts as no motion; the last direction is then kept.
+      Example: `0.002`
     """
 
     of: str
@@ -113,18 +118,18 @@ Cut = Cuts | CutByDirection
 """How one variable is cut into segments."""
 
 Segmented = Annotated[Cuts | CutByDirection | Literal["none", "levels"], Either(key="dead_band")]
-"""A cut, or a word about the quantity of `levels`."""
+"""A cut, or a word for the level quantity."""
 
 WordOrValue = Annotated[Beyond | OfKey, Either()]
 
 
 @dataclass(frozen=True)
 class BelowAbove(Settings):
-    """Extrapolation of one variable on each side: a word, or the value that the variable takes (M2
-    eq 12).
+    """Extrapolation of one variable on each side: a word, or the value that the variable takes
+    there (M2 eq 12).
 
-    - `below`: below its limit, as `saturate`
-    - `above`: above its limit, as `zero`
+    - `below`: Extrapolation below the lower limit. Example: `saturate`
+    - `above`: Extrapolation above the upper limit. Example: `zero`
     """
 
     below: WordOrValue | None = None
@@ -135,9 +140,10 @@ class BelowAbove(Settings):
 class Fuse(Joining):
     """How pieces are joined (M2 eq 9-12).
 
-    - `extrapolation`: what happens beyond each curve's ends (M2 eq 12): a word, or a mapping from
-      variable to word or `{below, above}`; `continue` by default for one-term fits, else
-      `saturate`, as `{strain: {above: zero}}`
+    - `extrapolation`: What the model does outside the range of each curve (M2 eq 12): one word for
+      all variables, or a mapping from each variable to a word or to `{below, above}`. The default
+      is `continue` for segments of one term, and `saturate` otherwise. Example: `{strain: {above:
+      zero}}`
     """
 
     extrapolation: (
@@ -145,8 +151,8 @@ class Fuse(Joining):
     ) = None
 
     def beyond(self, name: str) -> tuple[Beyond | float | None, Beyond | float | None]:
-        """Return the extrapolation of a variable below and above its limits; None if nothing is
-        said.
+        """Return the extrapolation of a variable below and above its limits; None if the spec gives
+        none.
         """
         said = (
             self.extrapolation.get(name)
@@ -158,16 +164,16 @@ class Fuse(Joining):
 
 @dataclass(frozen=True, kw_only=True)
 class Recipe:
-    """The choices of a MAPMORE model of one `target` (M2 section 4.4 has the paper's).
+    """Settings of a MAPMORE model of one `target` (M2 section 4.4 lists those of the paper).
 
     - `dictionary`: candidate terms as text, in scaled coordinates.
     - `cuts`: segmentation of each segmented variable.
     - `level`: quantity whose curves are interpolated; None pools all curves into one. It is
-      constant within a curve, or the pressure of
-      step responses, whose curves stand at the pressure of their plateau (M2 figure 3h).
-    - `bounds`: least and greatest coefficient of terms, in the target's unit, by their text.
-    - `pooled`: quantity whose levels the curves have, where they are pooled into one surface all
-      the same.
+      constant within a curve; for step responses, it is the pressure, and the level of a curve is
+      the pressure of its plateau (M2 figure 3h).
+    - `bounds`: smallest and largest coefficient of each term, by its text, in the unit of the
+      target.
+    - `pooled`: quantity whose levels the curves have although they are pooled into one surface.
     """
 
     target: str

@@ -1,4 +1,4 @@
-"""What the user should know of how pieces go on beyond the ends of their curves."""
+"""Write remarks on how pieces continue outside the range of their curves."""
 
 from __future__ import annotations
 
@@ -14,17 +14,18 @@ from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.pieces.recipe import Recipe
 
 REACH, ASTRAY = 0.1, 1.5
-"""Of the range of every input, how far beyond all samples a piece is looked at; and of the range of
-the output, how far from its middle a value has exploded.
+"""How far outside all samples a piece is evaluated, as a fraction of each input's range; and the
+distance of a value from the middle of the output, as a fraction of its range, that counts as
+explosion.
 """
 
 LOOKED_AT = 400
-"""Samples at most, moved outwards, at which pieces are looked at."""
+"""Largest number of samples, moved outwards, at which pieces are evaluated."""
 
 
 def beyond_remarks(model: Model, curves: Sequence[Curve], recipe: Recipe) -> tuple[str, ...]:
-    """Return a warning of curves that explode beyond their data, or where nothing was said of that,
-    how curves of segments with several terms are held.
+    """Return a warning about curves that explode outside their data. If the spec says nothing about
+    extrapolation, also say how curves of segments with several terms are held.
     """
     body = model.body_of(Pieces)
     if not any(len(one.terms) > 1 for one in body.segments):
@@ -53,11 +54,11 @@ def beyond_remarks(model: Model, curves: Sequence[Curve], recipe: Recipe) -> tup
 
 
 def exploding_curves(model: Model, curves: Sequence[Curve], target: str) -> list[str]:
-    """Return the curves with several terms in a segment that continue beyond their data, and there
-    leave the middle of all that was measured by more than `ASTRAY` times its range.
+    """Return the curves with several terms in a segment that continue outside their data, and whose
+    value there is farther from the middle of all measured values than `ASTRAY` times their range.
 
-    Between two levels a curve is evaluated where the other has samples, past its own end. So each
-    is looked at where any curve has samples, a little further out.
+    Between two levels, a curve is also evaluated where only the other has samples, past its own
+    end. So each curve is checked at the samples of all curves, and a little farther out.
     """
     body = model.body
     if not isinstance(body, Pieces):

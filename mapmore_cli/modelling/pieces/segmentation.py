@@ -1,4 +1,6 @@
-"""Training curves cut into a grid of cells, one segment each (M1 section III, IV.A)."""
+"""Cut training curves into a grid of cells, with one segment for each cell (M1 section III,
+IV.A).
+"""
 
 from __future__ import annotations
 
@@ -27,10 +29,12 @@ from mapmore_cli.modelling.frols.select import TIE_TOLERANCE
 from mapmore_cli.modelling.pieces.recipe import CELLS, Cut, CutByDirection, Cuts
 from mapmore_cli.modelling.signals.rates import STEPS, running_median
 
-WINDOW = 0.1  # of the curve's range: over which slopes are taken, and how far apart bends lie
-ROUNDING = 1e-9  # of the window: two grid points exactly so far apart are far enough
-# in a segment: where a curve has a gap its course is made up, and a bend there must not become a
-# segment of its own
+# fraction of the curve's range over which slopes are taken; also the smallest distance of two bends
+WINDOW = 0.1
+# fraction of the window by which two grid points may be too close, because of rounding
+ROUNDING = 1e-9
+# samples in a segment; in a gap of the curve, its course is interpolated, and a bend there must not
+# become a segment of its own
 FEWEST_SAMPLES = 5
 
 
@@ -38,8 +42,9 @@ def gradient_boundaries(x: Array, y: Array, count: int) -> Array:
     """Return the `count - 1` inner boundaries at the largest peaks of |change of slope| of samples
     in any order, (n,), ascending.
 
-    No boundary lies nearer than the window to another one or to an end of the range, or leaves a
-    segment with hardly any sample; there are fewer where the curve has fewer such peaks.
+    Each boundary is at least one window away from the others and from the ends of the range, and
+    each segment holds enough samples. If the curve has fewer such peaks, there are fewer
+    boundaries.
     """
     from scipy.signal import find_peaks
 
@@ -61,12 +66,12 @@ def gradient_boundaries(x: Array, y: Array, count: int) -> Array:
 
 
 def slope_change(x: Array, y: Array, window: float) -> tuple[Array, Array]:
-    """Slope over the window to the right of a place less the slope over the window to its left:
-    `(place, change)`, (m,) each.
+    """Return the slope over the window to the right of a place minus the slope over the window to
+    its left: `(place, change)`, shape (m,) each.
 
-    Slopes join moving averages over windows around a place and its neighbours one window away. Near
-    the ends windows are cut off, and averages of x and y over what is left keep a straight line
-    straight.
+    A slope connects the moving averages around a place and around its neighbour one window away.
+    Near the ends, windows are cut off; the averages of x and y are then taken over the rest, so
+    that a straight line stays straight.
     """
     at, smooth = running_median(x, y, window)
     here = np.arange(len(at))
@@ -90,20 +95,21 @@ def slope_change(x: Array, y: Array, window: float) -> tuple[Array, Array]:
         slope(np.maximum(here - STEPS, 0), here),
         slope(here, np.minimum(here + STEPS, len(at) - 1)),
     )
-    return at, np.nan_to_num(right - left)  # at an end of the curve there is no slope to one side
+    # at an end of the curve, the slope to one side is undefined
+    return at, np.nan_to_num(right - left)
 
 
 def optimal_partition(
     cost: Callable[[int, int], float], cells: int, count: int
 ) -> tuple[int, ...] | None:
-    """Inner boundaries that cut cells 0..cells-1 into `count` intervals of least summed cost; None
-    if every partition costs infinity.
+    """Return the inner boundaries that cut cells 0..cells-1 into `count` intervals with the
+    smallest total cost; None if every partition has an infinite cost.
 
-    With `best_k(j)` the least cost of the first j cells in k intervals, `best_k(j) = min_i
-    best_{k-1}(i) + cost(i, j)` (Bellman 1961): at most `cells (cells + 1) / 2` costs are asked for
-    instead of one for every partition.
+    Let `best_k(j)` be the smallest cost of the first j cells in k intervals. Then `best_k(j) =
+    min_i best_{k-1}(i) + cost(i, j)` (Bellman 1961), so at most `cells (cells + 1) / 2` costs are
+    computed instead of one for every partition.
 
-    `cost` is of the interval of cells i..j-1; infinity forbids it.
+    `cost(i, j)` is the cost of the interval of cells i..j-1; an infinite cost forbids it.
     """
     table = np.full((cells + 1, cells + 1), np.inf)
     for i in range(cells):
@@ -140,23 +146,23 @@ def scaled_inputs(scaling: Scaling, columns: Columns) -> dict[str, Array]:
 
 
 IntervalCost = Callable[[Curve, IntArray], float]
-"""What the fit of a segment function leaves on some rows of a curve: its sum of squared errors, in
-the unit of the target squared.
+"""Function that returns the sum of squared errors of a segment function on some rows of a curve, in
+the squared unit of the target.
 """
 
-# of a curve on which costs of intervals are computed; of more, an even share in the order of the
-# variable is taken
+# samples of a curve on which costs of intervals are computed; a longer curve is thinned evenly
+# along the variable
 MOST_SAMPLES = 500
 
 
 def cut_points(
     curve: Curve, training: BoolArray, name: str, target: str, cut: Cut, cost: IntervalCost
 ) -> Array:
-    """Segment locations `seg_i` of one variable over the range of the samples that train, both ends
-    included, (count + 1,).
+    """Return the segment boundaries `seg_i` of one variable over the range of the training samples,
+    including both ends, shape (count + 1,).
 
-    Given breakpoints that lie outside the curve's own range are left out: a low-pressure curve
-    ends at a smaller strain.
+    Breakpoints outside the curve's own range are left out, because a curve at low pressure ends at
+    a smaller strain.
     """
     if isinstance(cut, CutByDirection):
         return np.array([-1.0, 0.0, 1.0])
@@ -187,11 +193,11 @@ def cut_points(
 
 
 def joined_segments(boundaries: Array, x: Array, least: int, training: BoolArray) -> Array:
-    """Return the boundaries of one variable without those that must go for every segment to hold
-    `least` samples, of those in `training`.
+    """Return the boundaries of one variable without those that must be removed so that every
+    segment holds at least `least` of the `training` samples.
 
-    The segment with the fewest is joined to the neighbour that has fewest, the left one of equals,
-    until none has too few: a curve may be sparse somewhere.
+    The segment with the fewest samples is joined with the neighbour that has fewer (the left one of
+    equals), until no segment has too few. Curves may be sparse in some places.
     """
     kept = boundaries.tolist()
     while len(kept) > 2:
@@ -228,7 +234,7 @@ def _optimal_points(
 
 
 def training_curves(curves: Sequence[Curve], by_level: bool) -> tuple[Curve, ...]:
-    """Return the curves that get segments of their own: each by itself, or all pooled into one
+    """Return the curves that get segments of their own: every single curve, or all pooled into one
     named `all`.
     """
     if by_level:
@@ -251,8 +257,8 @@ def training_curves(curves: Sequence[Curve], by_level: bool) -> tuple[Curve, ...
 
 
 def trained_at(curves: Sequence[Curve], level: str | float) -> tuple[Curve, ...]:
-    """Return the curves, of which only that at `level` (a number, or `highest` of the training
-    levels) trains; all of them for `all`.
+    """Return the curves with training samples only at `level` (a number, or `highest` for the
+    highest training level); unchanged for `all`.
     """
     if level == "all":
         return tuple(curves)
@@ -269,11 +275,12 @@ def trained_at(curves: Sequence[Curve], level: str | float) -> tuple[Curve, ...]
 def segment_curve(
     curve: Curve, cuts: Mapping[str, Cut], target: str, cost: IntervalCost
 ) -> SegmentedCurve:
-    """Cut one curve's training samples over its own range: a grid of cells, one segment each.
+    """Cut the training samples of one curve over its own range into a grid of cells, with one
+    segment for each cell.
 
-    A sample on a boundary belongs to both segments, since segments include both ends.
+    A sample on a boundary belongs to both segments, because segments include both ends.
 
-    Raises DataError if a segment holds no sample, or the curve has too few for the cut.
+    Raises DataError if a segment holds no sample, or if the curve has too few for the cut.
     """
     training = curve.training
     boundaries = {
@@ -305,8 +312,8 @@ def segment_curve(
 def cut_by_course(
     curves: Sequence[Curve], by_level: bool, cuts: Mapping[str, Cut], target: str
 ) -> list[SegmentedCurve]:
-    """Every training curve cut by its measured course, without a fit: `cuts` of any method but
-    `optimal`; raises as `segment_curve`.
+    """Return every training curve cut by its measured course, without a fit. `cuts` may have any
+    method but `optimal`. Raises the same errors as `segment_curve`.
     """
     return [
         segment_curve(curve, cuts, target, lambda _curve, _rows: 0.0)
@@ -315,8 +322,8 @@ def cut_by_course(
 
 
 def segment_id(curve: str, variables: Sequence[str], cell: Sequence[int]) -> str:
-    """`<curve>/strain:2`, with `;` between variables, `<curve>;direction=rise/...` for directions;
-    `<curve>/all` where nothing is cut.
+    """Return the name of a segment: `<curve>/strain:2`, with `;` between variables;
+    `<curve>;direction=rise/...` for directions; `<curve>/all` if nothing is cut.
     """
     places = dict(zip(variables, cell, strict=True))
     direction = places.pop(DIRECTION, None)

@@ -1,9 +1,10 @@
-"""The coefficients of all segments together, under what is known of them and of the fused surface.
+"""Fit the coefficients of all segments together, under conditions on the coefficients and on the
+fused surface.
 
 FROLS has chosen the terms. The sum of squares of all segments is minimised again under linear
-inequalities: bounds of coefficients, and the shape on a grid of the fused model, zones and levels
-included (`shape.exchange`). With `levels: linear` the model is linear in its coefficients; with
-`pchip` it is not.
+inequalities: bounds of coefficients, and the shape on a grid of the fused model, including zones
+and levels (`shape.exchange`). With `levels: linear`, the model is linear in its coefficients; with
+`pchip`, it is not.
 """
 
 from __future__ import annotations
@@ -37,13 +38,13 @@ STEPS = {"linear": 1.0, "pchip": 1e-4}
 def shaped(
     model: Model, curves: Sequence[Curve], segmentation: Sequence[SegmentedCurve], recipe: Recipe
 ) -> Model:
-    """Return the fused model with coefficients that keep what the recipe says of them and of the
-    shape; the model itself where it says nothing.
+    """Return the fused model with coefficients that fulfil the recipe's bounds and shape; the model
+    itself if the recipe has none.
 
     Raises FitError if no coefficients of the chosen terms do.
     """
     body, asked = model.body_of(Pieces), asked_of(recipe.fit)
-    if not body.segments:  # the backbone stands alone
+    if not body.segments:  # only the backbone is left
         return verified(model, curves, recipe.fit)
     region = region_of(model, curves, recipe.fit) if asked else None
     if region is None and not recipe.bounds:
@@ -69,8 +70,8 @@ def shaped(
 def _triangular_factor(
     body: Pieces, curves: Sequence[Curve], segmentation: Sequence[SegmentedCurve], recipe: Recipe
 ) -> Array:
-    """Return the triangular factor of the regressors of all segments, in the target's unit, (k, k):
-    all that the sum of squares needs of the samples.
+    """Return the triangular factor of the regressors of all segments, in the target's unit, shape
+    (k, k). The sum of squares needs nothing else of the samples.
     """
     from scipy.linalg import block_diag
 
@@ -90,7 +91,9 @@ def _triangular_factor(
 
 
 def _with_coefficients(body: Pieces, theta: Array) -> Pieces:
-    """Return the pieces with other coefficients; those that changed have no standard error."""
+    """Return the pieces with other coefficients. Coefficients that changed have no standard
+    error.
+    """
     parts = iter(np.split(theta, np.cumsum([len(one.theta) for one in body.segments])))
 
     def changed(one: SegmentFunction) -> SegmentFunction:
@@ -103,8 +106,8 @@ def _with_coefficients(body: Pieces, theta: Array) -> Pieces:
 
 
 def _of_coefficients(body: Pieces, names: Sequence[str]) -> Pieces:
-    """Return the pieces with their coefficients as inputs of these names: `name*term` with the
-    coefficient one.
+    """Return the pieces with their coefficients as inputs of these names: each term `name*term` has
+    the coefficient one.
     """
     left, everywhere = iter(names), dict.fromkeys(names, (-1e300, 1e300))
     sides = {**body.fusion.extrapolation, **dict.fromkeys(names, ("continue", "continue"))}
@@ -132,7 +135,9 @@ def _of_coefficients(body: Pieces, names: Sequence[str]) -> Pieces:
 
 
 def _fused_output(model: Model, body: Pieces, count: int) -> Values:
-    """Return the fused output as so many coefficients make it: a program with them as inputs."""
+    """Return the fused output as a function of its coefficients: a program that has them as
+    inputs.
+    """
     inputs = [one.name for one in model.inputs]
     names = [f"coefficient_{number}" for number in range(count)]
     program = evaluator(pieces_program(_of_coefficients(body, names), [*inputs, *names]))
@@ -148,7 +153,7 @@ def _fused_output(model: Model, body: Pieces, count: int) -> Values:
 def _coefficient_bounds(
     body: Pieces, bounds: Mapping[str, tuple[float, float]]
 ) -> tuple[Array, Array]:
-    """Return the inequalities of bounds of coefficients in the target's unit, by term."""
+    """Return the bounds of coefficients as linear inequalities, in the target's unit, by term."""
     terms = [(term, one.scaling.y_slope) for one in body.segments for term in one.terms]
     low, high = np.array([bounds.get(term, (-np.inf, np.inf)) for term, _ in terms]).T
     slopes = np.diag([slope for _, slope in terms])

@@ -1,1 +1,1 @@
-"""A model as statements that compute its output from the inputs of one sample."""
+"""Represent a model as statements that compute its output from the inputs of one sample."""

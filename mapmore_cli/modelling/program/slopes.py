@@ -1,8 +1,8 @@
-"""The derivatives that follow from a program.
+"""Derive the derivatives of a program.
 
-Every name is followed by its derivatives, by the chain rule on the syntax trees. At a boundary the
-slope is that of the case that holds there; a case that holds at one point alone (`==`) has none,
-and is left out.
+Every name is followed by its derivatives, computed by the chain rule on the syntax trees. At a
+boundary, the slope is that of the case that holds there. A case that holds at a single point only
+(`==`) has no slope and is left out.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ FUNCTION = "{}_slopes"  # name of a function that returns its value and its deri
 
 
 def with_slopes(model: Program) -> Program:
-    """Return the program with the derivative for every input behind its output.
+    """Return the program with the derivatives by every input after its output.
 
-    Raises DataError for a model with memory: its output depends on what was before.
+    Raises DataError for a model with memory, because its output depends on earlier samples.
     """
     if model.step is not None:
         raise DataError(
@@ -44,7 +44,7 @@ def with_slopes(model: Program) -> Program:
 
 
 def functions_with_slopes(functions: Sequence[Function]) -> tuple[Function, ...]:
-    """Return the functions with the derivatives by all parameters behind their values."""
+    """Return the functions with the derivatives by all parameters after their values."""
     return tuple(
         Function(
             FUNCTION.format(function.name),
@@ -57,13 +57,13 @@ def functions_with_slopes(functions: Sequence[Function]) -> tuple[Function, ...]
 
 
 def with_slopes_by(block: Block, names: Sequence[str]) -> Block:
-    """Return the block with the derivatives of its results by `names` in place of these."""
+    """Return the block with the derivatives of its results by `names` instead of the results."""
     whole = _with_slopes(block, names)
     return pruned_block(Block(whole.statements, whole.results[len(block.results) :]))
 
 
 def _with_slopes(block: Block, names: Sequence[str]) -> Block:
-    """Return the block with the derivatives of its results by `names` behind them."""
+    """Return the block with the derivatives of its results by `names` after the results."""
     return _block_with_slopes(
         block,
         {name: tuple(ONE if other == name else ZERO for other in names) for name in names},
@@ -72,8 +72,8 @@ def _with_slopes(block: Block, names: Sequence[str]) -> Block:
 
 
 def _block_with_slopes(block: Block, slopes: dict[str, Slopes], count: int) -> Block:
-    """Return the block with the derivatives of its results behind them; `slopes` are those of the
-    names known outside it.
+    """Return the block with the derivatives of its results after them. `slopes` holds those of the
+    names that are known outside the block.
     """
     known, statements = dict(slopes), list[Statement]()
     for statement in block.statements:
@@ -128,7 +128,7 @@ def _chained(value: Expression, known: dict[str, Slopes], count: int) -> Slopes:
 
 
 def _named_slopes(statements: list[Statement], name: str, slopes: Slopes) -> Slopes:
-    """Name each derivative that is neither a name nor a number."""
+    """Give a name to each derivative that is neither a name nor a number."""
     known = list(slopes)
     for way, slope in enumerate(slopes):
         if slope.names and not isinstance(slope, Name):

@@ -1,7 +1,7 @@
-"""Statements that every model consists of; they assign expressions of `terms`.
+"""Define the statements of which every model consists. They assign expressions.
 
-Every name is assigned once in its function, before it is used. Statements work on one sample; along
-a column they work row by row.
+Every name is assigned once in its function, before it is used. Statements compute one sample; for
+columns, they are applied row by row.
 """
 
 from __future__ import annotations
@@ -34,9 +34,7 @@ class Block:
 
 @dataclass(frozen=True)
 class Choose:
-    """`names` are the results of the first case whose condition holds, else those of
-    `otherwise`.
-    """
+    """`names` get the results of the first case whose condition holds, or those of `otherwise`."""
 
     names: tuple[str, ...]
     cases: tuple[tuple[Condition, Block], ...]
@@ -44,13 +42,13 @@ class Choose:
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """The sides, `otherwise` last."""
+        """The blocks of all cases, `otherwise` last."""
         return (*(block for _, block in self.cases), self.otherwise)
 
 
 @dataclass(frozen=True)
 class Use:
-    """`names` are the results of a function at the arguments."""
+    """`names` get the results of a function at the arguments."""
 
     names: tuple[str, ...]
     function: str
@@ -59,7 +57,7 @@ class Use:
 
 @dataclass(frozen=True)
 class Recall:
-    """`name` is the value put into a queue so many steps ago."""
+    """`name` gets the value that was put into a queue this many steps ago."""
 
     name: str
     queue: str
@@ -76,7 +74,7 @@ class Keep:
 
 @dataclass(frozen=True)
 class Queue:
-    """Put `value` into a queue, which is as long as the longest recall."""
+    """Put `value` into a queue. The queue is as long as its longest recall."""
 
     queue: str
     value: Expression
@@ -87,7 +85,7 @@ Statement = Let | Choose | Use | Recall | Keep | Queue
 
 @dataclass(frozen=True)
 class Function:
-    """Statements that several places share; `note` says what they compute."""
+    """Statements that are used in several places; `note` describes what they compute."""
 
     name: str
     parameters: tuple[str, ...]
@@ -99,9 +97,9 @@ class Function:
 class InputLimit:
     """Training range of one input of a model or of a part of it.
 
-    `inputs` are beyond it where `value` is, the input as the part knows it. Where the range depends
-    on a level, that is `at`: `low` and `high` (L,) are linear between the `levels` (L,); else `at`
-    is None, and there is one range.
+    `inputs` are outside the range if `value` is; `value` is the input as the part uses it. If the
+    range depends on a level, the level is `at`, and `low` and `high`, (L,), are interpolated
+    linearly between the `levels`, (L,). Otherwise `at` is None, and there is one range.
     """
 
     inputs: frozenset[str]
@@ -114,12 +112,12 @@ class InputLimit:
 
 @dataclass
 class KeptState:
-    """Memory of a model from sample to sample.
+    """Memory that a model keeps from sample to sample.
 
-    - `numbers`: single numbers by name, and what they are after a reset.
-    - `queues`: delayed values by name, and how many of them.
-    - `fed_back`: by output, the queues of it that the model, or several summands of it, go on from.
-    - `steps`: times between samples of the parts with memory, s; none for a model without memory.
+    - `numbers`: single numbers by name, with their values after a reset.
+    - `queues`: names of delayed values, with the length of each queue.
+    - `fed_back`: for each output, the queues that feed it back, one for each summand that needs it.
+    - `steps`: times between samples of the parts with memory, s; empty for a model without memory.
     """
 
     numbers: dict[str, float] = field(default_factory=dict)
@@ -135,11 +133,11 @@ class KeptState:
 
 @dataclass(frozen=True)
 class Program:
-    """A model, ready to be evaluated or written in another language; its inputs are names in the
+    """A model that can be evaluated, or written in another language. Its inputs are names in the
     statements.
 
-    The results of its body are the outputs. `knots` has, by input, places at which the program
-    takes another side.
+    The results of its body are the outputs. For each input, `knots` holds the places at which the
+    program changes to another branch.
     """
 
     inputs: tuple[str, ...]

@@ -1,7 +1,7 @@
 """Evaluate programs of models without memory over columns of samples.
 
-Each branch is computed for the rows that take it, so a program of many pieces costs about as much
-as the pieces that count. A side of a branch is made ready when the first row takes it.
+Each branch is computed only for the rows that take it, so a program of many pieces costs about as
+much as the pieces that are used. A branch is prepared when the first row takes it.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from mapmore_cli.modelling.program.statements import (
 )
 from mapmore_cli.modelling.program.writing import names_used_in
 
-INPUT = "x_"  # how the names of inputs begin in a program, so that no other name equals them
+INPUT = "x_"  # prefix of the names of inputs in a program, so that no other name is equal to them
 
 COMPARE: Mapping[str, Callable[[Value, Value], BoolArray]] = {
     "<": operator.lt,
@@ -40,27 +40,27 @@ COMPARE: Mapping[str, Callable[[Value, Value], BoolArray]] = {
 
 Values = dict[str, Value]
 Run = Callable[[Values, int], list[Value]]
-"""The results of a block, given what is known outside it and the number of rows n: (n,) each, or
-one number for all rows.
+"""Function that returns the results of a block, from what is known outside it and the number of
+rows n: shape (n,) each, or one number for all rows.
 """
 
 Places = Callable[[Values, Shared, int], Iterator[tuple[int, IntArray]]]
-"""The cases of a choice that rows take, ascending, and these rows, (m,); the last one is that of no
-condition.
+"""Function that yields the cases that rows take, in ascending order, with these rows, shape (m,).
+The last case is the one without a condition.
 """
 
 Test = Callable[[Values, Shared], BoolArray]
-"""A condition: (n,), or one for all rows."""
+"""Function that evaluates a condition, shape (n,), or one value for all rows."""
 
 Step = Callable[[Values, Shared, int], None]
-"""A statement: it adds what it computes to the values."""
+"""Function that runs a statement and adds its results to the values."""
 
 
 def evaluator(program: Program) -> Callable[[Columns], list[Array]]:
-    """Return a function of the model's inputs by name, (n,) for the first and (n,) or a number for
-    each other, for many calls: the results of the program, (n,) each.
+    """Return a function for many calls, which takes the inputs by name, shape (n,) for the first
+    and (n,) or a number for the others, and returns the results of the program, shape (n,) each.
 
-    They are NaN where an input is not finite.
+    Results are NaN if an input is not finite.
     """
     run = _Compiler(program.functions).block(program.body)
 
@@ -77,19 +77,19 @@ def evaluator(program: Program) -> Callable[[Columns], list[Array]]:
 
 
 def ready_for_columns(block: Block, functions: Iterable[Function]) -> Run:
-    """Return a block, ready to be run along columns of samples."""
+    """Return a block prepared to run along columns of samples."""
     return _Compiler(functions).block(block)
 
 
 def ready_for_one_sample(block: Block, rules: Mapping[str, Callable[..., Any]]) -> Run:
-    """Return a block whose functions are operators, ready to be run many times for one sample
+    """Return a block whose functions are operators, prepared to run many times for one sample
     each.
     """
     return _SampleCompiler(rules).block(block)
 
 
 class _Compiler:
-    """Makes blocks and functions ready to run."""
+    """Compiler that prepares blocks and functions to run."""
 
     def __init__(self, functions: Iterable[Function]) -> None:
         self.functions = {function.name: function for function in functions}
@@ -163,7 +163,9 @@ class _Compiler:
 
 
 class _SampleCompiler(_Compiler):
-    """One sample at a time: only the side that counts is computed, and operators are called."""
+    """Compiler for one sample at a time: only the branch that applies is computed, and operators
+    are called as functions.
+    """
 
     def __init__(self, rules: Mapping[str, Callable[..., Any]]) -> None:
         super().__init__(())
@@ -203,7 +205,7 @@ def _ready_condition(condition: Condition, known: Known) -> Test:
 
 
 def _places_by(conditions: Sequence[Test]) -> Places:
-    """Return the rows of each case, condition by condition until all rows are taken."""
+    """Return the rows of each case, condition by condition, until all rows are assigned."""
 
     def places(values: Values, shared: Shared, n: int) -> Iterator[tuple[int, IntArray]]:
         left = np.ones(n, dtype=np.bool_)
@@ -220,16 +222,16 @@ def _places_by(conditions: Sequence[Test]) -> Places:
 
 
 MANY = 16
-"""Cases from which on they are looked up by their numbers."""
+"""Number of cases from which on they are found by bisection."""
 
 
 def _places_along(choice: Choose, known: Known) -> Places | None:
-    """Return the rows of each case where many cases compare one value with numbers, by bisection:
-    to ask one condition after the other takes the square of the number of levels for all curves.
-    None if the cases are few or others.
+    """Return the rows of each case by bisection, if many cases compare one value with numbers;
+    testing one condition after the other would take a time proportional to the square of the number
+    of levels. None for few or other cases.
 
-    Of the cases with one comparison, the first that holds is the first whose number, or a greater
-    (with `>` a smaller) one before it, is beyond the value.
+    Among cases with the same comparison, the first that holds is the first whose number, or a
+    larger one before it (with `>`, a smaller one), is beyond the value.
     """
     conditions = [condition for condition, _ in choice.cases]
     along = {condition.left for condition in conditions}
@@ -259,8 +261,8 @@ def _places_along(choice: Choose, known: Known) -> Places | None:
 def _first_that_holds(
     comparison: str, places: IntArray, numbers: Array
 ) -> Callable[[Array], IntArray]:
-    """Return a function of a value x, (n,): the first of the `places`, which ascend, with whose
-    number x compares; the count of all `numbers` where there is none.
+    """Return a function of a value x, shape (n,), that returns the first of the ascending `places`
+    whose number fulfils the comparison with x, or the count of all `numbers` if there is none.
     """
     ends, numbers = np.append(places, len(numbers)), numbers[places]
     if comparison == "==":

@@ -1,4 +1,4 @@
-"""Write programs: statements in the making, fresh names, and sides of branches."""
+"""Write programs: statements, new names, and branches."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ from mapmore_cli.modelling.program.statements import (
 from mapmore_cli.modelling.ranges import limits
 
 Side = Operand | Callable[[], Operand]
-"""A value, or a function that writes the statements of one; its statements run only where this side
-is taken.
+"""A value, or a function that writes the statements of a value. These statements run only if the
+branch is taken.
 """
 
 Inputs = Mapping[str, Expression]
@@ -46,12 +46,12 @@ Inputs = Mapping[str, Expression]
 
 
 class Writer:
-    """One program in the making. A statement goes to the innermost side that is open.
+    """A program that is being written. A statement is added to the innermost open branch.
 
     - `kept`: what the model keeps from sample to sample.
-    - `functions`: by name, in the order in which they are written.
+    - `functions`: functions by name, in the order in which they are written.
     - `limits`: training ranges of the inputs.
-    - `knots`: by input, places at which the program takes another side.
+    - `knots`: for each input, the places at which the program changes to another branch.
     """
 
     def __init__(self) -> None:
@@ -63,11 +63,13 @@ class Writer:
         self._numbers = count(1)
 
     def fresh(self, stem: str) -> str:
-        """Return a name that was not given before: `stem` with a number behind it."""
+        """Return a new name: `stem` followed by a number."""
         return f"{stem}_{next(self._numbers)}"
 
     def let(self, stem: str, value: Operand) -> Expression:
-        """Return a new name for a value; the value itself where it is a name or a number."""
+        """Assign a value to a new name and return it; return the value itself if it is a name or a
+        number.
+        """
         value = expression(value)
         if isinstance(value, Name | Number):
             return value
@@ -78,7 +80,7 @@ class Writer:
     def choose(
         self, stem: str, cases: Iterable[tuple[Condition, Side]], otherwise: Side
     ) -> Expression:
-        """Return the result of the first case whose condition holds, else `otherwise`."""
+        """Return the result of the first case whose condition holds, or `otherwise`."""
         branches = tuple((condition, self.side(side)) for condition, side in cases)
         if not branches:
             return self.let(stem, otherwise() if callable(otherwise) else otherwise)
@@ -87,13 +89,13 @@ class Writer:
         return Name(name)
 
     def where(self, condition: Condition, then: Side, otherwise: Side) -> Expression:
-        """Return `then` where the condition holds, else `otherwise`."""
+        """Return `then` if the condition holds, otherwise `otherwise`."""
         return self.choose("side", [(condition, then)], otherwise)
 
     def clip(
         self, x: Operand, low: Operand | None, high: Operand | None, stem: str = "clipped"
     ) -> Expression:
-        """Return x, held at the ends that are given."""
+        """Return x limited by the ends that are not None."""
         held = self.let(stem, x)
         ends = [
             (Condition(held, sign, expression(end)), expression(end))
@@ -103,11 +105,11 @@ class Writer:
         return self.choose(stem, ends, held)
 
     def call(self, function: str, x: Operand) -> Expression:
-        """Return a function's value."""
+        """Return the value of a function of one argument."""
         return call(function, expression(x))
 
     def side(self, value: Side) -> Block:
-        """Return the statements of one side of a branch, or of a function."""
+        """Return the statements of one branch or of a function as a block."""
         if not callable(value):
             return Block((), (expression(value),))
         outer, self.statements = self.statements, []
@@ -120,7 +122,7 @@ class Writer:
     def function(
         self, name: str, parameters: Sequence[str], body: Callable[[], Operand], note: str
     ) -> str:
-        """Add a function of the parameters; return its name."""
+        """Add a function of the parameters, and return its name."""
         self.functions[name] = Function(name, tuple(parameters), self.side(body), note)
         return name
 
@@ -131,7 +133,7 @@ class Writer:
         return Name(name)
 
     def number(self, stem: str) -> Name:
-        """Return a new number that is kept from sample to sample, zero after a reset."""
+        """Return a new number that is kept from sample to sample; it is zero after a reset."""
         name = self.fresh(f"kept_{stem}")
         self.kept.numbers[name] = 0.0
         return Name(name)
@@ -159,19 +161,19 @@ class Writer:
         )
 
     def knot(self, name: str, *places: float) -> None:
-        """Note places along an input at which the program takes another side."""
+        """Record places along an input at which the program changes to another branch."""
         self.knots.setdefault(name, set()).update(places)
 
 
 def total(terms: Sequence[Expression]) -> Expression:
-    """Return the sum from left to right, as it stands: `add` would take it apart and let numbers
-    swap places.
+    """Return the sum in the given order, from left to right. (`add` would flatten it and change the
+    order of numbers.)
     """
     return terms[0] if len(terms) == 1 else Sum(tuple(terms))
 
 
 def product_as_written(*factors: Expression) -> Expression:
-    """Return the product from left to right, as it stands."""
+    """Return the product in the given order, from left to right."""
     kept = tuple(factor for factor in factors if factor != ONE) or (ONE,)
     return Product(kept) if len(kept) > 1 else kept[0]
 
@@ -207,13 +209,13 @@ def limit(m: Writer, ranges: Sequence[CurveRange], level: str | None, inputs: In
 
 
 def pruned(model: Program) -> Program:
-    """Return the program with only the statements that its results and its memory depend on."""
+    """Return the program with only the statements that its results and its memory need."""
     body = pruned_block(
         model.body,
         names_in(side for limit in model.limits for side in (limit.value, limit.at or ZERO)),
     )
     used, functions = {*names_used_in(body)}, list[Function]()
-    for function in reversed(model.functions):  # each uses earlier ones only
+    for function in reversed(model.functions):  # each function uses earlier ones only
         if function.name in used:
             functions.append(replace(function, body=pruned_block(function.body)))
             used |= names_used_in(functions[-1].body)
@@ -222,7 +224,7 @@ def pruned(model: Program) -> Program:
 
 def pruned_block(block: Block, also: Set[str] = frozenset()) -> Block:
     """Return the block with only the statements that its results, its memory and the names in
-    `also` depend on.
+    `also` need.
     """
     used = {*names_in(block.results), *also}
     kept: list[Statement] = []
@@ -235,7 +237,7 @@ def pruned_block(block: Block, also: Set[str] = frozenset()) -> Block:
 
 
 def names_used_by(statement: Statement) -> Set[str]:
-    """Return every name that a statement uses, those of functions included."""
+    """Return every name that a statement uses, including names of functions."""
     match statement:
         case Let(_, value) | Keep(_, value) | Queue(_, value):
             return set(value.names)

@@ -1,1 +1,1 @@
-"""Keep the shape that is known of a surface, as a force that rises with pressure."""
+"""Keep the known shape of a surface, for example a force that rises with the pressure."""

@@ -1,9 +1,9 @@
-"""Coefficients that keep a shape: least squares under inequalities on a grid of the output.
+"""Find coefficients that keep a shape: least squares under inequalities on a grid of the output.
 
-Inequalities are added where a solution violates the shape, and the grid becomes finer about those
+Inequalities are added wherever a solution violates the shape, and the grid is refined around those
 that bind, until nothing is violated (an exchange method for semi-infinite problems: Hettich and
-Kortanek 1993). Where the output is not linear in its coefficients, the inequalities are linearised
-about the last solution.
+Kortanek 1993). If the output is not linear in its coefficients, the inequalities are linearised
+around the last solution.
 """
 
 from __future__ import annotations
@@ -21,34 +21,35 @@ from mapmore_cli.modelling.shape.least_squares import least_squares_under
 from mapmore_cli.modelling.shape.region import Region
 from mapmore_cli.modelling.shape.stencils import ShapeWord, Stencils, nodes_of, stencils_on
 
-# nodes of the grid on which nothing may be violated; of each input about an inequality that binds,
-# and how often that grid becomes finer
+# nodes of the grid on which nothing may be violated; nodes along each input around a binding
+# inequality, and number of refinements of that grid
 FINE, CLOSE, CLOSER = 40_000, 9, 3
-# rounds of the exchange on one grid; inequalities of a word that are added in one of them
+# rounds of the exchange on one grid; inequalities of one word that are added in a round
 ROUNDS, ADDED = 60, 200
-# a fall by this share of the range of the training output, from node to node, is none
+# a fall between two nodes by less than this share of the training output's range does not count
 ROUNDING = 1e-11
-# root of a ridge, as a part of each column, for terms that the data do not tell apart; it pulls to
-# the unconstrained start; it is so small that it does not change ill-conditioned terms
+# root of a ridge, as a fraction of each column, for terms that the data do not distinguish. It
+# pulls towards the unconstrained start, and is so small that it does not change ill-conditioned
+# terms
 RIDGE = 1e-11
 # coefficients whose derivatives are computed together
 TOGETHER = 16
-# an inequality between places so close that it is no larger than so many rounding errors says
-# nothing
+# an inequality between places so close that it is smaller than this many rounding errors is ignored
 ROUNDING_ERRORS = 1000
 
 
 Values = Callable[[Array, Columns], Array]
-"""The output with coefficients, (k,) or (k, n), at inputs, (n,) each."""
+"""Function that returns the output for coefficients, (k,) or (k, n), at inputs, (n,) each."""
 
 
 class Exchange:
-    """The inequalities so far, `D theta >= d`, and the coefficients `theta` that meet them, of
-    least `|R (theta - start)|`; a `model` has the `start`, and its output follows by `value`.
+    """The inequalities so far, `D theta >= d`, and the coefficients `theta` that fulfil them with
+    the smallest `|R (theta - start)|`. `start` holds the coefficients of a `model`, and `value`
+    returns the output.
 
-    `step` is that of a coefficient for a derivative, as a part of what would change the output by
-    its size; an output that is linear in them may go as far as it likes. `stencils` has the
-    inequalities of the shape, each with the row of D that it begins at.
+    `step` is the step of a coefficient for a derivative, as a fraction of the change that would
+    change the output by its own size; for an output that is linear in its coefficients, any step is
+    exact. `stencils` holds the inequalities of the shape, each with its first row in D.
     """
 
     def __init__(
@@ -73,7 +74,7 @@ class Exchange:
         self._solve()
 
     def _solve(self) -> None:
-        """Solve, with the inequalities as they are; raise FitError if they contradict."""
+        """Solve with the present inequalities; raise FitError if they contradict each other."""
         solution = least_squares_under(self.R, self.f, self.D, self.d)
         kept = (self.D @ self.start >= self.d).all()
         self.theta, self.force = self.start if kept else solution.theta, solution.force
@@ -106,8 +107,9 @@ class Exchange:
         return self.value(self.theta, columns)
 
     def _slopes(self, columns: Columns) -> Array:
-        """Return the derivatives of the output by the coefficients, (n, k); of an output that is
-        linear in them those at zero, where large coefficients cost no digits.
+        """Return the derivatives of the output by the coefficients, shape (n, k). For an output
+        that is linear in them, the derivatives at zero are used, at which large coefficients cost
+        no digits.
         """
         about = np.zeros_like(self.theta) if self.linear else self.theta
         start, parts = self.value(about, columns), []
@@ -119,7 +121,7 @@ class Exchange:
         return np.asarray(np.vstack(parts).T / self.steps)
 
     def until_kept(self, asked: Sequence[ShapeWord], region: Region) -> None:
-        """Add inequalities until the shape is kept on a fine grid, and close to the places where it
+        """Add inequalities until the shape is kept on a fine grid, and near the places where it
         binds.
         """
         axes, cells = (
@@ -134,7 +136,7 @@ class Exchange:
             self._on([_grid_about(stencils, steps, region) for stencils in self.binding()], region)
 
     def _on(self, every: Sequence[Stencils], region: Region) -> None:
-        """Add inequalities until none of the stencils is violated."""
+        """Add inequalities until no stencil is violated."""
         if not (every := [stencils for stencils in every if len(stencils.nodes)]):
             return
         for _ in range(ROUNDS):
@@ -158,7 +160,7 @@ class Exchange:
         )
 
     def _at_nodes(self, every: Sequence[Stencils], of: Callable[[Columns], Array]) -> list[Array]:
-        """Return the values or derivatives at the nodes of each, all computed together."""
+        """Return the values or derivatives at the nodes of each stencil, all computed together."""
         nodes = {id(stencils.columns): stencils.columns for stencils in every}
         sizes = [len(columns[self.inputs[0]]) for columns in nodes.values()]
         columns = {n: np.concatenate([inputs[n] for inputs in nodes.values()]) for n in self.inputs}
@@ -166,8 +168,8 @@ class Exchange:
         return [parts[id(stencils.columns)] for stencils in every]
 
     def _add(self, violated: Sequence[Stencils]) -> int:
-        """Add the inequality of each stencil, linear in the coefficients about those so far; return
-        how many of them are more than rounding errors.
+        """Add the inequality of each stencil, linearised around the present coefficients; return
+        how many exceed rounding errors.
         """
         before = len(self.D)
         values, slopes = (self._at_nodes(violated, of) for of in (self._values, self._slopes))
@@ -182,7 +184,9 @@ class Exchange:
 
 
 def _widened(axes: Mapping[str, Array], inside: BoolArray) -> BoolArray:
-    """Return a region with the nodes beside it, (n,), so that a finer grid has no more."""
+    """Return a region enlarged by the adjacent nodes, shape (n,), so that a finer grid has no nodes
+    outside.
+    """
     from scipy.ndimage import binary_dilation
 
     shape = tuple(map(len, axes.values()))
@@ -191,7 +195,7 @@ def _widened(axes: Mapping[str, Array], inside: BoolArray) -> BoolArray:
 
 
 def _grid_about(stencil: Stencils, steps: Mapping[str, float], region: Region) -> Stencils:
-    """Return the stencils of a grid about one, a step to each side of its middle."""
+    """Return the stencils of a grid around one stencil, a step to each side of its middle."""
     middles = {name: float(x[stencil.nodes[0]].mean()) for name, x in stencil.columns.items()}
     reach = np.linspace(-1, 1, CLOSE)
     axes = {

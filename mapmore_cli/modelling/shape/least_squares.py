@@ -1,5 +1,5 @@
-"""Least squares under linear inequalities, by the distance of a point to a polyhedron (Lawson and
-Hanson 1974, "Solving Least Squares Problems", chapter 23).
+"""Solve least squares under linear inequalities, as the distance of a point from a polyhedron
+(Lawson and Hanson 1974, "Solving Least Squares Problems", chapter 23).
 """
 
 from __future__ import annotations
@@ -10,23 +10,23 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 
-# steps of the non-negative least squares for each inequality; it takes about one for each that
-# binds
+# steps of the non-negative least squares per inequality; it needs about one for each binding
+# inequality
 STEPS = 50
-# by how much of the largest right side an inequality may be missed: rounding leaves far less, and
-# inequalities that contradict each other far more
+# fraction of the largest right side by which an inequality may be missed: rounding leaves far less,
+# and contradictory inequalities far more
 MISSED = 1e-6
-# a smaller remainder is none
+# a smaller remainder counts as zero
 NOTHING_LEFT = 1e-30
 
 
 @dataclass(frozen=True)
 class Constrained:
-    """Solution `theta`, (k,), and the `force` of each inequality, (m,): zero where it does not
-    bind.
+    """Solution `theta`, shape (k,), and the `force` (Lagrange multiplier) of each inequality, shape
+    (m,): zero if it does not bind.
 
-    Where the inequalities contradict each other, `met` is False, `theta` is the solution without
-    them, and those with a force are the ones that do.
+    If the inequalities contradict each other, `met` is False, `theta` is the solution without them,
+    and the contradicting inequalities have a nonzero force.
     """
 
     theta: Array
@@ -35,11 +35,12 @@ class Constrained:
 
 
 def least_squares_under(R: Array, f: Array, D: Array, d: Array) -> Constrained:
-    """Minimise `|R theta - f|` under `D theta >= d`.
+    """Minimise `|R theta - f|` subject to `D theta >= d`.
 
-    With `z = R theta - f`, `H = D R^-1` and `h = d - H f` this is the least distance `min |z|, H z
-    >= h` (chapter 23.4). Its dual are the non-negative least squares `[H'; h'] u ~ (0, ..., 0, 1)`;
-    of their remainder r, `z = -r[:-1] / r[-1]`. No remainder means that no z meets all of them.
+    With `z = R theta - f`, `H = D R^-1` and `h = d - H f` this is the least-distance problem `min
+    |z|, H z >= h` (chapter 23.4). Its dual is the non-negative least-squares problem `[H'; h'] u ~
+    (0, ..., 0, 1)`. From the remainder r of the dual, `z = -r[:-1] / r[-1]`. A remainder of zero
+    means that no z fulfils all inequalities.
 
     `R` is upper triangular and regular, (k, k); `f` (k,), `D` (m, k) without rows of zeros, `d`
     (m,).
@@ -50,7 +51,8 @@ def least_squares_under(R: Array, f: Array, D: Array, d: Array) -> Constrained:
     H = solve_triangular(R, D.T, trans="T").T
     length = np.linalg.norm(H, axis=1)
     H, h = H / length[:, None], (d - H @ f) / length
-    reach = float(h.max(initial=0.0))  # the solution lies farther away than this; it is one unit
+    # the solution lies farther away than this, which becomes the unit
+    reach = float(h.max(initial=0.0))
     if reach <= 0.0:
         return Constrained(solve_triangular(R, f), np.zeros(len(D)))
     E, right = np.vstack([H.T, h / reach]), np.append(np.zeros(len(f)), 1.0)

@@ -1,4 +1,4 @@
-"""Where a shape is asked: within each curve's own range, outside the slack foot."""
+"""Describe where a shape is required: within each curve's own range, outside the slack foot."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ if TYPE_CHECKING:
 
 # cells of all inputs together in which training samples are averaged
 CELLS = 4096
-# even nodes of a grid along one input
+# evenly spaced nodes of a grid along one input
 MOST = 400
-# how far beside a knot a node lies, as a part of the range
+# distance of a node from a knot, as a fraction of the range
 BESIDE = 1e-6
 
 
 @dataclass(frozen=True)
 class Region:
-    """Where a shape is asked of a model: its training range, each curve's own, and a share `beyond`
-    of it; but not where the training output stands less than the share `slack` of its range above
-    its minimum.
+    """Region in which a model must keep a shape: its training range for each curve, extended by the
+    share `beyond`, without places at which the training output is less than the share `slack` of
+    its range above its minimum.
 
     `places`, (c, inputs), and `values`, (c,), are training samples averaged in small cells, so that
-    loops and noise leave one value; `counts`, (c,), are those of the samples. Inputs that do not
-    vary are `fixed`, (1,) each.
+    loops and noise leave one value; `counts`, (c,), are the numbers of their samples. `fixed` holds
+    the inputs that do not vary, (1,) each.
     """
 
     names: tuple[str, ...]
@@ -53,7 +53,7 @@ class Region:
 
     @property
     def ends(self) -> dict[str, tuple[float, float]]:
-        """Least and greatest value of each input."""
+        """Smallest and largest value of each input."""
         margin = {
             input_range.name: self.fit.beyond * (input_range.high - input_range.low).max()
             for input_range in self.ranges
@@ -67,9 +67,10 @@ class Region:
         }
 
     def between(self, columns: Columns) -> tuple[csr_array, BoolArray]:
-        """Return the weights of the cells in the output between them, (n, c), linear in the simplex
-        of cells about a place, and True at places between cells, (n,). Beyond all of them the
-        output is that of the nearest cell, whose other inputs may be far from those of the place.
+        """Return the weights of the cells in the interpolated output, shape (n, c), linear in the
+        simplex of cells around a place, and True for places between cells, shape (n,). Outside all
+        cells, the output is that of the nearest cell, whose other inputs may be far from those of
+        the place.
         """
         from scipy.sparse import csr_array
         from scipy.spatial import ConvexHull, Delaunay, KDTree, QhullError
@@ -92,10 +93,10 @@ class Region:
             simplex = np.full(n, -1)
             try:
                 net, faces = Delaunay(places), ConvexHull(places).equations
-                # `find_simplex` looks through all simplices for a place beyond them
+                # `find_simplex` searches all simplices for a place outside them
                 near = (asked @ faces[:, :-1].T + faces[:, -1]).max(axis=1) < OUTSIDE_TOLERANCE
                 simplex[near] = net.find_simplex(asked[near])
-            except QhullError:  # all samples on a line
+            except QhullError:  # all samples lie on a line
                 pass
             if (inside := simplex >= 0).any():
                 transform = net.transform[simplex[inside]]
@@ -107,13 +108,13 @@ class Region:
         return csr_array((shares.ravel(), vertices.ravel(), starts), shape=shape), inside
 
     def output(self, columns: Columns) -> Array:
-        """Return the training output between the samples, (n,): linear, and that of the nearest
-        beyond them.
+        """Return the interpolated training output, shape (n,): linear between the samples, and that
+        of the nearest sample outside.
         """
         return self.between(columns)[0] @ self.values
 
     def holds(self, columns: Columns) -> BoolArray:
-        """Return True at places in it, (n,)."""
+        """Return True for places in the region, shape (n,)."""
         inside = np.asarray(self.output(columns) > self.values.min() + self.fit.slack * self.span)
         for input_range in self.ranges:
             (low, high), x = input_range.ends(columns), columns[input_range.name]
@@ -122,17 +123,19 @@ class Region:
         return inside
 
     def asks(self, asked: Sequence[ShapeWord]) -> list[ShapeWord]:
-        """Return the words about the output, and about inputs that vary."""
+        """Return the words about the output itself, and about inputs that vary."""
         return [word for word in asked if word.word == "positive" or word.quantity in self.names]
 
     def nodes_along(self, nodes: int) -> int:
-        """Return how many even nodes a grid of so many has along each input."""
+        """Return the number of evenly spaced nodes along each input, for a grid with this many
+        nodes.
+        """
         return int(np.clip(round(nodes ** (1 / len(self.names))), 3, MOST))
 
     def axes(self, knots: Mapping[str, Sequence[float]], nodes: int) -> dict[str, Array]:
-        """Return the axes of a grid of even steps over the range, so many `nodes` in all, and of
-        the knots with nodes close to each: the model may bend there. Zero is a node too, where a
-        rate stands when the muscle rests.
+        """Return the axes of a grid with about this many `nodes`: evenly spaced nodes over the
+        range, and the knots with nodes close to each, because the model may bend there. Zero is a
+        node too, because a rate is zero when the muscle rests.
         """
         axes = dict(self.fixed)
         for name, (low, high) in self.ends.items():
@@ -144,8 +147,8 @@ class Region:
 
 
 def region_of(model: Model, curves: Sequence[Curve], fit: Fit) -> Region | None:
-    """Return the region of a model in which training `curves` vary; None if nothing does, or the
-    model does not know its range.
+    """Return the region of a model in which the training `curves` vary; None if nothing varies, or
+    if the range of the model is unknown.
     """
     ranges = tuple(limits(getattr(model.body, "ranges", ()), model.level))
     return region_within(
@@ -160,7 +163,7 @@ def region_within(
     inputs: Sequence[str],
     fit: Fit,
 ) -> Region | None:
-    """Return the region of a target along inputs, of which the `ranges` are known."""
+    """Return the region of a target along inputs with known `ranges`."""
     samples = pooled_training(curves)
     varied = tuple(
         input_range

@@ -1,4 +1,6 @@
-"""What a shape asks of neighbouring values along one quantity, and the grids on which they lie."""
+"""Define what a shape requires of neighbouring values along one quantity, and the grids on which
+they lie.
+"""
 
 from __future__ import annotations
 
@@ -19,13 +21,13 @@ POINTS: Mapping[Word, int] = {
     "convex": 3,
     "concave": 3,
 }
-"""Of how many neighbouring values a word is."""
+"""Number of neighbouring values that a word compares."""
 
 
 def stencil_weights(word: Word, places: Array) -> Array:
-    """Return the weights of values at ascending `places`, (..., points), whose sum must not be
-    negative: how far the output, or its mean over half of the places, rises or falls, or by how
-    much its chord lies above or below.
+    """Return the weights of the values at ascending `places`, shape (..., points), whose weighted
+    sum must not be negative. The sum is the rise or fall of the output (or of its mean over half of
+    the places), or the distance of its chord above or below it.
     """
     if word == "positive":
         return np.ones_like(places)
@@ -40,14 +42,16 @@ def stencil_weights(word: Word, places: Array) -> Array:
 
 @dataclass(frozen=True)
 class ShapeWord:
-    """One word about the output along one quantity; of `positive`, that is the output itself."""
+    """One word about the output along one quantity; for `positive`, the quantity is the output
+    itself.
+    """
 
     quantity: str
     word: Word
 
 
 def asked_of(fit: Fit) -> list[ShapeWord]:
-    """Return every word about every quantity, one by one."""
+    """Return every word about every quantity."""
     return [
         ShapeWord(name, word)
         for name, words in (fit.shape or {}).items()
@@ -57,9 +61,9 @@ def asked_of(fit: Fit) -> list[ShapeWord]:
 
 @dataclass(frozen=True)
 class Stencils:
-    """Neighbouring places along a quantity: `nodes`, (m, points), are rows of the `columns`, (n,)
-    each, and `weights` those of the output there. `lines`, (m,), tells lines along the quantity
-    from each other.
+    """Neighbouring places along a quantity. `nodes`, (m, points), are rows of the `columns`, (n,)
+    each, and `weights` are the weights of the output there. `lines`, (m,), identifies the lines
+    along the quantity.
     """
 
     asked: ShapeWord
@@ -69,14 +73,14 @@ class Stencils:
     lines: IntArray
 
     def of(self, values: Array) -> Array:
-        """Return the weighted sums of values at the columns' rows, (n,) or (n, k): what the word
-        says is not negative, (m,) or (m, k).
+        """Return the weighted sums of values at the rows of the columns, (n,) or (n, k). The word
+        says that they are not negative, (m,) or (m, k).
         """
         summed: Array = np.einsum("ms,ms...->m...", self.weights, values[self.nodes])
         return summed
 
     def at(self, rows: IntArray | BoolArray) -> Stencils:
-        """Return some of them, with the rows that they need."""
+        """Return some of the stencils, with the rows that they need."""
         used, nodes = np.unique(self.nodes[rows], return_inverse=True)
         columns = {name: x[used] for name, x in self.columns.items()}
         nodes = nodes.reshape(self.nodes[rows].shape)
@@ -84,13 +88,15 @@ class Stencils:
 
     @property
     def told(self) -> str:
-        """The first in words, as `pressure: increasing at pressure = 150, strain = 0.1`."""
+        """The first stencil in words, for example `pressure: increasing at pressure = 150, strain =
+        0.1`.
+        """
         places = (f"{name} = {x[self.nodes[0]].mean():.4g}" for name, x in self.columns.items())
         return f"{self.asked.quantity}: {self.asked.word} at {', '.join(places)}"
 
 
 def nodes_of(axes: Mapping[str, Array]) -> dict[str, Array]:
-    """Return the inputs at every combination of places along each, (n,) each."""
+    """Return the inputs at every combination of places along each, shape (n,) each."""
     mesh = np.meshgrid(*axes.values(), indexing="ij")
     return {name: x.ravel() for name, x in zip(axes, mesh, strict=True)}
 
@@ -99,7 +105,7 @@ def stencils_on(
     axes: Mapping[str, Array], asked: ShapeWord, inside: BoolArray, reach: int = 1
 ) -> Stencils:
     """Return the stencils of a word whose nodes are all `inside`, (n,), on the grid of ascending
-    places along each input; those of a sign compare means of `reach` neighbours, and follow each
+    places along each input. Stencils of a sign compare means of `reach` neighbours, and follow each
     other by half of these.
     """
     columns, points = nodes_of(axes), POINTS[asked.word] * reach

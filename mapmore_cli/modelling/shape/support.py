@@ -1,9 +1,10 @@
-"""Whether training data support a sign that a shape asks for, or contradict it beyond their noise.
+"""Test whether training data support a sign that a shape requires, or contradict it beyond their
+noise.
 
-Neighbouring samples differ by their noise as much as by the curve, so that differences of raw
-samples contradict any sign. Here means of 1, 2, 4, ... neighbouring places are compared, and the
-largest contradiction, in standard errors, is held against what noise alone does at all places and
-over all widths (a multiscale test of monotonicity: Duembgen and Spokoiny 2001).
+Neighbouring samples differ by their noise as much as by the curve, so differences of raw samples
+would contradict any sign. Here, means of 1, 2, 4, ... neighbouring places are compared. The largest
+contradiction, in standard errors, is compared with the one that noise alone causes at all places
+and widths (a multiscale test of monotonicity: Duembgen and Spokoiny 2001).
 """
 
 from __future__ import annotations
@@ -31,21 +32,24 @@ from mapmore_cli.modelling.shape.stencils import (
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-# places of the grid on which training data are compared; along an input, where it has more values,
-# at least and at most
+# places of the grid on which training data are compared; smallest and largest number along an input
+# that has more values
 COMPARED, LEAST_ALONG, MOST_ALONG = 4096, 24, 1000
 # differences that a sign needs, and the share of them that may contradict it whatever the noise
 FEWEST, CONTRADICTED = 10, 0.05
-# a smaller fall, as a part of the range of the output, is rounding
+# a smaller fall, as a fraction of the output's range, is rounding
 ROUNDING = 1e-9
 LEVEL = 0.01
-"""How often data whose true output is flat, and which are noise alone, may be refused."""
+"""Probability with which data are refused that are noise on a flat output."""
 
-# runs of noise alone, and standard errors below which no contradiction is worth them
+# simulations of noise alone, and standard errors below which a contradiction is not worth a
+# simulation
 RUNS, UNLIKELY = 199, 2.0
-CONFIRMED = 3.0  # standard errors by which a plane has to contradict a sign
-TRIED = 32  # of the largest contradictions over stretches of a length, which a plane may confirm
-# cells about a cell, beside those that a plane through it needs, by which its noise is told
+CONFIRMED = 3.0  # standard errors by which a plane must contradict a sign
+# number of the largest contradictions, over stretches of one length, that a plane may confirm
+TRIED = 32
+# cells around a cell, besides those that a plane through it needs, from which its noise is
+# estimated
 ABOUT, LOCAL = 3, 12
 
 
@@ -59,17 +63,18 @@ def refuse_unsupported(
     *,
     over_time: bool = False,
 ) -> None:
-    """Raise FitError for a quantity of `fit.shape` that does not vary, and for a sign that the
+    """Raise FitError for a quantity in `fit.shape` that does not vary, and for a sign that the
     training data contradict or do not support.
 
-    It needs no model, so that `check` and a run say the same. Differences are of the interpolated
-    training output, between neighbouring values of the quantity, at the values of the other inputs.
+    No model is needed, so that `check` and a run give the same result. The interpolated training
+    output is compared at neighbouring values of the quantity, with equal values of the other
+    inputs.
 
     - `curves`: those of the dataset, with their training samples.
-    - `target`, `inputs`: names of the output, and of what the model is a function of.
+    - `target`, `inputs`: names of the output and of the inputs of the model.
     - `level`: the quantity whose curves are interpolated; None if they are pooled.
-    - `over_time`: whether the model has memory: differences then say nothing of the output at rest,
-      and are not asked.
+    - `over_time`: True if the model has memory. Differences then say nothing about the output at
+      rest, and are not tested.
     """
     ranges = tuple(limits(_ranges_of(curves, inputs, level), level))
     region = region_within(ranges, curves, target, inputs, fit)
@@ -106,7 +111,9 @@ def refuse_unsupported(
 def _ranges_of(
     curves: Sequence[Curve], inputs: Sequence[str], level: str | None
 ) -> list[CurveRange]:
-    """Return the training range of every input, curve by curve where curves have levels."""
+    """Return the training range of every input, separately for each curve if the curves have
+    levels.
+    """
     known = sorted(
         (curve for curve in curves if curve.training.any()),
         key=lambda curve: (curve.level is not None, curve.level),
@@ -132,8 +139,8 @@ def _axes(region: Region, level: str | None) -> dict[str, Array]:
 
 
 class _Against(NamedTuple):
-    """A contradiction: by how much means over a stretch contradict the word, how many standard
-    errors that is, the place, and the cells that tell it.
+    """A contradiction: by how much means over a stretch contradict the word, the number of standard
+    errors, the place, and the cells that show it.
     """
 
     errors: float
@@ -143,7 +150,7 @@ class _Against(NamedTuple):
 
     @property
     def told(self) -> str:
-        """In words."""
+        """The contradiction in words."""
         return (
             f", by {self.amount:.3g} on average over a stretch, which is {self.errors:.3g} "
             f"times what their noise explains; the largest is at {self.place.told}"
@@ -157,8 +164,8 @@ def _contradiction(
     inside: BoolArray,
     between: csr_array,
 ) -> _Against | None:
-    """Return the largest contradiction of a sign that noise alone makes in no more than `LEVEL` of
-    all cases, and that the slope over its cells confirms; None where there is none.
+    """Return the largest contradiction of a sign that noise alone causes in at most `LEVEL` of all
+    cases and that the slope over its cells confirms; None if there is none.
     """
     from scipy.sparse import csr_array
 
@@ -194,12 +201,12 @@ def _contradiction(
 
 
 def _confirmed(region: Region, asked: ShapeWord, cells: IntArray) -> bool:
-    """Return whether the plane through some cells, which bends along the other inputs, contradicts
-    a sign by more than `CONFIRMED` of its standard errors.
+    """Return True if the plane through some cells, which may bend along the other inputs,
+    contradicts a sign by more than `CONFIRMED` of its standard errors.
 
-    The output between cells is linear in long and thin simplices, where these are scattered, and
-    may fall there although the true output, which bends, rises. The residuals of a plane have the
-    rest of the bend in them.
+    Between scattered cells, the output is interpolated linearly in long and thin simplices. It may
+    fall there although the true output, which bends, rises. The residuals of a plane include the
+    rest of the bend.
     """
     others = [name != asked.quantity for name in region.names]
     x = region.places[cells]
@@ -225,10 +232,10 @@ def _near(region: Region) -> IntArray:
 def _noise(region: Region, near: IntArray) -> Array:
     """Return the standard deviation of the noise in the value of each cell, (c,).
 
-    The value of a cell, less that of the plane through the nearest of its `near`, has the variance
+    The value of a cell minus the plane through the nearest of its `near` cells has the variance
     `s^2 (1/n + sum w_i^2/n_i)` with the weights w of the plane and the numbers n of samples. `s^2`
-    is its mean over all cells, or over those about a cell where that is more (residuals of
-    neighbours: Gasser, Sroka and Jennen-Steinmetz 1986).
+    is the mean over all cells, or the mean over the cells around a cell if that is larger
+    (residuals of neighbours: Gasser, Sroka and Jennen-Steinmetz 1986).
     """
     c, d = region.places.shape
     if c < d + ABOUT:

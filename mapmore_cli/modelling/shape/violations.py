@@ -1,4 +1,4 @@
-"""Where, and by how much, a model does not have a shape; and what keeping one costs."""
+"""Find where and by how much a model violates a shape, and the cost of keeping one."""
 
 from __future__ import annotations
 
@@ -27,21 +27,23 @@ IMPLIED: Mapping[str, Mapping[str, Word]] = MappingProxyType(
         "strain": {"pressure": "increasing", "force": "decreasing"},
     }
 )
-"""What the force, or the strain, of muscles of these kinds (`muscle.kind`) does along inputs."""
+"""Shape of the force, or of the strain, along inputs that muscles of these kinds (`muscle.kind`)
+have.
+"""
 
-# nodes of the grid on which a model is looked at
+# nodes of the grid on which a model is checked
 NODES = 2500
-# a smaller fall, as a share of the range of the training output, is none
+# a smaller fall, as a share of the training output's range, does not count
 WRONG = 1e-9
-# times the training error without a shape, from which on a user is warned of the one with it
+# ratio of the training errors with and without a shape from which on the user is warned
 CLEARLY = 1.1
 
 
 @dataclass(frozen=True)
 class Violation:
-    """By how much a model violates a word, 0 where it does not: how far the output falls along one
-    line in all, or by how much it misses a chord. `share` is that of the range of the training
-    output; it is worst at the `place`.
+    """Amount by which a model violates a word, 0 if it does not: the total fall of the output along
+    one line, or the distance by which it misses a chord. `share` is the amount divided by the range
+    of the training output. The violation is largest at the `place`.
     """
 
     asked: ShapeWord
@@ -53,7 +55,7 @@ class Violation:
 def violations(
     model: Model, asked: Sequence[ShapeWord], region: Region, nodes: int = NODES
 ) -> list[Violation]:
-    """Return what the model does against each word, on a grid over the region."""
+    """Return how the model violates each word, on a grid over the region."""
     axes, result = region.axes(program_of(model).knots, nodes), []
     columns = nodes_of(axes)
     values = settled(model, columns)
@@ -72,8 +74,8 @@ def violations(
 
 
 def known_shape(kind: str | None, model: Model, curves: Sequence[Curve]) -> list[Violation]:
-    """Return what a model does against the shape that it was asked to keep, or else, without
-    memory, its kind of muscle implies.
+    """Return how a model violates the shape that it was asked to keep. Without such a shape and
+    without memory, the shape that its kind of muscle implies is used.
     """
     words = (
         IMPLIED.get(model.output.name, {}) if kind in KINDS and not runs_over_time(model) else {}
@@ -99,8 +101,8 @@ def with_shape(
     fit: Fit,
     binds: Mapping[ShapeWord, Ranges] = MappingProxyType({}),
 ) -> Model:
-    """Return the model with what it keeps, where that decides about its coefficients, and what it
-    costs beside the `plain` model.
+    """Return the model with a record of the shape that it keeps and that determines its
+    coefficients, and of the cost compared with the `plain` model.
     """
     kept = tuple(
         KeptShape(
@@ -147,8 +149,8 @@ def verified(
     kind: str = "formula",
     remedy: str = "give its parameters bounds that imply the shape, or use another formula",
 ) -> Model:
-    """Return the model with a note of its shape, which it must keep without constraints, for
-    example by bounds of the parameters of a formula; raises FitError if it does not.
+    """Return the model with a note about its shape, which it must keep without constraints, for
+    example by bounds of the parameters of a formula. Raises FitError if it does not.
     """
     asked = asked_of(fit)
     region = region_of(model, curves, fit) if asked else None

@@ -1,1 +1,1 @@
-"""Pure functions of sampled signals: rates, levels, load cycles, gaps, plateaus."""
+"""Compute with sampled signals: rates, levels, load cycles, gaps, plateaus."""

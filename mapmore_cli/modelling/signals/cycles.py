@@ -1,4 +1,4 @@
-"""Load cycles: branches of a loop, and where cycles begin."""
+"""Split load cycles into branches, and find where cycles begin."""
 
 from __future__ import annotations
 
@@ -12,16 +12,18 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
 from mapmore_cli.domain.errors import DataError
 
-SWING = 0.1  # of the range: a smaller reversal is noise, or a small loop inside the large one
-TRIM = 0.01  # of the range: most that is cut off a branch at each end
+# fraction of the range; a smaller reversal is noise, or a small loop inside the large one
+SWING = 0.1
+TRIM = 0.01  # fraction of the range; largest part that is cut off a branch at each end
 FEWEST = 5  # places at which a branch must have been measured
 
 
 @dataclass(frozen=True)
 class Branches:
-    """Both branches of a load cycle at common values of `over`, each array `(samples,)`.
+    """Both branches of a load cycle at common values of `over`, shape (samples,) each.
 
-    `contraction` is where `over` rises (strain: the lower force), `extension` where it falls.
+    On the `contraction` branch, `over` rises (for strain, the lower force); on the `extension`
+    branch, it falls.
     """
 
     over: Array
@@ -29,26 +31,27 @@ class Branches:
     extension: Columns
 
     def static(self) -> dict[str, Array]:
-        """Mean of the branches, for every quantity."""
+        """Return the mean of both branches, for every quantity."""
         return {
             name: (self.extension[name] + values) / 2 for name, values in self.contraction.items()
         }
 
     def hysteresis(self, name: str) -> Array:
-        """Half the distance of the branches, positive where extension lies above contraction."""
+        """Return half the distance of the branches, positive if extension lies above
+        contraction.
+        """
         return (self.extension[name] - self.contraction[name]) / 2
 
 
 def split_cycles(over: Array, columns: Columns, samples: int) -> Branches:
-    """Split load cycles over `over` (n,), in order of time, into both branches at `samples` evenly
-    spaced common values.
+    """Split load cycles of `over`, (n,), in the order of time, into two branches with `samples`
+    evenly spaced common values.
 
     Reversals smaller than a tenth of the range of `over` are ignored, so that neither noise nor
-    quantisation splits a branch. Rests at the ends of the stroke, where force relaxes, belong to
-    neither branch. The runs of several cycles are pooled. Each branch is averaged in `samples` bins
-    over the range that both cover, which also merges repeated values, and interpolated linearly
-    between the mean positions of its bins: the result does not depend on how fast the cycle was
-    run.
+    quantisation splits a branch. Rests at the ends of the stroke, during which the force relaxes,
+    belong to neither branch. Several cycles are pooled. Each branch is averaged in `samples` bins
+    over the common range, which also merges repeated values, and interpolated linearly between the
+    mean positions of its bins, so that the result does not depend on the speed of the cycle.
 
     Raises DataError if there is no full cycle, or too few samples on a branch.
     """
@@ -83,8 +86,8 @@ def turning_points(values: Array, swing: float) -> IntArray:
     """Return the rows at which `values` `(n,)` reverse, alternately minima and maxima, both ends of
     the movement included.
 
-    A reversal counts once the values have come back from the extreme by `swing`; empty if they
-    never move so far.
+    A reversal counts when the values have moved back from the extreme by `swing`. The result is
+    empty if they never move so far.
     """
     series = values.tolist()
     turns: list[int] = []
@@ -119,14 +122,14 @@ def bin_means(over: Array, columns: Columns, edges: Array) -> tuple[Array, dict[
 
 
 def _trimmed_runs(over: Array) -> Mapping[int, list[IntArray]]:
-    """Rows of each run between turning points, by direction (1 rising, -1 falling), without the
-    rests at its ends.
+    """Return the rows of each run between turning points, by direction (1 rising, -1 falling),
+    without the rests at its ends.
     """
     runs: dict[int, list[IntArray]] = {1: [], -1: []}
     if not len(over):
         return runs
     span = float(np.ptp(over))
-    bends = np.diff(over, 2)  # steady movement leaves them at zero, and noise does not
+    bends = np.diff(over, 2)  # zero for a steady movement, but not for noise
     noise = 1.4826 * float(np.median(np.abs(bends))) / math.sqrt(6.0) if len(bends) else 0.0
     tolerance = min(2 * noise, TRIM * span)
     for begin, end in pairwise(turning_points(over, SWING * span)):
@@ -139,11 +142,11 @@ def _trimmed_runs(over: Array) -> Mapping[int, list[IntArray]]:
 
 
 def cycle_starts(x: Array) -> IntArray:
-    """Row at which each cycle of `x` (n,) begins: the last at rest before it rises; empty if x
-    never moves.
+    """Return the row at which each cycle of `x`, (n,), begins: the last row at rest before x rises.
+    Empty if x never moves.
 
-    A cycle is a rise by at least 0.4 of the range of x; rest is within 0.05 of it from the lowest
-    value since the cycle before, so the level of rest may drift.
+    A cycle is a rise by at least 0.4 of the range of x. At rest, x is within 0.05 of the range
+    above the lowest value since the cycle before, so the level of rest may drift.
     """
     span = float(np.ptp(x)) if len(x) else 0.0
     turns = turning_points(x, 0.4 * span)
@@ -159,7 +162,8 @@ def last_cycles(x: Array, share: float) -> BoolArray:
     """Return the samples of the last `share` of the cycles of `x` (n,), rounded down to whole
     cycles, without the rest before them.
 
-    Raises DataError if there are fewer than two cycles, or a share of none or all of them.
+    Raises DataError if there are fewer than two cycles, or if the share amounts to none or all of
+    them.
     """
     starts = cycle_starts(x)
     first = math.ceil((1 - share) * len(starts) - 1e-9)

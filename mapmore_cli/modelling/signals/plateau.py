@@ -1,5 +1,5 @@
-"""Levels at which a quantity was held, and the plateau of a step response between rise and fall (M2
-section 3, eq 1).
+"""Find the levels at which a quantity was held, and the plateau of a step response between rise and
+fall (M2 section 3, eq 1).
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ BINS = 128
 def find_levels(values: Array) -> Array:
     """Find the levels `(m,)`, ascending, at which a quantity dwells.
 
-    The rule: over the range of the values (0.1 % of the samples at either end left out), count
-    samples in 128 bins; where a bin, or the mean of three, holds more than twice what it would if
-    the samples were spread evenly, the quantity dwells. Dense bins with fewer than two others
-    between them are one level, so that levels closer than about 2 % of the range are not told
-    apart. Ramps between holds are sparse and give no level. A level is the median of its samples,
-    rounded to the power of ten below their standard deviation (149.73 +- 1.6 is 150), exact where
-    they are all equal. Values which vary by less than 5 % of their size are one level.
+    The samples are counted in 128 bins over the range of the values, without 0.1 % of the samples
+    at either end. The quantity dwells in a bin if the bin, or the mean of three, holds more than
+    twice the number of samples that an even spread would give. Dense bins with fewer than two other
+    bins between them are one level, so that levels closer than about 2 % of the range are not
+    distinguished. Ramps between holds are sparse and give no level. A level is the median of its
+    samples, rounded to the power of ten below their standard deviation (149.73 +- 1.6 gives 150),
+    and exact if they are all equal. Values that vary by less than 5 % of their size are one level.
 
-    Empty where nothing dwells, as in a steady sweep.
+    The result is empty if the quantity never dwells, for example in a steady sweep.
     """
     low, high = np.quantile(values, [0.001, 0.999], method="closest_observation")
-    # bins below the smallest number have no width
+    # bins near the smallest floating-point number have no width
     if high - low <= max(0.05 * max(abs(low), abs(high)), BINS * np.finfo(float).tiny):
         return np.array([_representative(values)])
     counts, edges = np.histogram(values, bins=BINS, range=(low, high))
@@ -47,7 +47,7 @@ def find_levels(values: Array) -> Array:
 
 def _representative(group: Array) -> float:
     spread, middle = float(np.std(group)), float(np.median(group))
-    if spread <= 1e-12 * abs(middle):  # equal but for rounding in the mean
+    if spread <= 1e-12 * abs(middle):  # equal except for rounding of the mean
         return middle
     return round(middle, -math.floor(math.log10(spread)))
 
@@ -58,15 +58,15 @@ def default_within(levels: Array) -> float:
 
 
 def match_levels(values: Array, levels: Array, within: float) -> IntArray:
-    """Return for each value `(n,)` the index of the nearest level `(m,)`, -1 where none lies within
-    `within`.
+    """Return for each value, (n,), the index of the nearest level, (m,), or -1 if no level lies
+    within `within`.
 
-    Half way between two levels the lower level wins.
+    Half way between two levels, the lower level wins.
     """
     order = np.argsort(levels, kind="stable")
     middles = (levels[order][1:] + levels[order][:-1]) / 2
     nearest = order[np.searchsorted(middles, values, side="left")]
-    # with this tolerance, a value at exactly the distance `within` matches, however it was rounded
+    # tolerance for a value at exactly the distance `within`, whichever way it was rounded
     reach = within * (1 + 1e-9) + 1e-12 * np.abs(values)
     return np.where(np.abs(values - levels[nearest]) <= reach, nearest, -1)
 
@@ -74,19 +74,19 @@ def match_levels(values: Array, levels: Array, within: float) -> IntArray:
 # a signal has settled when it stays within this share of its span around its final value
 BAND = 0.05
 RISEN = 0.9  # share of its span at which the pressure has risen
-NOISE_SPANS = 20  # a pressure whose span is less than this many times its noise never rises
-# shortest plateau as a share of the rise before it, so that the top of a triangle is not a plateau
+NOISE_SPANS = 20  # a pressure whose span is smaller than this multiple of its noise never rises
+# shortest plateau as a share of the rise before it, so that the top of a triangle is no plateau
 SHORTEST = 0.5
 
 REMEDY = "give the plateau, for example `plateau: [2 s, 3 s]`, or leave the recording out"
 
 
 def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> tuple[float, float]:
-    """Start and end of the time in which a step response rests.
+    """Return the start and end of the time in which a step response rests.
 
-    The plateau is where the pressure and all `others` (the strain) stay in bands around their final
-    values: from when the last one has settled until the first one leaves. The final value of a
-    signal is its median over the later half of the high pressure.
+    On the plateau, the pressure and all `others` (the strain) stay in bands around their final
+    values. It begins when the last of them has settled, and ends when the first leaves its band.
+    The final value of a signal is its median over the later half of the high pressure.
 
     - `pressure`, `others`: `(n,)` each; the pressure rises once and may fall again.
 
@@ -95,8 +95,8 @@ def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> t
     low, high_end = extremes(pressure)
     upper = pressure > (low + high_end) / 2
     noise = float(np.median(np.abs(np.diff(pressure)))) if len(pressure) > 1 else 0.0
-    # Medians: inertia and suction make the pressure overshoot when it rises, and more so when it
-    # falls.
+    # Medians, because inertia and suction make the pressure overshoot when it rises, and more so
+    # when it falls.
     base = float(np.median(pressure[~upper]))
     span = float(np.median(pressure[upper])) - base if upper.any() else 0.0
     if span <= NOISE_SPANS * noise or span == 0.0:
@@ -123,30 +123,30 @@ def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> t
 
 
 def _settled(signal: Array, later: IntArray, span: float) -> BoolArray:
-    """Where a signal is within the band around its median over the samples `later`."""
+    """Return True where a signal is within the band around its median over the samples `later`."""
     return np.abs(signal - np.median(signal[later])) <= BAND * span
 
 
 def _first(mask: BoolArray) -> int:
-    """Return number of the first True, the length where there is none."""
+    """Return the index of the first True; the length if there is none."""
     return int(np.argmax(np.append(mask, True)))
 
 
 def _last(mask: BoolArray) -> int:
-    """Return number of the last True, -1 where there is none."""
+    """Return the index of the last True; -1 if there is none."""
     return len(mask) - 1 - _first(mask[::-1])
 
 
 def without_steady_state(component: Array, plateau: BoolArray) -> Array:
-    """`F_d = F_d' - F_d,ssv`: a component less its mean over the plateau, and so without the static
-    model's steady error (M2 eq 1).
+    """Return `F_d = F_d' - F_d,ssv`: a component minus its mean over the plateau, and so without
+    the steady error of the static model (M2 eq 1).
     """
     return component - float(component[plateau].mean())
 
 
 def damping_component(rest: Array, curve: Curve) -> Array:
-    """`F_d = F_d' - F_d,ssv` (M2 eq 1), (n,): what a static model leaves, less its mean over the
-    plateau of each recording of the curve.
+    """Return `F_d = F_d' - F_d,ssv` (M2 eq 1), shape (n,): the residual of a static model minus its
+    mean over the plateau of each recording of the curve.
     """
     if curve.at_rest is None:
         return rest

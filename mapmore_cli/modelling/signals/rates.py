@@ -16,17 +16,17 @@ STEPS = 10  # points within one window
 
 
 def running_median(x: Array, y: Array, window: float) -> tuple[Array, Array]:
-    """Medians of x and of y over half a window around each point of an even grid over the range of
-    x, (m,) each.
+    """Return the medians of x and of y over half a window around each point of an even grid over
+    the range of x, shape (m,) each.
 
-    For samples on a straight line the medians lie on it, and a spike narrower than a quarter of the
-    window is not seen. Where no sample is near, the line between the neighbours stands. Samples x,
-    y (n,) come in any order; the window is in the unit of x.
+    For samples on a straight line, the medians lie on it. A spike narrower than a quarter of the
+    window has no effect. If no sample is near, the value is interpolated between the neighbours.
+    Samples x, y (n,) come in any order; the window is in the unit of x.
     """
     order = np.lexsort((y, x))
     x, y = x[order], y[order]
     grid = np.linspace(x[0], x[-1], max(1, round(STEPS * float(x[-1] - x[0]) / window)) + 1)
-    reach = window / 4 * (1 + 1e-9)  # a sample right on the rim counts, whatever the unit
+    reach = window / 4 * (1 + 1e-9)  # a sample exactly on the edge counts, whatever the unit
     first, last = (
         np.searchsorted(x, grid - reach, "left"),
         np.searchsorted(x, grid + reach, "right"),
@@ -40,7 +40,7 @@ def running_median(x: Array, y: Array, window: float) -> tuple[Array, Array]:
     return over_x, over_y
 
 
-BLOCK = 100_000  # samples gathered into windows at one time: a few MB, which stay in the cache
+BLOCK = 100_000  # samples gathered into windows at a time: a few MB, which stay in the cache
 
 
 def rate(time: Array, values: Array, window: float, order: int) -> Array:
@@ -51,14 +51,14 @@ def rate(time: Array, values: Array, window: float, order: int) -> Array:
     inwards, so that it keeps its width. On evenly spaced stamps this is
     `scipy.signal.savgol_filter(deriv=1, mode="interp")`. Loggers however round and repeat stamps;
     resampling such a record to even steps first would turn the rounding into noise of the rate,
-    where the fit averages it.
+    while the fit averages it out.
 
     - `time`, `values`: `(n,)`; seconds, never decreasing, and any unit.
     - `window`: width in seconds, ends included.
 
     Raises DataError if a window holds fewer than `order + 1` different stamps.
     """
-    # a stamp on the edge is inside, however it was rounded
+    # a stamp on the edge is inside, whichever way it was rounded
     slack = 1e-9 * window + 4 * np.finfo(float).eps * float(np.abs(time).max())
     begin = np.clip(time - window / 2, time[0], max(time[0], time[-1] - window))
     start = np.searchsorted(time, begin - slack, side="left")
@@ -89,15 +89,15 @@ def _slopes(
     window: float,
     order: int,
 ) -> Array:
-    """Slopes at `at` `(m,)` of the polynomials fitted to `time[start:stop]`, all at once by their
-    normal equations.
+    """Return the slopes at `at`, (m,), of the polynomials fitted to `time[start:stop]`, all at once
+    by their normal equations.
 
     Time runs in units of the window, measured from `at`, where the monomials up to degree 5 are
     still well conditioned. Element (i, j) of the normal matrix is the sum of `t^(i+j)`, so that `2
     order + 1` sums over the window fill it.
     """
     places = start[:, None] + np.arange((stop - start).max())
-    power = (places < stop[:, None]).astype(float)  # t^0, zero outside the window
+    power = (places < stop[:, None]).astype(float)  # t^0, and zero outside the window
     places = np.minimum(places, len(time) - 1)
     t = (time[places] - at[:, None]) / window
     y = values[places] - values[start][:, None]  # a large offset would cost digits
@@ -124,12 +124,12 @@ RISE, FALL = 1.0, -1.0
 
 
 def direction(rate: Array, dead_band: float) -> Array:
-    """Sign of a rate, +1 (rise) or -1 (fall), (n,); where `|rate| <= dead_band` the last direction
-    holds.
+    """Return the sign of a rate, +1 (rise) or -1 (fall), shape (n,). While `|rate| <= dead_band`,
+    the last direction is kept.
 
-    A recording starts with +1, so that the direction is known from its first sample on, and from
-    past samples alone (M2 eq 16 switches by whether the pressure rises; a bare sign would toggle on
-    the noise of every plateau).
+    A recording starts with +1, so that the direction is known from its first sample on, and depends
+    on past samples only (M2 eq 16 switches by whether the pressure rises; a bare sign would toggle
+    on the noise of every plateau).
     """
     moving = np.abs(rate) > dead_band
     last = np.maximum.accumulate(np.where(moving, np.arange(len(rate)), -1))
@@ -137,8 +137,8 @@ def direction(rate: Array, dead_band: float) -> Array:
 
 
 def signal_values(signal: Signal, columns: Columns) -> Array:
-    """Return a signal over one recording, `(n,)`, from the quantity that it follows from and, for a
-    rate, the `time`.
+    """Return a signal over one recording, shape (n,), computed from its source quantity and, for a
+    rate, from the `time`.
 
     Raises DataError if the window of a rate holds too few samples.
     """
@@ -160,7 +160,7 @@ def with_signals(signals: Sequence[Signal], columns: Columns) -> dict[str, Array
 
 
 def needed_signals(signals: Sequence[Signal], inputs: Sequence[str]) -> tuple[Signal, ...]:
-    """Those of the signals that the inputs follow from, each after the one that it needs itself."""
+    """Return the signals that the inputs need, each after the signal that it needs itself."""
     wanted = set(inputs)
     kept: list[Signal] = []
     for signal in reversed(signals):

@@ -1,5 +1,5 @@
-"""Time stamps: repeated ones, gaps and resets of the clock, resampling, and logs on different
-clocks.
+"""Work on time stamps: repeated ones, gaps and resets of the clock, resampling, and logs on
+different clocks.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ T = TypeVar("T", bound=np.ndarray[Any, Any])
 
 
 def correlation(first: Array, second: Array) -> float:
-    """Return the correlation of two signals, (n,) each, of any size: squares of 1e-300 are nothing;
-    0 where one of them stands still.
+    """Return the correlation of two signals, (n,) each, of any magnitude (squares of 1e-300 would
+    underflow); 0 if one of them is constant.
     """
     ranges = np.ptp(first), np.ptp(second)
     if not all(ranges):
@@ -38,8 +38,8 @@ def correlation(first: Array, second: Array) -> float:
 
 
 def average_repeated(time: Array, columns: Columns) -> tuple[Array, dict[str, Array]]:
-    """Return one sample for each different stamp, every quantity being the mean over the samples
-    that share it.
+    """Return one sample for each different stamp, with the mean of every quantity over the samples
+    that share the stamp.
 
     `time` is `(n,)` and never decreases; the results are `(m,)`, m the number of different stamps.
     """
@@ -50,10 +50,10 @@ def average_repeated(time: Array, columns: Columns) -> tuple[Array, dict[str, Ar
 
 
 def spread_repeated(time: Array) -> Array:
-    """Return stamps `(n,)` in which equal ones are spread evenly up to the next one.
+    """Return stamps, (n,), in which equal ones are spread evenly up to the next one.
 
-    Samples that share the last stamp are spread over a step as long as the one before; a single
-    stamp is left as it is.
+    Samples that share the last stamp are spread over a step as long as the one before. A single
+    stamp is unchanged.
     """
     stamps, place, counts = np.unique(time, return_inverse=True, return_counts=True)
     if len(stamps) == 1:
@@ -63,30 +63,30 @@ def spread_repeated(time: Array) -> Array:
     return time + steps[place] * (np.arange(len(time)) - first[place]) / counts[place]
 
 
-# of a time step: more than this apart from an even grid, samples are not evenly spaced. Stamps are
-# often rounded so far
+# fraction of a time step; samples that deviate more than this from an even grid are not evenly
+# spaced. Stamps are often rounded by this much
 UNEVEN = 1e-3
 
-MANY = 20_000  # samples that stand for a longer record where all are not needed
+MANY = 20_000  # samples that represent a longer record if not all are needed
 
 
 def even_share(values: T, most: int = MANY) -> T:
-    """Return at most so many rows of a record, evenly spread from the first to the last."""
+    """Return at most `most` rows of a record, evenly spread from the first to the last."""
     if len(values) <= most:
         return values
     share: T = picked(values, np.linspace(0, len(values) - 1, most).round().astype(int))
     return share
 
 
-ROUNDING = 1e-9  # relative: a step of exactly the limit is no gap, however it was rounded
+ROUNDING = 1e-9  # relative; a step of exactly the limit is no gap, whichever way it was rounded
 
 
 @dataclass(frozen=True)
 class Gaps:
-    """Gaps in a record of n samples: `after` `(g,)` is the index of the sample before each,
-    `lengths` `(g,)` the steps in time.
+    """Gaps in a record of n samples: `after`, (g,), is the index of the sample before each gap, and
+    `lengths`, (g,), are the time steps.
 
-    `samples_missing` is how many samples the gaps lack, at the median step of the record.
+    `samples_missing` is the number of samples that the gaps lack, at the median step of the record.
     """
 
     after: IntArray
@@ -110,7 +110,8 @@ def find_gaps(time: Array, longer_than: float) -> Gaps:
     return Gaps(after, lengths, missing)
 
 
-# a longer record is asked for its step in so many parts, evenly spread, of so many samples each
+# number of evenly spread parts of a longer record from which its step is estimated, and samples in
+# each
 PARTS, PART = (
     8,
     1 << 17,
@@ -118,17 +119,15 @@ PARTS, PART = (
 
 
 def even_parts(n: int) -> list[slice]:
-    """Return parts of a record of n samples, evenly spread; one that is the whole where it is
-    short.
-    """
+    """Return evenly spread parts of a record of n samples; a short record is a single part."""
     if n <= PARTS * PART:
         return [slice(0, n)]
     return [slice(start, start + PART) for start in np.linspace(0, n - PART, PARTS).astype(int)]
 
 
 def typical_step(time: Array) -> float:
-    """Return the median of the positive steps, of at most a million samples; zero if time stands
-    still.
+    """Return the median of the positive steps, from at most a million samples; zero if the time is
+    constant.
     """
     steps = np.concatenate([np.diff(time[part]) for part in even_parts(len(time))])
     positive = steps[steps > 0]
@@ -136,17 +135,17 @@ def typical_step(time: Array) -> float:
 
 
 def find_resets(time: Array) -> IntArray:
-    """Return the indices of the samples after which time runs backwards."""
+    """Return the indices of the samples after which the time runs backwards."""
     return steps_where(time, lambda steps: steps < 0)
 
 
 def find_repeats(time: Array) -> IntArray:
-    """Return the indices of the samples whose stamp the next one has as well."""
+    """Return the indices of the samples that have the same stamp as the next sample."""
     return steps_where(time, lambda steps: steps == 0)
 
 
 def steps_where(time: Array, condition: Callable[[Array], BoolArray]) -> IntArray:
-    """Return the indices of the samples that are followed by a step of some kind."""
+    """Return the indices of the samples that are followed by a step that fulfils the condition."""
     places: list[IntArray] = [np.zeros(0, dtype=np.int64)]
     start = 0
     for (block,) in in_blocks(time, overlap=1):
@@ -157,29 +156,26 @@ def steps_where(time: Array, condition: Callable[[Array], BoolArray]) -> IntArra
 
 
 def cut_after(n: int, breaks: IntArray) -> list[slice]:
-    """Return the pieces into which n samples fall when they are cut after each index of `breaks`,
-    ascending.
-    """
+    """Return the pieces of n samples that are cut after each index in `breaks`, which ascend."""
     edges = [0, *(int(place) + 1 for place in breaks), n]
     return [slice(begin, end) for begin, end in pairwise(edges)]
 
 
-DECIMATION = 1.5  # samples per step from which they are averaged
-ON_EDGE = 1e-6  # of a step: a stamp this close to the edge of a block lies on it
+DECIMATION = 1.5  # samples per step from which on they are averaged
+ON_EDGE = 1e-6  # fraction of a step; a stamp this close to the edge of a block lies on it
 
 
 def resample(time: Array, columns: Columns, step: float) -> tuple[Array, dict[str, Array]]:
-    """Return a record without gaps at stamps `step` apart: `(m,)` and its quantities `(m,)`; m is 0
-    for one shorter than a step.
+    """Resample a record without gaps to stamps `step` apart, shape (m,), with its quantities, shape
+    (m,). m is 0 for a record shorter than a step.
 
-    Where a step holds several samples, it becomes their mean, stamped at their middle: a moving
-    average, which neither lags nor lets frequencies above the new sampling rate pass unweakened.
-    Sample i belongs to block `floor((t_i - t_0)/step)`; with `dt` the median step of the record,
-    block k is stamped `t_0 + k step + (step - dt)/2`, the mean of the stamps of an evenly sampled
-    block. The block means are interpolated linearly to these stamps, so that stamps which jitter do
-    no harm and straight lines stay straight. The last block is left out where the record does not
-    fill it. Where a step holds one sample or less, the record is interpolated linearly at `t_0 + k
-    step`.
+    If a step holds several samples, they are replaced by their mean, stamped at their middle. This
+    moving average does not lag, and attenuates frequencies above the new sampling rate. Sample i
+    belongs to block `floor((t_i - t_0)/step)`; with `dt` the median step of the record, block k is
+    stamped `t_0 + k step + (step - dt)/2`, the mean of the stamps of an evenly sampled block. The
+    block means are interpolated linearly to these stamps, so that jitter of the stamps does no harm
+    and straight lines stay straight. The last block is left out if the record does not fill it. If
+    a step holds one sample or less, the record is interpolated linearly at `t_0 + k step`.
 
     - `time`: `(n,)`, increasing, in the unit of `step`; `columns`: each `(n,)`; a `time` among them
       is left out.
@@ -208,9 +204,9 @@ def align(stamps: Array, time: Array, values: Array, max_gap: float | None) -> A
     """Return `values` `(m,)`, logged at the increasing stamps `time` `(m,)`, interpolated linearly
     at `stamps` `(n,)`, in any order.
 
-    NaN where a stamp lies outside the log, or between two of its samples more than `max_gap`
-    apart (None: any distance will do), or is NaN itself. A stamp that is one of the log's own gets
-    the value as logged.
+    The result is NaN for a stamp outside the log, between two samples of the log more than
+    `max_gap` apart (None allows any distance), or that is NaN itself. A stamp of the log itself
+    gets the logged value.
     """
     after = np.searchsorted(time, stamps, side="left").clip(0, len(time) - 1)
     before = np.where(time[after] == stamps, after, (after - 1).clip(0))
@@ -227,12 +223,12 @@ def align(stamps: Array, time: Array, values: Array, max_gap: float | None) -> A
 
 
 def longest_ascent(time: Array) -> BoolArray:
-    """Return which stamps `(n,)` belong to the longest series that never decreases: all but the
-    fewest that have to go.
+    """Return True for the stamps, (n,), of the longest series that never decreases, so that as few
+    stamps as possible are left out.
 
     Patience sorting, O(n log n): M. L. Fredman, Discrete Math. 11 (1975) 29.
     """
-    ends: list[float] = []  # the least last stamp of a series of each length
+    ends: list[float] = []  # smallest last stamp of a series of each length
     at: list[int] = []
     before = np.full(len(time), -1)
     for place, stamp in enumerate(time.tolist()):
@@ -247,10 +243,10 @@ def longest_ascent(time: Array) -> BoolArray:
 
 
 def envelope(y: Array, limit: int, less: Array | None = None) -> IntArray:
-    """Row numbers that draw a trace with at most `limit` points: the lowest and the highest sample
-    of each of `limit // 2` runs; of `y - less` where this is given.
+    """Return row numbers that draw a trace with at most `limit` points: the lowest and the highest
+    sample in each of `limit // 2` runs. With `less`, they are the extremes of `y - less`.
 
-    All rows where there are no more than `limit`.
+    All rows are returned if there are no more than `limit`.
     """
     if len(y) <= limit:
         return np.arange(len(y))
@@ -261,7 +257,7 @@ def envelope(y: Array, limit: int, less: Array | None = None) -> IntArray:
         known = np.flatnonzero(~np.isnan(run))
         if len(known):
             rows += [start + int(known[place(run[known])]) for place in (np.argmin, np.argmax)]
-        else:  # a gap stays one
+        else:  # a gap remains a gap
             rows.append(start)
         if number % 100 == 0:
             for column in (y, less):

@@ -1,11 +1,12 @@
-"""By how much the clock of a second log is off: cross-correlation of two records of one quantity,
-or of one event.
+"""Estimate the time shift of a second log's clock, by cross-correlation of two records of one
+quantity or of one event.
 
-Both records are put on one even grid and turned into changes, `u[i] = mean(y[i..i+w]) -
-mean(y[i-w..i])`: what drifts slowly has no say, and noise is averaged over w samples. The
-correlation r(lag) is that of the samples in which the records overlap. Of several widths w the one
-whose peak stands out of noise most is taken: of all widths, some one may make a rival look small. A
-peak is sure where noise would not make it, and no other peak comes near it.
+Both records are interpolated on one even grid and turned into changes, `u[i] = mean(y[i..i+w]) -
+mean(y[i-w..i])`: slow drift has no influence, and noise is averaged over w samples. The correlation
+r(lag) uses the samples in which the records overlap. Among several widths w, the one is taken whose
+peak stands out most from the noise; a choice by the rivals alone could pick a width at which a
+rival happens to look small. A peak is certain if noise would not cause it and no other peak comes
+near it.
 """
 
 from __future__ import annotations
@@ -20,11 +21,12 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.signals.sampling import typical_step
 
 WIDTHS = (1, 2, 4, 8, 16, 32, 64)  # samples on either side of a change
-LEAST_OVERLAP = 0.5  # of the shorter record: fewer samples agree by chance
-# of the changes of either record, squared and summed: an overlap with less of them says nothing
+LEAST_OVERLAP = 0.5  # fraction of the shorter record; fewer samples agree by chance
+# fraction of the summed squared changes of either record; an overlap with less of them says nothing
 LEAST_EVENTS = 0.3
-RATIO = 1.15  # what the best peak has to exceed the next one by
-# Fisher's z of the best peak, in standard deviations of noise; thousands of lags are looked at
+RATIO = 1.15  # ratio by which the best peak must exceed the next one
+# Fisher's z of the best peak, in standard deviations of noise; it is high because thousands of lags
+# are tried
 SIGMAS = 7.0
 MOST = 2_000_000  # grid points of the longer record
 FEWEST = 8  # samples of a record
@@ -34,15 +36,15 @@ FEWEST = 8  # samples of a record
 class Shift:
     """Time to add to the clock of the second log, and its half width.
 
-    - `value`, `half_width`: in the unit of the stamps; the latter of the 95 % interval: what noise
-      does to the shift, and half a sample of either record, added in squares. Where noise is small,
-      half a sample is more than the error.
+    - `value`, `half_width`: in the unit of the stamps. The half width is that of the 95 % interval:
+      the error by noise and half a sample of either record, added in squares. With little noise,
+      half a sample is larger than the error.
     - `step`: the coarser of the two records' typical steps.
-    - `correlation`: of the changes in both records at this shift; negative where one falls when the
+    - `correlation`: of the changes in both records at this shift; negative if one falls when the
       other rises.
-    - `next_best`: the absolute correlation of the next peak, of the shift `rival`; 0 and None if
+    - `next_best`: absolute correlation of the next peak, whose shift is `rival`; 0 and None if
       there is none.
-    - `sigmas`: how far the peak stands out of noise.
+    - `sigmas`: height of the peak above the noise, in standard deviations.
     """
 
     value: float
@@ -55,17 +57,17 @@ class Shift:
 
     @property
     def ratio(self) -> float:
-        """The best peak over the next one; infinite where there is no other."""
+        """Ratio of the best peak to the next one; infinite if there is no other."""
         return abs(self.correlation) / self.next_best if self.next_best > 0 else math.inf
 
     @property
     def ambiguous(self) -> bool:
-        """Whether another shift is nearly as good."""
+        """True if another shift is nearly as good."""
         return self.ratio < RATIO
 
     @property
     def lost_in_noise(self) -> bool:
-        """Whether noise alone would make such a peak."""
+        """True if noise alone could cause such a peak."""
         return self.sigmas < SIGMAS
 
 
@@ -82,7 +84,7 @@ def find_shift(
 
     - `time`, `first`: stamps `(n,)`, strictly increasing, and values `(n,)` of the first log;
       `other_time`, `second`: `(m,)`, of the other.
-    - `same_sign`: whether both rise together; else the one may fall while the other rises.
+    - `same_sign`: True if both must rise together; otherwise one may fall while the other rises.
     """
     if min(len(time), len(other_time)) < FEWEST:
         return None
@@ -101,7 +103,7 @@ def find_shift(
     if not peaks:
         return None
     best = max(peaks, key=lambda peak: peak.sigmas)
-    # beside noise, a jump may lie anywhere between two samples
+    # besides noise, a jump may lie anywhere between two samples
     half_width = math.hypot(best.half_width, 0.5 * sum(steps))
     return replace(best, half_width=half_width, step=max(steps))
 
@@ -124,7 +126,7 @@ def _peak(
     top = int(np.argmax(size))
     if size[top] == 0:
         return None
-    # the edge of what is looked at is no peak
+    # the edge of the searched range is no peak
     rises_on = not 0 < top < len(r) - 1 or r[top - 1] == 0.0 or r[top + 1] == 0.0
     # where the peak ends on either side
     before, after = (np.flatnonzero(np.diff(side) > 0) for side in (size[top::-1], size[top:]))
@@ -150,8 +152,8 @@ def _peak(
 
 
 def changes(y: Array, width: int) -> Array:
-    """Return the mean of the next `width` samples less that of the last, `(n - 2 width + 1,)` of
-    `(n,)`.
+    """Return the mean of the next `width` samples minus that of the last `width`, shape (n - 2
+    width + 1,), for y of shape (n,).
     """
     total = np.concatenate([[0.0], np.cumsum(y - y.mean())])
     means = (total[width:] - total[:-width]) / width
@@ -160,12 +162,13 @@ def changes(y: Array, width: int) -> Array:
 
 
 def correlation_by_lag(u: Array, v: Array) -> tuple[Array, Array, Array]:
-    """Pearson's r of `u[i + lag]` and `v[i]` over the samples in which they overlap, with the lags
-    and the numbers of samples, each `(k,)`.
+    """Return Pearson's r of `u[i + lag]` and `v[i]` over the samples in which they overlap, the
+    lags, and the numbers of samples, shape (k,) each.
 
-    Zero where the overlap is too short, or holds too little of the changes of either.
+    r is zero if the overlap is too short, or holds too little of the changes of either record.
     """
-    from scipy.signal import correlate  # takes long to load, and few specs need it
+    # imported here because it loads slowly, and few specs need it
+    from scipy.signal import correlate
 
     n, m = len(u), len(v)
     # `sum_i a[i + lag] b[i]` for the lags -(m - 1) .. n - 1
@@ -188,7 +191,9 @@ def correlation_by_lag(u: Array, v: Array) -> tuple[Array, Array, Array]:
 
 
 def _vertex(size: Array, top: int) -> float:
-    """Where the parabola through the peak and its neighbours is highest, in lags from the peak."""
+    """Return the maximum of the parabola through the peak and its neighbours, in lags from the
+    peak.
+    """
     if not 0 < top < len(size) - 1:
         return 0.0
     left, middle, right = (float(value) for value in size[top - 1 : top + 2])
@@ -198,15 +203,16 @@ def _vertex(size: Array, top: int) -> float:
 
 def _half_width(u: Array, v: Array, lag: int) -> float:
     """Return the half width of the 95 % interval of the lag at which the changes `u` and `v` agree
-    best, in lags; infinite where no slopes agree.
+    best, in lags; infinite if no slopes agree.
 
-    Scaled to one spread, the changes are `s + e/2` and `s - e/2` of `n` samples, and the lag errs
-    by `sum s'[i] e[i] / sum u'[i] v'[i]`. Neighbouring changes share samples and noise may be slow,
-    so the numerator has the variance `sum_k R(k) A(k)`, with the autocovariance R of e and `A(k) =
-    sum_i s'[i] s'[i + k]`. In frequencies it is a sum of products, of which few may carry most:
-    their effective number is the degrees of freedom of Student's t.
+    Scaled to one spread, the changes of the `n` samples are `s + e/2` and `s - e/2`, and the error
+    of the lag is `sum s'[i] e[i] / sum u'[i] v'[i]`. Neighbouring changes share samples and noise
+    may be slow, so the numerator has the variance `sum_k R(k) A(k)`, with the autocovariance R of e
+    and `A(k) = sum_i s'[i] s'[i + k]`. In the frequency domain, this is a sum of products, of which
+    a few may dominate. Their effective number is used as the degrees of freedom of Student's t.
     """
-    from scipy.fft import next_fast_len, rfft  # takes long to load, and few specs need it
+    # imported here because it loads slowly, and few specs need it
+    from scipy.fft import next_fast_len, rfft
     from scipy.special import stdtrit
 
     n = min(len(u), len(v) + lag) - max(lag, 0)

@@ -1,5 +1,5 @@
-"""A muscle behind a tendon: the force stretches the tendon, and the muscle has the rest of the
-length.
+"""Model a muscle in series with a tendon: the force stretches the tendon, and the muscle has the
+rest of the length.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from mapmore_cli.modelling.kinds import Kind, Verbs
 
 @dataclass(frozen=True)
 class Tendon(Body):
-    """A model of a muscle, whose inputs `length` and `velocity` are here those of muscle and tendon
-    together.
+    """A model of a muscle in series with a tendon. Its inputs `length` and `velocity` are those of
+    muscle and tendon together.
     """
 
     muscle: Annotated[Model, "the muscle alone"]
@@ -24,7 +24,7 @@ class Tendon(Body):
 
     @property
     def models(self) -> tuple[Model, ...]:
-        """The muscle."""
+        """The model of the muscle."""
         return (self.muscle,)
 
 

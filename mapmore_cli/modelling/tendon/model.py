@@ -1,5 +1,6 @@
-"""The force of a muscle behind a tendon, `F = f(P, l - (F - F_0)/k, v + F'/k)`: its length l is
-shorter by what the tendon is stretched, its shortening velocity v larger by the tendon's rate.
+"""Compute the force of a muscle in series with a tendon, `F = f(P, l - (F - F_0)/k, v + F'/k)`: the
+muscle's length is shorter by the stretch of the tendon, and its shortening velocity is larger by
+the rate of the stretch.
 """
 
 from __future__ import annotations
@@ -20,16 +21,14 @@ from mapmore_cli.modelling.program.writing import Inputs, Writer
 from mapmore_cli.modelling.tendon import Tendon
 
 STEPS = 30
-"""Half Newton steps: each halves the error, and 2^-30 of a force is none."""
+"""Half Newton steps. Each halves the error, and 2^-30 of a force is negligible."""
 
 NUDGE = 1e-6
-"""Of the range of the length, over which the muscle's slope is taken."""
+"""Fraction of the range of the length over which the slope of the muscle's force is taken."""
 
 
 def muscle_columns(columns: Columns, force: Array, stiffness: float, at_zero: float) -> Columns:
-    """Return the columns with the muscle's own length and velocity in the place of those of
-    both.
-    """
+    """Return the columns with the length and velocity of the muscle itself."""
     of_muscle = {**columns, "length": columns["length"] - (force - at_zero) / stiffness}
     if "velocity" in columns:
         of_muscle["velocity"] = (
@@ -41,9 +40,9 @@ def muscle_columns(columns: Columns, force: Array, stiffness: float, at_zero: fl
 def solve(
     muscle: Callable[[Columns], Array], columns: Columns, stiffness: float, at_zero: float = 0.0
 ) -> Array:
-    """Return the force of a `muscle` behind a tendon, (n,), along one recording.
+    """Return the force of a `muscle` in series with a tendon, shape (n,), along one recording.
 
-    The slope is taken along the length; the rate of the force is that of the step before.
+    The slope is taken along the length; the rate of the force is that of the previous iteration.
     """
     length = columns["length"]
     force, further = np.full(len(length), at_zero), NUDGE * (float(np.ptp(length)) or 1.0)
@@ -73,23 +72,25 @@ def _force(model: Model, columns: Columns) -> Array:
 
 
 class TendonVerbs(Verbs):
-    """Operations of a model of a muscle behind a tendon."""
+    """Operations of a model of a muscle in series with a tendon."""
 
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
-        """Return the force at every row of a recording, (n,).
+        """Return the force at every row of a recording, shape (n,).
 
-        Raises DataError where the time or an input is missing.
+        Raises DataError if the time or an input is missing.
         """
         return SimulatedRun(_force(model, columns), ())
 
     def outside_range(self, model: Model, columns: Columns) -> BoolArray:
-        """Return True if the muscle itself is beyond its training range, (n,)."""
+        """Return True for rows at which the muscle itself is outside its training range, shape
+        (n,).
+        """
         body = model.body_of(Tendon)
         of_muscle = muscle_columns(columns, _force(model, columns), body.stiffness, body.force)
         return kinds.outside_range(body.muscle, of_muscle)
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-        """Return what the tendon makes of the length; then the equations of the muscle."""
+        """Return the equation of the muscle's length, then the equations of the muscle."""
         body, force = model.body_of(Tendon), model.output.name
         stretched = f"length = length - ({force} - {body.force:g})/{body.stiffness:g}"
         latex = rf"\text{{{tex_text(stretched)}}}"
@@ -97,11 +98,13 @@ class TendonVerbs(Verbs):
         return (Equation(f"{body.muscle.name}: tendon", stretched, latex), *of_muscle)
 
     def parameters(self, model: Model) -> int:
-        """Return those of the muscle: the tendon is given."""
+        """Return the number of parameters of the muscle; the tendon is given."""
         return kinds.parameters(model.body_of(Tendon).muscle)
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:  # noqa: ARG002
-        """Refuse: the force is the root of an equation at every sample, which no program solves."""
+        """Raise DataError: the force is the root of an equation at every sample, which no exported
+        program can solve.
+        """
         raise DataError(
             f"{model.name}: the force behind a tendon is found by solving an equation at "
             "every sample, which an exported program cannot do",

@@ -1,1 +1,1 @@
-"""How far models lie from measurements: metrics, intervals, repeatability."""
+"""Measure how far models lie from measurements: metrics, intervals, repeatability."""

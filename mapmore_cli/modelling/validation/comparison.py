@@ -1,8 +1,9 @@
-"""Has a muscle changed? Two models of it, compared on a common grid inside both training ranges.
+"""Decide whether a muscle has changed, by comparing two models of it on a common grid inside both
+training ranges.
 
-Samples of one curve are not independent of each other: a load cell that is off is off along the
-whole curve. The unit of every statement is therefore the curve: one number for each, and what these
-scatter by says how sure their mean is.
+Samples of one curve are not independent: an error of the load cell affects the whole curve. Every
+statement is therefore about curves: there is one number for each curve, and their scatter gives the
+uncertainty of their mean.
 """
 
 from __future__ import annotations
@@ -25,28 +26,28 @@ from mapmore_cli.modelling.validation.intervals import half_widths
 from mapmore_cli.modelling.validation.significance import sign_permutation, weighted_mean
 
 CONFIDENCE, EQUIVALENCE = 0.95, 0.90
-"""Level of the interval, and of that which has to lie within the margin: two one-sided tests of 5 %
-each.
+"""Level of the interval, and level of the interval that must lie within the margin (two one-sided
+tests of 5 % each).
 """
 
 CHANGED, SAME, UNCLEAR = "changed", "same", "cannot tell"  # answers of a comparison
-OF_SETTINGS = "settings"  # where both models are of the same recordings
-# relative change of force that is of no interest: repeats of one measurement differ by about as
-# much
+OF_SETTINGS = "settings"  # answer if both models are of the same recordings
+# relative change of force that is too small to be of interest: repeats of one measurement differ by
+# about as much
 MARGIN = 0.01
-# points along the input that varies within a curve; along each of them where there are several
+# points along the input that varies within a curve; points along each input if several vary
 GRID, COARSE_GRID = (
     41,
     11,
 )
-SAME_LEVEL = 0.05  # share of the distance to the next level within which two levels are the same
+SAME_LEVEL = 0.05  # share of the distance to the next level within which two levels are equal
 
 FEWEST_CURVES, MOST_POINTS = 2, 6
 
 
 class CurvePlace(NamedTuple):
-    """Where a curve of one model is held against the other: its name, its level, and whether a
-    model is interpolated to get there.
+    """Place at which a curve of one model is compared with the other: its name, its level, and
+    whether a model must be interpolated.
     """
 
     curve: str
@@ -58,12 +59,12 @@ class CurvePlace(NamedTuple):
 class CurveChange:
     """How a curve of the later model differs from that of the earlier one.
 
-    - `ratio`, `weight`: `sum(a b)/sum(a^2)` of the earlier output a and the later b at the points
-      of the grid: the factor that turns the
-      one into the other. Its weight in the factor of all curves is the curve's share of `sum(a^2)`.
+    - `ratio`, `weight`: `sum(a b)/sum(a^2)` with the earlier output a and the later output b at the
+      points of the grid. It is the factor from a to b. Its weight in the factor of all curves is
+      the curve's share of `sum(a^2)`.
     - `difference`, `rms`: mean and root mean square of `b - a`, in the unit of the output.
-    - `largest`: the largest `b - a` by size, and `place` where it is.
-    - `interpolated`: true where one of the models has no curve at this level.
+    - `largest`: the `b - a` with the largest magnitude, and its `place`.
+    - `interpolated`: True if one of the models has no curve at this level.
     """
 
     curve: str
@@ -83,8 +84,9 @@ class TermChange:
     """A term of one segment in both models; None if it was not chosen. Coefficients are in the
     unit of the output.
 
-    `error` is the root of the sum of squares of the standard errors, NaN where one of the two is
-    missing; `errors_note` says what these take residuals to be, of the weaker of the two.
+    `error` is the root of the sum of squares of the standard errors, NaN if one of the two is
+    missing. `errors_note` is the assumption about residuals on which they are based; of the two
+    models, the stronger assumption.
     """
 
     segment: str
@@ -96,8 +98,8 @@ class TermChange:
 
     @property
     def moved(self) -> bool:
-        """Whether the coefficient moved by more than twice the standard error of the difference, or
-        the term came or went.
+        """True if the coefficient changed by more than twice the standard error of the difference,
+        or if only one model has the term.
         """
         return (
             self.before is None
@@ -110,15 +112,15 @@ class TermChange:
 class Comparison:
     """Comparison of two models of one muscle.
 
-    `ratio` is the factor that turns the earlier output into the later one over all curves, by least
-    squares: the mean of the curves' own, weighted by the squares of the output. `interval` is its
-    t-interval with K - 1 degrees of freedom for K curves, `p` is of the test that it is one, and
-    `p_permutation` of the signs of the curves' changes in every combination, None if K is too
-    small for a small p. `narrow` is the interval of the level `EQUIVALENCE`. `resolution` is the
-    smallest relative change that these curves tell from none: half of the interval, and no less
-    than the uncertainty of the models where they are interpolated to a level of the other.
-    `settings` are keys of the spec that differ, with both values; with `same_recordings` nothing
-    else can differ.
+    `ratio` is the least-squares factor from the earlier output to the later one over all curves:
+    the mean of the factors of the curves, weighted by the squares of the output. `interval` is its
+    t-interval with K - 1 degrees of freedom for K curves. `p` is the p-value of the hypothesis that
+    the factor is one; `p_permutation` is that of a permutation test over all signs of the curves'
+    changes, None if K is too small for it. `narrow` is the interval at the level `EQUIVALENCE`.
+    `resolution` is the smallest relative change that these curves can detect: half of the interval,
+    and at least the uncertainty of models that are interpolated to a level of the other. `settings`
+    holds the keys of the spec that differ, with both values. With `same_recordings`, nothing else
+    can differ.
     """
 
     before: str
@@ -138,28 +140,29 @@ class Comparison:
 
     @property
     def changed(self) -> bool:
-        """Whether there is a change of the muscle that is both certain (the interval excludes one)
-        and of interest (larger than the margin).
+        """True if there is a change of the muscle that is both certain (the interval excludes one)
+        and large enough to be of interest (larger than the margin).
         """
         low, high = self.interval
         large = abs(self.ratio - 1) > max(self.margin, self.resolution)
         return not self.same_recordings and (low > 1 or high < 1) and large
 
     def moved(self, limit: float | None) -> bool:
-        """Whether the muscle's force changed by more than a share, where one is given."""
+        """Return True if the force of the muscle changed by more than a share; False for None."""
         return limit is not None and not self.same_recordings and abs(self.ratio - 1) > limit
 
     @property
     def answer(self) -> str:
-        """`changed`; `same`, where two one-sided tests show that the change is within the margin;
-        that the data `cannot tell`; or `settings`, where both models are of the same recordings.
+        """The answer: `changed`; `same` if two one-sided tests show that the change is within the
+        margin; `cannot tell` if the data do not decide; or `settings` if both models are of the
+        same recordings.
         """
         if self.changed:
             return CHANGED
         if self.same_recordings:
             return OF_SETTINGS
         low, high = self.narrow
-        # else it is that of models between their levels
+        # otherwise, the change may be due to interpolation between levels
         sure = self.resolution <= max(np.ptp(self.interval) / 2, self.margin)
         return SAME if sure and 1 - self.margin < low <= high < 1 + self.margin else UNCLEAR
 
@@ -170,9 +173,9 @@ class Comparison:
 
 
 def compare(before: Model, after: Model, margin: float = MARGIN) -> Comparison:
-    """Compare two models on the curves that both were trained on.
+    """Compare two models on the curves with which both were trained.
 
-    Raises ValueError if they are of other quantities, or have fewer than two curves in common;
+    Raises ValueError if the models have different quantities, or fewer than two curves in common;
     the message says which.
     """
     if before.output != after.output or set(before.inputs) != set(after.inputs):
@@ -209,12 +212,12 @@ def compare(before: Model, after: Model, margin: float = MARGIN) -> Comparison:
 def _of_interpolation(
     before: Model, after: Model, curves: Sequence[CurveChange], shares: Array
 ) -> float:
-    """Uncertainty of the factor from models that are interpolated between their levels, with their
-    intervals (`validate.intervals`).
+    """Return the uncertainty of the factor that is due to interpolation between levels, from the
+    models' intervals (`validate.intervals`).
 
-    `1.96 sqrt(sum(share^2 u^2))`, u the standard deviation of a model between its levels over the
-    root mean square of its output; 0 where no curve is interpolated, or no model holds intervals.
-    Infinite where a model's intervals are refused.
+    It is `1.96 sqrt(sum(share^2 u^2))`, where u is the standard deviation of a model between its
+    levels divided by the root mean square of its output; 0 if no curve is interpolated or no model
+    has intervals; infinite if the intervals of a model are refused.
     """
     squares = 0.0
     for curve, share in zip(curves, shares, strict=True):
@@ -229,11 +232,11 @@ def _of_interpolation(
 
 
 def common_curves(before: Model, after: Model) -> list[CurvePlace]:
-    """Return the curves of both models at the same level, or of the same name where there are no
+    """Return the curves of both models at the same level, or with the same name if there are no
     levels.
 
-    Where the levels of the two differ, those of the model that has fewer of them inside of both
-    ranges are taken, to which the other is interpolated: no more curves are counted than there are.
+    If the levels differ, the levels of the model with fewer of them inside both ranges are taken,
+    and the other model is interpolated to them, so that no curve is counted twice.
     """
     first, second = _ranges(before), _ranges(after)
     if before.level != after.level:
@@ -293,8 +296,8 @@ def _ranges(model: Model) -> tuple[CurveRange, ...]:
 
 
 def grid(before: Model, after: Model, place: CurvePlace) -> dict[str, Array]:
-    """Points inside of the ranges of both models by input: evenly spread along every one that
-    varies, in every combination, (m,) each.
+    """Return points inside the ranges of both models, by input: evenly spread along every input
+    that varies, in every combination, shape (m,) each.
 
     Raises ValueError if the ranges do not overlap.
     """
@@ -323,7 +326,7 @@ def grid(before: Model, after: Model, place: CurvePlace) -> dict[str, Array]:
 
 
 def _limits_at(model: Model, place: CurvePlace) -> Ranges:
-    """Training range of every input at a place, interpolated between the curves."""
+    """Return the training range of every input at a place, interpolated between the curves."""
     ranges = _ranges(model)
     if place.level is None:
         return next(
@@ -357,15 +360,15 @@ def _change(before: Model, after: Model, place: CurvePlace) -> CurveChange:
 
 
 class ReferencePoint(NamedTuple):
-    """A place that all models were trained at, and the output of each of them there."""
+    """A place at which all models were trained, and the output of each of them there."""
 
     inputs: Mapping[str, float]
     outputs: tuple[float, ...]
 
 
 def reference_points(models: Sequence[Model]) -> list[ReferencePoint]:
-    """Return the middle of every curve that the first and last model have in common, inside the
-    ranges of both; at most `MOST_POINTS`.
+    """Return the middle of every curve that the first and the last model have in common, inside the
+    ranges of both; at most `MOST_POINTS` places.
     """
     first, last = models[0], models[-1]
     places = common_curves(first, last)
@@ -385,11 +388,11 @@ def reference_points(models: Sequence[Model]) -> list[ReferencePoint]:
 
 
 def term_changes(before: Model, after: Model) -> tuple[TermChange, ...]:
-    """Every term of every segment that both models have, with its coefficients `y_slope theta`;
-    none if one has no segments.
+    """Return every term of every segment that both models have, with its coefficients `y_slope
+    theta`; nothing if a model has no segments.
 
-    Scalings differ from fit to fit by their ranges, so that a coefficient also moves with the ends
-    of its segment.
+    Scalings depend on the ranges of the data, so that a coefficient also changes with the ends of
+    its segment.
     """
     if not isinstance(before.body, Pieces) or not isinstance(after.body, Pieces):
         return ()

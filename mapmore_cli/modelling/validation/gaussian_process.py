@@ -12,15 +12,16 @@ from scipy.optimize import Bounds, minimize
 from mapmore_cli.domain.arrays import Array
 
 LENGTHS, SIZE, NOISE = (0.1, 5.0), (0.3, 3.0), (1e-3, 0.5)
-"""Bounds of the lengths, of inputs in the unit square (few points say nothing of shorter ones); of
-the deviation of the process and of the noise, as parts of the root mean square of the values.
+"""Bounds of the lengths, for inputs in the unit square (a few points say nothing about shorter
+ones); and of the standard deviations of the process and of the noise, as fractions of the root mean
+square of the values.
 """
 
 
 @dataclass(frozen=True)
 class GaussianProcess:
-    """Points x (n, d) with values y (n,); lengths (d,); deviation of the process and of the noise,
-    in the unit of y.
+    """A Gaussian process: points x, (n, d), with values y, (n,); lengths, (d,); standard deviations
+    of the process and of the noise, in the unit of y.
     """
 
     x: Array
@@ -49,7 +50,7 @@ class GaussianProcess:
         return mean, np.sqrt(np.maximum(self.deviation**2 - np.sum(half**2, axis=0), 0.0))
 
     def with_point(self, x: Array, y: float) -> GaussianProcess:
-        """Return the process with one more point; its lengths and deviations stay as they are."""
+        """Return the process with one more point and the same lengths and deviations."""
         return replace(self, x=np.vstack([self.x, x]), y=np.append(self.y, y))
 
 
@@ -63,8 +64,8 @@ def matern(a: Array, b: Array, lengths: Array) -> Array:
 
 
 def most_likely(x: Array, y: Array) -> GaussianProcess:
-    """Return the process of greatest marginal likelihood for points (n, d) in the unit square and
-    values (n,) about zero.
+    """Return the process with the largest marginal likelihood for points, (n, d), in the unit
+    square and values, (n,), with mean zero.
     """
     scale = float(np.sqrt(np.mean(y**2))) or 1.0
 

@@ -1,46 +1,52 @@
-"""Intervals for a new curve, from what models of the rest said of each part of the training data
-that was left out of them.
+"""Compute prediction intervals for a new curve, from the errors of models on parts of the training
+data that were left out of their fits.
 
-The samples of one curve err together: a sensor, a temperature, a place between two levels belong to
-the whole curve. So curves count, not samples. Three things add up in half of the width.
+The samples of one curve have common errors, because a sensor error, a temperature or a place
+between two levels affects the whole curve. So the number of curves counts, not that of samples.
+Half of the width has three parts.
 
-*What differs from sample to sample*, of variance `s_w^2`: s_w is the root mean square training
-residual without what differs from recording to recording. What neighbouring samples share of it
-(their mean product) is the model's, has few degrees of freedom, and counts as what follows.
+*Differences from sample to sample*, with the variance `s_w^2`: s_w is the root mean square training
+residual without the differences between recordings. The part that neighbouring samples share (their
+mean product) is an error of the model with few degrees of freedom, and is counted with the next
+part.
 
-*What differs from curve to curve* (`Offsets`), of variance `c s_b^2`. Where recordings of a level
-repeat each other with f = sum (n_k - 1) degrees of freedom, s_b comes from these. Otherwise it
-comes from the levels that were left out: with K of them, `s_b^2 = (A^2 - s_w^2)/c'`, A the root
-mean square error of the left-out inner levels, and f = .6 (K - 1), since second differences of
-neighbours go together. A new curve is missed with `c = 1 + (1-t)^2/n + t^2/n'` (t its place in the
-gap between levels of n and n' recordings), a left-out level with the mean c' of that. So `c = 2` at
-a level that was measured once: its own offset was fitted exactly. Below f = 1.5 (two or three
-levels without repeats) nothing tells s_b, and there is no interval.
+*Differences from curve to curve* (`Offsets`), with the variance `c s_b^2`. If recordings of a level
+repeat each other with f = sum (n_k - 1) degrees of freedom, s_b is computed from them. Otherwise it
+is computed from the levels that were left out: with K of them, `s_b^2 = (A^2 - s_w^2)/c'`, where A
+is the root mean square error of the left-out inner levels, and f = .6 (K - 1), because second
+differences of neighbours are correlated. For a new curve, `c = 1 + (1-t)^2/n + t^2/n'`, where t is
+its place in the gap between levels with n and n' recordings; c' is the mean of c over the left-out
+levels. At a level that was measured once, `c = 2`, because its own offset was fitted exactly. Below
+f = 1.5 (two or three levels without repeats), the data do not determine s_b, and there is no
+interval.
 
-With V the sum of both variances, half of the width is `t_g sqrt(V)` where repeats tell s_b,
-Student's t with `g = f V / (c s_b^2)` degrees of freedom: f where curves differ by far more than
-samples, and many where they do not. Left-out levels tell it together with s_w, and half is
-`sqrt(z^2 s_w^2 + t_f^2 c s_b^2)`, z the normal quantile.
+Let V be the sum of both variances. If s_b is computed from repeats, half of the width is `t_g
+sqrt(V)`, with Student's t for `g = f V / (c s_b^2)` degrees of freedom: g is about f if curves
+differ by far more than samples, and large if they do not. If s_b is computed from left-out levels,
+it depends on s_w, and half of the width is `sqrt(z^2 s_w^2 + t_f^2 c s_b^2)`, with the normal
+quantile z.
 
-*What a model errs between levels*, beyond that. It counts where A^2 exceeds what noise and curves
-explain by a quarter and, where repeats tell s_b, by more than chance does in a fifth of all cases
-(an F test with K - 2 and f degrees of freedom).
+*Errors of the model between levels*, in addition. They are included if A^2 exceeds the value
+explained by noise and curves by a quarter and, if s_b is computed from repeats, by more than chance
+would in a fifth of all cases (an F test with K - 2 and f degrees of freedom).
 
 - Three to six levels (`between_levels`): a rule that was calibrated on measured and simulated
-  muscles, docs/intervals.md. With H the gap over the range of all levels, A and s (the root mean
-  square training residual) no less than a thousandth of the largest training |target|,
-  `c_K (A s^2)^(1/3) max(4t(1 - t), .05)^.6 (H (K - 1))^.75` is a lower bound of half the width.
-- More levels: the excess of A^2 times t^2 is added, and half is no less than the quantile of the
-  left-out errors, of whatever distribution.
+  muscles (docs/intervals.md). Let H be the gap divided by the range of all levels, and let A and s
+  (the root mean square training residual) be at least a thousandth of the largest training
+  |target|. Then `c_K (A s^2)^(1/3) max(4t(1 - t), .05)^.6 (H (K - 1))^.75` is a lower bound of half
+  the width.
+- More levels: the excess of A^2 times t^2 is added, and half of the width is at least the quantile
+  of the left-out errors, whatever their distribution.
 
-Of recordings, specimens and blocks (`many_curves`) half is the larger of
+For recordings, specimens and blocks (`many_curves`), half of the width is the larger of
 
-- `t_{K-1} sqrt(s_b^2 (1 + 1/K) + s_w^2)`: s_b is the root mean square of the offsets of the
-  left-out parts, s_w that of the scatter within them, t Student's;
-- `q (1 + 1/K)`: q is the quantile of the absolute residuals, each part counting alike. It counts
-  where there are many curves, and tails are heavy.
+- `t_{K-1} sqrt(s_b^2 (1 + 1/K) + s_w^2)`, where s_b is the root mean square of the offsets of the
+  left-out parts, s_w that of the scatter within them, and t is Student's t;
+- `q (1 + 1/K)`, where q is the quantile of the absolute residuals, with the same weight for each
+  part. It is the larger one if there are many curves and heavy tails.
 
-Blocks are of the same recordings: what differs from one recording to the next is not in them.
+Blocks belong to the same recordings, so they do not show the differences from one recording to the
+next.
 """
 
 from __future__ import annotations
@@ -57,28 +63,31 @@ from mapmore_cli.domain.models import LeftOut, LeftOutKind, Model
 from mapmore_cli.modelling.kinds import outside_range, predict
 
 INTERVAL = 0.95  # the level of the intervals of scores and figures
-# of a part's samples: where the quantiles of its residuals are kept
+# fractions of a part's samples at which the quantiles of its residuals are kept
 SHARES = np.linspace(0.0, 1.0, 101)
 
 FEW: Mapping[int, float] = {3: 5.06, 4: 4.03, 5: 3.23}
-"""c_K by the number of levels, of all families: `python docs/interval_tables.py`; six levels take
-that of five.
+"""c_K by the number of levels, for all families, computed by `python docs/interval_tables.py`; six
+levels use the value of five.
 """
 
-LEAST = 1e-3  # errors count as no smaller than this share of the largest |target|
-NORMAL = 1.959964  # the quantile of the normal distribution that the constants of `FEW` are for
-AT_LEVEL = 0.02  # a sample nearer to a level than this share of the gap is at the level
+LEAST = 1e-3  # share of the largest |target| below which errors do not count as smaller
+# quantile of the normal distribution for which the constants in `FEW` were computed
+NORMAL = 1.959964
+AT_LEVEL = 0.02  # share of the gap within which a sample is at a level
 
-MANY = 7  # levels from which on the rule for few is not needed
+MANY = 7  # number of levels from which on the rule for few levels is not needed
 NEIGHBOURS = 0.6
-"""Degrees of freedom of left-out levels, of K - 1: that of Student's t which holds a new curve in
-90 to 99 % at 4 to 20 levels (`docs/interval_tables.py`).
+"""Degrees of freedom of left-out levels divided by K - 1: with this value, Student's t covers 90 to
+99 % of new curves at 4 to 20 levels (`docs/interval_tables.py`).
 """
 
-LEAST_FREEDOM = 1.5  # of what differs from curve to curve, below which it is not known
+# degrees of freedom of the differences between curves below which they are unknown
+LEAST_FREEDOM = 1.5
 CLEAR, CHANCE = 1.25, 0.2
-"""Errors of left-out levels over what noise and curves explain, both squared, beyond which they are
-the model's; and how often chance alone may exceed it, where repeats tell what curves explain.
+"""Ratio of the squared errors of left-out levels to the part explained by noise and curves beyond
+which the rest is an error of the model; and the probability with which chance may exceed it, if
+repeats determine the differences between curves.
 """
 
 BLOCKS = 4  # stretches of a recording whose means are compared with those of its repeats
@@ -90,8 +99,8 @@ SAME_RECORDINGS = (
 )
 
 ASTRAY = 0.25
-"""Left-out predictions further beyond the training data than this share of their range: the model
-is not to be trusted between levels.
+"""Distance of left-out predictions from the training data, as a share of their range, beyond which
+the model cannot be trusted between levels.
 """
 
 
@@ -99,10 +108,10 @@ def left_out_summary(
     kind: LeftOutKind, curves: int, residuals: Mapping[str, Sequence[Array]]
 ) -> LeftOut:
     """Return what intervals need of the residuals (measured minus predicted) of each left-out part,
-    where so many `curves` train.
+    if `curves` curves are used for training.
 
-    Raises FitError if a model of the rest has no prediction for a part, as where its free run
-    diverges.
+    Raises FitError if a model has no prediction for a part that was left out, for example because
+    its free run diverges.
     """
     pooled = {part: np.concatenate(list(arrays)) for part, arrays in residuals.items()}
     for part, values in pooled.items():
@@ -126,10 +135,11 @@ def left_out_summary(
 def with_levels(
     left_out: LeftOut, training: Mapping[float | None, Sequence[Array]], parameters: int
 ) -> LeftOut:
-    """Return it with what the training residuals of each recording say, by level (None without).
+    """Return the summary with the training residuals of each recording, by level (None without
+    levels).
 
-    Their root mean square is that of n new samples, `sqrt((n + p)/(n - p))` times as large by p
-    parameters (Akaike's final prediction error), where n is more.
+    Their root mean square is that of n new samples: it is larger by the factor `sqrt((n + p)/(n -
+    p))` for p parameters (Akaike's final prediction error), if n is larger than p.
     """
     every = np.concatenate(
         [recording for level in training.values() for recording in level] or [np.zeros(1)]
@@ -153,11 +163,11 @@ def with_levels(
 
 
 def scatter_of_recordings(levels: Sequence[Sequence[Array]]) -> float:
-    """Return the standard deviation from recording to recording of one level, of the training
-    residuals of each recording of each level; NaN without repeats.
+    """Return the standard deviation between recordings of one level, from the training residuals of
+    each recording of each level; NaN without repeats.
 
-    A recording is taken as the means of `BLOCKS` stretches, so that a slope of its own counts as
-    an offset does, and what they owe to the samples' noise is taken off.
+    A recording is represented by the means of `BLOCKS` stretches, so that a different slope counts
+    like an offset. The contribution of the samples' noise is subtracted.
     """
     squares, freedom, noise = 0.0, 0, list[float]()
     for level in levels:
@@ -174,8 +184,8 @@ def scatter_of_recordings(levels: Sequence[Sequence[Array]]) -> float:
 
 
 def interval_limits(left_out: LeftOut) -> str | None:
-    """Say why there is no interval or what it does not contain, and what to measure; None if it is
-    complete.
+    """Return why there is no interval or what it does not include, and what to measure; None if it
+    is complete.
     """
     if left_out.astray > ASTRAY:
         return (
@@ -202,13 +212,14 @@ def interval_limits(left_out: LeftOut) -> str | None:
 
 @dataclass(frozen=True)
 class Offsets:
-    """What curves of one level differ by, and what is left of the errors of left-out levels.
+    """Differences between curves of one level, and the remaining errors of left-out levels.
 
-    - `noise`: mean square of what differs from sample to sample; `smooth`: of that what neighbours
-      share, as where a model does not bend enough; `square`: that from curve to
-      curve, with so many degrees of `freedom`; `repeated`: whether repeats tell it.
-    - `missed`, `explained`: mean square error of the `left_out` levels, 0 where none was left out;
-      what of it noise and, where repeats tell it, curves explain.
+    - `noise`: mean square of the differences from sample to sample; `smooth`: the part of it that
+      neighbours share, for example because a model does not bend enough; `square`: mean square of
+      the differences from curve to curve, with `freedom` degrees of freedom; `repeated`: True if it
+      is computed from repeats.
+    - `missed`, `explained`: mean square error of the `left_out` levels, 0 without any; and the part
+      of it that is explained by noise and, with repeats, by the differences between curves.
     """
 
     noise: float
@@ -222,15 +233,17 @@ class Offsets:
 
     @property
     def errs_between(self) -> bool:
-        """Whether it is clear that left-out levels are missed by more than these explain."""
+        """True if the errors of left-out levels are clearly larger than these differences
+        explain.
+        """
         from scipy.special import fdtri
 
         chance = fdtri(self.left_out, self.freedom, 1 - CHANCE) if self.repeated else 0.0
         return bool(self.missed > max(CLEAR, chance) * self.explained)
 
     def half_width(self, share: Array, level: float) -> Array:
-        """Return half of the width that holds a sample of a curve with probability `level`, of
-        which what differs from curve to curve counts `share` times, (n,).
+        """Return half of the width that contains a sample of a curve with probability `level`. The
+        variance between curves is multiplied by `share`, (n,).
         """
         from scipy.special import ndtri, stdtrit
 
@@ -246,7 +259,7 @@ class Offsets:
 
 
 def offsets_of(left_out: LeftOut) -> Offsets | None:
-    """Return what differs from curve to curve; None if the data do not tell."""
+    """Return the differences between curves; None if the data do not determine them."""
     n, count = np.array(left_out.repeats), len(left_out.places)
     known = math.isfinite(left_out.apart)
     between_curves, repeats = (left_out.apart**2, float(np.sum(n - 1))) if known else (0.0, 0.0)
@@ -269,11 +282,11 @@ def offsets_of(left_out: LeftOut) -> Offsets | None:
 
 
 def half_widths(left_out: LeftOut, at: Array, level: float) -> Array:
-    """Return half of the width of the interval that holds a sample of a new curve with probability
-    `level`, (n,).
+    """Return half of the width of the interval that contains a sample of a new curve with
+    probability `level`, shape (n,).
 
-    `at` (n,) is the level quantity of each sample; it has no effect without levels. NaN where there
-    are no intervals.
+    `at`, (n,), is the level quantity of each sample; it has no effect without levels. The result is
+    NaN if there are no intervals.
     """
     if left_out.astray > ASTRAY:
         return np.full(len(at), np.nan)
@@ -283,8 +296,9 @@ def half_widths(left_out: LeftOut, at: Array, level: float) -> Array:
 
 
 def of_levels(left_out: LeftOut, at: Array, level: float) -> Array:
-    """Return the half widths at the levels `at`, (n,); NaN where the data do not tell them."""
-    from scipy.special import stdtrit  # loading it takes a third of an up-to-date run
+    """Return the half widths at the levels `at`, (n,); NaN if the data do not determine them."""
+    # imported here because loading it takes a third of a run that is up to date
+    from scipy.special import stdtrit
 
     offsets, count = offsets_of(left_out), len(left_out.places)
     if offsets is None:
@@ -308,8 +322,8 @@ def of_levels(left_out: LeftOut, at: Array, level: float) -> Array:
 
 
 def gaps(left_out: LeftOut, at: Array) -> tuple[IntArray, Array, Array]:
-    """Return the gap between levels that each sample lies in, its place there from 0 to 1, and the
-    width of the gap, (n,) each.
+    """Return the gap between levels in which each sample lies, its place in the gap from 0 to 1,
+    and the width of the gap, shape (n,) each.
     """
     places = np.array(left_out.places)
     gap = np.clip(np.searchsorted(places, at, side="right") - 1, 0, max(len(places) - 2, 0))
@@ -322,8 +336,8 @@ def gaps(left_out: LeftOut, at: Array) -> tuple[IntArray, Array, Array]:
 def between_levels(
     left_out: LeftOut, at: Array, level: float, scales: Mapping[int, float] = FEW
 ) -> Array:
-    """Return the half widths at the levels `at`, (n,), by the rule for what a model errs between
-    three to six levels.
+    """Return the half widths at the levels `at`, (n,), by the rule for the errors of a model
+    between three to six levels.
     """
     from scipy.special import ndtri
 
@@ -343,7 +357,7 @@ def between_levels(
 
 def many_curves(left_out: LeftOut, level: float) -> float:
     """Return half of the width by Student's t over curves, or by the quantile of the absolute
-    residuals where that is larger.
+    residuals if that is larger.
     """
     from scipy.special import stdtrit
 
@@ -355,8 +369,8 @@ def many_curves(left_out: LeftOut, level: float) -> float:
 
 
 def half_widths_of(model: Model, columns: Columns, level: float) -> Array:
-    """Return half of the width of a model's intervals at every row, (n,); NaN where they are
-    refused. Raises as `checked`.
+    """Return half of the width of a model's intervals at every row, shape (n,); NaN if they are
+    refused. Raises the same errors as `intervals_of`.
     """
     left_out = intervals_of(model, level)
     at = np.full(row_count(columns), np.nan) if model.level is None else columns[model.level]
@@ -364,9 +378,9 @@ def half_widths_of(model: Model, columns: Columns, level: float) -> Array:
 
 
 def intervals_of(model: Model, level: float) -> LeftOut:
-    """Return what intervals are made of.
+    """Return the left-out summary from which intervals are computed.
 
-    Raises UsageError for a level that is not between 0 and 1; DataError for a model that holds no
+    Raises UsageError for a level that is not between 0 and 1; DataError for a model without
     left-out residuals.
     """
     if not 0 < level < 1:
@@ -384,16 +398,16 @@ def intervals_of(model: Model, level: float) -> LeftOut:
 
 
 def interval(model: Model, columns: Columns, level: float) -> tuple[Array, Array]:
-    """Return the ends of the interval at every row, (n,) each; NaN where there is none. Raises as
-    `checked`.
+    """Return the ends of the interval at every row, shape (n,) each; NaN without an interval.
+    Raises the same errors as `intervals_of`.
     """
     half = half_widths_of(model, columns, level)
     return ends(predict(model, columns), outside_range(model, columns), half)
 
 
 def ends(predicted: Array, outside: BoolArray, half: Array) -> tuple[Array, Array]:
-    """Return the low and high end around every prediction, (n,) each; NaN outside the training
-    range.
+    """Return the lower and upper end around every prediction, shape (n,) each; NaN outside the
+    training range.
     """
     middle = np.where(outside, np.nan, predicted)
     return middle - half, middle + half

@@ -1,4 +1,6 @@
-"""How far predictions lie from measurements, on the whole and by the size of what is measured."""
+"""Measure how far predictions lie from measurements, overall and by the size of the measured
+value.
+"""
 
 from __future__ import annotations
 
@@ -31,19 +33,19 @@ NORMALISERS: Mapping[str, tuple[str, Callable[[float, float], float]]] = {
     "max": ("max|{}| over {}", lambda low, high: max(abs(low), abs(high))),
     "range": ("range of {} over {}", lambda low, high: high - low),
 }
-"""By the names that specs have for them: `max |y|` (M2 eq 13), and `max y - min y` for quantities
-whose zero is arbitrary.
+"""Normalisers by the names that specs use: `max |y|` (M2 eq 13), and `max y - min y` for quantities
+with an arbitrary zero.
 """
 
 
 def normaliser(kind: str, ends: tuple[float, float], quantity: str, split: str) -> Normaliser:
-    """Return one of `NORMALISERS` by the least and the largest sample of a split."""
+    """Return one of `NORMALISERS`, computed from the smallest and the largest sample of a split."""
     name, size = NORMALISERS[kind]
     return Normaliser(name.format(quantity, split), size(*ends), ends[1] - ends[0])
 
 
 def relative(error: Array, measured: Array) -> float:
-    """`sqrt(sum error^2 / sum (y - mean y)^2)`, of errors of some or all of the measured samples;
+    """Return `sqrt(sum error^2 / sum (y - mean y)^2)` for errors of some or all measured samples;
     NaN for a constant y.
     """
     spread = float(np.sum((measured - measured.mean()) ** 2))
@@ -54,31 +56,32 @@ def information_criteria(n: int, rmse: float, parameters: int) -> tuple[float, f
     """Return AIC `n ln(SSE/n) + 2k` and BIC `n ln(SSE/n) + k ln n` of a fit to n samples by k
     parameters, with `SSE/n = rmse^2` (Akaike 1974; Schwarz 1978).
 
-    They compare models of the same samples: constants of the likelihood are left out. Minus
-    infinity for an error of zero.
+    They are for comparing models of the same samples, because constants of the likelihood are left
+    out. They are minus infinity for an error of zero.
     """
     fit = 2 * n * math.log(rmse) if rmse > 0 else -math.inf
     return fit + 2 * parameters, fit + parameters * math.log(n)
 
 
 EDGES = (0.0, 0.1, 0.25, 0.5, 1.0)
-"""Of the bands, as shares of the largest absolute value of the samples that are compared; low
-values have the narrower ones.
+"""Edges of the bands, as shares of the largest absolute value of the compared samples. Bands of low
+values are narrower.
 """
 
 
 def judged(dataset: Dataset) -> list[BoolArray]:
-    """Return which samples of each curve a model is judged by: those held out where there are any,
-    else those that train.
+    """Return the samples of each curve by which a model is judged: the held-out samples if there
+    are any, otherwise the training samples.
     """
     held_out = any(curve.held_out.any() for curve in dataset.curves)
     return [curve.held_out if held_out else curve.training for curve in dataset.curves]
 
 
 def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tuple[ErrorBand, ...]:
-    """RMSE of every model in each band, over the `judged` samples.
+    """Return the RMSE of every model in each band, over the `judged` samples.
 
-    `predictions` are by model, for every curve of the dataset. A band without samples is left out.
+    `predictions` holds, for each model, the predictions of every curve of the dataset. A band
+    without samples is left out.
     """
     masks, curves = judged(dataset), dataset.curves
     measured = [curve.columns[dataset.target] for curve in curves]
@@ -108,8 +111,8 @@ def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tup
 
 
 HELD = 1 << 22
-"""Samples of a row that are compared as arrays in memory; more are read again, block by block, for
-each of its numbers.
+"""Largest number of samples of a row that are compared in memory. More are read again, block by
+block, for each number.
 """
 
 # names of the splits, and whether their samples are held out
@@ -120,8 +123,8 @@ SPLITS = (
 
 
 def divisor(dataset: Dataset, kind: str) -> Normaliser:
-    """Return what all errors of a study are divided by: a measure of the validation rows, as in the
-    papers, else of the training rows.
+    """Return the normaliser of all errors of a study: a measure of the validation rows, as in the
+    papers, or of the training rows without any.
     """
     held_out = any(curve.held_out.any() for curve in dataset.curves)
     masks = [curve.held_out == held_out for curve in dataset.curves]
@@ -130,15 +133,15 @@ def divisor(dataset: Dataset, kind: str) -> Normaliser:
 
 
 def ends_of(columns: Sequence[Array], masks: Sequence[BoolArray]) -> tuple[float, float]:
-    """Return the least and the largest value of some columns where each has its mask."""
+    """Return the smallest and the largest value of some columns, each restricted to its mask."""
     ends = [extremes(x, mask) for x, mask in zip(columns, masks, strict=True) if mask.any()]
     low, high = zip(*ends, strict=True)
     return min(low), max(high)
 
 
 def on_common_rows(forecasts: Mapping[str, Sequence[Forecast]]) -> dict[str, tuple[Forecast, ...]]:
-    """Return the forecasts of every model on the rows that all predict: models that need a history
-    would else be scored on fewer rows.
+    """Return the forecasts of every model on the rows that all models predict. Otherwise, models
+    that need a history would be scored on fewer rows.
     """
     common = [
         np.logical_and.reduce([forecast.ready for forecast in curve])
@@ -164,12 +167,13 @@ def score_rows(
     group: str | None = None,
     free: int = 0,
 ) -> Iterator[Score]:
-    """Rows of one model, whose `forecasts` are those of the dataset's curves; with `partial`, of
-    the samples that it predicts.
+    """Yield the score rows of one model from its `forecasts` of the dataset's curves. With
+    `partial`, only samples with a prediction count.
 
-    Of each split: all samples, those of each curve, of each direction of a curve, and of each value
-    of the quantity `group`. What has no sample that could be predicted has no row. `scale` is the
-    `divisor` of the study, `free` are the numbers that were fitted to all training samples.
+    Each split has rows for all samples, for each curve, for each direction of a curve, and for each
+    value of the quantity `group`. There is no row without a predicted sample. `scale` is the
+    `divisor` of the study; `free` is the number of parameters that were fitted to all training
+    samples.
     """
     for split, held in SPLITS:
         rows: dict[tuple[int, Any], tuple[str, list[ScoredSamples]]] = {}
@@ -189,7 +193,7 @@ def score_rows(
 
 @dataclass(frozen=True)
 class ScoredSamples:
-    """Samples of one curve with a forecast: those that are `wanted`, (n,)."""
+    """Samples of one curve with a forecast; only those that are `wanted`, (n,), count."""
 
     curve: Curve
     target: str
@@ -197,7 +201,7 @@ class ScoredSamples:
     wanted: BoolArray
 
     def blocks(self) -> Iterator[SampleBlock]:
-        """Yield its samples."""
+        """Yield the samples block by block."""
         y, forecast = self.curve.columns[self.target], self.forecast
         sigma = self.curve.columns.get(uncertainty_of(self.target))
         columns = (y, forecast.values, forecast.one_step, forecast.half, sigma)
@@ -219,7 +223,7 @@ def _rows_of(
     curve: Curve, wanted: BoolArray, number: int, group: str | None
 ) -> Iterator[tuple[tuple[int, Any], str, BoolArray]]:
     """Yield the rows of the score table in which the `wanted` samples of a curve count, (n,): the
-    place of the row in the table, its name, and which samples they are.
+    place of the row in the table, its name, and its samples.
     """
     yield (0, number), curve.id, wanted
     if DIRECTION in curve.columns:

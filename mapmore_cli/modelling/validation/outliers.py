@@ -1,4 +1,4 @@
-"""Training samples that lie far from a robust fit: where they stand in their files."""
+"""Find training samples that lie far from a robust fit, and their places in the files."""
 
 from __future__ import annotations
 
@@ -12,18 +12,20 @@ from mapmore_cli.modelling.frols.weighing import TUNING, scale_of
 from mapmore_cli.modelling.selection import Fit
 
 FAR = TUNING["bisquare"]
-"""Residuals in scales from which on a sample is listed: those that the bisquare leaves out."""
+"""Residual, in units of the scale, from which on a sample is listed; it is the one that the
+bisquare ignores.
+"""
 
-MOST = 500  # that are listed
+MOST = 500  # largest number of samples that are listed
 
 
 def outliers(dataset: Dataset, forecasts: Sequence[Forecast], fit: Fit) -> tuple[Outlier, ...]:
-    """Return the training samples more than `FAR` scales from what a model says of them (with
-    memory, one step ahead), the farthest first, at most `MOST`.
+    """Return the training samples that lie more than `FAR` scales from the prediction of a model
+    (with memory, one step ahead), the farthest first, at most `MOST`.
 
-    One step after an outlier a model with memory is off as well. Residuals are counted in their
-    uncertainty, where it is known; the scale is that of the section `fit`, else 1.4826 times the
-    median absolute residual of all training samples.
+    A model with memory is also wrong one step after an outlier. Residuals are divided by their
+    uncertainty if it is known. The scale is that of the section `fit`, or 1.4826 times the median
+    absolute residual of all training samples.
     """
     curves, target = dataset.curves, dataset.target
     predicted = np.concatenate(
@@ -47,7 +49,9 @@ def outliers(dataset: Dataset, forecasts: Sequence[Forecast], fit: Fit) -> tuple
 
 
 def _found_at(dataset: Dataset, at: int) -> tuple[str, str, str]:
-    """Return the file of a sample, its row there, and its curve, by its number over all curves."""
+    """Return the file of a sample, its row there, and its curve, from its number over all
+    curves.
+    """
     ends = np.cumsum([curve.size for curve in dataset.curves])
     number = int(np.searchsorted(ends, at, side="right"))
     curve = dataset.curves[number]

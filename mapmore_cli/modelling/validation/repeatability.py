@@ -1,5 +1,5 @@
-"""What recordings and cycles that repeat each other say: the floor below which no model can be
-asked to go.
+"""Measure repeatability from recordings and cycles that repeat each other: no model can be expected
+to have a smaller error.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.signals.cycles import SWING, bin_means, cycle_starts, turning_points
 
-# over the range of a curve: the samples of a branch are averaged in each, so that a dwell counts no
-# more than a passage
+# bins over the range of a curve; the samples of a branch are averaged in each bin, so that a dwell
+# has the same weight as a passage
 BINS = 200
 
 
 class _Branch(NamedTuple):
-    """Samples of one recording in one direction, at one set of values of what was held; places
-    along the input and `means` there.
+    """Samples of one recording in one direction, at one set of values of the constant inputs:
+    places along the varying input, and the `means` there.
     """
 
     log: str
@@ -33,17 +33,17 @@ class _Branch(NamedTuple):
 def repeats(
     curves: Sequence[Curve], target: str, inputs: Sequence[str], logs: Mapping[str, str]
 ) -> tuple[Array, ...] | None:
-    """Return the mean of the other recordings at the level, coordinate and direction of each
-    sample, `(n_c,)` for every curve.
+    """Return for each sample the mean of the other recordings at the same level, coordinate and
+    direction, shape (n_c,) for every curve.
 
-    Recordings of one curve repeat each other where they agree in every input that was held in them.
-    Each is parted into its rising and its falling branch along the one input that varies; a branch
-    is averaged in bins and interpolated between them, never beyond its ends. NaN where no other
-    recording has a value. Pieces of one log do not repeat each other; `logs` names the log of each
+    Recordings of one curve repeat each other if they agree in every constant input. Each is split
+    into a rising and a falling branch along the single input that varies. A branch is averaged in
+    bins and interpolated between them, never outside its ends. The result is NaN if no other
+    recording has a value. Pieces of one log do not repeat each other; `logs` gives the log of each
     recording.
 
-    None if nothing repeats: with no or several varying inputs, or where the recordings of the
-    samples are unknown.
+    The result is None if nothing repeats: with no or several varying inputs, or if the recordings
+    of the samples are unknown.
     """
     along = [
         name
@@ -67,8 +67,8 @@ def repeats(
 
 
 def rising_samples(values: Array) -> BoolArray:
-    """Return True if `values` `(n,)`, in order of time, rise; reversals smaller than a tenth of
-    their range do not count.
+    """Return True for samples at which `values`, (n,), in the order of time, rise. Reversals
+    smaller than a tenth of the range do not count.
     """
     turns = turning_points(values, SWING * float(np.ptp(values)))
     if len(turns) < 2:
@@ -78,7 +78,7 @@ def rising_samples(values: Array) -> BoolArray:
 
 
 def _rows_by_recording(curve: Curve) -> Iterator[tuple[str, IntArray]]:
-    """Yield the id of each recording with its rows, in order of time."""
+    """Yield the id of each recording with its rows, in the order of time."""
     if curve.origin is not None:
         for number, name in enumerate(curve.recordings):
             yield name, np.flatnonzero(curve.origin == number)
@@ -101,9 +101,11 @@ def _branches(
 
 
 def _means_of_others(branches: Sequence[_Branch], x: Array) -> Array:
-    """Return the mean of the branches of one kind but another log, at the samples of each, (n,).
+    """Return the mean of the branches of one kind from other logs, at the samples of each branch,
+    shape (n,).
 
-    It is the sum of all branches less that of the log's own, so that many logs cost no more each.
+    It is the sum of all branches minus that of the own log, so that the cost per log does not grow
+    with the number of logs.
     """
     means = np.full(len(x), np.nan)
     kinds: dict[tuple[bool | float, ...], dict[str, list[_Branch]]] = {}
@@ -124,12 +126,12 @@ def _means_of_others(branches: Sequence[_Branch], x: Array) -> Array:
 
 
 def _sum_of(branches: Sequence[_Branch], at: Array) -> tuple[Array, Array]:
-    """Return the sum of the branches, each interpolated between its means, at the places `at`, and
-    how many reach there; (n,) each.
+    """Return the sum of the branches at the places `at`, each interpolated between its means, and
+    how many branches reach there, shape (n,) each.
 
-    A branch is a chain of lines: one begins at each mean, and ends before the next. So the sum at
-    a place is a running sum over all beginnings and ends up to it. Extended precision keeps what
-    steep lines would else leave behind.
+    A branch is a chain of lines: one begins at each mean, and ends before the next. So the sum at a
+    place is a running sum over all beginnings and ends before it. Extended precision removes the
+    rounding errors that steep lines would otherwise leave.
     """
     lines = [
         (x, np.append(x[1:], np.nextafter(x[-1], np.inf)), y, np.append(np.diff(y) / np.diff(x), 0))
@@ -149,22 +151,22 @@ def _sum_of(branches: Sequence[_Branch], at: Array) -> tuple[Array, Array]:
     return whole.astype(np.float64), running(np.ones(len(y))).astype(np.float64)
 
 
-# root mean square difference of two cycles' courses, as a part of the range, up to which one
-# repeats the other in time
+# root mean square difference of the courses of two cycles, as a fraction of the range, up to which
+# one repeats the other in time
 SAME_COURSE = 0.05
 
 
 def repeated_cycles(
     curves: Sequence[Curve], target: str, driven: str, logs: Mapping[str, str]
 ) -> tuple[Array, ...] | None:
-    """Return the target of the last training cycle of `driven`, again from the beginning of every
-    held-out cycle, `(n_c,)` for every curve.
+    """Return the target of the last training cycle of `driven`, repeated from the beginning of
+    every held-out cycle, shape (n_c,) for every curve.
 
-    Where the quantity takes the same course in time again, as in a programme of steps, the same
-    moment of that cycle stands beside each sample; else, as in loops driven by hand, the same place
-    on the same stroke, rise or fall. NaN in the training data, and where a held-out cycle lasts
-    longer or reaches further. None if no log has cycles of both kinds, or curves are no
-    recordings but levels.
+    If the quantity repeats its course in time, for example in a programme of steps, each sample is
+    compared with the same moment of that cycle. Otherwise, for example for loops driven by hand, it
+    is compared with the same place on the same stroke (rise or fall). The result is NaN for
+    training data, and if a held-out cycle lasts longer or reaches farther. It is None if no log has
+    cycles of both kinds, or if curves are levels instead of recordings.
     """
     if any(curve.level is not None for curve in curves):
         return None
@@ -179,8 +181,8 @@ def repeated_cycles(
 def by_log(
     curves: Sequence[Curve], logs: Mapping[str, str], driven: str, target: str
 ) -> Iterator[tuple[list[int], Array, Array, BoolArray]]:
-    """Yield the numbers of the curves that are pieces of each log, with `driven`, target and
-    `held_out` of them one after the other.
+    """Yield for each log the numbers of the curves that are pieces of it, and `driven`, target and
+    `held_out` of these pieces, one after the other.
     """
     pieces: dict[str, list[int]] = {}
     for number, curve in enumerate(curves):
@@ -216,8 +218,8 @@ def _again(x: Array, y: Array, held_out: BoolArray) -> Array:
 
 
 def _on_strokes(x: Array, x_last: Array, y_last: Array) -> Array:
-    """Return the target of the last cycle at `x`, (n,): the rising branch for samples before the
-    maximum of `x`, the falling branch after it.
+    """Return the target of the last cycle at `x`, (n,): from the rising branch for samples before
+    the maximum of `x`, and from the falling branch after it.
     """
     values = np.empty(len(x))
     peak, peak_last = int(np.argmax(x)), int(np.argmax(x_last))
@@ -232,12 +234,12 @@ def _on_strokes(x: Array, x_last: Array, y_last: Array) -> Array:
     return values
 
 
-WORTH = 0.02  # of the largest target, from which a floor is worth a word
+WORTH = 0.02  # fraction of the largest target from which on a floor is worth mentioning
 
 
 def floors(x: Sequence[Array], y: Sequence[Array]) -> list[float]:
-    """Return the `monotone_floor` of every curve y(x) as a part of the largest target of all;
-    nothing if none is worth a word.
+    """Return the `monotone_floor` of every curve y(x) as a fraction of the largest target of all;
+    an empty list if none is worth mentioning.
     """
     largest = max(float(np.abs(values).max()) for values in y) or 1.0
     shares = [monotone_floor(*curve) / largest for curve in zip(x, y, strict=True)]
@@ -245,11 +247,11 @@ def floors(x: Sequence[Array], y: Sequence[Array]) -> list[float]:
 
 
 def monotone_floor(x: Array, y: Array) -> float:
-    """Return the RMSE of the best monotone single-valued curve y(x) through samples `(n,)`: what no
-    static model of x alone goes below.
+    """Return the RMSE of the best monotone single-valued curve y(x) through samples, (n,). No
+    static model of x alone can have a smaller error if its curve is monotone.
 
-    Isotonic regression, rising or falling, whichever is nearer; samples of one x count together. A
-    loop has such a floor, and so has noise.
+    The curve is found by isotonic regression, rising or falling, whichever is nearer. Samples with
+    the same x count together. Loops and noise have such a floor.
     """
     from scipy.optimize import isotonic_regression
 

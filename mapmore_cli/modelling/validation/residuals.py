@@ -1,8 +1,8 @@
-"""Is anything left in the errors of a model that a better one could explain? The residual tests of
-system identification.
+"""Test whether the errors of a model contain anything that a better model could explain, by the
+residual tests of system identification.
 
-Ljung, System Identification (2nd ed., 1999), section 16.6: residuals of a model that explains
-everything but noise are correlated neither with their own past nor with the inputs.
+Ljung, System Identification (2nd ed., 1999), section 16.6: if a model explains everything except
+noise, its residuals are correlated neither with their own past nor with the inputs.
 """
 
 from __future__ import annotations
@@ -33,23 +33,24 @@ from mapmore_cli.modelling.signals.sampling import MANY, PART
 from mapmore_cli.modelling.validation.intervals import NORMAL
 from mapmore_cli.modelling.validation.metrics import judged
 
-LAGS = 25  # longest lag, samples; less where records are short
-# parts of the range of an input, each with as many samples, in which the mean residual is told
+LAGS = 25  # longest lag in samples; fewer for short records
+# parts of the range of an input, with equal numbers of samples, for which the mean residual is
+# reported
 PARTS = 10
 
 
-FEWEST = 20  # samples below which nothing is tested
+FEWEST = 20  # smallest number of samples that are tested
 
 
 def residual_tests(
     model: Model, dataset: Dataset, predicted: Sequence[Array], order_by: str | None
 ) -> tuple[ResidualTest, ...]:
     """Return the autocorrelation of the residuals and a test with each input, on the `judged`
-    samples; nothing if these are few, or errors are all alike.
+    samples; nothing if there are few samples or all errors are equal.
 
-    `predicted` is by curve. Samples are in the order of the quantity `order_by`, and inputs are
-    held against the residuals by parts of their range; where it is None, samples are in order of
-    time, and inputs are correlated with the residuals.
+    `predicted` has an array for each curve. With `order_by`, samples are in the order of that
+    quantity, and the mean residual is tested in parts of each input's range. With None, samples are
+    in the order of time, and the residuals are correlated with each input.
     """
     residuals: list[Array] = []
     columns: dict[str, list[Array]] = {quantity.name: [] for quantity in model.inputs}
@@ -61,7 +62,7 @@ def residual_tests(
                 residuals.append(piece)
                 for name in columns.keys() & curve.columns.keys():
                     x = picked(curve.columns[name], rows)
-                    # a level is one value: noise around it is no range
+                    # a level is a single value; the noise around it is no range
                     held = name == dataset.level and curve.level is not None
                     columns[name].append(np.full(len(x), curve.level) if held else x)
     known, low, high = _finite(residuals)
@@ -72,7 +73,7 @@ def residual_tests(
         _, low, high = _finite(parts)
         varies = high - low > 1e-9 * max(abs(low), abs(high))
         if sum(map(len, parts)) < sum(map(len, residuals)) or not varies:
-            continue  # it was not measured everywhere
+            continue  # the input was not measured everywhere
         tests.append(
             cross_correlation(name, residuals, parts)
             if order_by is None
@@ -84,8 +85,9 @@ def residual_tests(
 def _pieces(
     curve: Curve, wanted: BoolArray, order_by: str | None
 ) -> Iterator[IntArray | BoolArray]:
-    """Yield the wanted samples of each recording of a curve as a mask, (n,); those of all in the
-    order of a quantity as row numbers. Of a long curve, these are an even share.
+    """Yield the wanted samples of each recording of a curve as a mask, (n,), or, with `order_by`,
+    those of all recordings in the order of that quantity as row numbers. A long curve is thinned
+    evenly.
     """
     if order_by is not None:
         every = 1 if curve.size <= PART else -(-curve.size // MANY)
@@ -99,7 +101,7 @@ def _pieces(
 
 
 def _finite(parts: Sequence[Array]) -> tuple[int, float, float]:
-    """Return how many values of some columns are finite, the least and the largest of them."""
+    """Return the number of finite values in some columns, and the smallest and largest of them."""
     blocks = (x[np.isfinite(x)] for part in parts for (x,) in in_blocks(part))
     ends = [(len(x), float(x.min()), float(x.max())) for x in blocks if len(x)]
     n, low, high = zip(*ends, strict=True) if ends else ((0,), (0.0,), (0.0,))
@@ -107,10 +109,10 @@ def _finite(parts: Sequence[Array]) -> tuple[int, float, float]:
 
 
 def autocorrelation(residuals: Sequence[Array]) -> ResidualTest:
-    """`r_k = sum_t e_t e_(t+k) / sum_t e_t^2` of residuals less their mean, over pieces that follow
-    one another in time or place.
+    """Return the autocorrelation `r_k = sum_t e_t e_(t+k) / sum_t e_t^2` of residuals minus their
+    mean, over pieces that are contiguous in time or place.
 
-    There is one array of `residuals` a piece, NaN where there is none. Bounds are `1.96/sqrt(n)`
+    Each piece has one array in `residuals`, NaN for missing values. The bounds are `1.96/sqrt(n)`
     for n residuals in all pieces.
     """
     both_ways = cross_correlation(AUTOCORRELATION, residuals, residuals)
@@ -122,8 +124,8 @@ def autocorrelation(residuals: Sequence[Array]) -> ResidualTest:
 def cross_correlation(
     name: str, residuals: Sequence[Array], inputs: Sequence[Array]
 ) -> ResidualTest:
-    """`r_k = sum_t u_t e_(t+k) / sqrt(sum u^2 sum e^2)`, both less their means: at a positive lag k
-    the input came k samples before.
+    """Return `r_k = sum_t u_t e_(t+k) / sqrt(sum u^2 sum e^2)`, both minus their means. At a
+    positive lag k, the input came k samples before the residual.
     """
     pairs = list(zip(residuals, inputs, strict=True))
     count, means = 0, np.zeros(2)
@@ -136,7 +138,7 @@ def cross_correlation(
     most = min(LAGS, max(map(len, residuals)) // 4)
     lags, sums, squares = np.arange(-most, most + 1), np.zeros(2 * most + 1), np.zeros(2)
     for pair in pairs:
-        before = 0  # samples of the block that are of the one before
+        before = 0  # samples of the block that belong to the block before
         for block in in_blocks(*pair, overlap=most):
             centred = np.array(block) - means[:, None]
             known = np.where(np.isfinite(centred).all(axis=0), centred, 0.0)
@@ -151,10 +153,10 @@ def cross_correlation(
 
 
 def means_over(name: str, residuals: Array, x: Array) -> ResidualTest:
-    """Mean residual in parts of the range of an input x: a part for each value where there are few,
-    else `PARTS` of as many samples each.
+    """Return the mean residual in parts of the range of an input x: a part for each value if there
+    are few values, otherwise `PARTS` parts with equal numbers of samples.
 
-    Bounds are `1.96 s/sqrt(n_part)`, s the standard deviation of all residuals.
+    The bounds are `1.96 s/sqrt(n_part)`, with the standard deviation s of all residuals.
     """
     known = np.isfinite(residuals) & np.isfinite(x)
     e, x = residuals[known], x[known]
@@ -168,9 +170,9 @@ def means_over(name: str, residuals: Array, x: Array) -> ResidualTest:
 
 
 def explained_by_inputs(model: Model, dataset: Dataset) -> Iterator[str]:
-    """Yield for each input of known uncertainty what share of the squared training residual it
-    explains: the slope of the model times the uncertainty. Errors of inputs are no noise of the
-    output, and nothing is done about them.
+    """Yield for each input of known uncertainty the share of the squared training residual that it
+    explains: the slope of the model times the uncertainty. The fit does not correct for errors of
+    inputs.
     """
     unsure = [
         quantity for quantity in model.inputs if uncertainty_of(quantity.name) in dataset.quantities
@@ -191,9 +193,8 @@ def explained_by_inputs(model: Model, dataset: Dataset) -> Iterator[str]:
 
 TINY = float(np.finfo(np.float64).tiny)
 
-SAME = 1e-9  # relative difference of two predictions, below which they say the same
-# share of the held-out samples outside the training range, above which scores are of
-# extrapolation
+SAME = 1e-9  # relative difference below which two predictions are equal
+# share of held-out samples outside the training range above which scores are for extrapolation
 MOSTLY = 0.5
 
 ROWS = {"train": "training data", "validate": "held-out data"}
@@ -202,10 +203,10 @@ ROWS = {"train": "training data", "validate": "held-out data"}
 def alarms(
     model: Model, dataset: Dataset, predictions: Sequence[Array], scores: Sequence[Score]
 ) -> tuple[str, ...]:
-    """Everything that a reader of the scores of the run's own model has to know first, one sentence
-    each.
+    """Return everything that a reader must know before the scores of the run's own model, one
+    sentence each.
 
-    `predictions` are the model's, for every curve of the dataset.
+    `predictions` are those of the model, for every curve of the dataset.
     """
     sentences = [
         sentence
@@ -242,7 +243,7 @@ def _of_scores(row: Score) -> Iterator[str]:
     if not np.isfinite(row.rmse):
         yield f"the model has no finite error on the {where}, so that it is useless"
         return
-    r2 = round(row.r2, 9) + 0.0  # of a constant it is rounding error
+    r2 = round(row.r2, 9) + 0.0  # for a constant, it is rounding error
     if r2 <= 0:
         comparison = "no better than" if r2 == 0 else "worse than"
         yield (

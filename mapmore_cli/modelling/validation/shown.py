@@ -1,4 +1,4 @@
-"""What the report shows of a validation, chosen while all samples are at hand."""
+"""Choose what the report shows of a validation, while all samples are in memory."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def for_report(validation: Validation, model: Model, dataset: Dataset) -> Valida
     """Return the validation of all samples with error bands, residual tests, and the samples that
     figures show.
 
-    Of a curve longer than `MANY` these are the least and the greatest measured value and error in
-    each of `MANY / 4` runs of samples; of a recording, those of its quantities.
+    Of a curve longer than `MANY`, these are the samples with the smallest and largest measured
+    value and error in each of `MANY / 4` runs; of a recording, the extremes of its quantities.
     """
     predictions = validation.predictions
     predicted = next(iter(predictions.values()))
@@ -57,26 +57,30 @@ def for_report(validation: Validation, model: Model, dataset: Dataset) -> Valida
 
 
 def _extremes(columns: Sequence[tuple[Array, ...]]) -> IntArray:
-    """Return the numbers of at most `MANY` rows, with the extremes of every column, or of one less
-    another.
+    """Return at most `MANY` row numbers, with the extremes of every column, or of the difference of
+    two columns.
     """
     rows = [envelope(values[0], MANY // len(columns), *values[1:]) for values in columns]
     return np.unique(np.concatenate(rows))
 
 
 def in_time(model: Model, dataset: Dataset) -> bool:
-    """Whether curves are shown over time: the model has memory, or curves are step responses."""
+    """Return True if curves are shown over time: the model has memory, or the curves are step
+    responses.
+    """
     return runs_over_time(model) or any(curve.at_rest is not None for curve in dataset.curves)
 
 
 def is_turned(model: Model, dataset: Dataset) -> bool:
-    """Whether the model is inverted to be scored: the target is one of its inputs."""
+    """Return True if the model is inverted to be scored, because the target is one of its
+    inputs.
+    """
     inputs = {quantity.name for quantity in model.inputs}
     return dataset.target in inputs and dataset.target != model.output.name
 
 
 def course_quantity(model: Model, dataset: Dataset) -> str:
-    """Return the quantity of the model that varies within a curve; of a model without inputs, any
+    """Return the quantity of the model that varies within a curve; for a model without inputs, any
     measured quantity.
     """
     ranges = [
@@ -89,11 +93,11 @@ def course_quantity(model: Model, dataset: Dataset) -> str:
 
 
 def varying_input(model: Model, ranges: Sequence[Ranges]) -> str:
-    """Return the first segmented variable, otherwise the input of which a curve covers most; empty
-    of a model without inputs.
+    """Return the first segmented variable, or the input of whose range a curve covers most; an
+    empty text for a model without inputs.
 
-    `ranges` are those of each curve. What is held, if not quite, covers little of its range over
-    all curves.
+    `ranges` are those of each curve. A quantity that is held nearly constant covers little of its
+    range over all curves.
     """
     pieces = model.pieces
     if pieces is not None and pieces.variables:

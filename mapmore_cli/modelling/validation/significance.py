@@ -1,6 +1,4 @@
-"""What a few independent numbers say of their mean: Student's t, and the permutation of their
-signs.
-"""
+"""Judge the mean of a few independent numbers, by Student's t and by permutation of their signs."""
 
 from __future__ import annotations
 
@@ -14,18 +12,18 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray
 
 LEAST_FOR_PERMUTATION, MOST_FOR_PERMUTATION = 6, 14
-"""With fewer numbers, no combination of signs is rarer than 1 in 20; with more, not all
+"""With fewer numbers, no combination of signs is rarer than 1 in 20. With more, not all
 combinations are tried.
 """
 
-# what lies at the bound to this part of it is within: the order in which folds are added up decides
-# nothing
+# a value beyond the bound by less than this fraction counts as within it, so that the order in
+# which folds are summed decides nothing
 ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
 class Mean:
-    """A mean with its interval, and p of the test that it is zero."""
+    """A mean with its interval, and the p-value of the hypothesis that it is zero."""
 
     value: float
     interval: tuple[float, float]
@@ -33,14 +31,15 @@ class Mean:
 
 
 def weighted_mean(x: Array, weights: Array, confidence: float) -> Mean:
-    """`m = sum(w x)/sum(w)` with the interval `m ± t(K - 1) s`, `s^2 = K/(K - 1) sum(w^2 (x -
-    m)^2)/sum(w)^2`.
+    """Return `m = sum(w x)/sum(w)` with the interval `m ± t(K - 1) s`, `s^2 = K/(K - 1) sum(w^2 (x
+    - m)^2)/sum(w)^2`.
 
-    With equal weights this is Student's interval. The scatter is taken from number to number,
-    whatever it comes from. Where one of them has nearly all the weight, it is a statement about
-    that one. Infinitely wide for a single number.
+    With equal weights, this is Student's interval. The scatter between the numbers is used,
+    whatever its cause. If one number has nearly all the weight, the result is a statement about
+    that number. The interval is infinite for a single number.
     """
-    from scipy.special import stdtr, stdtrit  # loading it takes a third of an up-to-date run
+    # imported here because loading it takes a third of a run that is up to date
+    from scipy.special import stdtr, stdtrit
 
     n, share = len(x), weights / weights.sum()
     mean = float(share @ x)
@@ -54,11 +53,11 @@ def weighted_mean(x: Array, weights: Array, confidence: float) -> Mean:
 
 
 def sign_permutation(x: Array) -> float | None:
-    """Share of all combinations of signs whose mean is at least as large by size as the one found;
-    None for too few numbers.
+    """Return the share of all combinations of signs whose mean has at least the magnitude of the
+    observed mean; None for too few numbers.
 
-    Where nothing changed, a change and its opposite are equally likely for every curve. Beyond 14
-    numbers, 16384 combinations are drawn with a fixed seed.
+    If nothing changed, a change and its opposite are equally likely for every curve. For more than
+    14 numbers, 16384 combinations are drawn with a fixed seed.
     """
     n = len(x)
     if n < LEAST_FOR_PERMUTATION:
@@ -72,25 +71,28 @@ def sign_permutation(x: Array) -> float | None:
 
 
 NOTHING, LOST = 1e-6, 1e6
-"""Of the range: a smaller error is rounding, or noise that no structure is about; a run that
-diverged has the larger one.
+"""Fractions of the range. An error below the first is rounding, or noise that has nothing to do
+with the structure; the second stands for a run that diverged.
 """
 
 WITHIN = (0.02, 0.18)
-"""Least and largest mean difference of logarithms that counts as within one standard error: 2 % and
-a fifth. What is held out differs by more than the least however much the folds agree, and with few
-folds a standard error alone allows much more than the largest."""
+"""Smallest and largest mean difference of logarithms that counts as within one standard error: 2 %
+and a fifth. Held-out data differ by more than the smallest however well the folds agree, and with
+few folds one standard error alone allows much more than the largest.
+"""
 
 PRICE = 0.05
-"""Of the logarithm of the number of parameters, where folds are stretches of recordings."""
+"""Price of a model's size if folds are stretches of recordings: factor of the logarithm of the
+number of parameters.
+"""
 
 
 @dataclass(frozen=True)
 class Ranked:
-    """Numbers of the model of the least error and of the one that is taken.
+    """Indices of the model with the smallest error and of the model that is chosen.
 
-    `excess` and `spread`, (s,) each: the mean (or median) over the folds of ln(a model's error /
-    that of the best), and the standard error of the mean.
+    `excess` and `spread`, (s,) each: the mean (or median) over the folds of ln(error of a model /
+    error of the best), and the standard error of the mean.
     """
 
     best: int
@@ -106,21 +108,20 @@ def simplest_of(
     eligible: BoolArray | None = None,
     median: bool = False,
 ) -> Ranked:
-    """Rank models of some `sizes` (s,) by their `errors` (s, f), fractions of a range, on the same
-    f folds, two at least.
+    """Rank models with numbers of parameters `sizes`, (s,), by their `errors`, (s, f), as fractions
+    of a range, on the same f folds. There must be at least two folds.
 
-    With `d_if = ln e_if - ln e_bf`, b the model of the least mean logarithm, and fold weights w
-    that add up to 1, model i is within one standard error where `m_i = sum_f w_f d_if <= s_i`, with
-    `s_i^2 = f/(f - 1) sum_f w_f^2 (d_if - m_i)^2`, and s_i at least and at most `WITHIN`; a single
-    fold says nothing of s_i, which is then the most. The smallest of these that no other dominates
-    is taken. The folds are compared one by one because some are harder for every model: the spread
-    of the errors themselves (the rule of Breiman et al. 1984, section 3.4.3) would mostly be that
-    of the folds.
+    Let `d_if = ln e_if - ln e_bf`, where b is the model with the smallest mean logarithm, and let
+    the fold weights w add up to 1. Model i is within one standard error if `m_i = sum_f w_f d_if <=
+    s_i`, with `s_i^2 = f/(f - 1) sum_f w_f^2 (d_if - m_i)^2`, and s_i limited by `WITHIN`; for a
+    single fold, s_i is the upper limit. The smallest of these models that no other dominates is
+    chosen. The folds are compared one by one because some are harder for every model: the spread of
+    the errors themselves (the rule of Breiman et al. 1984, section 3.4.3) would mostly show the
+    differences between folds.
 
-    - `eligible`: which models may be taken, (s,).
-    - `median`: the median over the folds plus `PRICE` ln(size) decides instead, and its least is
-      taken. A stretch of a recording may differ
-      from all others by far, and must not decide alone.
+    - `eligible`: True for the models that may be chosen, (s,).
+    - `median`: if True, the model with the smallest median over the folds plus `PRICE` ln(size) is
+      chosen. A stretch of a recording may differ much from all others, and must not decide alone.
 
     >>> errors = np.array([[0.3, 0.5, 0.4], [0.2, 0.401, 0.3], [0.2, 0.4, 0.301]])
     >>> ranked = simplest_of([1, 2, 8], errors)
@@ -136,7 +137,7 @@ def simplest_of(
         True if eligible is None else eligible, middle + PRICE * np.log(sized) * median, np.inf
     )
     order = np.lexsort((score, sized))
-    best = int(order[np.argmin(score[order])])  # of equals the simplest
+    best = int(order[np.argmin(score[order])])  # of equals, the simplest
     differences = logs - logs[best]
     mean = _total(differences * share)
     squares = _total((share * (differences - mean[:, None])) ** 2)
@@ -148,8 +149,8 @@ def simplest_of(
 
 
 def undominated(sizes: Array, scores: Array) -> BoolArray:
-    """Tell which models have no rival with at most as many parameters and a lower score, (s,); of
-    an infinite score none.
+    """Return True for models without a rival that has at most as many parameters and a lower score,
+    (s,); False for an infinite score.
 
     >>> undominated(np.array([3, 6, 6, 9]), np.array([2.0, 0.9, 1.0, 0.5])).tolist()
     [True, True, False, True]
@@ -159,13 +160,13 @@ def undominated(sizes: Array, scores: Array) -> BoolArray:
 
 
 def _total(values: Array) -> Array:
-    """Return the sums of the rows, to the digit the same in any order of the columns."""
+    """Return the sums of the rows, with the same digits for any order of the columns."""
     total: Array = np.sort(values, axis=1).sum(axis=1)
     return total
 
 
 def _median(values: Array, share: Array) -> float:
-    """Return the weighted median: where half of the weight lies below."""
+    """Return the weighted median, below which half of the weight lies."""
     order = np.argsort(values)
     weight = share[order]
     return float(np.interp(0.5, np.cumsum(weight) - weight / 2, values[order]))

@@ -35,7 +35,8 @@ drawn.
 """
 
 STRETCHES = 150
-"""A line of more than four samples a stretch of the axis is drawn as their means and their range.
+"""A line of more than four samples a stretch of the axis is drawn as their means and their
+range.
 """
 
 PALE = 0.15

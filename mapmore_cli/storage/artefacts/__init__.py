@@ -1,18 +1,18 @@
 """The result files of a run: one JSON document of everything but arrays, and a labelled dataset for
 each array.
 
-Every `write_*` makes a whole file or none (WriteError), with bytes that depend on the arguments
-only. Every `read_*` raises DataError, naming the file, for one that is missing, damaged, of another
-kind or of another major format, that holds what the format does not know, names or values that it
-does not allow, a model that cannot be evaluated, or other values than were written; `unverified`
-accepts the last, and `warn` is told of it, and of files without a checksum.
+Every `write_*` writes a whole file or none (WriteError), with bytes that depend only on the
+arguments. Every `read_*` raises DataError with the name of the file if it is missing, damaged, of
+another kind or another major format, if it holds unknown fields or invalid names or values, if its
+model cannot be evaluated, or if its values have been changed. `unverified` accepts changed values;
+`warn` is called for these, and for files without a checksum.
 
-`units` of `write_segmentation` and `write_fit` are those of `units_of(dataset)`: the types written
-there do not know them. A new major format is refused by older programs, a new minor only adds
-fields. Format 3.0 is the first that was released; in 3.1 rows of a segment that follow each other
-are two numbers; since 3.2 short arrays of all members of a list lie in one dataset, where up to 200
-members had a dataset each; since 3.3 a segment begins with the numbers of its chosen terms. A
-checksum takes arrays in the order in which the document first refers to them.
+`units` of `write_segmentation` and `write_fit` are those of `units_of(dataset)`: because the types
+written there do not contain them. Older programs refuse a new major format; a new minor format only
+adds fields. Format 3.0 is the first that was released. In 3.1, consecutive rows of a segment are
+stored as two numbers. Since 3.2, short arrays of all members of a list are in one dataset; before,
+up to 200 members had one dataset each. Since 3.3, a segment begins with the numbers of its chosen
+terms. A checksum includes the arrays in the order in which the document first refers to them.
 """
 
 from __future__ import annotations
@@ -75,12 +75,12 @@ _GIVE_OURS = "give a file out of a run folder, as runs/NAME/model.h5"
 _GET_ANOTHER = "get a fresh copy, or make it again with `mapmore run CONFIG`"
 
 _as_written: dict[tuple[int, ...], str] = {}
-"""Checksums of the files that this process wrote, or found to be as they were written, by their
-marks: of a long one, it is not computed again.
+"""Checksums of the files that this process wrote, or found to be unchanged, by their marks. The
+checksum of a long file is not computed again.
 """
 
 _latest: dict[tuple[int, ...], Any] = {}
-"""The records of the files that this process wrote or read last, by their marks."""
+"""Records of the files that this process wrote or read most recently, by their marks."""
 
 REMEMBERED = 6
 
@@ -92,9 +92,10 @@ NO_UNITS: Units = {}
 @dataclass(frozen=True)
 class FileKind(Generic[T]):
     """A kind of file: its name in the attribute `kind`, the stage that makes it, and the type of
-    what it holds.
+    its contents.
 
-    `fault` says why a record cannot be used, or None. `ratio` bounds what a file unpacks to.
+    `fault` returns why a record cannot be used, or None. `ratio` limits the size to which a file
+    may unpack.
     """
 
     name: str
@@ -106,10 +107,10 @@ class FileKind(Generic[T]):
     def write(
         self, path: Path, record: T, units: Units = NO_UNITS, provenance: Units = NO_UNITS
     ) -> None:
-        """Write `record`; `units` are those that it does not know itself. The bytes depend on the
-        arguments only.
+        """Write `record`; `units` holds the units that the record itself does not contain. The
+        bytes depend only on the arguments.
 
-        Raises WriteError where the disk is full.
+        Raises WriteError if the disk is full.
         """
         digest = hashlib.sha256()
         about = {"kind": self.name, "format_version": FORMAT_VERSION, "creator": "mapmore"}
@@ -117,7 +118,7 @@ class FileKind(Generic[T]):
             arrays: list[Waiting] = []
 
             def put(path: str, value: Numbers, *label: str) -> Reference:
-                value.setflags(write=False)  # a later stage may be given the record
+                value.setflags(write=False)  # a later stage may get the same record
                 arrays.append(Waiting({ARRAY: path}, value, label))
                 return arrays[-1].reference
 
@@ -131,16 +132,16 @@ class FileKind(Generic[T]):
             file.attrs.update(about | {CHECKSUM: digest.hexdigest()})
         mark = _mark(path)
         _as_written[mark] = digest.hexdigest()
-        # a reader's arrays are contiguous, on which the last digit of a sum may depend
+        # a reader's arrays are contiguous, and the last digit of a sum may depend on that
         if mark[-1] < ROOM and all(array.value.flags.c_contiguous for array in arrays):
             _keep(mark, record)
 
     def read(self, path: Path, warn: Warn = lambda _message: None, unverified: bool = False) -> T:
-        """Return the record in a file; `warn` is told where nothing says that it is as it was
-        written.
+        """Return the record in a file. `warn` is called if nothing proves that the file is
+        unchanged.
 
-        Raises DataError as the module says, for a checksum that does not match only where it may
-        not be `unverified`.
+        Raises the errors described in the module; for a wrong checksum only if the file may not be
+        `unverified`.
         """
         with _opened_file(path) as (file, kind, version):
             if kind != self.name:
@@ -162,8 +163,8 @@ class FileKind(Generic[T]):
         return record
 
     def latest(self, path: Path) -> T:
-        """Return the record in a file; the one in memory if this process wrote that file or read it
-        of late. Its arrays are read-only. Raises as `read`.
+        """Return the record in a file; the one in memory if this process wrote or read the file
+        recently. Its arrays are read-only. Raises the same errors as `read`.
         """
         mark = _mark(path) if path.is_file() else ()
         record: T = _latest.pop(mark) if mark in _latest else self.read(path)
@@ -171,13 +172,13 @@ class FileKind(Generic[T]):
         return record
 
     def _record(self, file: h5py.File, size: int, newer: bool) -> tuple[T, str]:
-        """Return what a file holds, and why its values may not be those that were written."""
+        """Return the contents of a file, and the reason why its values may have been changed."""
         look_over(file, size, self.ratio)
         digest, (text, document) = hashlib.sha256(), take_document(file)
         mark = _mark(Path(file.filename))
         known = size > LONG and mark in _as_written
         once: dict[int | None, str] = {}
-        # one map for all arrays: each keeps a file open
+        # one mapping for all arrays, because each mapping keeps a file open
         mapped = cache(lambda: np.memmap(file.filename, np.uint8, "r"))
 
         @cache
@@ -223,14 +224,16 @@ KINDS: tuple[FileKind[Any], ...] = (
 
 
 def kind_of(path: Path) -> str:
-    """`dataset`, `segmentation`, `fit`, `model` or `validation`; DataError for anything else."""
+    """Return the kind of a file: `dataset`, `segmentation`, `fit`, `model` or `validation`. Raises
+    DataError for anything else.
+    """
     with _opened_file(path) as (_, kind, _version):
         return kind
 
 
 def checksum_of(path: Path, anew: bool = False) -> str | None:
-    """Return the checksum of a file of ours that holds what was written, computed `anew` where this
-    process knows it; None of any other.
+    """Return the checksum of an unchanged result file; None for any other file. With `anew`, it is
+    computed again even if this process knows it.
     """
     mark = _mark(path)
     if anew:
@@ -249,41 +252,41 @@ read_model = MODEL_FILE.read
 
 
 def write_model(path: Path, model: Model, provenance: Units = NO_UNITS) -> None:
-    """Write a model that stands alone; `provenance` may hold texts of any length, as the resolved
-    spec.
+    """Write a model that needs no other file. `provenance` may hold texts of any length, for
+    example the resolved spec.
     """
     MODEL_FILE.write(path, model, provenance=provenance)
 
 
 def write_segmentation(path: Path, curves: tuple[SegmentedCurve, ...], *units: Units) -> None:
-    """Write where the training curves are cut: boundaries and row numbers, no samples."""
+    """Write the cuts of the training curves: boundaries and row numbers, no samples."""
     SEGMENTATION_FILE.write(path, SegmentationFile(tuple(curves)), *units)
 
 
 def read_segmentation(
     path: Path, warn: Warn = lambda _message: None, unverified: bool = False
 ) -> tuple[SegmentedCurve, ...]:
-    """Read where the training curves are cut."""
+    """Read the cuts of the training curves."""
     return SEGMENTATION_FILE.read(path, warn, unverified).curves
 
 
 def _keep(mark: tuple[int, ...], record: object) -> None:
-    """Keep a record in memory, and forget the oldest one of too many."""
+    """Keep a record in memory, and forget the oldest one if there are too many."""
     _latest[mark] = record
     while len(_latest) > REMEMBERED:
         del _latest[next(iter(_latest))]
 
 
 def _mark(path: Path) -> tuple[int, ...]:
-    """Return what changes where a file is replaced or written to."""
+    """Return a mark that changes if a file is replaced or written to."""
     state = path.stat()
     return state.st_dev, state.st_ino, state.st_mtime_ns, state.st_size
 
 
 @contextmanager
 def _opened_file(path: Path) -> Iterator[tuple[h5py.File, str, str]]:
-    """Open a file for reading, with its kind and version; what is invalid in it, and no file of
-    ours, is a DataError.
+    """Open a file for reading, and return it with its kind and version. Raises DataError for
+    invalid contents, and for a file that mapmore did not write.
     """
     if not path.is_file():
         what = "is a folder or a special file, not a file" if path.exists() else "no such file"

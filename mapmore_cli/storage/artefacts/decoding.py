@@ -1,4 +1,4 @@
-"""Records put together again from a document and its arrays, checked by their type hints."""
+"""Rebuild records from a document and its arrays, checked by their type hints."""
 
 from __future__ import annotations
 
@@ -31,25 +31,25 @@ from mapmore_cli.storage.artefacts.schema import (
 )
 
 Sizes = dict[str, int]
-"""Dimensions, and the lengths of those seen so far in an object."""
+"""Dimensions, with the lengths that have occurred so far in an object."""
 
 Take = Callable[[str, str, int], Numbers]
-"""Returns the array under a path, of a type and number of dimensions."""
+"""Function that returns the array at a path, with a type and a number of dimensions."""
 
 
 @dataclass(frozen=True)
 class Decoder:
-    """Puts a record together again; raises Invalid for what is not of its type.
+    """Decoder that rebuilds a record. Raises Invalid for a value that does not have its type.
 
-    Fields that the format does not know are passed over where `lenient`.
+    If `lenient`, unknown fields are ignored.
     """
 
     take: Take
     lenient: bool = False
 
     def value(self, node: object, hint: object, path: str, letters: Letters, sizes: Sizes) -> Any:
-        """Return the value of a type; `sizes` are lengths of dimensions seen so far in the
-        object.
+        """Return the value of a type; `sizes` holds the lengths of dimensions that have occurred so
+        far in the object.
         """
         own = taken_apart(hint)
         letters = own.letters or letters
@@ -127,7 +127,7 @@ class Decoder:
                 f"{path}/{name[:60]}",
                 "is missing" if name in known else "is not known to this format",
             )
-        # in the order of the document: the checksum takes arrays as they were written
+        # in the order of the document, because the checksum includes arrays in that order
         return type_(
             **{
                 name: self.value(field, known[name][0], f"{path}/{name}", (), sizes)
@@ -162,7 +162,7 @@ class Decoder:
                 raise Invalid(path, "is no reference to its array")
         values = stored.astype(number, copy=False)
         _compare_lengths(path, values.shape, letters, sizes)
-        values.setflags(write=False)  # several stages may be given the same
+        values.setflags(write=False)  # several stages may get the same array
         return values
 
 
@@ -180,7 +180,7 @@ def _plain_value(node: object, own: Hint, path: str) -> object:
 
 
 def _compare_lengths(path: str, shape: tuple[int, ...], letters: Letters, sizes: Sizes) -> None:
-    """Raise Invalid where a length is not that of others with the same letter."""
+    """Raise Invalid if a length differs from others with the same letter."""
     for length, letter in zip(shape, letters, strict=False):
         name = letter.removesuffix(" or 0")
         if (length or name == letter) and sizes.setdefault(name, length) != length:
@@ -188,7 +188,7 @@ def _compare_lengths(path: str, shape: tuple[int, ...], letters: Letters, sizes:
 
 
 def wrong_with(value: object, check: object) -> str:
-    """Return what is wrong with a value by a mark of its type; nothing where no mark says so."""
+    """Return what a mark of its type finds wrong with a value; an empty text if nothing."""
     if isinstance(check, Interval):
         low, high = (
             -math.inf if check.ge is None else check.ge,

@@ -1,9 +1,9 @@
-"""HDF5 files as mapmore writes and reads them: arrays by blocks, texts of a declared length, and
-what strangers put in.
+"""Write and read HDF5 files: arrays in blocks, texts of a declared length, and protection against
+hostile contents.
 
-HDF5 can point into other files of the computer, at one object a million times, or at gigabytes that
-take a kilobyte on the disk. The files of a run are plain trees of arrays, so whatever else is in a
-file is refused by name, before any value is read.
+HDF5 can refer to other files of the computer, to one object a million times, or to gigabytes that
+take a kilobyte on the disk. The files of a run are plain trees of arrays, so anything else in a
+file is refused by name before any value is read.
 """
 
 from __future__ import annotations
@@ -42,32 +42,35 @@ if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
 LONG, HUGE = 4096, 1 << 17
-"""Elements from which on an array is compressed, and from which on it is so no more. Shorter ones
-stay contiguous, so that any reader finds them at once; huge ones, so that they can be mapped, and
-because compressing them takes longer than all else."""
+"""Numbers of elements from which on an array is compressed, and from which on it no longer is.
+Shorter arrays are contiguous, so that any reader finds them at once. Huge arrays are not
+compressed, so that they can be mapped into memory, and because compressing would take longer than
+everything else.
+"""
 
 MOST_ATTRIBUTES, LONGEST_WORD = 100, 4096
-"""Attributes of one object, and bytes of one of the root."""
+"""Largest number of attributes of one object, and of bytes of an attribute of the root."""
 
 ROOM, RATIO = 64_000_000, 300
-"""Bytes that a file of any size may unpack to, and that one chunk may have; and beyond that, how
-many times its own size: columns that stand still shrink a thousandfold, recordings tenfold."""
+"""Bytes to which a file of any size, or a single chunk, may unpack; and beyond that, the largest
+ratio to its own size. Constant columns shrink a thousandfold, recordings tenfold.
+"""
 
 DOCUMENT = 32_000_000
-"""Bytes of the document, which takes twenty times as much in memory."""
+"""Largest number of bytes of the document, which takes twenty times as much in memory."""
 
 
 class Digest(Protocol):
-    """A checksum of what it takes in."""
+    """A checksum that is computed step by step."""
 
     def update(self, data: bytes | memoryview, /) -> None:
-        """Take in the bytes."""
+        """Add bytes to the checksum."""
 
 
 def put_array(
     file: h5py.File, path: str, value: Numbers, digest: Digest, description: str, unit: str
 ) -> None:
-    """Store an array under a path, and take it into a checksum; a huge one by blocks."""
+    """Store an array at a path and add it to a checksum; a huge array in blocks."""
     dtype = TYPES[value.dtype.type]
     packed = {"compression": "gzip", "shuffle": True} if LONG <= value.size < HUGE else {}
     dataset = file.create_dataset(path, value.shape, dtype, track_times=False, **packed)
@@ -81,7 +84,7 @@ def put_array(
 
 
 class Waiting(NamedTuple):
-    """An array that is to be stored, and how the document refers to it."""
+    """An array that is still to be stored, and the reference to it in the document."""
 
     reference: Reference
     value: Numbers
@@ -89,11 +92,12 @@ class Waiting(NamedTuple):
 
 
 def put_arrays(file: h5py.File, arrays: Sequence[Waiting], digest: Digest) -> None:
-    """Store arrays, and take them into a checksum. A long one that is there twice, as a column of a
-    recording and of its curve, is stored once and linked.
+    """Store arrays and add them to a checksum. A long array that occurs twice, for example as a
+    column of a recording and of its curve, is stored once and linked.
 
-    Short ones of the members of lists share a dataset, since one for each would take longer than
-    all else; their references are changed. One of another type or unit than the first has its own.
+    Short arrays of the members of lists share a dataset, because a separate one for each would take
+    longer than everything else; their references are changed. An array whose type or unit differs
+    from the first gets its own dataset.
     """
     datasets: dict[str, list[Waiting]] = {}
     once: dict[tuple[int, str], str] = {}
@@ -124,7 +128,7 @@ def put_arrays(file: h5py.File, arrays: Sequence[Waiting], digest: Digest) -> No
 
 
 def put_text(file: h5py.File, path: str, text: str, description: str) -> None:
-    """Store a text of any length; the file declares how long it is."""
+    """Store a text of any length, which the file declares."""
     data = text.replace("\0", "").encode()
     kind = h5py.string_dtype("utf-8", max(1, len(data)))
     dataset = file.create_dataset(path, data=np.array(data, dtype=kind), track_times=False)
@@ -132,25 +136,25 @@ def put_text(file: h5py.File, path: str, text: str, description: str) -> None:
 
 
 def head_of_array(path: str, value: Numbers, dtype: str) -> bytes:
-    """Return what a checksum takes in before the values of an array."""
+    """Return the bytes that a checksum includes before the values of an array."""
     return f"{path} {dtype} {value.shape}\n".encode()
 
 
 def add_to_hash(digest: Digest, path: str, value: Numbers, dtype: str) -> None:
-    """Take in an array, after its path, type and shape."""
+    """Add an array to a checksum, after its path, type and shape."""
     digest.update(head_of_array(path, value, dtype))
     for (block,) in in_blocks(np.atleast_1d(value), rows=WIDE):
         digest.update(np.ascontiguousarray(block, dtype=dtype).data)
 
 
 def as_link(path: str, other: str) -> bytes:
-    """Return what a checksum takes in of an array that is the same as another one."""
+    """Return the bytes that a checksum includes for an array that is linked to another one."""
     return f"{path} = {other}\n".encode()
 
 
 def address_of(file: h5py.File, path: str) -> int | None:
-    """Return where in its file an object lies: two links to one object lead to one place; None
-    where there is none.
+    """Return the address of an object in its file, which is the same for two links to one object;
+    None if there is no object.
     """
     with stored_at(path):
         return h5o.get_info(file[path].id).addr if path in file else None
@@ -174,8 +178,8 @@ def take_array(
 
 
 def root_text(file: h5py.File, name: str) -> str | None:
-    """Return an attribute of the root that is one short text; None where it is absent or
-    another.
+    """Return an attribute of the root that is a short text; None if it is missing or has another
+    type.
     """
     with stored_at(""):
         if name not in file.attrs:
@@ -188,7 +192,9 @@ def root_text(file: h5py.File, name: str) -> str | None:
 
 
 def take_document(file: h5py.File) -> tuple[str, Any]:
-    """Return the document as text and as values. Raises Invalid for one that is no plain JSON."""
+    """Return the document as text and as values. Raises Invalid for a document that is no plain
+    JSON.
+    """
     where = "document"
     with stored_at(where):
         found = file.get(where)
@@ -215,13 +221,13 @@ def _without_repeated_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def look_over(file: h5py.File, size: int, ratio: int = RATIO) -> None:
-    """Raise Invalid for a file that is no plain tree of numbers and texts, or that unpacks to far
-    more than its `size` in bytes.
+    """Raise Invalid for a file that is not a plain tree of numbers and texts, or that unpacks to
+    far more than its `size` in bytes.
 
-    Refused are links of all kinds but one hard link to every object, two to a dataset, data in
-    other files (external storage, virtual datasets), filters other than gzip and byte shuffle,
-    types other than numbers and texts of a declared length, attributes that are more than a few
-    numbers or one text, and groups too deep.
+    Refused are links of all kinds, except one hard link to every object and two to a dataset; data
+    in other files (external storage, virtual datasets); filters other than gzip and byte shuffle;
+    types other than numbers and texts of a declared length; attributes that are more than a few
+    numbers or one text; and groups that are nested too deeply.
     """
     most = room = ROOM + ratio * size
     links: list[tuple[bytes, int]] = []
@@ -252,7 +258,9 @@ def look_over(file: h5py.File, size: int, ratio: int = RATIO) -> None:
 
 
 def _check_attributes(found: h5g.GroupID | h5d.DatasetID, where: str) -> None:
-    """Raise Invalid for attributes that are more than a few numbers or one text; none is read."""
+    """Raise Invalid for attributes that are more than a few numbers or one text, without reading
+    any.
+    """
     with stored_at(where):
         count = h5a.get_num_attrs(found)
         if count > MOST_ATTRIBUTES:
@@ -273,7 +281,9 @@ def _check_attributes(found: h5g.GroupID | h5d.DatasetID, where: str) -> None:
 
 
 def _bytes_of(dataset: h5d.DatasetID, where: str) -> int:
-    """Bytes of the values of a dataset; Invalid where they do not lie plainly in this file."""
+    """Return the number of bytes of a dataset's values. Raises Invalid if they are not stored
+    plainly in this file.
+    """
     with stored_at(where):
         plist, kind = dataset.get_create_plist(), dataset.get_type()
         layout, width, shape = plist.get_layout(), int(kind.get_size()), dataset.shape
@@ -296,8 +306,8 @@ def _bytes_of(dataset: h5d.DatasetID, where: str) -> int:
 
 @contextmanager
 def interrupted_later() -> Iterator[None]:
-    """Let Ctrl-C wait: what is raised while HDF5 calls back is lost, and the program goes on as if
-    nobody had asked it to end.
+    """Delay Ctrl-C within the context. An exception that is raised while HDF5 calls back would be
+    lost, and the program would continue.
     """
     if threading.current_thread() is not threading.main_thread() or not callable(
         signal.getsignal(signal.SIGINT)
@@ -315,17 +325,17 @@ def interrupted_later() -> Iterator[None]:
 
 
 class SteadyFile(FileIO):
-    """A file, as HDF5 wants it, in which no write fails: the first `fault` is kept, and what comes
-    after it goes nowhere.
+    """A file for HDF5 in which no write fails: the first `fault` is kept, and later writes are
+    discarded.
 
-    HDF5 cannot close a file that it could not write: it crashes at the exit of the program. So it
-    never learns of the fault; the caller looks for it when the file is closed.
+    HDF5 cannot close a file that it could not write, and crashes when the program exits. So HDF5
+    never learns of the fault, and the caller checks for it after the file is closed.
     """
 
     fault: OSError | None = None
 
     def write(self, data: ReadableBuffer) -> int:
-        """Write, or do as if."""
+        """Write, or pretend to after a fault."""
         rest = memoryview(data)
         size = rest.nbytes
         while len(rest) and self.fault is None:
@@ -336,7 +346,7 @@ class SteadyFile(FileIO):
         return size
 
     def truncate(self, size: int | None = None) -> int:
-        """Set the length, or do as if."""
+        """Set the length, or pretend to after a fault."""
         try:
             return super().truncate(size) if self.fault is None else size or 0
         except OSError as fault:
@@ -346,9 +356,10 @@ class SteadyFile(FileIO):
 
 @contextmanager
 def steady(handle: int) -> Iterator[h5py.File]:
-    """Open a file of the system for writing; raises OSError at the end where the disk was full.
+    """Open a file handle for writing. Raises OSError at the end if the disk was full.
 
-    Settled versions and no times: two writes give the same bytes, and old readers understand them.
+    The versions of the format are fixed and times are left out, so that equal contents give equal
+    bytes, and old readers understand them.
     """
     raw = SteadyFile(handle, "r+b", closefd=False)
     try:

@@ -1,4 +1,4 @@
-"""The reference of what is in result files, for docs/file-format.md."""
+"""Make the reference of the contents of result files, for docs/file-format.md."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from mapmore_cli.storage.artefacts.schema import (
 )
 
 WORDS = {str: "text", Literal: "text", types.NoneType: "null", range: "[int, int]"}
-"""What the reference calls types."""
+"""Names of types in the reference."""
 
 
 def described() -> str:
@@ -31,7 +31,7 @@ def described() -> str:
     sections: dict[str, str] = {}
 
     def form(hint: object) -> str:
-        """Return what a type is called; the sections of the types in it are written first."""
+        """Return the name of a type; the sections of the types inside it are written first."""
         own = taken_apart(hint)
         if own.kind is np.ndarray:
             return f"`{own.inner[0].__name__}[{',' * (len(own.letters) - 1)}]`"

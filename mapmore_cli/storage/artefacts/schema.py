@@ -1,14 +1,14 @@
-"""A stored type is a dataclass: its type hints say how it is written, read, checked and described.
+"""Use the type hints of a dataclass to write, read, check and describe it in files.
 
 The first text in the `Annotated` of a field is its description, the second its unit; other marks
 check its value when a file is read (`domain.declared`). Letters in brackets before a description
-name dimensions: all that is called `(k)` in an object, and in the objects inside of it, has one
-length; `(k, M)` is a table, and `(k or 0)` may also be empty. A default is what files without the
-field are read as, and is not written.
+name dimensions: all arrays with the dimension `(k)` in an object, and in the objects inside it,
+have the same length. `(k, M)` is a table, and `(k or 0)` may also be empty. A default is the value
+of a field that a file lacks; it is not written.
 
 Units in brackets name the quantity whose unit applies: `[target]` is the modelled quantity,
-`[variables.0]` the first segmented variable, `[*]` the quantity that a part is named after. The
-unit of an object is that of what it models.
+`[variables.0]` the first segmented variable, `[*]` the quantity whose name a part has. The unit of
+an object is that of the quantity that it models.
 """
 
 from __future__ import annotations
@@ -35,35 +35,35 @@ from mapmore_cli.domain.results import Validation
 from mapmore_cli.modelling.kinds import kinds
 
 ARRAY, FROM, SHAPE = "array", "from", "shape"
-"""The keys of a reference to a dataset, or to a part of one that many members share."""
+"""Keys of a reference to a dataset, or to a part of a dataset that many members share."""
 
 TYPES = {np.float64: "<f8", np.int64: "<i8", np.bool_: "|u1"}
-"""Types of arrays in a file; flags are not HDF5's enumeration, which MATLAB reads as text."""
+"""Types of arrays in a file. Truth values are bytes, because MATLAB reads HDF5's enumeration as
+text.
+"""
 
 DEEPEST = 60
-"""Fields within fields: ten sums of sums."""
+"""Largest depth of nested fields; it allows ten sums of sums."""
 
 NO_UNIT = "-"
 Letters = tuple[str, ...]
 Units = Mapping[str, str]
-"""Units by the names of quantities."""
+"""Units by the name of the quantity."""
 
 Numbers = np.ndarray[Any, np.dtype[Any]]
 """An array of one of the `TYPES`."""
 
 Reference = dict[str, Any]
-"""How the document refers to an array."""
+"""Reference to an array in the document."""
 
 Put = Callable[[str, Numbers, str, str], Reference]
-"""Stores an array under its path, with its description and unit; returns how the document refers to
-it.
+"""Function that stores an array at its path, with its description and unit, and returns the
+reference to it.
 """
 
 
 class Invalid(Exception):
-    """A file is not what the format says: `where` is the path inside of it, `what` is wrong
-    there.
-    """
+    """A file does not have the right format: `where` is the path inside it, `what` the fault."""
 
     def __init__(self, where: str, what: str) -> None:
         super().__init__(f"{where.lstrip('/') or 'the root'}, {what}")
@@ -71,7 +71,7 @@ class Invalid(Exception):
 
 @contextmanager
 def stored_at(where: str) -> Iterator[None]:
-    """Turn what h5py raises while it reads into Invalid. Only calls of h5py stand in the block."""
+    """Convert errors of h5py while it reads into Invalid. The block contains only calls of h5py."""
     try:
         yield
     except (OSError, KeyError, ValueError, TypeError, RuntimeError) as fault:
@@ -81,7 +81,7 @@ def stored_at(where: str) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class SegmentationFile:
-    """Where every training curve is cut."""
+    """Cuts of all training curves."""
 
     curves: Annotated[tuple[SegmentedCurve, ...], "training curves"]
 
@@ -90,11 +90,11 @@ class SegmentationFile:
 
 
 class Hint(NamedTuple):
-    """A type hint taken apart.
+    """A type hint split into its parts.
 
-    - `kind`: the type, without what stands in its brackets; Union where there are several.
-    - `inner`: what stands in its brackets; of an array, the type of its numbers.
-    - `checks`, `letters`, `description`, `unit`: what was marked.
+    - `kind`: the type without its brackets; Union for several types.
+    - `inner`: the contents of the brackets; for an array, the type of its numbers.
+    - `checks`, `letters`, `description`, `unit`: the marks of the hint.
     """
 
     kind: Any
@@ -107,7 +107,9 @@ class Hint(NamedTuple):
 
 @cache
 def taken_apart(hint: Any) -> Hint:
-    """Return a hint without annotations and aliases (NumPy has `NDArray` as one from 2.5 on)."""
+    """Return a hint split into parts, without annotations and aliases. (From NumPy 2.5 on,
+    `NDArray` is an alias.)
+    """
     marks: list[Any] = []
     while (alias := get_origin(hint) or hint) is Annotated or hasattr(alias, "__value__"):
         if alias is Annotated:
@@ -124,7 +126,7 @@ def taken_apart(hint: Any) -> Hint:
 
 @cache
 def stored_fields(type_: Any) -> dict[str, tuple[Any, Any]]:
-    """Return hint and default of every stored field, by name."""
+    """Return the hint and the default of every stored field, by name."""
     hints, found = get_type_hints(type_, include_extras=True), {}
     for field in fields(type_):
         if field.metadata.get("stored", True):
@@ -135,7 +137,7 @@ def stored_fields(type_: Any) -> dict[str, tuple[Any, Any]]:
 
 @cache
 def bodies(kind: object) -> dict[str, type]:
-    """Return what a model consists of (`Body`), or what was fitted (`Fit`), by its kind."""
+    """Return the types of models (`Body`) or of fits (`Fit`), by kind."""
     if kind not in (Body, Fit):
         return {}
     return {
@@ -146,22 +148,22 @@ def bodies(kind: object) -> dict[str, type]:
 
 
 def step_to(key: object, place: int) -> str:
-    """Return how a member is called in paths: its name, or its number where a name cannot be
-    one.
+    """Return the name of a member in paths: its name, or its number if the name cannot be part of a
+    path.
     """
     name = str(key)
     return name if re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name) else f"{place:03d}"
 
 
 def shared_path(path: str) -> str:
-    """Return where the arrays of all members of lists lie one after the other: `all` in place of
-    the number of each. Further outputs (`others`) have units of their own.
+    """Return the common path of the arrays of all members of lists, with `all` instead of their
+    numbers. Further outputs (`others`) have their own units.
     """
     return re.sub(r"(?<!/others)/\d{3,}(?=/|$)", "/all", path)
 
 
 def hints_of_members(own: Hint, count: int) -> Sequence[Any]:
-    """Return the hints of so many members of a mapping or a tuple."""
+    """Return the hints of the members of a mapping or a tuple of this length."""
     each = own.inner[own.kind is Mapping]
     return (
         [each] * count
@@ -174,7 +176,7 @@ def hints_of_members(own: Hint, count: int) -> Sequence[Any]:
 
 
 def units_of(record: object) -> Units:
-    """Return the units that an object knows, by the names that stand in brackets."""
+    """Return the units that an object contains, by the names that can stand in brackets."""
     match record:
         case Dataset():
             units = {name: quantity.unit for name, quantity in record.quantities.items()}
@@ -193,8 +195,8 @@ def units_of(record: object) -> Units:
 
 
 def resolved(unit: str, units: Units) -> str:
-    """Return the unit with every known `[name]` replaced; a compound one in brackets before a
-    power.
+    """Return the unit with every known `[name]` replaced; a compound unit is put in brackets before
+    a power.
     """
 
     def known(match: re.Match[str]) -> str:
@@ -213,9 +215,9 @@ def encoded(
     path: str = "",
     outer: tuple[str, str] = ("", ""),
 ) -> object:
-    """Return a value as JSON has it; its arrays are `put` under their paths.
+    """Return a value in the form of JSON; its arrays are stored at their paths by `put`.
 
-    `outer` are description and unit of the field that it is a part of.
+    `outer` holds the description and unit of the field to which the value belongs.
     """
     if value is None or isinstance(value, bool | int | float | str):
         return _scalar(value)
@@ -258,7 +260,7 @@ def encoded(
 
 
 def _same(value: object, default: object) -> bool:
-    """Whether a value is the default; NaN is the same as NaN."""
+    """Return True if a value is the default; NaN equals NaN."""
     return not isinstance(value, np.ndarray) and bool(
         value == default or (value != value and default != default)
     )

@@ -1,9 +1,9 @@
-"""Readers of recordings, one file each: whoever puts a file with a `READER` into this folder has
-added a format.
+"""Read recordings, with one file for each format. A file with a `READER` in this folder adds a
+format.
 
-The words of `data.reader`, the keys that each has a use for, the suffixes that ids of recordings
-leave out, and what `init` does with a file all follow from that declaration (`Reader`). Libraries
-that only one format needs are imported when it is read.
+The values of `data.reader`, the keys that each reader uses, the suffixes that ids of recordings
+leave out, and what `init` does with a file are all taken from that declaration (`Reader`). A
+library that only one format needs is imported when such a file is read.
 """
 
 from __future__ import annotations
@@ -22,19 +22,17 @@ __all__ = ["READERS", "RawTable", "Reader", "TableRequest", "reader_of", "suffix
 READERS: Mapping[str, Reader] = {
     part.name: gated(part.value) for part in sorted(plugins.parts("readers", Reader, __name__))
 }
-"""Every reader by its name, in the order of the alphabet."""
+"""All readers by name, in alphabetical order."""
 
 
 def suffix_of(path: Path) -> str:
-    """Return the suffix that tells the format, in lower case: `.csv` of `a.csv.gz`."""
+    """Return the suffix that indicates the format, in lower case: `.csv` for `a.csv.gz`."""
     return Path(name_of_packed(path.name.casefold())).suffix
 
 
 def reader_of(path: Path) -> Reader | None:
-    """Return the reader for files that begin like this one, or that have such a name; None where no
-    reader claims it.
-    """
-    begin = head_of(path) if path.is_file() else b""  # what a pipe gives is not given twice
+    """Return the reader for files with this beginning or this name; None if no reader claims it."""
+    begin = head_of(path) if path.is_file() else b""  # a pipe can be read only once
     begun = (one for one in READERS.values() if one.begins and begin.startswith(one.begins))
     named = (one for one in READERS.values() if suffix_of(path) in one.suffixes)
     return next(chain(begun, named), None)

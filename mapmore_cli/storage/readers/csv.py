@@ -1,4 +1,4 @@
-"""Delimited text, plain or packed, in the dialects that loggers write."""
+"""Read delimited text, plain or compressed, in the dialects that loggers write."""
 
 from __future__ import annotations
 
@@ -45,19 +45,20 @@ DELIMITERS = {"tab": "\t"}
 MARKS = {";": "a semicolon", "\t": "a tab"}
 
 _WORDS = re.compile(r"[\s\"']*[^\W\d_]|[\s\"']*[#\[({]")
-"""How a line of words begins."""
+"""Beginning of a line of words."""
 
 Numbered = tuple[int, list[str]]
-"""Line number in the file, and the fields of the record that ends there."""
+"""The number of a record's last line in the file, and the fields of the record."""
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Layout of a text table, as its header and the request define it.
+    """Layout of a text table, from its header and the request.
 
-    - `request`, `delimiter`: how the file is read; None for any run of blanks.
-    - `width`: the number of fields in a record.
-    - `wanted`: the columns; what their readers know of the stamps goes from block to block.
+    - `request`, `delimiter`: how the file is read; the delimiter None means any run of blanks.
+    - `width`: number of fields in a record.
+    - `wanted`: the columns; their readers keep what they know about time stamps from block to
+      block.
     """
 
     request: TableRequest
@@ -69,9 +70,9 @@ class Layout:
 def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
     """Read the wanted columns of a text file.
 
-    Packing (gzip, bzip2, xz) is recognised by content, not by name; lines end in LF, CR LF or CR.
-    Blank lines are skipped (they count as header lines and as skipped rows); an empty field is NaN.
-    Fields beyond the last column may only be blank.
+    Compression (gzip, bzip2, xz) is recognised by content, not by name. Lines end with LF, CR LF or
+    CR. Blank lines are skipped (they count as header lines and as skipped rows); an empty field is
+    NaN. Fields beyond the last column may only be blank.
 
     Raises
     ------
@@ -122,7 +123,7 @@ def _parse(lines: Lines, raw: BufferedReader, request: TableRequest) -> RawTable
 
 
 def _records_of(lines: Lines, request: TableRequest) -> tuple[Iterator[Numbered], str | None]:
-    """Return the records below the rows to skip, and the delimiter; None for blanks."""
+    """Return the records after the skipped rows, and the delimiter; None for runs of blanks."""
     deque(islice(lines, request.skip_rows), maxlen=0)
     delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
     split_at = None if delimiter == WHITESPACE else delimiter
@@ -132,8 +133,8 @@ def _records_of(lines: Lines, request: TableRequest) -> tuple[Iterator[Numbered]
 def _begin(
     lines: Lines, request: TableRequest
 ) -> tuple[Layout, list[Numbered], Iterator[Numbered]]:
-    """Return what the header says, the first record where that is no header, and the records that
-    follow.
+    """Return the layout from the header, the first record if that is no header, and the following
+    records.
     """
     records, split_at = _records_of(lines, request)
     first = next((record for record in records if record[1]), None)
@@ -145,8 +146,8 @@ def _begin(
 
 
 def _refuse_thousands(path: Path, table: RawTable, request: TableRequest) -> None:
-    """Raise NotANumber where a decimal point stands between thousands. The file is read again if
-    the numbers allow it.
+    """Raise NotANumber if a decimal point separates thousands. If the numbers could be meant so,
+    the file is read again.
     """
     for number, values in enumerate(table.columns.values()):
         if request.thousands is None and may_be_grouped(values):
@@ -162,7 +163,7 @@ def _refuse_thousands(path: Path, table: RawTable, request: TableRequest) -> Non
 def _parse_table(
     records: Iterable[Numbered], delimiter: str | None, request: TableRequest
 ) -> RawTable:
-    """Return one of the tables that stand below each other."""
+    """Return one of several tables that stand below each other."""
     is_number = partial(holds_number, decimal=request.decimal)
     found = chosen_table((one for one in records if one[1]), request, is_number)
     layout = _layout([*(found.header or found.rows)[0][1]], request, delimiter)
@@ -172,8 +173,8 @@ def _parse_table(
 
 
 def below_csv(path: Path, request: TableRequest) -> list[Below]:
-    """Return the tables that stand below each other in a text; none where no line of words, and no
-    blank line, stands below numbers.
+    """Return the tables that stand below each other in a text; empty if neither a line of words nor
+    a blank line follows numbers.
     """
     with reading(request.label, "text file", UNREADABLE):
         with open_lines(path, request.encoding, request.label, errors="replace") as (lines, _):
@@ -191,7 +192,7 @@ def below_csv(path: Path, request: TableRequest) -> list[Below]:
 
 
 def _records(lines: Lines, delimiter: str | None, request: TableRequest) -> Iterator[Numbered]:
-    """Yield the records of lines; blank lines and comments are records without fields."""
+    """Yield the records of lines. Blank lines and comments are records without fields."""
     mark = request.comment
     kept = (
         lines
@@ -217,8 +218,8 @@ def _layout(first: Sequence[str], request: TableRequest, delimiter: str | None) 
 def _blocks_of(
     lines: Lines, layout: Layout, raw: BufferedReader, last: deque[bytes]
 ) -> Iterator[list[Any]]:
-    """Yield numbers and values of the lines that are left, (n,) each, block by block; `last` gets
-    the last blocks of text.
+    """Yield the line numbers and values of the remaining lines, (n,) each, block by block. `last`
+    collects the last blocks of text.
     """
     while block := lines.block():
         last.append(block)
@@ -245,25 +246,25 @@ def _blocks_of(
 
 
 def values_of_text(text: bytes, layout: Layout) -> list[Array]:
-    """Return the wanted columns, (n,) each, of text in UTF-8 where every line is one record of full
-    width that has only plain numbers and empty fields there; else none.
+    """Return the wanted columns, (n,) each, of UTF-8 text in which every line is one record of full
+    width and the wanted fields are plain numbers or empty; otherwise an empty list.
 
-    PyArrow reads them in a thirtieth of the time of `values_of_records`, and gives the same doubles
-    to the last bit. It takes blank lines for records and `nan(ind)` for a number, so that lines
-    without any number, and NaN that no empty field explains, are left to the other; so are comments
-    and NUL, which may stand in columns that nobody wants.
+    PyArrow needs a thirtieth of the time of `values_of_records`, and returns exactly the same
+    doubles. It takes blank lines for records and `nan(ind)` for a number, so texts with lines
+    without any number, or with NaN that no empty field explains, are left to the other function. So
+    are comments and NUL characters, which may stand in unused columns.
     """
     request, mark = layout.request, (layout.delimiter or "\t").encode()
     if (
         b"\0" in text
-        or request.decimal == layout.delimiter  # in numbers that are quoted
+        or request.decimal == layout.delimiter  # in quoted numbers
         or (request.comment is not None and request.comment.encode() in text)
         or any(
             read.clock and (read.format or read.form not in ("", NUMBER))
             for _, _, read in layout.wanted
         )
         or (request.thousands is not None and request.thousands.encode() in text)
-        or text.startswith(BOM_UTF8)  # which PyArrow skips
+        or text.startswith(BOM_UTF8)  # PyArrow skips it
     ):
         return []
     if layout.delimiter is None:
@@ -283,8 +284,8 @@ def values_of_text(text: bytes, layout: Layout) -> list[Array]:
 
 
 def _numbers_in(column: Any) -> Array:
-    """Return the numbers of a column as PyArrow holds them, NaN for a null. Its own `to_numpy`
-    imports pandas where that is installed, which takes longer than to read a small file.
+    """Return the numbers of a PyArrow column, NaN for a null. Its own `to_numpy` imports pandas if
+    that is installed, which takes longer than reading a small file.
     """
     (chunk,) = column.chunks
     valid, data = chunk.buffers()
@@ -296,7 +297,7 @@ def _numbers_in(column: Any) -> Array:
 
 
 def _parsed_columns(text: bytes, delimiter: str, layout: Layout) -> list[Any]:
-    """Return the wanted columns as PyArrow parses them; none where it refuses the text."""
+    """Return the wanted columns as PyArrow parses them; an empty list if it refuses the text."""
     import pyarrow
     from pyarrow import csv as arrow
 
@@ -323,11 +324,11 @@ def _parsed_columns(text: bytes, delimiter: str, layout: Layout) -> list[Any]:
 
 
 def values_of_records(records: Sequence[Numbered], layout: Layout) -> list[Any]:
-    """Return line numbers and wanted columns of records without blank ones, (n,) each; an empty
+    """Return line numbers and wanted columns, (n,) each, of records without blank ones; an empty
     field is NaN.
 
-    Raises DataError for a record with too few or too many fields; a field that is not a number;
-    with row and column.
+    Raises DataError with row and column for a record with too few or too many fields, and for a
+    field that is not a number.
     """
     rows = ((row, _of_width(row, record, layout)) for row, record in records)
     label = layout.request.label
@@ -336,15 +337,16 @@ def values_of_records(records: Sequence[Numbered], layout: Layout) -> list[Any]:
 
 
 def _of_width(row: int, record: list[str], layout: Layout) -> list[str]:
-    """Return the record with as many fields as the first: blank ones at its end do not count, and
-    those that a short one lacks may be missing.
+    """Return the record with as many fields as the first. Blank fields at its end are ignored, and
+    the missing fields of a short record may be missing values.
     """
     width, request = layout.width, layout.request
     has_nul = any("\0" in cell for cell in record)
     if len(record) >= width and not has_nul and not any(map(str.strip, record[width:])):
         return record[:width]
     if request.incomplete:
-        # a closing remark, half a record, or two run into one: no field of it can be trusted
+        # a closing remark, half a record, or two records run into one: no field of it can be
+        # trusted
         return [""] * width
     if has_nul:
         raise DataError(
@@ -362,8 +364,8 @@ def _of_width(row: int, record: list[str], layout: Layout) -> list[str]:
 
 
 def line_hint(record: Sequence[str]) -> str | None:
-    """Return a remedy where a line looks like a comment, or as if something else separated its
-    fields.
+    """Return a remedy for a line that looks like a comment, or whose fields seem to have another
+    separator.
     """
     found = re.match(r"#|%|//|!|\*|;(?!\s*[-+.\d])", record[0].strip() if record else "")
     if found is None:
@@ -372,7 +374,7 @@ def line_hint(record: Sequence[str]) -> str | None:
 
 
 def separator_hint(record: Sequence[str]) -> str | None:
-    """Return a remedy where the fields look as if something else separated them."""
+    """Return a remedy if the fields seem to have another separator."""
     for mark, name in MARKS.items():
         if any(mark in cell for cell in record):
             word = "tab" if mark == "\t" else f'"{mark}"'
@@ -384,7 +386,9 @@ def separator_hint(record: Sequence[str]) -> str | None:
 
 
 def _open_end(end: bytes, layout: Layout) -> OpenEnd | None:
-    """Return the cells of the last lines in the last blocks of a text that has no line end."""
+    """Return the cells of the last lines, from the last blocks of a text without a final line
+    end.
+    """
     if not end or end.endswith((b"\n", b"\r")):
         return None
     lines = re.split("[\r\n]+", end.decode())[-LAST_LINES:]
@@ -396,8 +400,8 @@ def _open_end(end: bytes, layout: Layout) -> OpenEnd | None:
 
 
 def peek_csv(path: Path, most: int) -> Iterable[Top]:
-    """Return the first lines of a text file, cut in every way that is usual; those with decimal
-    points first.
+    """Return the first lines of a text file, cut in all usual ways; those with decimal points come
+    first.
     """
     with reading(path.name, "text file", UNREADABLE):
         encoding = guess_encoding(path)
@@ -420,7 +424,7 @@ def peek_csv(path: Path, most: int) -> Iterable[Top]:
 
 
 def _cut_lines(lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
-    """Lines cut at the delimiter, at any run of blanks where it is None; blank lines have no
+    """Return lines cut at the delimiter, or at runs of blanks for None. Blank lines have no
     fields.
     """
     try:
@@ -429,7 +433,7 @@ def _cut_lines(lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
             if delimiter is None
             else list(csv.reader(lines, delimiter=delimiter))
         )
-    except csv.Error:  # quotes that never close
+    except csv.Error:  # quotes that are never closed
         return []
 
 

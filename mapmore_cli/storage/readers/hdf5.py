@@ -1,5 +1,5 @@
-"""HDF5 and netCDF-4 files, and those that MATLAB wrote: groups, datasets, and fields of compound
-datasets, as `group/dataset[:,0]`.
+"""Read HDF5 and netCDF-4 files, and those that MATLAB wrote: groups, datasets, and fields of
+compound datasets, addressed like `group/dataset[:,0]`.
 
 `root: "group[*]"` takes the members of a group in natural order (run_2 before run_10). Only the
 wanted columns are read.
@@ -49,9 +49,9 @@ if TYPE_CHECKING:
 def opened_hdf5(
     path: Path, label: str, _request: TableRequest | None = None, kind: str = "HDF5 file"
 ) -> Iterator[Member]:
-    """Open an HDF5 file; one that MATLAB wrote is read as the MAT file that it is.
+    """Open an HDF5 file; a file that MATLAB wrote is read as a MAT file.
 
-    Raises DataError for no HDF5 file, a damaged one, and one that points into other files.
+    Raises DataError for a file that is no HDF5 file, is damaged, or refers to other files.
     """
     import h5py
 
@@ -105,19 +105,17 @@ def _below(group: h5py.Group, name: str) -> Member:
     return _member(node)
 
 
-# bytes of an attribute that is read, and of what leads to a text of any length
+# bytes of an attribute that is read, and of a reference to a text of any length
 LONGEST, REFERENCE = 4096, 16
 UNIT = ("units", "unit", "Units", "Unit")
 UNSIGNED, MISSING = "_Unsigned", ("_FillValue", "missing_value")
 LIMITS = ("valid_range", "valid_min", "valid_max")
 PACKING = ("scale_factor", "add_offset", *LIMITS, UNSIGNED, *MISSING)
-"""Attributes by which netCDF says what the stored numbers mean."""
+"""Attributes in which netCDF states the meaning of the stored numbers."""
 
 
 def _attribute(node: h5py.HLObject, name: str) -> Values | str | None:
-    """Return the numbers of an attribute, or its one text; None where there is none, or one that is
-    too long.
-    """
+    """Return the numbers or the text of an attribute; None if it is missing or too long."""
     from h5py import h5a
 
     if name not in node.attrs:
@@ -133,8 +131,8 @@ def _attribute(node: h5py.HLObject, name: str) -> Values | str | None:
 
 
 def _meant(stored: Values, said: Mapping[str, Any]) -> Array:
-    """Return what stored numbers mean: NaN where they stand for missing values or are not valid,
-    the others scaled.
+    """Return the meaning of stored numbers: NaN for missing and invalid values, and the others
+    scaled.
     """
     kind = stored.dtype.kind
     if str(said.get(UNSIGNED)).casefold() == "true" and kind == "i":
@@ -146,7 +144,8 @@ def _meant(stored: Values, said: Mapping[str, Any]) -> Array:
         }
     factor, offset = said.get("scale_factor", [1.0])[0], said.get("add_offset", [0.0])[0]
     numbers = stored.astype(np.float64) * factor + offset
-    # valid numbers are as stored, but for a type of which only meant ones are
+    # limits of valid numbers refer to stored values, unless the limits are floats and the stored
+    # values are not: then they refer to the decoded values
     limits = [said[key] for key in LIMITS if key in said]
     as_meant = kind != "f" and any(limit.dtype.kind == "f" for limit in limits)
     limited = numbers if as_meant else stored
@@ -164,7 +163,7 @@ EMPTY = Member("an empty array", values=lambda _: np.zeros(0))
 
 
 def _reader(dataset: h5py.Dataset, field: str | None = None) -> Callable[[Selection], Values]:
-    """Return what reads a selection of a dataset, or of a field of it."""
+    """Return a function that reads a selection of a dataset, or of one of its fields."""
     import h5py
 
     def read(selection: Selection) -> Values:
@@ -173,7 +172,7 @@ def _reader(dataset: h5py.Dataset, field: str | None = None) -> Callable[[Select
         own = _own_values(dataset, selection)
         values = own if field is None else own.fields(field)
         if kind.kind != "O" or not dataset.shape:
-            # of no axes, h5py reads a text as bytes
+            # without axes, h5py reads a text as bytes
             return _written(dataset, selection, np.asarray(values[selection]))
         if h5py.check_string_dtype(kind):
             return _texts(dataset, values)[selection]
@@ -183,8 +182,8 @@ def _reader(dataset: h5py.Dataset, field: str | None = None) -> Callable[[Select
 
 
 def _parts_written(dataset: h5py.Dataset) -> list[tuple[range, ...]] | None:
-    """Return the indices along each axis of the parts of a dataset that were written; None where
-    all of it was.
+    """Return the indices along each axis of the parts of a dataset that were written; None if all
+    of it was.
     """
     if not dataset.size or dataset.external or dataset.is_virtual:
         return None
@@ -204,10 +203,10 @@ def _parts_written(dataset: h5py.Dataset) -> list[tuple[range, ...]] | None:
 
 
 def _written(dataset: h5py.Dataset, selection: Selection, values: Values) -> Values:
-    """Return numbers of a selection, NaN where nobody wrote one; others as they are.
+    """Return the numbers of a selection, with NaN for values that were never written.
 
-    The file gets room for a whole chunk when its first value is written: what is the fill value,
-    and goes on into a chunk that nobody wrote, was not written either.
+    A file gets space for a whole chunk when its first value is written. Values that equal the fill
+    value, and continue into a chunk that was never written, were not written either.
     """
     if values.dtype.kind not in "iuf" or (parts := _parts_written(dataset)) is None:
         return values
@@ -227,7 +226,7 @@ def _written(dataset: h5py.Dataset, selection: Selection, values: Values) -> Val
 
 def _texts(dataset: h5py.Dataset, values: h5py.Dataset) -> Values:
     """Return texts of any length. They are read in parts that cannot fill the memory, up to the
-    limit of what a file may unpack to.
+    limit to which a file may unpack.
     """
     size, width = dataset.file.id.get_filesize(), math.prod(dataset.shape[1:])
     parts, total = [np.zeros((0, *dataset.shape[1:]), dtype=object)], 0
@@ -235,16 +234,16 @@ def _texts(dataset: h5py.Dataset, values: h5py.Dataset) -> Values:
     for begin in range(0, len(dataset), step):
         parts.append(values[begin : begin + step])
         total += sum(map(len, parts[-1].flat)) + REFERENCE * parts[-1].size
-        refuse_bombs(dataset.name, total, size // BOMB_RATIO)  # texts are not packed
+        refuse_bombs(dataset.name, total, size // BOMB_RATIO)  # texts are not compressed
     return np.concatenate(parts)
 
 
-# As MATLAB 7.3 writes them: the axes lie in the opposite order, and cells and elements of struct
-# arrays are references ------------------
+# MATLAB 7.3 files: the axes are in the opposite order, and cells and elements of struct arrays are
+# references
 
 
 def _matlab_struct(group: h5py.Group, kind: str = "a struct") -> Member:
-    # #refs# and #subsystem# are MATLAB's own
+    # #refs# and #subsystem# belong to MATLAB
     names = [name for name in group if not name.startswith("#")]
 
     def member(name: str) -> Member:
@@ -261,7 +260,7 @@ def _matlab_member(node: h5py.HLObject) -> Member:
     fields = list(node.values())
     if not fields or not all(_holds_references(field) and not _class_of(field) for field in fields):
         return _matlab_struct(node)
-    # a struct array: each field is an array of references, one for each element
+    # in a struct array, each field is an array of references, one for each element
     return Member(
         f"a struct array of {fields[0].size}",
         count=int(fields[0].size),
@@ -274,7 +273,7 @@ def _matlab_member(node: h5py.HLObject) -> Member:
 
 
 def _matlab_array(dataset: h5py.Dataset) -> Member:
-    # of an empty array, its size is stored
+    # for an empty array, its size is stored
     empty, shape = np.any(_attribute(dataset, "MATLAB_empty")), dataset.shape[::-1]
     if _class_of(dataset) == "cell" and _holds_references(dataset):
         return Member(
@@ -284,7 +283,7 @@ def _matlab_array(dataset: h5py.Dataset) -> Member:
         )
     if empty:
         return EMPTY
-    if _class_of(dataset) == "char":  # stored as numbers: UTF-16
+    if _class_of(dataset) == "char":  # stored as UTF-16 numbers
         return Member("text", values=lambda _: np.array([b"text"]))
     if dataset.dtype.names:  # real and imag
         return Member("an array of complex numbers", values=lambda _: np.zeros(1, complex))
@@ -306,12 +305,12 @@ def _holds_references(node: object) -> bool:
 
 
 def _referred(dataset: h5py.Dataset, index: int) -> Member:
-    """Return what a reference leads to, by its number in MATLAB's order."""
+    """Return the object of a reference, by its index in MATLAB's order."""
     return _matlab_member(dataset.file[_own_values(dataset)[()].reshape(-1)[index]])
 
 
 def object_of_matlab(name: str, of_class: str) -> DataError:
-    """Return what is told of a value whose parts MATLAB alone can make out."""
+    """Return the error for a value whose parts only MATLAB can interpret."""
     return DataError(
         f"'{name}' is an object of MATLAB "
         f"({of_class or 'a table, datetime, timeseries, string or the like'}), not an array "
@@ -321,16 +320,15 @@ def object_of_matlab(name: str, of_class: str) -> DataError:
     )
 
 
-# What is refused before a value is read
-# -------------------------------------------------------------------------------------------------
+# Checks before a value is read
 
 _read: ContextVar[dict[str, int]] = ContextVar("_read")
-"""Bytes of each array of the open file that was read so far, by its name."""
+"""Bytes of each array of the open file that were read so far, by name."""
 
 
 def _refuse_other_files(file: h5py.File, label: str) -> None:
-    """Raise DataError for links to other files, before one is followed: they may lead anywhere on
-    this computer.
+    """Raise DataError for links to other files before one is followed, because they may lead
+    anywhere on this computer.
     """
     from h5py import h5l
 
@@ -346,10 +344,10 @@ def _refuse_other_files(file: h5py.File, label: str) -> None:
 
 
 def _own_values(dataset: h5py.Dataset, selection: Selection = ()) -> h5py.Dataset:
-    """Return the dataset, of which a selection is read next.
+    """Return the dataset before a selection of it is read.
 
-    Raises DataError where its values lie in other files (external storage, virtual datasets), and
-    where all that was asked for of its file is far larger than the file.
+    Raises DataError if its values are in other files (external storage, virtual datasets), and if
+    the total amount requested from its file is far larger than the file.
     """
     if dataset.external or dataset.is_virtual:
         raise DataError(
@@ -362,14 +360,14 @@ def _own_values(dataset: h5py.Dataset, selection: Selection = ()) -> h5py.Datase
         1 if isinstance(one, int) else length
         for one, length in zip_longest(selection, dataset.shape)
     ]
-    # a value is a double when it is read, whatever it takes in the file
+    # a value becomes a double when it is read, whatever its size in the file
     read[f"{dataset.name}{selection}"] = math.prod(lengths) * max(dataset.dtype.itemsize, 8)
     refuse_bombs(dataset.name, sum(read.values()), dataset.file.id.get_filesize())
     return dataset
 
 
 def _refuse_other_filters(dataset: h5py.Dataset) -> None:
-    """Raise DataError for values that are packed by a filter which is not installed."""
+    """Raise DataError for values that are compressed with a filter that is not installed."""
     from h5py import h5z
 
     packing = dataset.id.get_create_plist()
@@ -389,9 +387,7 @@ def _refuse_other_filters(dataset: h5py.Dataset) -> None:
 
 
 def _check_fit(selection: Selection, shape: Sequence[int]) -> None:
-    """Raise IndexError, as NumPy does and h5py does not, for a selection beyond an array of a
-    shape.
-    """
+    """Raise IndexError for a selection outside an array, as NumPy does and h5py does not."""
     if len(selection) > len(shape) or any(
         isinstance(i, int) and i >= n for i, n in zip(selection, shape, strict=False)
     ):

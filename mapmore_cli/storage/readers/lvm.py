@@ -1,5 +1,5 @@
-"""LabVIEW measurement files (.lvm): text that says its own separator and decimal point, in one
-segment or several; the first column is the time `X_Value`.
+"""Read LabVIEW measurement files (.lvm): texts that state their own separator and decimal point,
+with one or several segments. The first column is the time `X_Value`.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ KIND = f"{BEGINS} file"
 
 @dataclass(frozen=True)
 class LvmSegment:
-    """Rows of cells below one header: what was `said` there of each channel, by keyword, and the
-    titles of all columns. `has_end` is False where the last line of the file has no end; `padding`
-    counts what fills the file behind it.
+    """Rows of cells below one header: what the header says about each channel (`said`), by keyword,
+    and the titles of all columns. `has_end` is False if the last line of the file has no end;
+    `padding` counts the fill characters after it.
     """
 
     said: Mapping[str, Sequence[str]]
@@ -47,7 +47,7 @@ class LvmSegment:
     padding: int = 0
 
     def of_channel(self, keyword: str, channel: int = 0) -> str:
-        """Return what the header says of a channel; empty where it says nothing."""
+        """Return an entry of the header about a channel; an empty text if there is none."""
         return next(iter(self.said.get(keyword, ())[channel:]), "").strip()
 
     @property
@@ -56,28 +56,28 @@ class LvmSegment:
         return self.of_channel("Decimal_Separator") or "."
 
     def number(self, keyword: str, channel: int = 0) -> float:
-        """Return a number that the header says of a channel; 0 where it says none."""
+        """Return a number in the header about a channel; 0 if there is none."""
         number = number_of(self.of_channel(keyword, channel), self.decimal)
         return number if number is not None and np.isfinite(number) else 0.0
 
     def noted(self, place: int) -> Noted:
-        """Return what the file says of a column."""
+        """Return what the file says about a column."""
         if self.titles[place] == TIME:
             return Noted("s")
-        # every channel has a column of times before it, or the first has
+        # either every channel has a column of times before it, or only the first
         channel = place // 2 if self.of_channel("X_Columns") == "Multi" else place - 1
         step, start = self.number("Delta_X", channel), self.number("X0", channel)
         return Noted(self.of_channel("Y_Unit_Label", channel), step, start)
 
     @property
     def began(self) -> float:
-        """Seconds since 1970 that `X_Value` counts from; 0 where it counts from no date."""
+        """Seconds since 1970 from which `X_Value` counts; 0 if it counts from no date."""
         stamp = stamp_of(f"{self.of_channel('Date')} {self.of_channel('Time')}")
         return 0.0 if stamp is None or self.of_channel("Time_Pref") == "Absolute" else stamp[1]
 
     def timed_rows(self, since: float) -> list[Row]:
-        """Return the rows with times that count from `since`; the header tells them where no column
-        does.
+        """Return the rows with times that count from `since`. If no column holds the times, they
+        follow from the header.
         """
         first, step = self.number("X0"), self.number("Delta_X")
         places = [place for place, title in enumerate(self.titles) if title == TIME]
@@ -94,10 +94,11 @@ class LvmSegment:
 
 
 def read_lvm(path: Path, request: TableRequest) -> list[RawTable]:
-    """Read the wanted columns. Segments of the same titles whose time goes on are one recording.
+    """Read the wanted columns. Consecutive segments with the same titles and increasing time are
+    one recording.
 
-    `X_Value` is in seconds since the first segment began. Raises DataError for no such file, a
-    missing column, or a cell that is not a number.
+    `X_Value` is in seconds since the first segment began. Raises DataError if the file is of
+    another kind, a column is missing, or a cell is not a number.
     """
     label = request.label
     with reading(label, KIND):
@@ -123,7 +124,7 @@ def read_lvm(path: Path, request: TableRequest) -> list[RawTable]:
 def _goes_on(
     before: LvmSegment, rows: Sequence[Row], segment: LvmSegment, further: Sequence[Row]
 ) -> bool:
-    """Whether a segment has the titles of the one before it, and times after all of its."""
+    """Return True if a segment has the titles of the one before, and only later times."""
     if before.titles != segment.titles:
         return False
     last, first = rows[-1][1][0], further[0][1][0]
@@ -158,7 +159,7 @@ def peek_lvm(path: Path, most: int) -> Iterable[Top]:
 
 
 def _lvm_segments(path: Path, label: str, most: int | None = None) -> list[LvmSegment]:
-    """Return the segments in the first lines of a file, all where `most` is None."""
+    """Return the segments in the first `most` lines of a file, or all segments for None."""
     with open_lines(path, guess_encoding(path), label, errors="replace") as (whole, _):
         taken, padding = list(islice(whole, most)), whole.padding
     lines, has_end = [line.rstrip("\r\n") for line in taken], "".join(taken[-1:])[-1:] in "\r\n"

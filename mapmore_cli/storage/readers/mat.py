@@ -1,11 +1,11 @@
-"""MATLAB files: versions 5 to 7 from their bytes, 4 through SciPy, 7.3 through HDF5; the content
+"""Read MATLAB files: versions 5 to 7 from their bytes, 4 with SciPy, 7.3 as HDF5. The content
 decides, not the name.
 
-Arrays are addressed as `run.P`, `train[3].y[:,0]`; `root: "train[*]"` takes every element of a cell
-or struct array. Indices count from 0; cell and struct arrays have one index, in MATLAB's order.
-Only the variables that are named are unpacked.
+Arrays are addressed like `run.P` or `train[3].y[:,0]`; `root: "train[*]"` takes every element of a
+cell or struct array. Indices count from 0. Cell and struct arrays have one index, in MATLAB's
+order. Only the named variables are unpacked.
 
-SciPy reads all of them, but damaged ones from version 5 on crash its machine code.
+SciPy can read all versions, but damaged files from version 5 on can crash its compiled code.
 """
 
 from __future__ import annotations
@@ -39,19 +39,20 @@ from mapmore_cli.storage.tables.overview import tree_reader
 KIND = "MAT file"
 MATRIX, COMPRESSED, BYTES, COMPLEX = 14, 15, 2, 0x800
 NUMBERS = "-bBhHiIf-d--qQ--BHI"
-"""How elements of version 5 hold numbers, and letters, by their type; codes of NumPy."""
+"""NumPy codes of the numbers and letters in elements of version 5, by their type."""
 
 CELL, STRUCT, OBJECT, TEXT, SPARSE, FUNCTION, OPAQUE = 1, 2, 3, 4, 5, 16, 17
 
-MOST_ELEMENTS = 100_000  # of a cell or struct array, which are looked at one by one
+# largest number of elements of a cell or struct array, which are visited one by one
+MOST_ELEMENTS = 100_000
 
 
 @contextmanager
 def opened_mat(path: Path, label: str, request: TableRequest | None) -> Iterator[Member]:
     """Open a file of any version.
 
-    Raises DataError for no MAT file, or a damaged one; and for a MATLAB object (a table, datetime,
-    ...) that is asked for.
+    Raises DataError if the file is no MAT file or is damaged, and for a requested MATLAB object (a
+    table, datetime, ...).
     """
     import h5py
 
@@ -61,7 +62,7 @@ def opened_mat(path: Path, label: str, request: TableRequest | None) -> Iterator
         return
     with reading(label, KIND), path.open("rb") as stream:
         whole = memoryview(stream.read())
-        if 0 in whole[:4]:  # as in version 4 alone
+        if 0 in whole[:4]:  # only version 4 has this
             variables = list(_version_4(path))
         else:
             order = {b"IM": "<", b"MI": ">"}[bytes(whole[126:128])]
@@ -71,19 +72,19 @@ def opened_mat(path: Path, label: str, request: TableRequest | None) -> Iterator
 
 
 Element = tuple[int, memoryview]
-"""Type and bytes."""
+"""Type and bytes of an element."""
 
 
 @dataclass(frozen=True)
 class _Version5:
-    """What reads elements in an `order` of bytes, from a file of so many."""
+    """Reader of elements in a byte `order`, from a file of a given size."""
 
     order: str
     file_size: int
 
     def variables(self, content: memoryview) -> Iterator[tuple[str, Any]]:
-        """Yield the name of each variable, and what reads it under the name that messages have for
-        it.
+        """Yield the name of each variable, and a function that reads it, given its name in
+        messages.
         """
         for kind, part in self.elements(content):
             if kind in (MATRIX, COMPRESSED) and part:
@@ -92,7 +93,7 @@ class _Version5:
                 )
                 if self.numbers(next(inside))[0] & 0xFF != OPAQUE:
                     next(inside)  # the size
-                if name := _letters(next(inside)):  # MATLAB's own have none
+                if name := _letters(next(inside)):  # MATLAB's own variables have no name
                     yield name, partial(self.variable, kind, part)
 
     def variable(self, kind: int, part: memoryview, name: str) -> Member:
@@ -111,13 +112,13 @@ class _Version5:
         return memoryview(content)
 
     def elements(self, content: memoryview) -> Iterator[Element]:
-        """Yield what stands one behind another; ValueError for an element that goes on beyond the
-        end of what was written.
+        """Yield consecutive elements. Raises ValueError for an element that continues beyond the
+        end of the data.
         """
         place = 0
         while place < len(content):
             kind, size = struct.unpack_from(f"{self.order}II", content, place)
-            small = kind >> 16  # bytes that stand in the tag itself
+            small = kind >> 16  # number of bytes in the tag itself
             start, size = (place + 4, small) if small else (place + 8, size)
             if start + size > len(content):
                 raise ValueError("an array is cut off")
@@ -129,7 +130,7 @@ class _Version5:
         return np.frombuffer(content, self.order + NUMBERS[kind])
 
     def member(self, content: memoryview, name: str) -> Member:
-        """Return an array, a struct, or a cell array, from the elements that it is made of."""
+        """Return an array, a struct, or a cell array from its elements."""
         if not content:
             return EMPTY
         parts = self.elements(content)
@@ -137,7 +138,7 @@ class _Version5:
         of_class = flags & 0xFF
         if of_class == FUNCTION:
             raise object_of_matlab(name, "a function")
-        if of_class in (OBJECT, OPAQUE):  # its class stands behind its size and its name
+        if of_class in (OBJECT, OPAQUE):  # the class follows the size and the name
             raise object_of_matlab(name, [_letters(part) for part in islice(parts, 3)][2])
         if of_class == SPARSE:
             raise _sparse(name)
@@ -152,7 +153,7 @@ class _Version5:
             encoding = {1: "utf-8", 2: f"utf-16-{end}"}.get(width, f"utf-32-{end}")
             text = bytes(letters).decode(encoding, "replace")
             return Member("text", values=lambda _: np.array([text]))
-        # complex numbers are refused, whatever they are
+        # complex numbers are always refused
         stored = np.complex128 if flags & COMPLEX else np.float64
         array = self.numbers(next(parts)).reshape(shape, order="F").astype(stored)
         return array_of(array.__getitem__, shape)
@@ -200,8 +201,8 @@ def _sparse(name: str) -> DataError:
 
 
 def _version_4(path: Path) -> Iterator[tuple[str, Any]]:
-    """Yield the name of each variable, and what makes a member of it; SciPy reads this version by
-    NumPy alone.
+    """Yield the name of each variable, and a function that makes a member of it. SciPy reads this
+    version with NumPy only.
     """
     from scipy.io import loadmat, whosmat
 
@@ -212,7 +213,7 @@ def _version_4(path: Path) -> Iterator[tuple[str, Any]]:
 
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "The default value for `spmatrix`", DeprecationWarning)
-        # of two variables with one name it gives the last
+        # of two variables with one name, it returns the last
         warnings.filterwarnings("ignore", "Duplicate variable name")
         variables = loadmat(str(path), appendmat=False)
         names = whosmat(str(path), appendmat=False)

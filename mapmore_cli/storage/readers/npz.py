@@ -1,4 +1,6 @@
-"""Archives of NumPy arrays (.npz), each by its name; fields of structured arrays are members."""
+"""Read archives of NumPy arrays (.npz), each by its name. Fields of structured arrays are
+members.
+"""
 
 from __future__ import annotations
 
@@ -18,10 +20,10 @@ from mapmore_cli.storage.tables.overview import tree_reader
 
 @contextmanager
 def opened_npz(path: Path, label: str, _request: TableRequest | None) -> Iterator[Member]:
-    """Open an archive. An array is read when it is asked for, never as Python objects, which could
+    """Open an archive. An array is read when it is needed, and never as Python objects, which could
     run code.
 
-    Raises DataError for no archive, a damaged one, and one that unpacks to far more than its size.
+    Raises DataError if the file is no archive, is damaged, or unpacks to far more than its size.
     """
     with reading(label, "NumPy archive (.npz)"), zipfile.ZipFile(path) as archive:
         names = [one.filename.removesuffix(".npy") for one in archive.infolist()]
@@ -31,7 +33,7 @@ def opened_npz(path: Path, label: str, _request: TableRequest | None) -> Iterato
 
 
 def _npz_array(archive: zipfile.ZipFile, part: zipfile.ZipInfo, size: int) -> Member:
-    """Return an array in an archive of so many bytes, which may lie about the size of its parts."""
+    """Return an array in an archive of `size` bytes, which may state wrong sizes of its parts."""
     name = part.filename.removesuffix(".npy")
     refuse_bombs(f"'{name}'", part.file_size, min(part.compress_size, size))
     with archive.open(part) as stream:

@@ -1,4 +1,4 @@
-"""Tables of columns in the format Parquet, read with pyarrow; a column goes by its name."""
+"""Read tables in the Parquet format with pyarrow; columns are addressed by name."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ if TYPE_CHECKING:
     from pyarrow.parquet import ParquetFile
 
 UNIT = ("unit", "units")
-"""Keys under which programs note the unit of a column, in any case of letters."""
+"""Keys under which programs store the unit of a column, in small or capital letters."""
 
 
 @contextmanager
 def opened_parquet(path: Path, label: str, _request: TableRequest | None) -> Iterator[Member]:
-    """Open a table. A missing value (null) is NaN.
+    """Open a table. A missing value (null) becomes NaN.
 
-    Raises DataError for no Parquet file, a damaged one, one that declares far more values than its
-    size explains.
+    Raises DataError if the file is no Parquet file, is damaged, or declares far more values than
+    its size can hold.
     """
     from pyarrow import parquet
 
@@ -46,7 +46,7 @@ def opened_parquet(path: Path, label: str, _request: TableRequest | None) -> Ite
 
 
 def _parquet_column(file: ParquetFile, field: Field, size: int) -> Member:
-    """Return a column of a file of so many bytes; DataError for one of texts, lists or structs."""
+    """Return a column of a file of `size` bytes. Raises DataError for texts, lists or structs."""
     from pyarrow import types
 
     kind = field.type.value_type if types.is_dictionary(field.type) else field.type
@@ -56,7 +56,7 @@ def _parquet_column(file: ParquetFile, field: Field, size: int) -> Member:
             "write a column of numbers, as by `frame.astype(float)` or `frame.explode`",
         )
 
-    if types.is_decimal(kind):  # which are read as objects, of a hundred bytes each
+    if types.is_decimal(kind):  # decimals are read as objects of a hundred bytes each
         refuse_bombs(f"'{field.name}'", 100 * file.metadata.num_rows, size)
 
     def values(selection: Selection) -> Values:
@@ -67,7 +67,7 @@ def _parquet_column(file: ParquetFile, field: Field, size: int) -> Member:
 
 
 def _unit_noted(file: ParquetFile, field: Field) -> str:
-    """Return the unit that the metadata of a column name, or the `attrs` of a frame of pandas."""
+    """Return the unit in the metadata of a column, or in the `attrs` of a pandas frame."""
     said = {key.decode().casefold(): value for key, value in (field.metadata or {}).items()}
     for key in UNIT:
         if key in said:

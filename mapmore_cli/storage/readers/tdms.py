@@ -1,5 +1,5 @@
-"""LabVIEW measurements (.tdms), read with npTDMS; a column is `Group/Channel`, or `Channel` where
-every group is a recording.
+"""Read LabVIEW measurements (.tdms) with npTDMS. A column is `Group/Channel`, or `Channel` if every
+group is a recording.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ CUT = Cut(
 
 @contextmanager
 def opened_tdms(path: Path, label: str, request: TableRequest | None) -> Iterator[Member]:
-    """Open a file: its groups, or with a request without `root` its channels by their full names.
+    """Open a file: its groups, or for a request without `root`, its channels with their full names.
 
-    Numbers are scaled as LabVIEW shows them. Raises DataError for no TDMS file, and a damaged one;
-    npTDMS not installed.
+    Numbers are scaled as LabVIEW shows them. Raises DataError if the file is no TDMS file or is
+    damaged, and if npTDMS is not installed.
     """
     nptdms = optional_library("nptdms", "npTDMS", label)
-    nptdms.log.log_manager.set_level("CRITICAL")  # what it writes to stderr is said below as well
+    nptdms.log.log_manager.set_level("CRITICAL")  # its messages on stderr are repeated below
     with reading(label, "TDMS file"), path.open("rb") as stream:
         cut = CUT if request is not None and _breaks_off(stream) else None
         size = stream.seek(0, os.SEEK_END)
@@ -51,8 +51,8 @@ def opened_tdms(path: Path, label: str, request: TableRequest | None) -> Iterato
                 top = _in_order([(name, _in_order(group)) for name, group in groups.items()])
                 yield replace(top, breaks_off=cut)
             else:
-                # a group `a/b` with a channel `c`, and a group `a` with a channel `b/c`, have
-                # the same name
+                # a group `a/b` with a channel `c`, and a group `a` with a channel `b/c`, have the
+                # same full name
                 whole = _in_order(
                     [
                         (f"{group}/{name}", channel)
@@ -71,7 +71,7 @@ def _in_order(members: Sequence[tuple[str, Member]]) -> Member:
 
 
 def _channel(channel: Any, size: int) -> Member:
-    """Return a channel of a file of so many bytes; each value takes at least one of them."""
+    """Return a channel of a file of `size` bytes; each value takes at least one byte."""
     if len(channel) > size:
         raise ValueError(f"'{channel.name}' declares {len(channel)} values")
     return Member(
@@ -83,7 +83,7 @@ def _channel(channel: Any, size: int) -> Member:
 
 
 def _waveform(properties: Mapping[str, Any]) -> Noted:
-    """Return what LabVIEW notes of a waveform."""
+    """Return what LabVIEW stored about a waveform."""
     start = properties.get("wf_start_time", np.datetime64(0, "s"))
     began = float(as_numbers(start, "wf_start_time", CellReader(clock=True)))
     return Noted(
@@ -94,7 +94,9 @@ def _waveform(properties: Mapping[str, Any]) -> Noted:
 
 
 def _breaks_off(stream: BinaryIO) -> bool:
-    """Walk over the segments' lead-ins: npTDMS passes over one that is cut off in silence."""
+    """Return True if the last segment is cut off. npTDMS skips such a segment without a message, so
+    the lead-ins are checked here.
+    """
     size = stream.seek(0, os.SEEK_END)
     position = 0
     while position < size:
@@ -103,7 +105,7 @@ def _breaks_off(stream: BinaryIO) -> bool:
         if len(lead_in) < LEAD_IN or not lead_in.startswith(TAG):
             return position > 0  # a file that does not begin as TDMS is another kind of fault
         order: Literal["big", "little"] = "big" if lead_in[4] >> 6 & 1 else "little"
-        length = int.from_bytes(lead_in[12:20], order)  # 2^64 - 1 where LabVIEW crashed
+        length = int.from_bytes(lead_in[12:20], order)  # 2^64 - 1 if LabVIEW crashed
         position += LEAD_IN + length
     return position > size
 

@@ -1,5 +1,5 @@
-"""Workbooks of all kinds, read with python-calamine; formulas count with the values that were last
-computed.
+"""Read workbooks of all kinds with python-calamine. A formula has the value that was computed
+last.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ from mapmore_cli.storage.tables.lines import head_of
 from mapmore_cli.storage.tables.rows import Row, table_of_rows
 
 LONGEST = 10
-"""Seconds of processor time that a workbook may take, besides one for each megabyte."""
+"""Seconds of processor time that a workbook may take, in addition to one for each megabyte."""
 
-TOO_LARGE = 3  # the exit code of the process for sheets that span too many cells
+TOO_LARGE = 3  # exit code of the process for sheets that span too many cells
 
 
 @dataclass(frozen=True)
@@ -59,13 +59,13 @@ class Percentage(float):
 
 
 IS_RATIO = Noted("1", shown="is shown in per cent: 0.2 stands behind 20 %")
-"""What a workbook says of a column with such numbers."""
+"""What a workbook says about a column with such numbers."""
 
 
 @dataclass(frozen=True)
 class SheetCells:
-    """A sheet: its rows, all as wide as the widest, and which rows and columns are hidden, from
-    0.
+    """A sheet: its rows, all as wide as the widest, and the indices of hidden rows and columns,
+    counted from 0.
     """
 
     title: str
@@ -75,7 +75,9 @@ class SheetCells:
     hidden_columns: list[int]
 
     def filled_rows(self, skip_rows: int) -> list[Row]:
-        """Return the rows below `skip_rows` that have a cell, with their numbers from 1."""
+        """Return the rows after `skip_rows` with at least one filled cell, with their numbers,
+        counted from 1.
+        """
         return [
             (number, row)
             for number, row in enumerate(self.rows, start=1)
@@ -84,8 +86,8 @@ class SheetCells:
 
 
 def read_xlsx(path: Path, request: TableRequest) -> list[RawTable]:
-    """Read the wanted columns of one sheet of a workbook, or of every sheet that the request's glob
-    names.
+    """Read the wanted columns of one sheet of a workbook, or of every sheet that matches the glob
+    of the request.
 
     Empty rows are skipped (they count as header lines and as skipped rows); an empty cell is NaN.
 
@@ -102,8 +104,8 @@ def read_xlsx(path: Path, request: TableRequest) -> list[RawTable]:
 
 
 def peek_xlsx(path: Path, most: int) -> Iterable[Top]:
-    """Return the first rows of every visible sheet that has some, the first one's first; a later
-    sheet has to be named.
+    """Return the first rows of every visible sheet that is not empty, the first sheet first; later
+    sheets must be named in the spec.
     """
     with reading(path.name, "workbook"):
         sheets = _visible_sheets(_sheets_in(path, path.name, most))
@@ -123,10 +125,10 @@ def _is_no_text(cell: object) -> bool:
 
 
 def _sheets_in(path: Path, label: str, most: int = 0) -> list[SheetCells]:
-    """Return the sheets of a workbook, of each so many rows (all where 0); ValueError for a damaged
-    one.
+    """Return the sheets of a workbook with at most `most` rows each (all for 0). Raises ValueError
+    for a damaged workbook.
 
-    A process of its own reads them: see `storage/workbooks/__main__.py`.
+    A separate process reads them: see `storage/workbooks/__main__.py`.
     """
     optional_library("python_calamine", "python-calamine", label)
     size, head = path.stat().st_size, head_of(path)
@@ -166,7 +168,7 @@ def _sheets_in(path: Path, label: str, most: int = 0) -> list[SheetCells]:
 
 
 def _special_cell(said: dict[str, Any]) -> DateCell | Lacking | Percentage:
-    """Return what stands for a cell that JSON has no form for."""
+    """Return the object for a cell that JSON cannot represent."""
     if "percent" in said:
         return Percentage(said["percent"])
     if "stamp" in said:
@@ -182,7 +184,7 @@ def _special_cell(said: dict[str, Any]) -> DateCell | Lacking | Percentage:
 
 
 def _visible_sheets(sheets: list[SheetCells]) -> list[SheetCells]:
-    """Return the sheets that are not hidden; all where every one is."""
+    """Return the visible sheets; all sheets if all are hidden."""
     return [sheet for sheet in sheets if sheet.is_visible] or sheets
 
 
@@ -191,7 +193,7 @@ def _chosen_sheets(
 ) -> tuple[list[SheetCells], tuple[str, ...]]:
     """Return the sheets to read, and doubts about the choice.
 
-    Hidden sheets are read where they are named. Of several, those that are empty are left out.
+    Hidden sheets are read if they are named. If there are several, empty ones are left out.
     """
     visible, label = _visible_sheets(sheets), request.label
     if not visible:
@@ -253,7 +255,7 @@ def _hidden_in_words(
     request: TableRequest,
     label: str,
 ) -> Iterator[str]:
-    """Yield what is told of the hidden rows and columns that are read."""
+    """Yield warnings about hidden rows and columns that are read."""
     if rows and request.hidden != "drop":
         yield (
             f"{label}: {len(rows)} hidden row{'s are' if len(rows) > 1 else ' is'} read (first: "
@@ -265,7 +267,7 @@ def _hidden_in_words(
 
 
 def below_xlsx(path: Path, request: TableRequest) -> list[Below]:
-    """Return the tables that stand below each other in the sheet of a request."""
+    """Return the tables that stand below each other in the requested sheet."""
     with reading(request.label, "workbook"):
         sheets, _ = _chosen_sheets(_sheets_in(path, request.label), request)
     return tables_below(sheets[0].filled_rows(0), request.header, _is_no_text)

@@ -1,4 +1,4 @@
-"""What every reader is asked for and what it returns."""
+"""Define what every reader receives and returns."""
 
 from __future__ import annotations
 
@@ -16,32 +16,33 @@ from mapmore_cli.domain.errors import DataError, MapmoreError
 from mapmore_cli.storage.tables.cells import CellReader
 
 SourceColumn = str | int
-"""A column of a file: the name in its header, its 0-based index, or an address as `run.P`."""
+"""A column of a file: its name in the header, its 0-based index, or an address such as `run.P`."""
 
 
 @dataclass(frozen=True)
 class TableRequest:
-    """Which columns of a file are wanted, and what its reader has to know.
+    """The wanted columns of a file, and what its reader must know.
 
-    - `label`, `columns`: how messages name the file, and the wanted columns.
+    - `label`, `columns`: name of the file in messages, and the wanted columns.
     - `header`: number of header lines, the first of which holds the names (text, sheets).
-    - `skip_rows`: lines before the header (text, sheets).
+    - `skip_rows`: lines above the header (text, sheets).
     - `delimiter`: one character, `tab`, or `whitespace`: any run of blanks and tabs (text).
-    - `decimal`, `thousands`: what stands between the digits of the numbers (text).
-    - `comment`: how lines begin that are no records (text).
-    - `encoding`: of the characters (text); a byte order mark of UTF-8 is swallowed.
-    - `sheet`: title of the sheet, or a glob of which every match is a recording; the first that is
-      not hidden where None (workbooks).
-    - `hidden`: `keep` or `drop` the rows that are hidden (workbooks).
-    - `root`: where the columns start; `train[*]` makes every element a recording (MAT, HDF5).
-    - `missing`: texts, besides the usual ones, that stand where there is no value (text, sheets).
-    - `clocks`: the columns whose cells may be time stamps; `formats`: how `strptime` reads those of
-      some; `second`: in their unit.
-    - `table`: which one is read of tables that stand below each other, from 1 (text, sheets).
-    - `incomplete`: true where records that break off are missing values, False where they are
+    - `decimal`, `thousands`: separators in numbers (text).
+    - `comment`: beginning of lines that are no records (text).
+    - `encoding`: encoding of the characters (text); a UTF-8 byte order mark is skipped.
+    - `sheet`: title of the sheet, or a glob of which every match is a recording; None for the first
+      visible sheet (workbooks).
+    - `hidden`: `keep` or `drop` hidden rows (workbooks).
+    - `root`: place from which columns are addressed; `train[*]` makes every element a recording
+      (MAT, HDF5).
+    - `missing`: texts that mean a missing value, besides the usual ones (text, sheets).
+    - `clocks`: columns whose cells may be time stamps; `formats`: formats for `strptime` of some of
+      them; `second`: a second in their unit.
+    - `table`: which of several tables below each other is read, counted from 1 (text, sheets).
+    - `incomplete`: True if incomplete last records count as missing values, False if they are
       errors.
-    - `progress`: told now and then how many bytes of the file have been read (text, the only format
-      of which a long file takes long).
+    - `progress`: function that is called from time to time with the number of bytes read (only for
+      text, in which long files take long).
     """
 
     label: str
@@ -65,7 +66,7 @@ class TableRequest:
     table: int | None = None
 
     def cells(self, column: SourceColumn) -> CellReader:
-        """Return what reads the cells of a column."""
+        """Return the reader of the cells of a column."""
         return CellReader(
             self.missing,
             self.decimal,
@@ -80,12 +81,11 @@ class TableRequest:
 class Noted:
     """Information that a file contains about one of its columns.
 
-    - `unit`: as the file spells it, empty where it says nothing.
-    - `step`, `start`: seconds between samples, 0 where it says nothing, and when the first one was
-      taken.
-    - `is_scaled`: True where the numbers were multiplied as the file says.
-    - `shown`: how its program shows the numbers, where that is what the unit follows from.
-    - `never_written`: how many values the file has room for, and nobody wrote.
+    - `unit`: the unit in the file's spelling; empty if there is none.
+    - `step`, `start`: seconds between samples, 0 if unknown, and the time of the first sample.
+    - `is_scaled`: True if the numbers were scaled as the file says.
+    - `shown`: how the program shows the numbers, if the unit follows from that.
+    - `never_written`: number of values for which the file has space, but which were never written.
     """
 
     unit: str = ""
@@ -98,11 +98,11 @@ class Noted:
 
 @dataclass(frozen=True)
 class Cut:
-    """Evidence that a file breaks off.
+    """Evidence that a file is incomplete at its end.
 
-    - `said`, `remedy`: in words, where that is an error.
-    - `done`: what is done about it where missing values are left out.
-    - `rows`: how many rows at the end cannot be trusted.
+    - `said`, `remedy`: message and remedy, if that is an error.
+    - `done`: what is done about it if missing values are left out.
+    - `rows`: number of rows at the end that cannot be trusted.
     """
 
     said: str
@@ -111,35 +111,38 @@ class Cut:
     rows: int = 0
 
     def refuse(self, where: str, request: TableRequest) -> None:
-        """Raise DataError where missing values are errors."""
+        """Raise DataError if missing values are errors."""
         if not request.incomplete:
             raise DataError(f"{where}: {self.said}", self.remedy)
 
 
 @dataclass(frozen=True)
 class OpenEnd:
-    """The cells of the last rows of a text whose last line has no end, and the decimal point."""
+    """The cells of the last rows of a text whose last line has no end, and the decimal
+    separator.
+    """
 
     rows: Sequence[Sequence[str]]
     decimal: str = "."
 
 
 IN_MEMORY = "row from 0"
-"""The place of samples that came as arrays: nobody wrote a file of them."""
+"""Kind of place of samples that were passed as arrays, without a file."""
 
 
 @dataclass(frozen=True)
 class RawTable:
-    """Columns as the file holds them, before scaling and units.
+    """Columns as stored in the file, before scaling and conversion.
 
-    `columns` has one `(n,)` array for each column of the request, NaN where a cell is empty.
-    `label` names the table in messages (the file, and the part of it), `titles` the columns where
-    they were renamed, and `doubts` are warnings of its reader. `rows` is `(n,)`, where each sample
-    stands: its `place` is a `row` (line of a text file, row of a sheet, both from 1), an `index`
-    (of an array, from 0) or `IN_MEMORY`. `element` tells the recordings of one file apart, by
-    number or by the title of their sheet; None where it holds a single one. `noted` is what the
-    file says of its columns. `breaks_off`, `open_end` and `padding`, a number of characters, are
-    what its reader found at the end of the file, which the gate judges (`tables/gate.py`).
+    `columns` has one array, (n,), for each column of the request, NaN for an empty cell. `label` is
+    the name of the table in messages (the file, and the part of it). `titles` holds the titles of
+    columns that were renamed, and `doubts` the warnings of the reader. `rows`, (n,), is the place
+    of each sample; `place` says what these numbers are: `row` (line of a text file or row of a
+    sheet, counted from 1), `index` (of an array, counted from 0) or `IN_MEMORY`. `element`
+    identifies a recording within the file, by a number or the title of its sheet; None if the file
+    has only one. `noted` is what the file says about its columns. `breaks_off`, `open_end` and
+    `padding` (a number of characters) are what the reader found at the end of the file; the gate
+    judges them (`tables/gate.py`).
     """
 
     columns: Mapping[Any, Array]
@@ -160,24 +163,24 @@ class RawTable:
         return len(self.rows)
 
     def at(self, sample: int) -> str:
-        """Where a sample stands, for messages: `a.csv:row 17`."""
+        """Return the place of a sample for messages: `a.csv:row 17`."""
         if self.place == IN_MEMORY:
             return f"{self.label}, row {self.rows[sample]} (from 0)"
         return f"{self.label}:{self.place} {self.rows[sample]}"
 
     def is_empty_at(self, sample: int) -> bool:
-        """Whether a sample has no value at all, or there is no sample."""
+        """Return True if a sample has no value at all, or if there is no sample."""
         return not self.size or all(x[sample] != x[sample] for x in self.columns.values())
 
 
 @dataclass(frozen=True)
 class Top:
-    """The first rows of a file, read in one way: with these `settings` of `data`, under which
-    `is_number` tells cells that hold numbers.
+    """The first rows of a file, read in one way: with these `settings` of `data`. `is_number`
+    returns True for cells with numbers.
 
-    `addresses` are how the spec names the columns, where these lie in a tree; `sheet` is the title
-    of the sheet, in a workbook; `units` are those of all columns, where the file says them apart
-    from its rows.
+    `addresses` are the names of the columns in a spec, if these are in a tree. `sheet` is the title
+    of the sheet in a workbook. `units` are the units of all columns, if the file gives them outside
+    its rows.
     """
 
     rows: Sequence[Sequence[Any]]
@@ -190,21 +193,22 @@ class Top:
 
 @dataclass(frozen=True)
 class Reader:
-    """A format of recordings. Everything that the program knows of it is declared in one file of
-    `storage/readers/`, as its `READER`.
+    """A format of recordings. Everything that the program knows about it is declared as `READER` in
+    one file of `storage/readers/`.
 
-    - `name`: the word of `data.reader`.
-    - `read`: reads the wanted columns of a file: one table for every recording in it. What it
-      reports is judged by the gate behind all readers (`tables/gate.py`).
-    - `suffixes`: how the names of such files end, lower case.
-    - `keys`: the keys of `data` that it has a use for, besides those of every reader.
-    - `column`: how the spec names a column, as an example.
-    - `by_index`: whether columns also go by their 0-based index.
-    - `peek`: reads the first rows of a file in every way that it may be meant, the likeliest first;
-      without it, `read` is asked for no columns, which are then all.
-    - `below`: returns the tables that stand below each other in a file, by a request without
-      columns; none where it is one table.
-    - `begins`: how such files begin, whatever their names; empty where that is no sign.
+    - `name`: value of `data.reader`.
+    - `read`: function that reads the wanted columns of a file, with one table for every recording
+      in it. Its result is judged by the gate behind all readers (`tables/gate.py`).
+    - `suffixes`: suffixes of such files, in lower case.
+    - `keys`: keys of `data` that it uses, besides those of every reader.
+    - `column`: example of the name of a column in a spec.
+    - `by_index`: True if columns can also be addressed by their 0-based index.
+    - `peek`: function that reads the first rows of a file in every way that may be meant, the most
+      probable first; without it, `read` is called with no columns, which then means all.
+    - `below`: function that returns the tables below each other in a file, for a request without
+      columns; empty if there is one table.
+    - `begins`: bytes with which such files begin, whatever their names; empty if these are no
+      evidence.
     """
 
     name: str
@@ -223,9 +227,9 @@ def locate_columns(
 ) -> dict[SourceColumn, int]:
     """Return the 0-based index of every wanted column in a file of `width` columns.
 
-    `names` are those of the header, None where there is none; `hint` replaces the usual remedy
-    where the reader knows better. Raises DataError for a column that does not exist, or whose name
-    stands twice in the header.
+    `names` are those of the header, or None without one; `hint` replaces the usual remedy if the
+    reader knows a better one. Raises DataError for a column that does not exist, or whose name
+    occurs twice in the header.
     """
     label, places = request.label, dict[SourceColumn, int]()
     for column in request.columns:
@@ -253,8 +257,8 @@ def locate_columns(
 
 
 def refuse_namesakes(name: str, names: Sequence[str], what: str, where: str, remedy: str) -> None:
-    """Raise DataError where a name stands more than once among the `names` of a file, since nobody
-    can tell which is meant; blanks around a name do not count.
+    """Raise DataError if a name occurs more than once among the `names` of a file, because it is
+    ambiguous; blanks around a name are ignored.
     """
     count = sum(other.strip() == name.strip() for other in names)
     if count > 1:
@@ -262,7 +266,9 @@ def refuse_namesakes(name: str, names: Sequence[str], what: str, where: str, rem
 
 
 def known_names(name: str, known: Sequence[str], introduction: str, most: int = 12) -> str:
-    """Return a remedy for a name that does not exist: the nearest one, and which there are."""
+    """Return a remedy for a name that does not exist: the most similar name, and the existing
+    ones.
+    """
     near = [other for other in known if other.lower() == name.lower()] or difflib.get_close_matches(
         name, known, n=1
     )
@@ -276,12 +282,12 @@ Faults = type[Exception] | tuple[type[Exception], ...]
 
 @contextmanager
 def reading(label: str, kind: str, damage: Faults = Exception) -> Iterator[None]:
-    """Turn what a parser raises on a damaged file into a DataError that names the file; one that
-    lacks the name gets it.
+    """Convert errors that a parser raises for a damaged file into a DataError with the name of the
+    file; the name is added to a DataError that lacks it.
 
-    The parsers of binary formats raise a dozen kinds (KeyError, struct.error, zlib.error, XML
-    errors, MemoryError for a length that is nonsense), all of which mean the same to the user. A
-    NameError or an ImportError is a fault of the program, and passes.
+    Parsers of binary formats raise a dozen types (KeyError, struct.error, zlib.error, XML errors,
+    MemoryError for a length that is nonsense), which all mean the same to the user. A NameError or
+    an ImportError is a fault of the program and is passed on.
     """
     try:
         yield
@@ -290,7 +296,7 @@ def reading(label: str, kind: str, damage: Faults = Exception) -> Iterator[None]
             error.message = f"{label}: {error.message}"
         raise
     except damage as error:
-        # SciPy has an UnboundLocalError for some damaged files
+        # SciPy raises an UnboundLocalError for some damaged files
         if isinstance(error, ImportError) or type(error) is NameError:
             raise
         if isinstance(error, OSError) and error.errno is not None:
@@ -306,14 +312,14 @@ def reading(label: str, kind: str, damage: Faults = Exception) -> Iterator[None]
 
 
 BOMB_SIZE, BOMB_RATIO = 100_000_000, 200
-"""Bytes unpacked from which on it matters how many times larger they are than packed: logs shrink
-to a tenth, at most to a fiftieth.
+"""Number of unpacked bytes from which on the compression ratio is checked, and the largest ratio:
+logs shrink to a tenth, at most to a fiftieth.
 """
 
 
 def refuse_bombs(where: str, unpacked: float, packed: int, size: int | None = None) -> None:
-    """Raise DataError for what unpacks, or declares to, to far more than a log that was packed, and
-    to more than a `size`, `BOMB_SIZE` where None.
+    """Raise DataError for data that unpack (or claim to unpack) to far more than a compressed log
+    would, and to more than `size` bytes, by default `BOMB_SIZE`.
     """
     if unpacked > max(BOMB_SIZE if size is None else size, BOMB_RATIO * packed):
         sizes = f"from {packed / 1e6:.2g} MB to {unpacked / 1e6:.0f} MB or more"
@@ -324,8 +330,8 @@ def refuse_bombs(where: str, unpacked: float, packed: int, size: int | None = No
 
 
 def optional_library(module: str, package: str, label: str) -> ModuleType:
-    """Import a library that only some formats need; DataError with the command that installs it
-    where it is absent.
+    """Import a library that only some formats need. Raises DataError with the command that installs
+    it if it is missing.
     """
     try:
         return importlib.import_module(module)

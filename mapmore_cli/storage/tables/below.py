@@ -1,4 +1,4 @@
-"""Tables that stand below each other in one text, or in one sheet of a workbook."""
+"""Find tables that stand below each other in one text, or in one sheet of a workbook."""
 
 from __future__ import annotations
 
@@ -10,15 +10,17 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables import TableRequest
 
 Row = tuple[int, Sequence[Any]]
-"""Number in the file, from 1, and the cells."""
+"""Number of a row in the file, counted from 1, and its cells."""
 
 FEWEST = 2
-"""Rows of a table; a single row of numbers belongs to what stands above the next one."""
+"""Smallest number of rows of a table. A single row of numbers belongs to the text above the next
+table.
+"""
 
 
 @dataclass(frozen=True)
 class Below:
-    """One of several tables: the words that stand above it, its header lines, and its rows."""
+    """One of several tables: the words above it, its header lines, and its rows."""
 
     title: str
     header: Sequence[Row]
@@ -28,8 +30,8 @@ class Below:
 def tables_below(rows: Iterable[Row], header: int, is_number: Callable[[Any], bool]) -> list[Below]:
     """Return the tables in rows without blank ones.
 
-    A table has `header` lines of words right above its numbers, and ends where a line has none or
-    has another number of cells; without header lines, at a blank line as well.
+    A table has `header` lines of words directly above its numbers. It ends at a line without
+    numbers or with another number of cells; without header lines, also at a blank line.
     """
     found: list[Below] = []
     words: list[Row] = []
@@ -63,7 +65,9 @@ def tables_below(rows: Iterable[Row], header: int, is_number: Callable[[Any], bo
 def chosen_table(
     rows: Iterable[Row], request: TableRequest, is_number: Callable[[Any], bool]
 ) -> Below:
-    """Return the table that a request names by its number; DataError where there is none."""
+    """Return the table with the number that a request gives. Raises DataError if there is no such
+    table.
+    """
     tables = tables_below(rows, request.header, is_number)
     assert request.table is not None
     if request.table > len(tables):

@@ -1,7 +1,7 @@
-"""The one rule of what a cell says, whatever file it comes from.
+"""Interpret a cell by one rule, whatever file it comes from.
 
-It is a number in ASCII digits, or there is no value, or, in the column of the time, it is a stamp.
-Anything else is refused, with what stands there and what to do about it.
+A cell is a number in ASCII digits, a missing value, or, in the column of the time, a time stamp.
+Anything else is refused with its text and a remedy.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from typing import Self
 from mapmore_cli.domain.errors import DataError
 
 MISSING = frozenset({"na", "n/a", "#n/a", "null", "none"})
-"""What programs write, besides an empty cell and `nan`, where there is no value; lower case."""
+"""Words for a missing value, besides an empty cell and `nan`, in lower case."""
 
 THOUSANDS = ",.'\u2019 \u00a0\u202f"
-"""What may stand between thousands."""
+"""Characters that may separate thousands."""
 
 LONGEST_STAMP = 40
 NUMBER, MINUTES, CLOCK, ISO = (
@@ -38,7 +38,7 @@ DATES = (
 )
 
 _TIME = (
-    r"(?!(?!0?[1-9]:|1[0-2]:).*m)(?P<h>\d+):(?P<m>[0-5]?\d)"  # of AM and PM no hour beyond 12
+    r"(?!(?!0?[1-9]:|1[0-2]:).*m)(?P<h>\d+):(?P<m>[0-5]?\d)"  # no hour above 12 with AM and PM
     r"(?::(?P<s>[0-5]?\d)(?:(?:[.,]|:(?=\d{3}\b))(?P<f>\d+))?)?(?: *(?P<half>[ap])\.?m\.?)?"
 )
 _DATED = (
@@ -55,7 +55,7 @@ FOREIGN = r"(?![0-9])\d"
 OF_MICROSOFT = re.compile(
     r"(?P<sign>[+-]?)(?:\d\.#(?:(?P<infinite>INF|J)|IND|QNAN|SNAN)\d*|nan\((?:ind|snan)\))", re.I
 )
-"""How the C library of Microsoft writes infinity, and what is no number, as `-1.#IND`."""
+"""How Microsoft's C library writes infinity and NaN, for example `-1.#IND`."""
 
 _SECONDS = {"d": 86400, "h": 3600, "m": 60, "s": 1}
 
@@ -86,15 +86,15 @@ _KINDS = (
         "take the unit off, and name it in `columns`, as `unit: kPa`",
     ),
 )
-"""Cells that are no words for missing values: what stands there, and the remedy where it is no
-stamp.
+"""Cells that are no words for missing values, with the reason, and a remedy unless they are time
+stamps.
 """
 
 
 @dataclass(frozen=True)
 class Lacking:
-    """A cell that has no number although one is meant to be there: what is `said` of it, and the
-    remedy. It shows as a `text`, empty where nothing stands there.
+    """A cell without a number although one is expected: the reason (`said`) and the remedy. It is
+    shown as `text`, which is empty for an empty cell.
     """
 
     said: str
@@ -106,8 +106,8 @@ class Lacking:
 
 
 class NotANumber(DataError):
-    """A cell that holds neither a number nor what stands for a missing one; `known` where it is no
-    word.
+    """A cell is neither a number nor a word for a missing value; `known` is True if it is no word
+    at all.
     """
 
     def __init__(self, cell: str, said: str, remedy: str, known: bool = True) -> None:
@@ -115,15 +115,15 @@ class NotANumber(DataError):
         self.cell, self.known = cell, known
 
     def at(self, where: str, remedy: str | None = None) -> Self:
-        """Return the error with its place, and a remedy where a better one is known."""
+        """Return the error with its place, and with a better remedy if there is one."""
         self.message, self.remedy = f"{where}: {self.message}", remedy or self.remedy
         return self
 
 
 def number_of(cell: object, decimal: str = ".", thousands: str | None = None) -> float | None:
-    """Return the number in a cell, NaN where it is empty; None for anything else.
+    """Return the number in a cell, NaN if it is empty; None for anything else.
 
-    Infinity is read, as `nan` is: the spec says what becomes of values that are none.
+    Infinity and `nan` are read as such: the spec decides what happens to them.
     """
     if isinstance(cell, str):
         cell = cell.strip()
@@ -136,7 +136,7 @@ def number_of(cell: object, decimal: str = ".", thousands: str | None = None) ->
             cell = cell.replace(".", "x").replace(decimal, ".")
         if not cell:
             return math.nan
-        # Python reads 1_5 as 15, and the digits of every script
+        # Python would read 1_5 as 15, and digits of every script
         if "_" in cell or not cell.isascii():
             return None
     elif isinstance(cell, bool) or not isinstance(cell, Real | Decimal):
@@ -152,14 +152,14 @@ def number_of(cell: object, decimal: str = ".", thousands: str | None = None) ->
 
 @dataclass
 class CellReader:
-    """Reads the cells of one column, one by one.
+    """Reader of the cells of one column.
 
-    - `missing`: texts that stand where there is no value.
-    - `decimal`, `thousands`: what stands between the digits of a number.
-    - `clock`: whether the column is that of the time; `format`: how `strptime` reads its stamps.
-    - `second`: what a second is in the unit of the column.
-    - `usual`: the remedy where nothing better is known.
-    - `form`: of the stamps that were read so far; all have one.
+    - `missing`: texts that mean a missing value.
+    - `decimal`, `thousands`: separators in numbers.
+    - `clock`: True for the column of the time; `format`: format of its stamps for `strptime`.
+    - `second`: one second in the unit of the column.
+    - `usual`: default remedy.
+    - `form`: form of the stamps read so far; all must have the same.
     """
 
     missing: Set[str] = frozenset()
@@ -174,7 +174,9 @@ class CellReader:
     form: str = ""
 
     def __call__(self, cell: object) -> float:
-        """Return the number, or that of the stamp; NaN where there is none. Raises NotANumber."""
+        """Return the number in the cell, or the number of its time stamp; NaN if it is missing.
+        Raises NotANumber.
+        """
         if isinstance(cell, Lacking):
             raise NotANumber("", cell.said, cell.remedy)
         cell = cell.decode("utf-8", "replace") if isinstance(cell, bytes) else cell
@@ -197,7 +199,8 @@ class CellReader:
                 text, f"is not a number{kind and f': {kind}'}", remedy or stamps, bool(kind)
             )
         form, seconds = stamp
-        if not self.form or (self.form, form) == (MINUTES, CLOCK):  # an hour of minutes has passed
+        # after an hour of minutes, the hours appear
+        if not self.form or (self.form, form) == (MINUTES, CLOCK):
             self.form = form
         if form != self.form:
             remedy = "a column holds numbers alone, or stamps of one form alone: mend the cell"
@@ -205,7 +208,7 @@ class CellReader:
         return seconds
 
     def _stamp(self, cell: object, text: str, value: float | None) -> tuple[str, float] | None:
-        """Return form and number of a cell of the time."""
+        """Return the form and the number of a cell of the time."""
         if self.format is None and value is not None:
             return NUMBER, value
         if self.format is None or not isinstance(cell, str):
@@ -222,14 +225,15 @@ class CellReader:
 
 
 def stamp_of(text: str) -> tuple[str, float] | None:
-    """Return form and seconds of a stamp: since 1970 of a date, else since midnight or the start.
+    """Return the form and the seconds of a time stamp: since 1970 for a date, otherwise since
+    midnight or the start.
 
-    Dates are as in ISO 8601, `2026/03/01` or `01.03.2026`, with a time behind them. Without a zone
-    they count as UTC, since only differences matter. What reads one way here and another way there,
-    as `3/1/2026` or `12:30`, is None.
+    Dates have the form of ISO 8601, `2026/03/01` or `01.03.2026`, optionally followed by a time.
+    Without a time zone they count as UTC, because only differences matter. A stamp that is read
+    differently in different countries, such as `3/1/2026` or `12:30`, gives None.
     """
     with suppress(ValueError):
-        if text[4:5] == "-" and ":" in text:  # ISO 8601, by the faster way
+        if text[4:5] == "-" and ":" in text:  # ISO 8601, parsed in the faster way
             stamp = datetime.fromisoformat(text)
             zone = " with a zone" if stamp.utcoffset() else ""
             return f"{ISO}{zone}", stamp.replace(tzinfo=stamp.tzinfo or UTC).timestamp()
@@ -257,12 +261,14 @@ def stamp_of(text: str) -> tuple[str, float] | None:
 
 
 def holds_number(cell: object, decimal: str = ".") -> bool:
-    """Whether a cell holds a number or a stamp, rather than a word for a missing one."""
+    """Return True if a cell holds a number or a time stamp, and False for a word for a missing
+    value.
+    """
     text = str(cell).strip()
     return bool(text) if number_of(cell, decimal) is not None else stamp_of(text) is not None
 
 
 def shortened(cell: str, limit: int = 40) -> str:
-    """Return a cell's text as a message may show it."""
+    """Return the text of a cell, shortened for a message."""
     shown = cell.encode("unicode_escape").decode("ascii") if not cell.isprintable() else cell
     return shown if len(shown) <= limit else shown[: limit - 3] + "..."

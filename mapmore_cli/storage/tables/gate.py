@@ -1,7 +1,7 @@
-"""The gate behind all readers: what a reader reports of its file is judged here, once for all.
+"""Judge what readers report about their files, in one place for all readers (the gate).
 
-Names that stand twice are refused where a name is looked for (`refuse_namesakes`), and cells
-without a number where a cell is read (`cells.CellReader`).
+Duplicate names are refused when a name is looked up (`refuse_namesakes`), and cells without a
+number when a cell is read (`cells.CellReader`).
 """
 
 from __future__ import annotations
@@ -22,14 +22,19 @@ from mapmore_cli.storage.tables import (
 )
 from mapmore_cli.storage.tables.cells import shortened
 
-FEWEST_ROWS = 10  # with equally many digits, from which one with fewer is conspicuous
+# rows with equally many digits from which on a row with fewer digits is conspicuous
+FEWEST_ROWS = 10
 
 DAMAGE = (OSError, EOFError, ValueError)
-"""What reading a damaged file raises; anything else is a fault of the reader, and passes."""
+"""Errors that reading a damaged file raises; any other error is a fault of the reader and is passed
+on.
+"""
 
 
 def gated(reader: Reader) -> Reader:
-    """Return the reader with the gate behind it, and with a way to look at the first rows."""
+    """Return the reader with the gate behind it, and with a function that returns the first
+    rows.
+    """
     read = partial(_judged_tables, reader.read, f"file for the reader `{reader.name}`")
     return replace(reader, read=read, peek=reader.peek or partial(_first_rows, read))
 
@@ -49,7 +54,7 @@ def _judged_tables(
 def _first_rows(
     read: Callable[[Path, TableRequest], list[RawTable]], path: Path, most: int
 ) -> Iterable[Top]:
-    """Return the first rows of every column, which a request without columns asks for."""
+    """Return the first rows of all columns, which a request without columns asks for."""
     for table in read(path, TableRequest(path.name, ())):
         rows = zip(*(values[:most].tolist() for values in table.columns.values()), strict=True)
         return [Top([list(table.columns), *rows], lambda cell: isinstance(cell, float))]
@@ -57,7 +62,7 @@ def _first_rows(
 
 
 def _with_padding_told(table: RawTable) -> RawTable:
-    """Return the table with a doubt about what fills its file behind the text."""
+    """Return the table with a doubt about the padding after the text of its file."""
     if not table.padding:
         return table
     what = (
@@ -68,9 +73,9 @@ def _with_padding_told(table: RawTable) -> RawTable:
 
 
 def _without_cut_rows(table: RawTable, request: TableRequest) -> RawTable:
-    """Return the table without the rows at its end that were cut, which is told.
+    """Return the table without the incomplete rows at its end, with a warning.
 
-    Raises DataError for a file that breaks off where missing values are errors.
+    Raises DataError for an incomplete file if missing values are errors.
     """
     cut = table.breaks_off
     if cut is None and table.open_end is not None and not table.is_empty_at(-1):
@@ -89,8 +94,9 @@ def _without_cut_rows(table: RawTable, request: TableRequest) -> RawTable:
 
 
 def _cut_in(end: OpenEnd) -> Cut | None:
-    """Return what shows that the last line, which has no end, was cut: fewer cells than in any line
-    before it, or, in its last cell, fewer digits than all of these: 254.126 was cut to 2.
+    """Return the evidence that the last line, which has no end, is incomplete: it has fewer cells
+    than every line before, or its last cell has fewer digits than all of these (254.126 was cut to
+    2).
     """
     *before, last = [row for row in end.rows if any(map(str.strip, row))] or [[""]]
     column = [row[len(last) - 1] for row in before if len(row) >= len(last)]

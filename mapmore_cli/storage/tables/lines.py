@@ -1,6 +1,4 @@
-"""A text file from bytes to lines with their numbers, one by one; and text files written line by
-line.
-"""
+"""Read a text file as numbered lines, and write text files line by line."""
 
 from __future__ import annotations
 
@@ -26,50 +24,48 @@ from mapmore_cli.storage.tables import reading, refuse_bombs
 from mapmore_cli.storage.tables.cells import holds_number
 
 LONGEST = 10_000_000
-"""Characters of a line; a file of megabytes without a line end is no table."""
+"""Largest number of characters in a line; a file of megabytes without a line end is no table."""
 
 PACKED_TEXT = 4_000_000
-"""Bytes of a packed text from which on it matters how well it was packed: its lines are read one by
-one where they are damaged, which takes seconds for a megabyte on a slow machine.
+"""Bytes of a compressed text from which on its compression ratio is checked. If its lines are
+damaged, they are read one by one, which takes seconds per megabyte on a slow machine.
 """
 
 CHUNK = 1 << 20
-"""Bytes that are read at a time; where one of them is out of order, all of them are read record by
+"""Bytes that are read at a time. If any of them is irregular, all of them are read record by
 record.
 """
 
 LAST_LINES = 50
-"""Lines at the end of a text by which its last one is judged."""
+"""Number of lines at the end of a text with which its last line is compared."""
 
 LINE = re.compile(rb"[^\r\n]*(?:\r\n?|\n)")
 
 TEXT_ERRORS = "surrogateescape"
 
 PADDING = b"\0\x1a"
-"""What fills a file behind its text: room that a logger made and did not use is NUL, and the text
-of programs for DOS ends in Ctrl-Z.
+"""Padding after the text of a file: space that a logger reserved and did not use is NUL, and texts
+of DOS programs end with Ctrl-Z.
 """
 
 UNREADABLE = (OSError, EOFError, zlib.error, lzma.LZMAError)
-"""What opening, reading and unpacking raise."""
+"""Errors of opening, reading and unpacking a file."""
 
 _UNPACKED: dict[bytes, Callable[[Any], Any]] = {
     b"\x1f\x8b": gzip.open,
     b"BZh": bz2.open,
     b"\xfd7zXZ": lzma.open,
 }
-"""How packed files begin, and what unpacks them."""
+"""Beginning of compressed files, and the function that unpacks them."""
 
 
 def name_of_packed(name: str) -> str:
-    """Return the name of a file without the suffix that says how it is packed: `a.csv` of
-    `a.csv.gz`.
-    """
+    """Return the name of a file without the suffix of its compression: `a.csv` for `a.csv.gz`."""
     return re.sub(r"\.(gz|bz2|xz)$", "", name, flags=re.IGNORECASE)
 
 
 def is_zipped(raw: BufferedReader) -> bool:
-    """Whether an open file is packed by gzip, bzip2 or xz, by how it begins."""
+    """Return True if an open file is compressed with gzip, bzip2 or xz, judged by its beginning."""
     return raw.peek(5).startswith(tuple(_UNPACKED))
 
 
@@ -82,8 +78,8 @@ def _unzipped(raw: BufferedReader) -> IO[bytes]:
 def open_lines(
     path: Path, encoding: str, label: str, errors: str = "strict"
 ) -> Iterator[tuple[Lines, BufferedReader]]:
-    """Open the lines of a file, plain or packed, which end in LF, CR LF or CR; and the file
-    itself.
+    """Open a file, plain or compressed, and return its lines, which end with LF, CR LF or CR, and
+    the file itself.
     """
     with path.open("rb") as raw:
         found = os.fstat(raw.fileno())
@@ -96,17 +92,17 @@ def open_lines(
 def lines_of(
     path: Path, told: Callable[[int, int], None] = lambda _read, _size: None
 ) -> Iterator[str]:
-    """Yield the lines of a file with their ends; DataError where it is missing, unreadable or cut
-    off.
+    """Yield the lines of a file with their ends. Raises DataError if the file is missing,
+    unreadable or incomplete.
 
-    `told` is told now and then how many bytes of the file have been read, and how many it has.
+    `told` is called from time to time with the number of bytes read and the size of the file.
     """
     label = str(path)
     with (
         reading(label, "text file", UNREADABLE),
         open_lines(path, "utf-8", label, TEXT_ERRORS) as (lines, raw),
     ):
-        size = os.fstat(raw.fileno()).st_size if raw.seekable() else 0  # a pipe has none
+        size = os.fstat(raw.fileno()).st_size if raw.seekable() else 0  # a pipe has no size
         for number, line in enumerate(lines):
             if number % 4096 == 0 and size:
                 told(raw.tell(), size)
@@ -114,17 +110,17 @@ def lines_of(
 
 
 def as_text(binary: IO[bytes]) -> TextIO:
-    """Return a text stream over a binary one; a byte order mark is swallowed."""
+    """Return a text stream over a binary one; a byte order mark is skipped."""
     return io.TextIOWrapper(binary, encoding="utf-8-sig", errors=TEXT_ERRORS, newline="")
 
 
 class Lines(Iterator[str]):
     """The lines of a text with their ends, one by one or many at a time; a byte order mark is
-    swallowed. `taken` and `rows` count the bytes of UTF-8 and the lines so far, `padding` the
-    characters of `PADDING` with which the text ends, and which are no part of it.
+    skipped. `taken` and `rows` count the UTF-8 bytes and the lines so far. `padding` counts the
+    characters of `PADDING` at the end, which are no part of the text.
 
     Raises DataError for a line that is too long for a table, and for text that is hundreds of times
-    larger than its file, of which `packed` is the size.
+    larger than its file, whose size is `packed`.
     """
 
     def __init__(
@@ -134,9 +130,9 @@ class Lines(Iterator[str]):
         self._plain = codecs.lookup(encoding).name == "utf-8"
         self._decoder = codecs.getincrementaldecoder(encoding)(errors)
         self._held, self._at, self._ended, self._size = b"", 0, False, 0
-        self._tail = b""  # which is padding, if no text follows
+        self._tail = b""  # padding, if no text follows
         self.taken = self.rows = self.padding = 0
-        self.endless = False  # as a device may be, of which all may be padding
+        self.endless = False  # a device may be endless, and consist of padding only
 
     def __next__(self) -> str:
         line = self._line()
@@ -148,24 +144,24 @@ class Lines(Iterator[str]):
         return text
 
     def block(self) -> bytes:
-        """Return the next lines in UTF-8, about `CHUNK` bytes; none at the end. They are not
-        taken yet.
+        """Return the next lines in UTF-8, about `CHUNK` bytes; empty at the end. They are not
+        consumed yet.
         """
         line = self._line()
         while not self._ended and len(self._held) - self._at < CHUNK:
             self._more()
-        # a CR that ends what is held may be half of a line end
+        # a CR at the end of the buffer may be half of a line end
         ends = (self._held.rfind(b"\n", self._at), self._held.rfind(b"\r", self._at, -1))
         end = len(self._held) if self._ended else max(1 + max(ends), self._at + len(line))
         return self._held[self._at : end]
 
     def take(self, lines: bytes, count: int) -> None:
-        """Go on behind these lines, so many of them."""
+        """Consume these lines; `count` is their number."""
         self._at += len(lines)
         self.taken, self.rows = self.taken + len(lines), self.rows + count
 
     def _line(self) -> bytes:
-        """Return the next line, whole; none at the end."""
+        """Return the next complete line; empty at the end."""
         while True:
             found = LINE.match(self._held, self._at)
             if found and (found.end() < len(self._held) or found[0].endswith(b"\n")):
@@ -174,7 +170,7 @@ class Lines(Iterator[str]):
                 return self._held[self._at :]
 
     def _more(self) -> bool:
-        """Hold more of the text, if there is any."""
+        """Read more of the text into the buffer, if there is any."""
         rest = self._held[self._at :]
         if len(rest) > LONGEST or (self.endless and self.padding > LONGEST):
             raise DataError(
@@ -197,7 +193,9 @@ class Lines(Iterator[str]):
         return not self._ended
 
     def _without_tail(self, data: bytes) -> bytes:
-        """Return the text before the padding at its end, which is kept until text follows it."""
+        """Return the text before the padding at its end; the padding is kept until text follows
+        it.
+        """
         end = len(data.rstrip(PADDING + b" \r\n"))
         if end:
             data, end = self._tail + data, len(self._tail) + end
@@ -208,25 +206,25 @@ class Lines(Iterator[str]):
             begin = 0
         tail = data[begin:]
         self.padding += sum(tail.count(PADDING[i : i + 1]) for i in range(len(PADDING)))
-        self._tail = (self._tail + tail)[: LONGEST + 1]  # more of it is no line of a table
+        self._tail = (self._tail + tail)[: LONGEST + 1]  # a longer one is no line of a table
         return data[:begin]
 
 
 def head_of(path: Path) -> bytes:
-    """Return the first bytes of a file, plain or packed; none of one that cannot be read."""
+    """Return the first bytes of a file, plain or compressed; empty if it cannot be read."""
     with suppress(*UNREADABLE), path.open("rb") as raw:
         return _unzipped(raw).read(65536)
     return b""
 
 
 def guess_encoding(path: Path) -> str:
-    """Return the encoding of a text file, plain or packed, as its beginning tells."""
+    """Return the encoding of a text file, plain or compressed, judged by its beginning."""
     return encoding_of(head_of(path))
 
 
 def encoding_of(head: bytes) -> str:
-    """Return the encoding that the first bytes of a text are in: `utf-8`, one of UTF-16, or else
-    what Windows calls ANSI.
+    """Return the encoding of the first bytes of a text: `utf-8`, a form of UTF-16, or otherwise the
+    one that Windows calls ANSI.
     """
     head = head.rstrip(PADDING)
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
@@ -236,7 +234,8 @@ def encoding_of(head: bytes) -> str:
             return name
     for name in ("utf-8", "cp1252"):
         with suppress(UnicodeDecodeError):
-            codecs.getincrementaldecoder(name)().decode(head)  # the last character may be cut
+            # the last character may be incomplete
+            codecs.getincrementaldecoder(name)().decode(head)
             return name
     return "latin-1"
 
@@ -244,12 +243,12 @@ def encoding_of(head: bytes) -> str:
 def csv_records(
     lines: Iterable[str], delimiter: str, label: str, row: int = 0
 ) -> Iterator[tuple[str, list[str], int]]:
-    """Yield the text of each record, its fields, and the number of its last line; `row` come
-    before. No line is taken before its time.
+    """Yield the text of each record, its fields, and the number of its last line, starting after
+    line `row`. Lines are consumed only when they are needed.
 
-    A quoted field may go on over several lines. A line whose quotation marks are damaged, as in
-    `"20"1.2`, is cut at every delimiter. Raises DataError where a mark is not closed, or took whole
-    records for text.
+    A quoted field may span several lines. A line with damaged quotation marks, such as `"20"1.2`,
+    is cut at every delimiter. Raises DataError if a quotation mark is not closed, or if it
+    swallowed whole records.
     """
     taken: list[str] = []
 
@@ -281,7 +280,9 @@ def _left_open(label: str, row: int) -> DataError:
 
 
 def _holds_record(cell: str, delimiter: str) -> bool:
-    """Whether a later line of a cell looks like one of the table: delimited, with a number."""
+    """Return True if a later line of a cell looks like a line of the table: delimited, with a
+    number.
+    """
     return any(
         delimiter in line and any(holds_number(part.strip(' "')) for part in line.split(delimiter))
         for line in cell.splitlines()[1:]
@@ -290,21 +291,21 @@ def _holds_record(cell: str, delimiter: str) -> bool:
 
 @contextmanager
 def replaced(path: Path) -> Iterator[TextIO]:
-    """Open a text stream that takes the place of `path` when the block ends without an error
+    """Open a text stream that replaces `path` when the block ends without an error
     (`atomic.written`).
 
-    Errors of the file system inside the block count as errors of this file, and are WriteErrors;
-    BrokenPipeError where nobody reads more.
+    Errors of the file system inside the block count as errors of this file, and become WriteErrors.
+    Raises BrokenPipeError if nobody reads any more.
     """
     try:
         with written(path) as raw:
-            # no name and no time in the header of gzip: the same table gives the same bytes
+            # the gzip header has no name and no time, so that the same table gives the same bytes
             zipped = path.suffix == ".gz"
             binary = gzip.GzipFile("", "wb", fileobj=raw, mtime=0) if zipped else raw
             text = io.TextIOWrapper(binary, "utf-8", TEXT_ERRORS, newline="")
             yield text
             text.flush()
-            # to close a gzip stream writes its end, and leaves `raw` open
+            # closing a gzip stream writes its end, and leaves `raw` open
             text.close() if zipped else text.detach()
     except BrokenPipeError:
         raise

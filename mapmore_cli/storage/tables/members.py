@@ -1,6 +1,6 @@
-"""Files that hold trees of arrays: how an address is followed, and how arrays become a table.
+"""Read files that contain trees of arrays: follow addresses, and turn arrays into a table.
 
-A format gives its top as a `Member`; the rest is the same for all.
+A format returns its root as a `Member`; everything else is common to all formats.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from mapmore_cli.storage.tables.cells import DATES, CellReader, NotANumber
 from mapmore_cli.storage.tables.thousands import may_be_grouped, refuse_grouped
 
 Values = np.ndarray[Any, np.dtype[Any]]
-"""Numbers, texts or stamps as they are in a file."""
+"""Numbers, texts or time stamps as stored in a file."""
 
 Selection = tuple[int | slice, ...]
-"""An index in brackets, `:` being a whole axis."""
+"""An index in brackets; `:` stands for a whole axis."""
 
 EVERY = "[*]"
 _STEP = re.compile(r"(?P<separator>[./]?)(?:(?P<name>[^./\[\]]+)|\[(?P<index>[^\[\]]*)\])")
@@ -45,14 +45,15 @@ def _impossible(_: object) -> NoReturn:
 class Member:
     """A struct or group, a collection, or an array inside a file, as its format reads it.
 
-    - `kind`: what it is, in words: `a struct array of 5`.
-    - `names`, `member`: the names of its members, empty where it has none, and how to get one.
-    - `count`, `element`: the number of its elements, None where it is no collection, and how to get
-      one, from 0.
-    - `values`, `shape`: for an array: reads a selection of it, `()` being all; raises IndexError.
-      And its size along each axis.
-    - `noted`: what the file says of an array.
-    - `breaks_off`: for the top, what shows that the file breaks off.
+    - `kind`: description in words: `a struct array of 5`.
+    - `names`, `member`: names of its members, empty if it has none, and the function that returns a
+      member.
+    - `count`, `element`: number of its elements, None if it is no collection, and the function that
+      returns an element by its 0-based index.
+    - `values`, `shape`: for an array, the function that reads a selection of it (`()` means all; it
+      raises IndexError), and the size along each axis.
+    - `noted`: what the file says about an array.
+    - `breaks_off`: for the root, evidence that the file is incomplete.
     """
 
     kind: str
@@ -67,11 +68,11 @@ class Member:
 
     @property
     def is_array(self) -> bool:
-        """True for what holds values rather than members."""
+        """True for an array, which holds values instead of members."""
         return not self.names and self.count is None
 
     def named(self, name: str) -> Member:
-        """Return the member of that name; DataError where several have it."""
+        """Return the member with this name. Raises DataError if several members have it."""
         remedy = "Give each a name of its own in the program that wrote the file."
         refuse_namesakes(name, self.names, f"'{name}'", self.kind, remedy)
         return self.member(name)
@@ -80,14 +81,14 @@ class Member:
 def array_of(
     values: Callable[[Selection], Values], shape: tuple[int, ...], noted: Noted | None = None
 ) -> Member:
-    """Return an array of that size."""
+    """Return an array with this shape as a member."""
     return Member(
         f"an array of {size_in_words(shape)}", values=values, shape=shape, noted=noted or Noted()
     )
 
 
 def size_in_words(shape: Iterable[int]) -> str:
-    """Return a size in words, as `5 x 3`."""
+    """Return a size in words, for example `5 x 3`."""
     return " x ".join(map(str, shape)) or "a single value"
 
 
@@ -97,7 +98,9 @@ def table_of_fields(
     values: Callable[[str], Callable[[Selection], Values]],
     noted: Noted | None = None,
 ) -> Member:
-    """Return an array of records, whose fields are members; `values` gives what reads a field."""
+    """Return an array of records, whose fields are members; `values` returns the function that
+    reads a field.
+    """
     size = size_in_words(shape)
     return Member(
         f"a table of {size}",
@@ -109,9 +112,7 @@ def table_of_fields(
 
 
 def group_of(kind: str, names: Sequence[str], member: Callable[[str], Member]) -> Member:
-    """Return a group whose members are its elements as well, in natural order: run_2 before
-    run_10.
-    """
+    """Return a group whose members are also its elements, in natural order: run_2 before run_10."""
 
     def natural(name: str) -> list[tuple[bool, int | str]]:
         return [
@@ -126,7 +127,7 @@ def group_of(kind: str, names: Sequence[str], member: Callable[[str], Member]) -
 
 
 def parse_address(text: str, position: int = 0) -> tuple[str | Selection, ...]:
-    """Return the steps of an address from a position on: names after `.` or `/`, and 0-based
+    """Return the steps of an address, starting at a position: names after `.` or `/`, and 0-based
     indices in brackets. Raises DataError.
     """
     steps: list[str | Selection] = []
@@ -156,15 +157,15 @@ def _parse_index(inside: str, text: str) -> Selection:
 
 
 def tables(top: Member, request: TableRequest) -> list[RawTable]:
-    """Return the recordings below `request.root`: one, or one for every element where it ends in
+    """Return the recordings below `request.root`: one, or one for every element if it ends with
     `[*]`.
 
-    Members of a group that have none of the columns are left out, and told.
+    Members of a group that have none of the columns are left out, with a warning.
 
     Raises DataError for an address that leads nowhere, arrays that are not columns of numbers, and
-    columns of different length.
+    columns of different lengths.
     """
-    if top.breaks_off is not None:  # whatever else is wrong with the file may come of that
+    if top.breaks_off is not None:  # this may be the cause of all other faults of the file
         top.breaks_off.refuse(request.label, request)
     root = request.root or ""
     place = root.removesuffix(EVERY)
@@ -198,7 +199,9 @@ def tables(top: Member, request: TableRequest) -> list[RawTable]:
 
 
 def _steps_to(column: SourceColumn, base: Member) -> tuple[str | Selection, ...]:
-    """Return the steps to a column; a member's name is one step, whatever marks are in it."""
+    """Return the steps to a column. If the whole text is the name of a member, it is one step,
+    whatever characters it contains.
+    """
     if isinstance(column, int):
         return ((slice(None), column),)
     steps, end = list[str](), 0
@@ -212,7 +215,7 @@ def _steps_to(column: SourceColumn, base: Member) -> tuple[str | Selection, ...]
 
 
 def _has_some(element: Member, request: TableRequest) -> bool:
-    """Return True for an element in which a wanted column may be."""
+    """Return True for an element that may contain a wanted column."""
     for column in request.columns:
         step = next(iter(_steps_to(column, element)), None)
         if not isinstance(step, str) or step in element.names:
@@ -223,12 +226,13 @@ def _has_some(element: Member, request: TableRequest) -> bool:
 def _table_of_member(
     base: Member, request: TableRequest, label: str, element: int | None = None
 ) -> RawTable:
-    """Return the columns of a member; the shortest ends them, which the gate judges."""
+    """Return the columns of a member, cut to the length of the shortest; the gate judges that."""
     noted: dict[SourceColumn, Noted] = {}
     columns: dict[SourceColumn, Array] = {}
     for column in request.columns:
         values, noted[column] = _column(base, column, label, request.cells(column))
-        columns[column] = by_blocks(np.asarray, values)  # one long column is in memory at a time
+        # only one long column is in memory at a time
+        columns[column] = by_blocks(np.asarray, values)
     refuse_other_clocks(noted, label)
     lengths = {column: len(values) for column, values in columns.items()}
     shortest, longest = min(lengths, key=lengths.__getitem__), max(lengths, key=lengths.__getitem__)
@@ -248,7 +252,9 @@ def _table_of_member(
 
 
 def _never_written(noted: Mapping[SourceColumn, Noted]) -> Cut | None:
-    """Return what is said of columns that have values which nobody wrote; None without one."""
+    """Return a description of columns with values that were never written; None if there are
+    none.
+    """
     counts = {column: one.never_written for column, one in noted.items() if one.never_written}
     if not counts:
         return None
@@ -263,11 +269,11 @@ def _never_written(noted: Mapping[SourceColumn, Noted]) -> Cut | None:
 
 
 def refuse_other_clocks(noted: Mapping[SourceColumn, Noted], label: str) -> None:
-    """Raise DataError for columns that were not sampled together, as the file itself says."""
+    """Raise DataError for columns that were not sampled together, according to the file itself."""
     timed = [(column, told) for column, told in noted.items() if told.step]
     for column, told in timed[1:]:
         name, first = timed[0]
-        later = round(told.start - first.start, 6)  # as exact as seconds since 1970 are
+        later = round(told.start - first.start, 6)  # the precision of seconds since 1970
         if not math.isclose(first.step, told.step, rel_tol=1e-6):
             what = (
                 f"'{name}' was sampled every {first.step:.6g} s, '{column}' every {told.step:.6g} s"
@@ -286,7 +292,7 @@ def refuse_other_clocks(noted: Mapping[SourceColumn, Noted], label: str) -> None
 def _column(
     base: Member, column: SourceColumn, label: str, read: CellReader
 ) -> tuple[Array, Noted]:
-    """Return the `(n,)` array at an address, and what the file says of it."""
+    """Return the array at an address, (n,), and what the file says about it."""
     address = f"[:,{column}]" if isinstance(column, int) else column
     steps = _steps_to(column, base)
     if not steps:
@@ -318,18 +324,18 @@ def _column(
 
 
 def as_numbers(values: object, what: str, read: CellReader | None = None) -> Array:
-    """Return an array as numbers of the same shape; `read` is what reads the cells of its column.
+    """Return an array as numbers of the same shape; `read` reads the cells of its column.
 
-    Text is read cell by cell. Where the column may have them, time stamps are seconds since 1970,
-    and durations seconds.
-    Raises DataError, which begins with `what`, for anything else.
+    Text is read cell by cell. If the column may have them, time stamps become seconds since 1970,
+    and durations seconds. Raises DataError for anything else, with a message that begins with
+    `what`.
     """
     read = read or CellReader()
     array = np.asarray(values)
     kind = array.dtype.kind
     if kind in "USO":
         numbers = np.empty(array.size)
-        known = dict[Any, float]()  # what small files hold millions of is the same again and again
+        known = dict[Any, float]()  # small files may hold the same text millions of times
         for index, cell in enumerate(array.flat):
             if cell not in known:
                 try:
@@ -382,7 +388,7 @@ def _step_into(here: Member, step: str | Selection, address: str, label: str) ->
 
 
 def _further(here: Member, wanted: str = "") -> str:
-    """Return what an address can go on with."""
+    """Return how an address can continue."""
     if here.names:
         return known_names(wanted, here.names, f"{here.kind.capitalize()} has")
     if here.count is not None:

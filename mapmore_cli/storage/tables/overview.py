@@ -1,5 +1,5 @@
-"""What `init` sees of a file that holds a tree of arrays: which of them belong to one log, and the
-reader that every format of trees has.
+"""Survey a file with a tree of arrays for `init`: which arrays belong to one log. Also make the
+reader of such formats.
 """
 
 from __future__ import annotations
@@ -20,13 +20,15 @@ from mapmore_cli.storage.tables import Noted, RawTable, Reader, TableRequest, To
 from mapmore_cli.storage.tables.cells import CellReader
 from mapmore_cli.storage.tables.members import EVERY, Member, as_numbers, tables
 
-MOST_MEMBERS = 500  # of a file that are looked at
-WIDEST = 64  # columns of a matrix that is a table
+MOST_MEMBERS = 500  # members of a file that are visited
+WIDEST = 64  # columns of a matrix that counts as a table
 RATES = ("fs", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "framerate")
 STEPS = ("dt", "ts", "h", "sampletime", "samplingtime", "timestep")
 
 Opened = Callable[[Path, str, TableRequest | None], AbstractContextManager[Member]]
-"""Opens the top of a file that messages call so; without a request, all of it is looked at."""
+"""Function that opens the root of a file, given its name in messages; without a request, the whole
+file is surveyed.
+"""
 
 
 def tree_reader(
@@ -51,7 +53,9 @@ def tree_reader(
 
 
 class Place(NamedTuple):
-    """A member of a tree: its address, its name, the address of its group, and itself."""
+    """A member of a tree: its address, its name, the address of its group, and the member
+    itself.
+    """
 
     address: str
     name: str
@@ -63,10 +67,11 @@ class Place(NamedTuple):
 class Column:
     """A column of numbers.
 
-    - `address`, `title`: how a spec names it, and its name; None for a column of a matrix.
-    - `group`: the address of what it lies in.
+    - `address`, `title`: its name in a spec, and its own name; the title of a column of a matrix is
+      None.
+    - `group`: address of the group that contains it.
     - `length`, `values`: its length, and its first values.
-    - `noted`: what the file says of it.
+    - `noted`: what the file says about it.
     """
 
     address: str
@@ -79,11 +84,11 @@ class Column:
 
 def first_rows(top: Member, most: int, separator: str = "/") -> Top:
     """Return the first rows of the log in a tree of arrays: of the group with the longest columns,
-    of at least two.
+    at least two.
 
-    Groups of the same members, and elements of an array, are recordings (`root` ends in `[*]`) of
-    which the first one is shown; members with other names may lie beside them. A number named `fs`
-    or `dt` is the log's `sample_time`, where the file notes none.
+    Groups with the same members, and elements of an array, are recordings (`root` ends with `[*]`),
+    of which the first is shown; members with other names may stand beside them. A number named `fs`
+    or `dt` becomes the log's `sample_time` if the file does not state one.
     """
     places = _places(top, separator)
     root, log, columns = next(
@@ -95,7 +100,7 @@ def first_rows(top: Member, most: int, separator: str = "/") -> Top:
         (None, [], []),
     )
     for name in () if log else top.names:
-        top.named(name)  # tells of an object that only its own program can read
+        top.named(name)  # raises an error for an object that only its own program can read
     steps = (column.noted.step for column in log)
     step = next(filter(None, steps), None) or _sample_time(columns)
     titles = [column.title or column.address for column in log]
@@ -111,9 +116,11 @@ def first_rows(top: Member, most: int, separator: str = "/") -> Top:
 
 
 def _places(top: Member, separator: str) -> list[Place]:
-    """Return a tree's members level by level; so many of them, as links may lead in circles."""
+    """Return the members of a tree level by level, up to a largest number, because links may lead
+    in circles.
+    """
     places = [Place("", "", "", top)]
-    for address, _, _, here in places:  # which grows meanwhile
+    for address, _, _, here in places:  # the list grows during the loop
         for name in here.names or range(here.count or 0):
             if len(places) > MOST_MEMBERS:
                 return places
@@ -126,8 +133,8 @@ def _places(top: Member, separator: str) -> list[Place]:
 
 
 def _title_of(here: Member, name: str, variable: str) -> str:
-    """Return the name of a member; values that Simulink logs are called by their label, else by the
-    block or the variable that they lie in.
+    """Return the name of a member. Values that Simulink logs get their label, or else the name of
+    the block or the variable that contains them.
     """
     if name != "values" or "dimensions" not in here.names:
         return name
@@ -136,13 +143,13 @@ def _title_of(here: Member, name: str, variable: str) -> str:
 
 
 def _text(here: Member, name: str) -> str:
-    """Return the text of a member; empty where it has none."""
+    """Return the text of a member; empty if it has none."""
     member = _readable(here, name)
     return str(member.values(())[0]) if member is not None and member.kind == "text" else ""
 
 
 def _readable(here: Member, name: str | int) -> Member | None:
-    """Return a member or an element; None where there is none, or nothing that can be read."""
+    """Return a member or an element; None if there is none, or if it cannot be read."""
     with suppress(DataError):
         if isinstance(name, int):
             return here.element(name)
@@ -154,7 +161,7 @@ def _readable(here: Member, name: str | int) -> Member | None:
 def _ways_to_read(
     places: Sequence[Place], separator: str, most: int
 ) -> Iterator[tuple[str | None, list[Column]]]:
-    """Yield `root` and the columns below it: of recordings, and of the file."""
+    """Yield `root` and the columns below it: first as recordings, then as a whole file."""
     for place in places:
         with suppress(DataError):
             if (first := _first_recording(place.member)) is not None:
@@ -163,10 +170,11 @@ def _ways_to_read(
 
 
 def _first_recording(here: Member) -> Member | None:
-    """Return the first element of an array, or the first of two groups or more of the same names.
+    """Return the first element of an array, or the first of at least two groups with the same
+    member names.
 
-    Beside these may be single values, and groups that have none of these names. Simulink's structs
-    with time are signals of one recording.
+    Beside these, there may be single values, and groups that have none of these names. Simulink's
+    structs with time are signals of one recording.
     """
     if not here.count or not here.names:
         return here.element(0) if here.count else None
@@ -185,8 +193,8 @@ def _first_recording(here: Member) -> Member | None:
 
 
 def _log(columns: Sequence[Column]) -> list[Column]:
-    """Return the columns of one length that lie together, the longest of these, and those of this
-    length in the groups around; where none lie together, those of one length anywhere.
+    """Return the longest columns of equal length that lie together, and columns of this length in
+    the groups around them; if none lie together, columns of equal length anywhere.
     """
     for together in (True, False):
         logs = Counter((one.length, one.group if together else "") for one in columns)
@@ -203,14 +211,14 @@ def _log(columns: Sequence[Column]) -> list[Column]:
 
 
 def _columns(places: Sequence[Place], most: int) -> list[Column]:
-    """Return every column of numbers; collections other than groups are left out."""
+    """Return every column of numbers. Collections other than groups are left out."""
     return [
         column for place in places if place.member.is_array for column in _columns_of(place, most)
     ]
 
 
 def _columns_of(place: Place, most: int) -> Iterator[Column]:
-    """Yield the columns of an array: itself, or those of a matrix."""
+    """Yield the columns of an array: the array itself, or the columns of a matrix."""
     address, title, group, member = place
     long = [length for length in member.shape if length != 1]
     matrix = len(member.shape) == 2 and len(long) == 2 and min(long) <= WIDEST
@@ -232,7 +240,9 @@ def _columns_of(place: Place, most: int) -> Iterator[Column]:
 
 
 def _sample_time(columns: Iterable[Column]) -> float | None:
-    """Return seconds between samples, from a number whose name says so; None without one."""
+    """Return the seconds between samples from a number whose name says so; None if there is
+    none.
+    """
     for column in columns:
         if column.length != 1:
             continue

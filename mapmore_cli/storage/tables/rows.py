@@ -1,5 +1,5 @@
-"""Tables that come row by row, cell by cell: a sheet of a workbook, a segment of a LabVIEW file,
-records of names and cells.
+"""Make tables from rows of cells: a sheet of a workbook, a segment of a LabVIEW file, records of
+names and cells.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from mapmore_cli.storage.tables.cells import CellReader, NotANumber, holds_numbe
 from mapmore_cli.storage.tables.thousands import may_be_grouped, refuse_grouped
 
 Row = tuple[int, Sequence[Any]]
-"""Number in the file, from 1, and the cells."""
+"""Number of a row in the file, counted from 1, and its cells."""
 
 Wanted = tuple[SourceColumn, int, CellReader]
-"""Title of a column, its 0-based place, and what reads its cells."""
+"""Title of a column, its 0-based index, and the reader of its cells."""
 
 
 def table_of_rows(
@@ -31,11 +31,11 @@ def table_of_rows(
     request: TableRequest,
     label: str,
 ) -> RawTable:
-    """Return the columns at these 0-based `places` of the rows; a cell that is empty, or that a row
-    is too short for, is NaN.
+    """Return the columns with these 0-based indices (`places`). A cell that is empty, or that a
+    short row lacks, is NaN.
 
-    `names` are the titles of all columns, None where there are none. Raises NotANumber, with row
-    and column, for a cell that is no number.
+    `names` are the titles of all columns, None without titles. Raises NotANumber, with row and
+    column, for a cell that is no number.
     """
     rows, wanted = list(rows), wanted_of(places, names, request)
     numbers, columns = values_of_rows(rows, wanted, label)
@@ -49,10 +49,12 @@ def table_of_rows(
 def table_of_records(
     records: Sequence[tuple[int, Sequence[tuple[str, Any]]]], request: TableRequest
 ) -> RawTable:
-    """Return the wanted columns of records, each a number in the file and pairs of name and cell;
-    a cell that a record lacks is NaN. A request without columns gets all that hold numbers.
+    """Return the wanted columns of records, each with its number in the file and pairs of name and
+    cell. A cell that a record lacks is NaN. A request without columns gets all columns with
+    numbers.
 
-    Raises DataError for a name that no record has, or that stands twice in one; NotANumber.
+    Raises DataError for a name that no record has, or that occurs twice in one; NotANumber for a
+    cell that is no number.
     """
     counts = Counter[str]()
     for _, pairs in records:
@@ -75,7 +77,7 @@ def table_of_records(
 def wanted_of(
     places: Mapping[SourceColumn, int], names: Sequence[str] | None, request: TableRequest
 ) -> list[Wanted]:
-    """Return how the columns at these places are read, under their `names` where they have some."""
+    """Return how the columns with these indices are read, with their `names` if they have some."""
     return [
         (column if names is None else names[place], place, request.cells(column))
         for column, place in places.items()
@@ -90,7 +92,7 @@ def values_of_rows(
 ) -> tuple[IntArray, Array]:
     """Return the numbers of the rows, (n,), and the values of the `wanted` columns, (k, n).
 
-    Raises NotANumber, with row and column, and the `hint` that a row gives.
+    Raises NotANumber, with row and column, and the `hint` for the row.
     """
     numbers: list[int] = []
     values: list[float] = []

@@ -1,4 +1,4 @@
-"""Numbers as 1.050 beside 950: the point stands between thousands, and is no decimal point."""
+"""Detect numbers such as 1.050 beside 950, in which the point separates thousands."""
 
 from __future__ import annotations
 
@@ -12,18 +12,20 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.storage.tables.cells import MISSING, NotANumber, number_of
 
 TINY = 0.1
-"""Of the largest whole number: numbers with decimals that are all smaller are conspicuous."""
+"""Fraction of the largest whole number below which numbers with decimals are conspicuous."""
 
 ENOUGH = 100
-"""Numbers as 23.000 without a whole one before them, from which on zeros at the end are kept."""
+"""Count of numbers such as 23.000, without a whole number before them, from which on zeros at the
+end count as kept.
+"""
 
 BLOCK = 10_000
-"""Numbers of a column that are looked at together."""
+"""Numbers of a column that are checked together."""
 
 
 def may_be_grouped(values: Array) -> bool:
-    """Return whether the numbers of a column as read, (n,), may be whole ones with a mark between
-    thousands: some are whole, the others have three decimals and are above 1, and all are below
+    """Return True if the numbers of a column as read, (n,), may be whole numbers with a thousands
+    separator: some are whole, the others have three decimals and are above 1, and all are below
     1000.
     """
     whole = others = 0
@@ -44,11 +46,12 @@ def may_be_grouped(values: Array) -> bool:
 
 def refuse_grouped(cells: Iterable[tuple[int, object]], decimal: str, column: str) -> None:
     """Raise NotANumber for a column whose cells, each with its row, are whole numbers up to 999 and
-    numbers with exactly three decimals, as 1.050, where no program writes decimals so.
+    numbers with exactly three decimals, such as 1.050, because no program writes decimals in that
+    way.
 
-    One that leaves out zeros at the end writes 1.05, and one that keeps them 950.000. Without such
-    a zero, the numbers with decimals are tiny beside the whole ones. `column` says where they
-    stand, with `{row}` for the row.
+    A program that drops zeros at the end would write 1.05, and one that keeps them would write
+    950.000. Without such a zero, the numbers with decimals must be tiny beside the whole ones.
+    `column` describes the place, with `{row}` for the row.
     """
     grouped = re.compile(rf"[+-]?[1-9]\d{{0,2}}{re.escape(decimal)}\d{{3}}")
     first, zeros, largest, most = (0, ""), Counter[bool](), 0.0, 0.0

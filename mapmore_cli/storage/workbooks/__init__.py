@@ -1,1 +1,1 @@
-"""What runs in a process of its own to read a workbook for `readers/xlsx.py`."""
+"""Read workbooks in a separate process, for `readers/xlsx.py`."""

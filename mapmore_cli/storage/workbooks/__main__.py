@@ -1,13 +1,14 @@
-"""The process that reads a workbook, run with PATH ROWS BYTES SECONDS.
+"""Read a workbook; this program runs as a separate process with the arguments PATH ROWS BYTES
+SECONDS.
 
-It writes a list of sheets as JSON to its output: title, whether it is visible, the first ROWS rows
-of cells (all where 0), and the rows and columns that are hidden, from 0. A date or a time is
-`{"stamp": TEXT}`, a number that is shown in per cent `{"percent": NUMBER}`; a cell that shows no
-number, whatever is stored, is the text of an error, `{"lacks": ""}` for a formula that was never
-computed, or `{"lacks": "B3:B5"}` in merged cells.
+It writes a list of sheets as JSON to its output: title, whether the sheet is visible, the first
+ROWS rows of cells (all for 0), and the 0-based indices of hidden rows and columns. A date or a time
+is `{"stamp": TEXT}`, a number that is shown in per cent `{"percent": NUMBER}`. A cell that shows no
+number, whatever is stored, is the text of an error; a formula that was never computed is `{"lacks":
+""}`, and a merged cell is `{"lacks": "B3:B5"}`.
 
-A damaged workbook can end the machine code that reads it, ask for all memory, or take long. Then it
-ends this process, which may have so many BYTES and SECONDS of processor time, and not the program.
+A damaged workbook can crash the compiled code that reads it, request all memory, or take long. It
+then ends only this process, which may use BYTES of memory and SECONDS of processor time.
 """
 
 from __future__ import annotations
@@ -26,18 +27,18 @@ from mapmore_cli.storage.workbooks import binary, markup, xlsb
 from mapmore_cli.storage.workbooks.facts import HIDDEN, MOST, NEVER_COMPUTED, PERCENT, Fact, letters
 
 MOST_CELLS, CELLS_OF_BYTE = 100_000, 50
-"""Cells that a sheet may span, and how many more for each byte of the file: a cell that holds a
-number takes a byte or more, however well it is packed.
+"""Number of cells that a sheet may span, and further cells for each byte of the file: a cell with a
+number takes at least a byte, however well it is compressed.
 """
 
-TOO_LARGE = 3  # the exit code for sheets that span more
+TOO_LARGE = 3  # exit code for sheets that span more cells
 
 
 Sheet = tuple[str, bool, list[list[Any]], list[int], list[int]]
 
 
 def sheets_of(path: Path, most: int) -> list[Sheet]:
-    """Return what is in the sheets of a workbook, whose content tells its kind."""
+    """Return the contents of the sheets of a workbook, whose kind is recognised by its content."""
     from python_calamine import SheetTypeEnum, SheetVisibleEnum, load_workbook
 
     room = MOST_CELLS + CELLS_OF_BYTE * path.stat().st_size
@@ -56,7 +57,7 @@ def sheets_of(path: Path, most: int) -> list[Sheet]:
                 merged = [(*first, *last, "") for first, last in sheet.merged_cell_ranges or []]
                 every = _facts(path, one.name)
                 facts = [fact for fact in every if fact[-1] != HIDDEN]
-                # rows where nothing has a value are not in what calamine gives
+                # calamine leaves out rows at the beginning in which nothing has a value
                 end = max((top + 1 for top, *_ in facts if not most or top < most), default=0)
                 if end * width <= room:
                     cells += [[""] * len(cells[0]) for _ in range(end - len(cells) if cells else 0)]
@@ -75,7 +76,7 @@ def _facts(path: Path, title: str) -> list[Fact]:
 
 
 def _hidden(facts: Iterable[Fact], cells: list[list[Any]]) -> tuple[list[int], list[int]]:
-    """Return the rows and the columns of these cells that are hidden."""
+    """Return the hidden rows and columns of these cells."""
     height, width = len(cells), max(map(len, cells), default=0)
     rows, columns = set[int](), set[int]()
     for top, first, bottom, last, said in facts:
@@ -87,9 +88,9 @@ def _hidden(facts: Iterable[Fact], cells: list[list[Any]]) -> tuple[list[int], l
 
 
 def _mark(cells: list[list[Any]], facts: Iterable[Fact]) -> None:
-    """Write into cells what the file says of them besides their values."""
+    """Write the facts about cells, besides their values, into the cells."""
     width = max(map(len, cells), default=0)
-    left = 4 * width * len(cells)  # ranges that lie on each other again and again are nonsense
+    left = 4 * width * len(cells)  # ranges that overlap many times are nonsense
     for top, first, bottom, last, said in facts:
         rows, columns = range(top, min(bottom + 1, len(cells))), range(first, min(last + 1, width))
         for row, column in islice(product(rows, columns), max(left, 0)):
@@ -108,14 +109,17 @@ def _mark(cells: list[list[Any]], facts: Iterable[Fact]) -> None:
 
 
 def _plain(cell: object) -> object:
-    """Return a date as midnight of that day, and whole numbers as such: `2026`, not `2026.0`."""
+    """Return a date as midnight of that day, and whole numbers as integers: `2026`, not
+    `2026.0`.
+    """
     if isinstance(cell, date) and not isinstance(cell, datetime):
         return datetime.combine(cell, time())
     return int(cell) if isinstance(cell, float) and cell.is_integer() else cell
 
 
 if __name__ == "__main__":
-    with suppress(ImportError, ValueError):  # not under Windows; there may be a lower limit
+    # does not exist on Windows, and there may be a lower limit
+    with suppress(ImportError, ValueError):
         import resource
 
         resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[3]),) * 2)
@@ -125,5 +129,5 @@ if __name__ == "__main__":
         json.dump(sheets, sys.stdout, default=lambda cell: {"stamp": str(cell)})
     except SystemExit:
         raise
-    except BaseException as fault:  # machine code that gives up raises no Exception
+    except BaseException as fault:  # compiled code that gives up raises no Exception
         sys.exit(str(fault) or type(fault).__name__)

@@ -1,6 +1,6 @@
-"""What workbooks of older programs (.xls) say of cells besides their values.
+"""Extract facts about cells, besides their values, from workbooks of older programs (.xls).
 
-The records of a sheet (BIFF) are a stream in a file of sectors, each chained to the next by a table
+The records of a sheet (BIFF) are a stream in a file of sectors, which are chained by a table
 ([MS-CFB], [MS-XLS]).
 """
 
@@ -25,11 +25,11 @@ BEGINS = b"\xd0\xcf\x11\xe0"
 BEGIN, END, SHEET, BOOL_OR_ERROR, FORMULA = 0x809, 0x0A, 0x85, 0x205, (0x06, 0x206, 0x406)
 ROW, COLUMNS, STYLE, FORMAT = 0x208, 0x7D, 0xE0, 0x41E
 NUMBERS, ROW_OF_NUMBERS = (0x203, 0x27E, *FORMULA), 0xBD
-IN_STREAM = 0xFFFFFFF0  # numbers of sectors from here on mean something else
+IN_STREAM = 0xFFFFFFF0  # larger sector numbers have a special meaning
 
 
 def facts_of(content: bytes, title: str) -> list[Fact]:
-    """Return what is said of the cells of a sheet; nothing where it cannot be made out."""
+    """Return the facts about the cells of a sheet; empty if they cannot be extracted."""
     with suppress(error, IndexError, ValueError):
         if content.startswith(BEGINS):
             return list(_facts_of_records(_stream(content), title))
@@ -77,7 +77,7 @@ def _numbers(content: bytes) -> Sequence[int]:
 
 
 def _records(stream: bytes, place: int) -> Iterator[tuple[int, bytes]]:
-    """Yield kind and content of the records of one substream."""
+    """Yield the kind and the content of the records of one substream."""
     depth = 0
     while place + 4 <= len(stream):
         kind, length = unpack_from("<2H", stream, place)

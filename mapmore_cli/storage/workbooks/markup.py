@@ -1,4 +1,6 @@
-"""What workbooks that are archives of XML (.xlsx, .ods) say of cells besides their values."""
+"""Extract facts about cells, besides their values, from workbooks that are archives of XML (.xlsx,
+.ods).
+"""
 
 from __future__ import annotations
 
@@ -27,13 +29,13 @@ OF_ODS = re.compile(
     rb"formula=|value-type=\"(?:error|percentage)|spanned=|>Err:|>#|"
     rb"visibility=\"(?:collapse|filter)"
 )
-"""What stands in a sheet that has something to say; the others, which are most, are not parsed."""
+"""Text that occurs in sheets with facts; the others, which are most, are not parsed."""
 
 ERROR = re.compile(r"#\w[\w/]*[!?]?|Err:\d+")
 
 
 def facts_of(archive: zipfile.ZipFile, title: str) -> Iterator[Fact]:
-    """Yield what is said of the cells of a sheet."""
+    """Yield the facts about the cells of a sheet."""
     names = archive.namelist()
     if BOOK in names:
         content = archive.read(
@@ -49,7 +51,7 @@ def facts_of(archive: zipfile.ZipFile, title: str) -> Iterator[Fact]:
 
 
 def part_of_sheet(archive: zipfile.ZipFile, book: str, key: str) -> str:
-    """Return the member of an archive that a workbook links under a key."""
+    """Return the archive member that a workbook links by a key."""
     folder, name = posixpath.split(book)
     links = ElementTree.fromstring(archive.read(f"{folder}/_rels/{name}.rels"))
     part = next(str(link.get("Target")) for link in links if link.get("Id") == key)
@@ -57,7 +59,7 @@ def part_of_sheet(archive: zipfile.ZipFile, book: str, key: str) -> str:
 
 
 def _key_of_sheet(book: bytes, title: str) -> str:
-    """Return the key under which a workbook links the sheet of a title."""
+    """Return the key by which a workbook links the sheet with a title."""
     sheets = ElementTree.fromstring(book).iterfind(".//{*}sheet")
     entry = next(sheet for sheet in sheets if sheet.get("name") == title)
     return next(value for name, value in entry.items() if name.endswith("}id"))
@@ -81,8 +83,8 @@ TRUE = ("1", "true")
 
 
 def _facts_of_xlsx(content: bytes, percent: Collection[str]) -> Iterator[Fact]:
-    """Yield errors, formulas that have no value, cells of the styles that show `percent`, and what
-    is hidden.
+    """Yield errors, formulas without a value, cells in the styles that show `percent`, and hidden
+    rows and columns.
     """
     row = 0
     for _, node in ElementTree.iterparse(BytesIO(content)):
@@ -106,8 +108,8 @@ def _facts_of_xlsx(content: bytes, percent: Collection[str]) -> Iterator[Fact]:
 
 
 def _facts_of_ods(content: bytes, title: str) -> Iterator[Fact]:
-    """Yield errors, formulas that have no value, numbers that are shown in per cent, merged cells
-    and what is hidden; rows, columns and cells may stand for several that are alike.
+    """Yield errors, formulas without a value, numbers shown in per cent, merged cells, and hidden
+    rows and columns. One element may stand for several equal rows, columns or cells.
     """
     row, wide, here = 0, 0, False
     for event, node in ElementTree.iterparse(BytesIO(content), ("start", "end")):
@@ -152,5 +154,5 @@ def _facts_of_cell(cell: ElementTree.Element) -> Iterator[str]:
 
 
 def _said(node: ElementTree.Element, name: str) -> str:
-    """Return an attribute, whatever stands for its namespace; empty where there is none."""
+    """Return an attribute in any namespace; empty if it does not exist."""
     return next((value for key, value in node.items() if key.endswith(f"}}{name}")), "")

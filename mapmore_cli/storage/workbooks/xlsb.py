@@ -1,6 +1,6 @@
-"""What binary workbooks in an archive (.xlsb) say of cells besides their values.
+"""Extract facts about cells, besides their values, from binary workbooks in an archive (.xlsb).
 
-Records follow each other, each with its kind and its length in front, seven bits to a byte
+Records follow each other, each preceded by its kind and its length, with seven bits per byte
 ([MS-XLSB], 2.1.4).
 """
 
@@ -23,14 +23,14 @@ from mapmore_cli.storage.workbooks.facts import (
 from mapmore_cli.storage.workbooks.markup import part_of_sheet
 
 BOOK, STYLES = "xl/workbook.bin", "xl/styles.bin"
-CELLS = range(1, 12)  # kinds of records that are cells, each with column and style first
+CELLS = range(1, 12)  # kinds of records that are cells, each beginning with column and style
 COLUMNS, FORMAT, STYLES_OF_CELLS, END_OF_STYLES, STYLE = 60, 44, 617, 618, 47
 ROW, ERROR_CELL, SHEET, MERGED = 0, 3, 156, 176
 FORMULA_TEXT, FORMULA_NUMBER, FORMULA_FLAG, FORMULA_ERROR = 8, 9, 10, 11
 
 
 def facts_of(archive: zipfile.ZipFile, title: str) -> Iterator[Fact]:
-    """Yield what is said of the cells of a sheet; raises struct.error where a record is cut."""
+    """Yield the facts about the cells of a sheet. Raises struct.error if a record is incomplete."""
     content = archive.read(part_of_sheet(archive, BOOK, _key_of_sheet(archive.read(BOOK), title)))
     percent, row, empty, computed = _percent_styles(archive), 0, list[tuple[int, int]](), False
     for kind, record in _records(content):
@@ -74,7 +74,7 @@ def _percent_styles(archive: zipfile.ZipFile) -> frozenset[int]:
 
 
 def _records(content: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield kind and content of every record."""
+    """Yield the kind and the content of every record."""
     place = 0
     while place < len(content):
         kind, place = content[place], place + 1
@@ -86,7 +86,7 @@ def _records(content: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def _length(content: bytes, place: int) -> tuple[int, int]:
-    """Return the length that stands at a place, and the place behind it."""
+    """Return the length at a position, and the position after it."""
     length = 0
     for number in range(4):
         part = content[place + number]
@@ -97,7 +97,7 @@ def _length(content: bytes, place: int) -> tuple[int, int]:
 
 
 def _key_of_sheet(book: bytes, title: str) -> str:
-    """Return the key of the sheet of a title; raise ValueError if there is none."""
+    """Return the key of the sheet with a title. Raises ValueError if there is none."""
     for kind, record in _records(book):
         if kind == SHEET:
             key, place = _text(record, 8)
@@ -107,6 +107,6 @@ def _key_of_sheet(book: bytes, title: str) -> str:
 
 
 def _text(record: bytes, place: int) -> tuple[str, int]:
-    """Return the text that stands at a place, and the place behind it."""
+    """Return the text at a position, and the position after it."""
     end = place + 4 + 2 * unpack_from("<I", record, place)[0]
     return record[place + 4 : end].decode("utf-16-le"), end

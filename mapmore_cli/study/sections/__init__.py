@@ -1,1 +1,1 @@
-"""The sections of a spec, a module each."""
+"""Define the sections of a spec, one module for each."""

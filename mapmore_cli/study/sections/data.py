@@ -1,4 +1,4 @@
-"""The `data` section of an experiment: the recordings, and how they become curves."""
+"""Define the `data` section of a spec: the recordings, and how they become curves."""
 
 # ruff: noqa: RUF012 (pydantic copies the default of a field for every instance)
 
@@ -26,15 +26,19 @@ from mapmore_cli.study.tree import quoted
 OfLevel = Annotated[float, of_sibling("of")]
 
 STEP_PRESSURE, STEP_OF = "step_pressure", "pressure"
-"""The quantity that a step response's plateau adds, and the one that it is the mean of."""
+"""Name of the quantity that `plateau` adds (the mean pressure of a step response), and the quantity
+of which it is the mean.
+"""
 
 
 class Rate(Section):
-    """The time derivative of a quantity, by a Savitzky-Golay filter.
+    """Time derivative of a quantity, computed by a Savitzky-Golay filter.
 
-    - `rate_of`: the quantity, as `strain`
-    - `window`: width of the filter, as `30 ms`
-    - `order`: order of its polynomials, as `2`
+    - `rate_of`: The quantity to differentiate. Example: `strain`
+    - `window`: Width of the filter's window. A wider window gives a smoother rate, but blurs fast
+      changes. Example: `30 ms`
+    - `order`: Order of the polynomial that is fitted in the window. A higher order follows faster
+      changes and passes more noise. Example: `2`
     """
 
     rate_of: str
@@ -43,17 +47,20 @@ class Rate(Section):
 
     @property
     def source(self) -> str:
-        """The quantity that it is derived from."""
+        """Name of the quantity that is differentiated."""
         return self.rate_of
 
 
 class Direction(Section):
-    """The direction of motion, +1 (rise) or -1 (fall): the sign of a rate.
+    """Direction of motion: +1 while a quantity rises and -1 while it falls, taken from the sign of
+    its rate.
 
-    Within the dead band the last direction holds; a recording starts with +1.
+    While the rate stays within the dead band, the direction keeps its last value. Each recording
+    starts with +1.
 
-    - `direction_of`: the rate, as `strain_rate`
-    - `dead_band`: rate up to which the last direction holds, as `0.002`
+    - `direction_of`: The rate, usually made by `rate_of`. Example: `strain_rate`
+    - `dead_band`: Largest absolute rate that counts as no motion. Set it above the noise of the
+      rate. Example: `0.002`
     """
 
     direction_of: str
@@ -61,15 +68,17 @@ class Direction(Section):
 
     @property
     def source(self) -> str:
-        """The rate that it is derived from."""
+        """Name of the rate from which the direction is taken."""
         return self.direction_of
 
 
 class Cycles(Section):
-    """Split load cycles into branches, and average each rise with the fall beside it.
+    """Load cycles, which are split into rising and falling branches. Each rising branch is averaged
+    with the falling branch beside it.
 
-    - `over`: the quantity that rises and falls, as `strain`
-    - `samples`: common values of it that both branches are resampled on, as `200`
+    - `over`: The quantity that rises and falls in a cycle. Example: `strain`
+    - `samples`: Number of common values of this quantity at which both branches are interpolated
+      before they are averaged. Example: `200`
     """
 
     over: str
@@ -77,14 +86,15 @@ class Cycles(Section):
 
 
 class Levels(Section):
-    """The quantity held constant within one curve.
+    """The level quantity: the quantity that is constant within one curve.
 
-    - `of`: the quantity, as `pressure`
-    - `at`: its values, or `auto` for those that the data show, as `[100 kPa, 2 bar]`
-    - `within`: how far a sample may be off; half the smallest distance between levels by default,
-      as `10 kPa`
-    - `value`: the value of a sample: what was `measured`, or the `nominal` one of its level, as
-      where the sensor is noisier than the rig, as `nominal`
+    - `of`: The level quantity. Example: `pressure`
+    - `at`: Its nominal values, or `auto` to find them in the data. Example: `[100 kPa, 2 bar]`
+    - `within`: Largest distance of a sample from its level; samples farther away belong to no
+      level. Half the smallest distance between two levels by default. Example: `10 kPa`
+    - `value`: Which value of the level quantity a sample has: the one that was `measured`, or the
+      `nominal` value of its level. Choose `nominal` if the sensor is noisier than the test rig.
+      Example: `nominal`
     """
 
     of: str
@@ -96,7 +106,9 @@ class Levels(Section):
 
     @property
     def spacing(self) -> float | None:
-        """Smallest distance between given levels; None for `auto` or a single one."""
+        """Smallest distance between two levels that the spec names; None for `auto` or a single
+        level.
+        """
         if isinstance(self.at, str) or len(self.at) < 2:
             return None
         ordered = sorted(self.at)
@@ -129,7 +141,7 @@ class Levels(Section):
 class Between(Section):
     """Closed intervals of a quantity.
 
-    - `between`: the intervals, lower end first, as `[[100, 200], [300, 350]]`
+    - `between`: The intervals, each with its lower end first. Example: `[[100, 200], [300, 350]]`
     """
 
     between: Annotated[
@@ -153,17 +165,21 @@ HeldOut = Annotated[Annotated[list[OfKey], Field(min_length=1)] | Between, Eithe
 
 
 class Holdout(Section):
-    """Which samples validate. A sample must fulfil every condition that is given.
+    """Samples that are held out of training and used to validate the model. A sample is held out if
+    it fulfils every condition given here.
 
-    Any other key is a quantity, with values or `{between: [[low, high], ...]}`.
+    Any key that is not in this table must be the name of a quantity. Its value is a list of values,
+    or `{between: [[low, high], ...]}`.
 
-    - `files`: globs of files, as `["*_take2.csv"]`
-    - `recordings`: globs of ids of recordings, as `["log#2"]`
-    - `last`: share at the end of every recording, as `0.3`
-    - `last_cycles`: share of the cycles at the end of every recording, as `0.5`
-    - `of`: the quantity whose rises and falls are those cycles, as `pressure`
-    - `fraction`: share of all samples, drawn by chance, as `0.2`
-    - `seed`: number that the draw begins with, as `1`
+    - `files`: Hold out the files with these names (with wildcards). Example: `["*_take2.csv"]`
+    - `recordings`: Hold out the recordings with these ids (with wildcards). Example: `["log#2"]`
+    - `last`: Hold out this share of every recording, at its end. Example: `0.3`
+    - `last_cycles`: Hold out this share of the cycles of every recording, at its end. It needs
+      `of`. Example: `0.5`
+    - `of`: The quantity whose rises and falls are the cycles of `last_cycles`. Example: `pressure`
+    - `fraction`: Hold out this share of all samples, chosen at random. Neighbouring samples are
+      alike, so that this flatters the model; prefer whole recordings or levels. Example: `0.2`
+    - `seed`: Seed of the random choice by `fraction`. Example: `1`
     """
 
     model_config = ConfigDict(extra="allow")
@@ -179,7 +195,7 @@ class Holdout(Section):
 
     @property
     def quantities(self) -> dict[str, list[float] | Between]:
-        """The keys that are quantities."""
+        """The conditions on quantities, by name."""
         return self.__pydantic_extra__
 
     def _contradictions(self) -> Sequence[Row]:
@@ -209,15 +225,18 @@ class Holdout(Section):
 
 
 class Split(Section):
-    """Which data validate. Without it, all data train.
+    """Division of the data into training data and held-out data. Without this section, all data are
+    used for training.
 
-    After cross-validation the saved model uses all data.
+    With cross-validation (`leave_one_..._out`), the saved model is fitted to all data.
 
-    - `validate`: which samples are held out, as `{pressure: [250]}`
-    - `leave_one_level_out`: cross-validation over levels, as `true`
-    - `leave_one_group_out`: cross-validation over `data.groups`, as `true`
-    - `structure_seen`: whether the model's structure was chosen with the data that are held out;
-      the verdict then begins with that, as `true`
+    - `validate`: The samples that are held out. Example: `{pressure: [250]}`
+    - `leave_one_level_out`: If true, leave out each level once, fit the others and predict the
+      level that was left out. Example: `true`
+    - `leave_one_group_out`: The same over the groups of `data.groups`. Example: `true`
+    - `structure_seen`: Set this to true if you chose the structure of the model with the data that
+      are held out. The verdict of the run then says so first, because the held-out scores are too
+      optimistic. Example: `true`
     """
 
     hold_out: Holdout | None = Field(default=None, alias="validate")
@@ -227,7 +246,7 @@ class Split(Section):
 
     @property
     def leaves_out(self) -> bool:
-        """Whether every level or group is left out in turn."""
+        """True if every level or every group is left out once."""
         return self.leave_one_level_out or self.leave_one_group_out
 
     def _contradictions(self) -> Sequence[Row]:
@@ -242,16 +261,17 @@ class Split(Section):
 
 
 class Groups(Section):
-    """What tells specimens or sessions apart.
+    """Groups of recordings: specimens or sessions that are scored separately.
 
-    Each group is scored by itself. A group that is held out whole has gain 1 and offset 0.
+    A group that is held out as a whole has gain 1 and offset 0.
 
-    - `of`: a quantity with one value for each, from a column or `set` beside the files, as
-      `specimen`
-    - `offset`: whether what each group adds to the target at equal inputs is estimated on training
-      samples and taken off; the mean of all offsets is zero, as `true`
-    - `gain`: whether a factor of each group is, too, near 1 where its samples say little; the
-      geometric mean of all gains is 1, as `true`
+    - `of`: A quantity with one value for each group. It comes from a column, or from `set` at the
+      files. Example: `specimen`
+    - `offset`: If true, estimate on the training samples what each group adds to the target at
+      equal inputs, and subtract it. The mean of all offsets is zero. Example: `true`
+    - `gain`: If true, also estimate a factor for each group and divide by it. The factor stays near
+      1 if the samples of the group determine it poorly. The geometric mean of all gains is 1.
+      Example: `true`
     """
 
     of: Quantity
@@ -260,33 +280,39 @@ class Groups(Section):
 
     @property
     def has_effects(self) -> bool:
-        """Whether anything of the groups is taken off the target."""
+        """True if an offset or a gain of each group is removed from the target."""
         return self.offset or self.gain
 
 
 class Apart(Section):
-    """Which rows of a file are a recording of their own: those of one value of a column.
+    """Quantities whose values divide the rows of one file into recordings: rows with the same value
+    belong to the same recording.
 
-    Lags, rates and `sample_time` stay within a recording. Its id has the value behind that of the
-    file, as `log[trial=3]`.
+    Lags, rates and `sample_time` never reach across recordings. The id of a recording is the id of
+    the file followed by the value, for example `log[trial=3]`.
 
-    - `of`: the quantity whose value tells recordings apart, or several, as `trial`
+    - `of`: The quantity whose values distinguish the recordings, or several quantities. Example:
+      `trial`
     """
 
     of: Annotated[Quantity | list[Quantity], Either()]
 
     @property
     def quantities(self) -> list[str]:
-        """The quantities whose values tell recordings apart; they are no inputs of a model."""
+        """Names of the quantities whose values distinguish recordings. They are no inputs of a
+        model.
+        """
         return [self.of] if isinstance(self.of, str) else self.of
 
 
 class GapRule(Section):
-    """What a recording is where samples are missing in between.
+    """What happens to a recording in which samples are missing for some time.
 
-    - `longer_than`: time between two samples from which on it is a gap, as `0.5 s`
-    - `action`: `error`, or `split`: pieces are recordings of their own, `<id>#1`, `<id>#2`, ...; a
-      clock that is set back splits as well, as `split`
+    - `longer_than`: A time between two samples that counts as a gap if it is longer than this.
+      Example: `0.5 s`
+    - `action`: `error` stops the run. `split` makes each piece a recording of its own, with the ids
+      `<id>#1`, `<id>#2`, and so on; it also splits at a place where the clock was set back.
+      Example: `split`
     """
 
     longer_than: Seconds
@@ -294,60 +320,71 @@ class GapRule(Section):
 
 
 class MissingRule(Section):
-    """What stands for a missing value, besides an empty cell, `nan`, `NA` and the like; samples
-    without a value are then left out.
+    """Cells that count as missing values, besides an empty cell, `nan`, `NA` and similar words.
+    Samples with a missing value are left out.
 
-    - `tokens`: texts and numbers that do, as `[-999, "no signal"]`
+    - `tokens`: Texts and numbers that mean a missing value. Example: `[-999, "no signal"]`
     """
 
     tokens: list[Annotated[str | float, Either()]] = []
 
     @property
     def texts(self) -> frozenset[str]:
-        """Tokens as cells of text hold them."""
+        """The tokens that are texts, without spaces around them."""
         return frozenset(token.strip() for token in self.tokens if isinstance(token, str))
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """Tokens that are numbers, as -999."""
+        """The tokens that are numbers, for example -999."""
         return tuple(token for token in self.tokens if not isinstance(token, str))
 
 
 Plateau = Annotated[
     Annotated[tuple[SignedSeconds, SignedSeconds], Field(strict=False)] | Literal["auto"], Either()
 ]
-"""Where a step response rests between its rise and its fall: from when to when, or found in each
-recording.
+"""Time interval in which a step response rests between its rise and its fall, s; `auto` finds it in
+each recording.
 """
 
 
 class Data(Logs):
     """The recordings, and how they become curves.
 
-    - `join`: second logs of the same tests, as `[{files: ["force_*.csv"], columns: {force: {column:
-      F}}, on: row}]`
-    - `recordings`: which rows of a file are a recording of their own, as `{of: trial}`
-    - `skip_bad_files`: whether files that cannot be read are left out, with a warning that says
-      why; or the files that are left out, as `["log_3.csv"]`
-    - `derive`: what follows from the columns: an expression, a rate or a direction, as `{strain: "1
-      - length/0.088"}`
-    - `plateau`: where a step response rests, from when to when: its mean pressure is
-      `step_pressure`, its samples do not train, as `auto`
-    - `keep`: samples to keep, as `[{quantity: force, above: 0}]`
-    - `missing`: an `error`, samples to `drop`, or what else stands for a missing value, as `drop`
-    - `repeated_time`: stamps that repeat: an `error`, the `average` of their samples, or samples
-      `spread` until the next stamp, as `average`
-    - `glitches`: stamps that jump back, or ahead and back: an `error`, or samples to `drop`, as
-      `drop`
-    - `gaps`: what a recording is where it breaks off, as `{longer_than: 0.5 s, action: split}`
-    - `resample`: time between samples, to which all are interpolated, as `10 ms`
-    - `cycles`: loops to split into branches, as `{over: strain}`
-    - `levels`: what is held constant within a curve, as `{of: pressure, at: auto}`
-    - `groups`: what tells specimens or sessions apart, as `{of: specimen, offset: true}`
-    - `split`: which data are held out of training, as `{validate: {pressure: [250]}}`
-    - `uncertainty`: standard deviation of each sample, by quantity: a value, a share of what was
-      measured (`2 %`), the name of a column, or values by `groups`; samples of the target weigh by
-      it, of an input it is told how much of the residual it explains, as `{force: 0.5 N}`
+    - `join`: Further log files of the same tests, for example from a second logger. Example:
+      `[{files: ["force_*.csv"], columns: {force: {column: F}}, on: row}]`
+    - `recordings`: How the rows of one file are divided into several recordings. Example: `{of:
+      trial}`
+    - `skip_bad_files`: If true, leave out files that cannot be read, with a warning that says why.
+      A list names the files that may be left out. Example: `["log_3.csv"]`
+    - `derive`: Quantities that are computed from the columns: by an expression, as a rate, or as a
+      direction of motion. Example: `{strain: "1 - length/0.088"}`
+    - `plateau`: The time interval in which a step response rests, or `auto` to find it. Its mean
+      pressure becomes the quantity `step_pressure`. Its samples are not used for training. Example:
+      `auto`
+    - `keep`: Conditions that samples must fulfil; all others are left out. Example: `[{quantity:
+      force, above: 0}]`
+    - `missing`: What to do about missing values: stop with an `error`, `drop` the samples, or name
+      further cells that mean a missing value (the samples are then dropped). Example: `drop`
+    - `repeated_time`: What to do if several samples have the same time: stop with an `error`,
+      replace them by their `average`, or `spread` them evenly until the next time. Example:
+      `average`
+    - `glitches`: What to do if a time stamp jumps back, or ahead and back again: stop with an
+      `error`, or `drop` the samples. Example: `drop`
+    - `gaps`: What to do if samples are missing for some time. Example: `{longer_than: 0.5 s,
+      action: split}`
+    - `resample`: Interpolate all recordings to this constant time between samples. Models with
+      memory need it if the measured time steps are not equal. Example: `10 ms`
+    - `cycles`: Split load cycles into rising and falling branches, and average them. Example:
+      `{over: strain}`
+    - `levels`: The quantity that is constant within one curve, and its values. Example: `{of:
+      pressure, at: auto}`
+    - `groups`: The quantity that distinguishes specimens or sessions. Example: `{of: specimen,
+      offset: true}`
+    - `split`: Which data are held out of training. Example: `{validate: {pressure: [250]}}`
+    - `uncertainty`: Standard deviation of the measurement of each quantity: a value, a share of the
+      measured value (`2 %`), the name of a column, or values by group. For the target, it sets the
+      weights of the samples in the fit. For an input, the run reports how much of the residual it
+      explains. Example: `{force: 0.5 N}`
     """
 
     join: list[Join] = []
@@ -386,7 +423,9 @@ class Data(Logs):
 
     @property
     def measured(self) -> tuple[str, ...]:
-        """Every quantity that comes from a column, or is the time made from `sample_time`."""
+        """Names of all quantities that come from a column, and the time if it is made from
+        `sample_time`.
+        """
         of_joins = (name for join in self.join for name in join.quantities)
         return tuple(
             dict.fromkeys(
@@ -396,12 +435,12 @@ class Data(Logs):
 
     @property
     def missing_rule(self) -> MissingRule:
-        """What stands for a missing value."""
+        """The rule for missing values."""
         return self.missing if isinstance(self.missing, MissingRule) else MissingRule()
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """Every quantity that the samples have: of columns and joined logs, set beside files,
+        """Names of all quantities of the samples: from columns and joined logs, set at files, and
         derived.
         """
         beside = (

@@ -1,4 +1,4 @@
-"""The `dictionary` section of an experiment: families of candidate terms, with and without
+"""Define the `dictionary` section of a spec: families of candidate terms, with and without
 memory.
 """
 
@@ -18,14 +18,15 @@ from mapmore_cli.study.fields import Row, Section
 from mapmore_cli.study.tree import Loc, quoted
 
 Of = Annotated[list[str], Field(min_length=1)]
-"""Names of quantities, or of states as `play(pressure, 0.16)`."""
+"""Names of quantities or of states, for example `play(pressure, 0.16)`."""
 Count = Annotated[int, Field(ge=1, le=100)]
 
 
 class OperatorFamily(Section):
-    """States that one operator makes of some quantities; training finds numbers that are not given.
+    """States that one operator makes of some quantities. Training estimates the parameters that are
+    not given.
 
-    - `of`: the quantities, or states as `play(pressure, 0.16)`, as `[pressure]`
+    - `of`: The quantities, or states such as `play(pressure, 0.16)`. Example: `[pressure]`
     """
 
     of: Of
@@ -37,7 +38,9 @@ class OperatorFamily(Section):
 
 
 def _forms() -> Iterator[tuple[str, type[OperatorFamily]]]:
-    """Yield the form of each family by its key: families with the same keys share one."""
+    """Yield the key of each operator's family and its class. Families with the same keys share a
+    class.
+    """
     shapes: dict[tuple[Any, ...], list[str]] = {}
     for key, (operator, *_) in families().items():
         shape = (*operator.parameters, operator.spread) if len(operator.parameters) == 1 else ()
@@ -49,7 +52,7 @@ def _forms() -> Iterator[tuple[str, type[OperatorFamily]]]:
         form = create_model(
             "".join(key.title() for key in keys) if shape else "Operators",
             __base__=OperatorFamily,
-            __doc__=f"States that an operator makes of the quantities `of`.\n\n{about}",
+            __doc__=f"States that an operator makes of the quantities in `of`.\n\n{about}",
             __module__=__name__,
             **_number_fields(families()[keys[0]][0]) if shape else {},
         )
@@ -57,19 +60,25 @@ def _forms() -> Iterator[tuple[str, type[OperatorFamily]]]:
 
 
 def _about_family(key: str) -> str:
-    return f"- `{key}`: {families()[key][0].summary.removesuffix('.')}, as `{{of: [pressure]}}`"
+    return f"- `{key}`: {families()[key][0].summary} Example: `{{of: [pressure]}}`"
 
 
 def _about_numbers(operator: Operator, shape: tuple[Any, ...]) -> Iterator[str]:
-    """Yield what the docstring of a form says of the keys of `_number_fields`."""
+    """Yield the docstring lines that describe the keys made by `_number_fields`."""
     for one in operator.parameters if shape else ():
-        yield f"- `{one.key}`: the numbers of its states, as `[{one.example}]`"
+        yield (
+            f"- `{one.key}`: Parameter of each state; there are as many states as numbers. "
+            f"Example: `[{one.example}]`"
+        )
     if shape and operator.spread is not None:
-        yield "- `count`: how many, spread over what the recordings can show, as `4`"
+        yield (
+            "- `count`: Number of states, with parameters spread over the range that the "
+            "recordings can show. Example: `4`"
+        )
 
 
 def _number_fields(operator: Operator) -> dict[str, Any]:
-    """Return the fields for the numbers of an operator with one parameter."""
+    """Return the fields for the parameter values of an operator with one parameter."""
     (one,) = operator.parameters
     bounds = Field(gt=one.above) if one.below == float("inf") else Field(gt=one.above, lt=one.below)
     unit_of = always_in(one.unit)
@@ -79,15 +88,17 @@ def _number_fields(operator: Operator) -> dict[str, Any]:
 
 
 FORMS: Mapping[str, type[OperatorFamily]] = dict(_forms())
-"""The form of each family by its key."""
+"""Class of each operator's family, by key."""
 
 
 def numbers_of(
     name: str, family: OperatorFamily, step: float, longest: float
 ) -> Sequence[tuple[float, ...]]:
-    """Return the numbers of each state; none if training finds them.
+    """Return the parameter values of each state of a family; an empty sequence if training
+    estimates them.
 
-    `step` is the time between samples, `longest` the duration of the longest piece, s.
+    `step` is the time between samples, s; `longest` is the duration of the longest piece of a
+    recording, s.
     """
     operator, count = families()[name][0], getattr(family, "count", None)
     numbers = getattr(family, operator.parameters[0].key, None)
@@ -101,11 +112,12 @@ Steps = Annotated[int, Field(ge=0, le=1_000_000)]
 
 
 class Polynomial(Section):
-    """Every monomial of some quantities.
+    """All monomials of some quantities up to a total degree.
 
-    - `of`: the quantities, as `[strain, pressure]`
-    - `order`: largest total degree, as `4`
-    - `constant`: whether the constant is among them, as `false`
+    - `of`: The quantities. Example: `[strain, pressure]`
+    - `order`: Largest total degree. A higher order can follow more bends of a curve, but overfits
+      sooner. Example: `4`
+    - `constant`: If false, leave out the constant term. Example: `false`
     """
 
     of: Of
@@ -114,12 +126,13 @@ class Polynomial(Section):
 
 
 class Lags(Section):
-    """Quantities as they were some steps ago, as `force[k-1]`, and their monomials.
+    """Values of quantities some samples ago, for example `force[k-1]`, and their monomials.
 
-    - `of`: the quantities, as `[pressure, force]`
-    - `steps`: how many samples ago; 0 is now, as `[0, 1, 2]`
-    - `order`: largest total degree of the monomials, as `2`
-    - `constant`: whether the constant is among them, as `false`
+    - `of`: The quantities. Example: `[pressure, force]`
+    - `steps`: How many samples ago the values are taken; 0 means the present sample. Example: `[0,
+      1, 2]`
+    - `order`: Largest total degree of the monomials. Example: `2`
+    - `constant`: If false, leave out the constant term. Example: `false`
     """
 
     of: Of
@@ -129,15 +142,16 @@ class Lags(Section):
 
 
 Widths = Annotated[list[Annotated[float, Field(gt=0), always_in("1")]], Field(min_length=1)]
-"""Parts of the training range."""
+"""Widths as fractions of the training range of an input."""
 Window = Annotated[int, Field(ge=1, le=1_000_000)]
 
 
 class AlongRange(Section):
-    """Functions of one input along its training range, each times 1 and each factor.
+    """Functions of one input along its training range. Each function is a term, and so is its
+    product with each factor in `with`.
 
-    - `of`: the input, as `strain`
-    - `with`: the factors, as `[pressure]`
+    - `of`: The input. Example: `strain`
+    - `with`: The quantities by which each function is also multiplied. Example: `[pressure]`
     """
 
     of: str
@@ -145,22 +159,23 @@ class AlongRange(Section):
 
     @property
     def functions(self) -> list[str]:
-        """The functions as text; parts wait for the range."""
+        """The functions as texts, in which `{...}` waits for the training range."""
         raise NotImplementedError
 
 
 class Spline(AlongRange):
-    """A cubic spline of one input, times 1 and each factor in `with`.
+    """Cubic spline of one input, also multiplied by each factor in `with`.
 
-    - `knots`: knots, evenly inside the training range, as `9`
+    - `knots`: Number of knots, evenly spaced inside the training range. More knots follow finer
+      details. Example: `9`
     """
 
     knots: Annotated[int, Field(ge=2, le=100)]
 
     @property
     def functions(self) -> list[str]:
-        """Powers and cubed distances from the knots, which are better conditioned than truncated
-        powers.
+        """Powers of the input, and cubed distances from the knots, which are better conditioned
+        than truncated powers.
         """
         places = [round(place / (self.knots + 1), 4) for place in range(1, self.knots + 1)]
         return [
@@ -173,17 +188,18 @@ class Spline(AlongRange):
 
 
 class Ends(AlongRange):
-    """Exponentials that decay from both ends of the training range of an input, times 1 and each
-    factor in `with`.
+    """Exponential functions that decay from both ends of the training range of an input, also
+    multiplied by each factor in `with`.
 
-    - `widths`: their widths, as fractions of the range, as `[0.03, 0.1, 0.3]`
+    - `widths`: Decay lengths of the exponentials, as fractions of the range. Example: `[0.03, 0.1,
+      0.3]`
     """
 
     widths: Widths
 
     @property
     def functions(self) -> list[str]:
-        """From the lower and from the upper end."""
+        """The exponentials of the lower end, then those of the upper end."""
         return [
             text
             for width in self.widths
@@ -192,13 +208,13 @@ class Ends(AlongRange):
 
 
 class SmoothSteps(AlongRange):
-    """Smooth steps (tanh) at even places of the training range of an input, times 1 and each factor
-    in `with`.
+    """Smooth steps (tanh) at evenly spaced places of the training range of an input, also
+    multiplied by each factor in `with`.
 
-    - `count`: places, as `21`
-    - `widths`: widths of the steps, as fractions of the range, as `[0.03, 0.1]`
-    - `window`: samples over which `change` in `with` is taken: the change of the input, and its
-      square, as `16`
+    - `count`: Number of places. Example: `21`
+    - `widths`: Widths of the steps, as fractions of the range. Example: `[0.03, 0.1]`
+    - `window`: Number of samples over which the factor `change` is computed. `change` in `with`
+      stands for the change of the input within this window, and for its square. Example: `16`
     """
 
     count: Annotated[int, Field(ge=2, le=100)]
@@ -207,7 +223,7 @@ class SmoothSteps(AlongRange):
 
     @property
     def functions(self) -> list[str]:
-        """From the lower end to the upper."""
+        """The steps, from the lower end of the range to the upper end."""
         places = [round(place / (self.count - 1), 4) for place in range(self.count)]
         return [
             f"tanh(unit(({self.of} - {place})/{width}))"
@@ -228,13 +244,13 @@ class SmoothSteps(AlongRange):
 
 
 class Products(Section):
-    """All products of terms of the families in `of`, up to a total degree.
+    """All products of terms of other families, up to a total degree.
 
-    - `of`: families, or states by name, as `[{slow: {of: [pressure]}}, strain]`
-    - `order`: largest total degree, as `2`
-    - `with`: names among `of`: a product then holds powers of at most one term besides those, as
-      `[strain]`
-    - `constant`: whether the constant is among them, as `false`
+    - `of`: The families, or names of states. Example: `[{slow: {of: [pressure]}}, strain]`
+    - `order`: Largest total degree of a product. Example: `2`
+    - `with`: Names that also stand in `of`. Each product then contains powers of these names and of
+      at most one other term, which keeps the number of products small. Example: `[strain]`
+    - `constant`: If false, leave out the constant term. Example: `false`
     """
 
     of: Annotated[list[Annotated[str | DictionaryEntry, Either()]], Field(min_length=1)]
@@ -244,29 +260,31 @@ class Products(Section):
 
 
 Family = Polynomial | Lags | OperatorFamily | AlongRange | Products | list[str]
-"""One family of terms; a list holds expressions."""
+"""One family of terms; a list of texts is the family `terms`."""
 
 
 LIMITS = ("sign", "bounds")
-"""Keys of an entry that are about the coefficients of its terms."""
+"""Keys of an entry that limit the coefficients of its terms."""
 
 
 class Families(Section):
-    """The families that are no operator's.
+    """The families of terms that are not made by an operator.
 
-    - `polynomial`: monomials, as `{of: [strain], order: 4}`
-    - `terms`: expressions, as `[strain^2, "exp(-strain/0.02)"]`
-    - `lags`: quantities some steps ago, as `{of: [force], steps: [1, 2]}`
-    - `products`: products of other families, as `{of: [{slow: {of: [pressure]}}, strain], order:
-      2}`
-    - `spline`: a cubic spline along the training range, as `{of: strain, knots: 9}`
-    - `ends`: exponentials from both ends of the training range, as `{of: strain, widths: [0.03,
-      0.1]}`
-    - `steps`: smooth steps along the training range, as `{of: voltage, count: 21, widths: [0.1]}`
-    - `sign`: sign of the coefficient of each of its terms, inputs scaled as `fit.scaling` says, as
-      `negative`
-    - `bounds`: least and greatest coefficient of each of its terms, in the target's unit, as `[0, 5
-      N]`
+    - `polynomial`: Monomials of some quantities. Example: `{of: [strain], order: 4}`
+    - `terms`: Terms that are written out as expressions. Example: `[strain^2, "exp(-strain/0.02)"]`
+    - `lags`: Values of quantities some samples ago. Example: `{of: [force], steps: [1, 2]}`
+    - `products`: Products of the terms of other families. Example: `{of: [{slow: {of: [pressure]}},
+      strain], order: 2}`
+    - `spline`: A cubic spline along the training range of an input. Example: `{of: strain, knots:
+      9}`
+    - `ends`: Exponential functions that decay from both ends of the training range. Example: `{of:
+      strain, widths: [0.03, 0.1]}`
+    - `steps`: Smooth steps along the training range. Example: `{of: voltage, count: 21, widths:
+      [0.1]}`
+    - `sign`: Sign that the coefficients of this family's terms must have. The inputs are scaled as
+      `fit.scaling` says. Example: `negative`
+    - `bounds`: Smallest and largest value of the coefficients of this family's terms, in the unit
+      of the target. Example: `[0, 5 N]`
     """
 
     polynomial: Polynomial | None = None
@@ -288,19 +306,19 @@ class Families(Section):
 
     @property
     def bounded(self) -> bool:
-        """Whether something is said of the coefficients of its terms."""
+        """True if `sign` or `bounds` limits the coefficients."""
         return self.sign is not None or self.bounds is not None
 
     @property
     def limits(self) -> tuple[float, float]:
-        """The least and the greatest coefficient of the family's terms, in the target's unit."""
+        """Smallest and largest coefficient of the family's terms, in the unit of the target."""
         if self.bounds is not None:
             return self.bounds
         return {"positive": (0.0, inf), "negative": (-inf, 0.0)}.get(self.sign or "", (-inf, inf))
 
     @property
     def family(self) -> tuple[str, Family]:
-        """Name and settings of the one that is given."""
+        """Name and settings of the family that the entry holds."""
         return next(iter(self._given().items()))
 
     def _contradictions(self) -> Sequence[Row]:
@@ -349,8 +367,8 @@ else:
 def entries_of(
     entries: Sequence[str | DictionaryEntry], loc: Loc = ("dictionary",)
 ) -> Iterator[tuple[Loc, str, Family]]:
-    """Return place, name and settings of every family of a dictionary, those inside products
-    included.
+    """Yield the place, the name and the settings of every family of a dictionary, also of families
+    inside products.
     """
     for place, entry in enumerate(entries):
         if isinstance(entry, DictionaryEntry):
@@ -361,10 +379,10 @@ def entries_of(
 
 
 def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
-    """Place and text of all in a family, which stands at `loc`, that names quantities: expressions
-    (True), and names of states (False).
+    """Yield every text of a family that names quantities, with its place: True for an expression,
+    False for the name of a state.
 
-    Families inside it are left out.
+    `loc` is the place of the family. Families inside it are left out.
     """
     if isinstance(family, list):
         yield from (((*loc, place), text, True) for place, text in enumerate(family))
@@ -382,12 +400,12 @@ def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
 
 
 STATIC = ("polynomial", "terms", "products", "spline", "ends", "steps")
-"""Families whose terms need nothing but the sample itself, where what they name does not."""
+"""Families whose terms need only the present sample, unless a state that they name needs more."""
 
 
 def goes_by_order(dictionary: Sequence[DictionaryEntry]) -> bool:
-    """Tell whether terms need the order of samples at most, as play and stop do, and no time
-    between them.
+    """Return True if the terms need the order of the samples (as play and stop do), but not the
+    time between them.
     """
     return all(
         (name in STATIC or (name in OPERATORS and not OPERATORS[name].timed))
@@ -398,7 +416,7 @@ def goes_by_order(dictionary: Sequence[DictionaryEntry]) -> bool:
 
 
 def remembers(dictionary: Sequence[DictionaryEntry]) -> bool:
-    """Return whether any term needs more of a recording than the sample itself."""
+    """Return True if any term needs more of a recording than the present sample."""
     return any(
         name not in STATIC
         or getattr(family, "window", None)
@@ -408,7 +426,7 @@ def remembers(dictionary: Sequence[DictionaryEntry]) -> bool:
 
 
 def feeds_back(dictionary: Sequence[DictionaryEntry], target: str) -> bool:
-    """Return whether any term is made of the target."""
+    """Return True if any term uses the target."""
     return any(
         state(used).quantity == target
         for loc, _, family in entries_of(dictionary)
@@ -422,8 +440,8 @@ def _names_of(loc: Loc, family: Family) -> Iterator[str]:
 
 
 def names_in(text: str) -> frozenset[str]:
-    """Return the quantities and states of an expression, or of the name of a state; none of a
-    malformed text, reported elsewhere.
+    """Return the quantities and states in an expression or in the name of a state. The result is
+    empty for a malformed text, which another check reports.
     """
     try:
         return frozenset(parse(text).names)

@@ -1,5 +1,5 @@
-"""Which files are read and how: the keys that `data` and each entry of `join` share, and which
-samples are kept.
+"""Define the keys that `data` and each entry of `join` share: which files are read, how they are
+read, and which samples are kept.
 """
 
 # ruff: noqa: RUF012 (pydantic copies the default of a field for every instance)
@@ -32,14 +32,15 @@ Interval = Annotated[tuple[OfQuantity, OfQuantity], Field(strict=False)]
 
 
 class Keep(Section):
-    """Samples to keep: those whose quantity fulfils exactly one condition.
+    """A condition that samples must fulfil to be kept. Give exactly one of the conditions.
 
-    - `quantity`: the quantity, as `force`
-    - `abs_below`: its absolute value is below, as `5 N`
-    - `below`: it is below, as `500 N`
-    - `above`: it is above, as `0 N`
-    - `between`: it lies between, both ends kept, as `[0, 500]`
-    - `outside`: it lies outside, both ends left out, as `[-1, 1]`
+    - `quantity`: The quantity that is compared. Example: `force`
+    - `abs_below`: Keep samples whose absolute value is below this. Example: `5 N`
+    - `below`: Keep samples below this value. Example: `500 N`
+    - `above`: Keep samples above this value. Example: `0 N`
+    - `between`: Keep samples between these two values, including both. Example: `[0, 500]`
+    - `outside`: Keep samples below the first or above the second value; both values themselves are
+      left out. Example: `[-1, 1]`
     """
 
     quantity: str
@@ -78,7 +79,7 @@ class Keep(Section):
 
 
 def _is_encoding(name: str) -> bool:
-    """Return whether Python knows an encoding."""
+    """Return True if Python knows an encoding by this name."""
     try:
         return bool("a".encode(name))
     except (LookupError, ValueError):  # ValueError: a zero byte in the name
@@ -97,22 +98,23 @@ READERS_OF: Mapping[str, tuple[str, ...]] = {
         *("encoding", "sheet", "hidden", "root"),
     )
 }
-"""The readers that have a use for a key."""
+"""Names of the readers that use a key."""
 
 
 TableNumber = Annotated[int, Field(ge=1, le=10_000)]
 
 
 class FileEntry(Section):
-    """Files with what no column holds.
+    """Files, with information that no column holds.
 
-    - `path`: a glob, as `cycle_*.csv`
-    - `set`: quantities that are the same throughout, as `{pressure: 2 bar}`
-    - `id`: the recording's id, where one file matches, as `first`
-    - `sheet`: the sheet of these workbooks, as `Data`
-    - `table`: which one of the tables that stand below each other in these files, from 1, as `2`
-    - `keep`: samples of these files to keep, besides the `keep` of all, as `[{quantity: time,
-      above: 2 s}]`
+    - `path`: Path of the files, with wildcards. Example: `cycle_*.csv`
+    - `set`: Quantities that have one value in these whole files. Example: `{pressure: 2 bar}`
+    - `id`: Id of the recording, if `path` matches one file only. Example: `first`
+    - `sheet`: Sheet to read, if the files are workbooks. Example: `Data`
+    - `table`: Which table to read if a file holds several tables below each other, counted from 1.
+      Example: `2`
+    - `keep`: Conditions that the samples of these files must fulfil, in addition to `data.keep`.
+      Example: `[{quantity: time, above: 2 s}]`
     """
 
     path: SpecPath
@@ -124,14 +126,14 @@ class FileEntry(Section):
 
 
 def fault_of_format(text: str, in_parts: bool = False) -> tuple[str, str] | None:
-    """Return what is wrong with a format of stamps, and the remedy: `strptime` cannot read it, or
-    it leaves doubts. None if it is right.
+    """Return what is wrong with a format of time stamps, and the remedy: `strptime` cannot read it,
+    or it is ambiguous. None if it is right.
     """
     remedy = f"write it as {FORMAT}"
     if in_parts:
         remedy = "say the unit of a number, as `ms`, or the codes of a date, as `%Y-%m-%d`"
     try:
-        with catch_warnings(action="ignore"):  # of days without a year
+        with catch_warnings(action="ignore"):  # `strptime` warns about days without a year
             datetime.strptime(datetime(2026, 3, 1).strftime(text), text)
     except (ValueError, re.error) as fault:
         return f"{text!r} is not a format of time stamps: {fault}", remedy
@@ -150,22 +152,24 @@ def fault_of_format(text: str, in_parts: bool = False) -> tuple[str, str] | None
 
 
 class SourceColumn(Section):
-    """Where a quantity comes from: `value * scale + offset` in `unit`.
+    """Source of a quantity: the quantity is `value * scale + offset` in `unit`.
 
-    - `column`: name, 0-based index or address: an address leads into MAT and HDF5 files, as `run.P`
-      or `y[:,0]`, and a TDMS channel is `Group/Channel`, as `P [bar]`
-    - `unit`: the column's unit; the model's by default, as `bar`
-    - `scale`: factor of the values, as `-1`
-    - `offset`: what is added to them, as `-101.3 kPa`
-    - `rest`: how long every recording rests at its beginning: the mean over that time is taken off,
-      as `2 s`
-    - `unwrap`: the number at which an encoder begins anew: jumps by more than half of it are such a
-      turn; of `time`, `true` goes on where the clock begins anew, at midnight, after an hour, or at
-      2^32 of its unit, as `4096`
-    - `columns`: of `time`, the columns of a clock in parts, which are added, as `[date, hour, min]`
-    - `format`: of `time`, how its stamps are written, in the codes of Python's `strptime`; of a
-      clock in parts for each, in their order, its unit or these codes, as
-      `"%m/%d/%Y %I:%M:%S.%f %p"`
+    - `column`: Name of the column, its index counted from 0, or an address. An address leads to an
+      array inside a MAT or HDF5 file (`run.P`, `y[:,0]`) or to a TDMS channel (`Group/Channel`).
+      Example: `P [bar]`
+    - `unit`: Unit of the column; the model's unit of the quantity by default. Example: `bar`
+    - `scale`: Factor by which the values are multiplied. Example: `-1`
+    - `offset`: Value that is added afterwards. Example: `-101.3 kPa`
+    - `rest`: Time at the beginning of every recording in which nothing moves. The mean of the
+      values over this time is subtracted. Example: `2 s`
+    - `unwrap`: Value at which a counter restarts from zero. A jump by more than half of it counts
+      as a restart, so that the values continue. For `time`, `true` lets the time continue when the
+      clock restarts: at midnight, after one hour, or after 2^32 units. Example: `4096`
+    - `columns`: For `time` only: the columns of a clock that is spread over several columns. Their
+      values are added. Example: `[date, hour, min]`
+    - `format`: For `time` only: the format of the time stamps, in the codes of Python's `strptime`.
+      For a clock in several columns, a list with the unit or the format of each column, in the
+      order of `columns`. Example: `"%m/%d/%Y %I:%M:%S.%f %p"`
     """
 
     column: Annotated[str | int, Either()] = ""
@@ -179,25 +183,25 @@ class SourceColumn(Section):
 
     @property
     def places(self) -> Sequence[str | int]:
-        """The columns of the file."""
+        """The columns of the file that are read."""
         return self.columns or [self.column]
 
     @property
     def _formats(self) -> Sequence[str]:
-        """What `format` says of each column."""
+        """The formats of the columns, one for each."""
         if isinstance(self.format, list):
             return self.format
         return self.format.split() if self.format and self.columns else [self.format or ""]
 
     @property
     def formats(self) -> dict[str | int, str]:
-        """The codes of the columns whose cells are stamps."""
+        """Format of each column whose cells are time stamps."""
         pairs = zip(self.places, self._formats, strict=False)
         return {place: text for place, text in pairs if "%" in text and text not in CODES}
 
     @property
     def units_of_parts(self) -> dict[str | int, str]:
-        """The unit of each part of a clock; stamps are in s."""
+        """Unit of each part of a clock. Time stamps are converted to seconds."""
         pairs = zip(self.columns, self._formats, strict=False)
         return {place: CODES.get(text, "s" if "%" in text else text) for place, text in pairs}
 
@@ -229,40 +233,45 @@ class SourceColumn(Section):
         ]
 
     def _fault_of(self, text: str) -> tuple[str, str] | None:
-        """Return what is wrong with a format, or a part of one, and the remedy; None if nothing."""
+        """Return what is wrong with a format, or with the format of one part, and the remedy; None
+        if it is right.
+        """
         if self.columns and (text in CODES or can_convert(text, "s")):
             return None
         return fault_of_format(text, in_parts=bool(self.columns))
 
 
 CODES = {"%H": "h", "%M": "min", "%S": "s"}
-"""Codes of `strptime` of which a column holds nothing but the number."""
+"""Unit of the number in a column whose format is a single code of `strptime`."""
 
 
 class Logs(Section):
-    """Files of one kind and the columns in them.
+    """Files of one kind, and the columns in them.
 
-    - `files`: globs that start at the folder of the spec, as `["cycle_*.csv"]`
-    - `reader`: the format, as `xlsx`
-    - `header`: number of header lines, the first with the names; `true` is one, as `2`
-    - `skip_rows`: lines before the header, as `5`
-    - `delimiter`: what separates fields: a character, `tab` or `whitespace`, as `";"`
-    - `decimal`: the decimal point, as `","`
-    - `thousands`: what stands between the thousands of a number, as `"."`
-    - `comment`: how lines begin that are comments, which are left out, as `"#"`
-    - `encoding`: encoding of the text, as `latin-1`
-    - `sheet`: sheet of a workbook, the first that is not hidden by default; of a glob, every sheet
-      that matches is a recording of its own, as `"*"`
-    - `hidden`: whether rows of a sheet that are hidden, as by a filter, are kept, which is told, or
-      left out (`drop`), as `drop`
-    - `root`: place in a MAT or HDF5 file from which columns are addressed; with `[*]` at its end
-      every element is a recording of its own, except members that have none of the columns; in a
-      TDMS file a group, or `[*]` for all, as `runs[*]`
-    - `table`: which one of the tables that stand below each other in a file, counted from 1; the
-      whole file is one by default, as `2`
-    - `columns`: which column holds which quantity, as `{pressure: {column: P, unit: bar}}`
-    - `sample_time`: time between samples, which makes the time where no column holds it, as `1 ms`
-    - `every`: reads one sample in so many, as `10`
+    - `files`: Paths of the files, relative to the folder of the spec, with wildcards. Example:
+      `["cycle_*.csv"]`
+    - `reader`: Format of the files. Example: `xlsx`
+    - `header`: Number of header lines, of which the first holds the names of the columns. `true`
+      means 1; `false` means that there is none. Example: `2`
+    - `skip_rows`: Number of lines above the header that are skipped. Example: `5`
+    - `delimiter`: Separator of the fields: a character, `tab` or `whitespace`. Example: `";"`
+    - `decimal`: Decimal separator. Example: `","`
+    - `thousands`: Thousands separator. Example: `"."`
+    - `comment`: Text with which comment lines begin; they are skipped. Example: `"#"`
+    - `encoding`: Encoding of the text. Example: `latin-1`
+    - `sheet`: Sheet of a workbook. By default, the first sheet that is not hidden is read. With
+      wildcards, every sheet that matches is a separate recording. Example: `"*"`
+    - `hidden`: What to do with hidden rows of a sheet, for example filtered ones: `keep` them, with
+      a warning, or `drop` them. Example: `drop`
+    - `root`: Place inside a MAT or HDF5 file from which the columns are addressed. With `[*]` at
+      its end, every element with one of the columns is a separate recording. In a TDMS file, the
+      name of a group, or `[*]` for all groups. Example: `runs[*]`
+    - `table`: Which table to read if a file holds several tables below each other, counted from 1.
+      By default, the whole file is one table. Example: `2`
+    - `columns`: Which column holds which quantity. Example: `{pressure: {column: P, unit: bar}}`
+    - `sample_time`: Constant time between samples. Give it if no column holds the time. Example: `1
+      ms`
+    - `every`: Read only every n-th sample. Example: `10`
     """
 
     files: Annotated[list[Annotated[SpecPath | FileEntry, Either()]], Field(min_length=1)]
@@ -283,8 +292,8 @@ class Logs(Section):
     every: Annotated[int, Field(ge=1, le=1_000_000_000)] = 1
 
     def clocks(self) -> frozenset[str | int]:
-        """Return the columns whose cells may be stamps: that of `time`, if no other quantity has
-        it.
+        """Return the columns whose cells may be time stamps: the column of `time`, unless another
+        quantity uses the same column.
         """
         others = {at for name, one in self.columns.items() if name != "time" for at in one.places}
         return frozenset({at for one in self.columns.values() for at in one.places} - others)
@@ -366,10 +375,10 @@ class Logs(Section):
 
 
 class Match(Section):
-    """Two quantities that change together, one of each log; `shift: auto` compares them.
+    """Two quantities that change together, one in each log. `shift: auto` compares them.
 
-    - `first`: the quantity of the first log, as `pressure`
-    - `second`: that of the second, as `valve`
+    - `first`: The quantity in the first log. Example: `pressure`
+    - `second`: The quantity in the second log. Example: `valve`
     """
 
     first: Quantity
@@ -377,16 +386,20 @@ class Match(Section):
 
 
 class Join(Logs):
-    """A second log of the same tests; its quantities are added to the samples of the first log.
+    """A second log of the same tests. Its quantities are added to the samples of the first log.
 
-    Samples outside the second log are `missing`. One file serves all recordings; several are
-    paired with those of `data.files` in order.
+    Samples at times outside the second log count as missing. A single file serves all recordings;
+    several files are paired with the files of `data.files` in their order.
 
-    - `on`: `time` interpolates linearly after `shift` is added; `row` puts row beside row, as `row`
-    - `shift`: what is added to the time of the second log; `auto` finds it by the cross-correlation
-      of the quantities in `match`, and refuses where it is not sure, as `120 ms`
-    - `match`: the quantities that `shift: auto` goes by, as `{first: pressure, second: valve}`
-    - `max_gap`: gap of the second log from which on its samples are `missing`, as `0.1 s`
+    - `on`: How the logs are joined. `time` interpolates the second log linearly, after `shift` was
+      added to its time. `row` pairs the rows by their number. Example: `row`
+    - `shift`: Time that is added to the clock of the second log. `auto` estimates it from the
+      cross-correlation of the two quantities in `match`, and stops with an error if the estimate is
+      uncertain. Example: `120 ms`
+    - `match`: The two quantities from which `shift: auto` estimates the shift. Example: `{first:
+      pressure, second: valve}`
+    - `max_gap`: Longest gap of the second log that is interpolated. Samples within a longer gap
+      count as missing. Example: `0.1 s`
     """
 
     on: Literal["time", "row"] = "time"
@@ -396,7 +409,7 @@ class Join(Logs):
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """What it adds to the recording."""
+        """Names of the quantities that the second log adds."""
         return tuple(name for name in self.columns if name != "time")
 
     def _contradictions(self) -> Sequence[Row]:

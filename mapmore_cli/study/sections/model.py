@@ -1,6 +1,4 @@
-"""The sections `needs` and `model`: the runs that a model builds on, and its kind; and formulas
-that a spec defines.
-"""
+"""Define the sections `needs` and `model`, and the formulas that a spec defines itself."""
 
 from __future__ import annotations
 
@@ -23,8 +21,9 @@ from mapmore_cli.study.fields import Quantity, Row, Section, SpecPath
 class FormulaParameter(Section):
     """A parameter of a formula.
 
-    - `unit`: its unit, shown beside its value, as `kPa`
-    - `bounds`: between what it is sought, where the formula is not linear in it, as `[0, 10]`
+    - `unit`: Unit of the parameter, shown beside its value. Example: `kPa`
+    - `bounds`: Smallest and largest value of the parameter. Required if the formula is not linear
+      in it. Example: `[0, 10]`
     """
 
     unit: str | None = None
@@ -43,15 +42,16 @@ class FormulaParameter(Section):
 
 
 class OwnFormula(Section):
-    """A formula to be named wherever one of the literature may be.
+    """A formula of your own. It can be named wherever a formula of the literature can be named.
 
-    - `name`: its name, as `my_formula`
-    - `expression`: the force, of quantities and parameters, as `a*pressure*(1 - b*strain)^2`
-    - `source`: where it is from, as `my notes`
-    - `units`: units that the expression is written in, by quantity; those of the model by default,
-      as `{pressure: bar}`
-    - `parameters`: its parameters; one without `bounds` must be one in which it is linear, as `{a:
-      {unit: N/kPa}, b: {bounds: [0, 10]}}`
+    - `name`: Name of the formula. Example: `my_formula`
+    - `expression`: The force as an expression of quantities and parameters. Example: `a*pressure*(1
+      - b*strain)^2`
+    - `source`: Where the formula comes from. Example: `my notes`
+    - `units`: Units of the quantities in the expression; the model's units by default. Example:
+      `{pressure: bar}`
+    - `parameters`: The parameters of the formula. The formula must be linear in every parameter
+      without `bounds`. Example: `{a: {unit: N/kPa}, b: {bounds: [0, 10]}}`
     """
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=60)]
@@ -61,10 +61,10 @@ class OwnFormula(Section):
     parameters: Annotated[dict[Quantity, FormulaParameter], Field(min_length=1)]
 
     def definition(self, units: Mapping[str, str]) -> str:
-        """Return the formula in a model's `units` as a definition that needs no spec.
+        """Return the formula in a model's `units` as a definition that no longer needs the spec.
 
-        Raises ExpressionError, SpecError, ValueError for an expression that is none, a unit that
-        does not fit, or a parameter in which it is not linear.
+        Raises ExpressionError for a malformed expression, SpecError for a unit that does not fit,
+        and ValueError for a parameter without bounds in which the formula is not linear.
         """
         from mapmore_cli.modelling.expressions import (
             Name,
@@ -93,11 +93,12 @@ class OwnFormula(Section):
 
 @dataclass(frozen=True)
 class Needs(Settings):
-    """Specs of the runs that this one builds on.
+    """Specs of the runs on which this run builds.
 
-    - `static`: the run whose model is subtracted to obtain the damping force, or is a part of the
-      sum, as `static.yaml`
-    - `damping`: the run whose model is added to it, as `damping.yaml`
+    - `static`: The run with the static model. It is subtracted to obtain the damping force, or is a
+      part of the sum. Example: `static.yaml`
+    - `damping`: The run with the damping model, which is added to the static model. Example:
+      `damping.yaml`
     """
 
     static: SpecPath | None = None
@@ -106,10 +107,10 @@ class Needs(Settings):
 
 @dataclass(frozen=True, kw_only=True)
 class TendonSettings(Settings):
-    """A tendon between a muscle and what is measured.
+    """An elastic tendon between the muscle and the point where force and length are measured.
 
-    - `stiffness`: force for each length that it is stretched by, as `2 kN/m`
-    - `force`: what it carries where the length is zero, as `0.5 N`
+    - `stiffness`: Force per length by which the tendon is stretched. Example: `2 kN/m`
+    - `force`: Force of the tendon at its rest length. Example: `0.5 N`
     """
 
     stiffness: Annotated[float, Gt(0), always_in("N/m")]
@@ -120,12 +121,14 @@ class TendonSettings(Settings):
 class Summand(Settings):
     """A part of a sum: the model of another run, or a formula.
 
-    - `model`: the path of the run's spec, as `flexor.yaml`
-    - `formula`: the name of a formula, as `sarosi`
-    - `sign`: 1 or -1, as `-1`
-    - `inputs`: what the part's inputs are called in this study, as expressions; one that two parts
-      share by name must be renamed for both, as `{pressure: p1, strain: "-s"}`
-    - `tendon`: what the model of a muscle is behind, as `{stiffness: 2 kN/m}`
+    - `model`: Path of the spec of the other run. Example: `flexor.yaml`
+    - `formula`: Name of a formula. Example: `sarosi`
+    - `sign`: Whether the part is added (1) or subtracted (-1). Example: `-1`
+    - `inputs`: Expression for each input of the part, in the quantities of this study. Give one for
+      both parts if they have an input of the same name that is not the same quantity. Example:
+      `{pressure: p1, strain: "-s"}`
+    - `tendon`: The tendon in series with this part, which must be the model of a muscle. Example:
+      `{stiffness: 2 kN/m}`
     """
 
     model: SpecPath | None = None
@@ -137,7 +140,7 @@ class Summand(Settings):
     tendon: TendonSettings | None = None
 
     def __post_init__(self) -> None:
-        """Refuse both, and neither; and a formula behind a tendon."""
+        """Require either a model or a formula, and no formula behind a tendon."""
         if self.tendon is not None and self.formula is not None:
             raise Contradiction(
                 "a formula cannot be fitted behind a tendon",
@@ -157,11 +160,11 @@ FitMethod = Literal["variable_projection", "levenberg_marquardt", "simplex"]
 """How a formula of the literature is fitted."""
 
 Summands = Annotated[Sequence[Summand], Len(1)]
-"""The parts: models of runs, or formulas that are fitted together."""
+"""Parts of a sum: models of runs, or formulas that are fitted together."""
 
 
 def refuse_mixed(parts: Sequence[Summand]) -> None:
-    """Refuse parts of which some are fitted by runs of their own and others here."""
+    """Refuse a sum in which some parts are models of runs and others are formulas."""
     if len({part.formula is None for part in parts}) > 1:
         raise Contradiction(
             "this sum mixes models and formulas",
@@ -173,32 +176,35 @@ def refuse_mixed(parts: Sequence[Summand]) -> None:
 _OWN_TYPES = ("mapmore", "literature", "auto")
 if TYPE_CHECKING:
     ModelType = str
-else:  # our words, and those of the kinds that add themselves
+else:  # the types of mapmore, and the kinds of models that plugins add
     ModelType = Literal[(*_OWN_TYPES, *sorted(plugins.entry_points("kinds")))]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ModelSettings(Settings):
-    """What kind of model the run builds.
+    """The kind of model that the run builds. The key `type` is one of these words:
 
-    - `mapmore`: segment functions of the dictionary, on a backbone or alone.
+    - `mapmore`: functions of each segment, made of the dictionary's terms, on a backbone or alone.
     - `literature`: the formula `name` alone, or a `family`.
-    - `auto`: the structure is searched on training data. It is the default without `dictionary` and
-      `model`. The run folder holds the result as a spec, `found.yaml`.
-    - `sum`: the static and the damping model that the spec needs (default for `dynamic`), or parts
-      with signs and renamed inputs.
-    - `state_space`: P's model of motion, linear sections along an input.
+    - `auto`: a search for the structure, on the training data. It is the default if the spec has
+      neither `dictionary` nor `model`. The run folder holds the result as a spec, `found.yaml`.
+    - `sum`: the sum of the static and the damping model of the runs in `needs` (the default for
+      `target: dynamic`), or of parts with signs and renamed inputs.
+    - `state_space`: a state-space model of motion with linear sections along an input (Brown and
+      Xie 2024).
 
-    - `type`: one of these, as `literature`
-    - `budget`: computing time of each process of a search, as `5 min`
-    - `inputs`: inputs of what is searched; all quantities that vary by default, as `[pressure,
-      strain]`
-    - `backbone`: formula whose residual the pieces explain; `auto` takes the formula, or none,
-      whose fused model errs least on left-out training data (with three levels or fewer
-      `sarosi_hinged`), as `sarosi`
-    - `name`: the formula of `type: literature`, as `sarosi`
-    - `sum`: the parts of a sum, as `[{model: flexor.yaml}, {model: extensor.yaml, sign: -1}]`
-    - `family`: one formula for specimens that differ in a quantity, as `{of: rest_length}`
+    - `type`: Kind of the model, one of the words above. Example: `literature`
+    - `budget`: Computing time of each process of a search. More time tries more structures.
+      Example: `5 min`
+    - `inputs`: Inputs that a search may use; by default all quantities that vary. Example:
+      `[pressure, strain]`
+    - `backbone`: A formula of the literature; the segment functions explain only what remains after
+      it. `auto` chooses the formula (or none) with the smallest error on training data that were
+      left out; with three levels or fewer it takes `sarosi_hinged`. Example: `sarosi`
+    - `name`: The formula of `type: literature`. Example: `sarosi`
+    - `sum`: The parts of a sum. Example: `[{model: flexor.yaml}, {model: extensor.yaml, sign: -1}]`
+    - `family`: One formula for several specimens that differ in a quantity, for example in their
+      length. Example: `{of: rest_length}`
     """
 
     type: ModelType = "mapmore"
@@ -210,7 +216,9 @@ class ModelSettings(Settings):
     family: FamilySettings | None = None
 
     def __post_init__(self) -> None:
-        """Refuse keys that the type lacks, or has no use for; a family is a formula."""
+        """Refuse keys that do not belong to the type, and require those that it needs. `family`
+        implies `type: literature`.
+        """
         if self.type not in (*_OWN_TYPES, *(kind.name for kind in kinds.kinds())):
             raise Contradiction(f"type `{self.type}` is not installed", "install it", "type")
         if self.family is not None:
@@ -249,7 +257,9 @@ class ModelSettings(Settings):
 
     @property
     def over_time(self) -> bool:
-        """Whether the type has models that run along recordings, whatever the dictionary."""
+        """True if models of this type always run along recordings, whatever the dictionary
+        contains.
+        """
         return self.type in plugins.entry_points("kinds") and kinds.named(self.type).over_time
 
 
@@ -258,11 +268,11 @@ _TYPE_OF = {
     **{key.name: one.name for one in kinds.kinds() for key in fields(one.settings)},
     **{"name": "literature", "backbone": "mapmore", "sum": "sum"},
 }
-"""The keys that one type alone has."""
+"""For each key that belongs to one type only, that type."""
 
 if TYPE_CHECKING:
     ModelChoice = ModelSettings
-else:  # with the keys of the kinds that add themselves
+else:  # the keys of the kinds that plugins add come first
     _ADDED = tuple(one.settings for one in kinds.kinds() if one.settings is not Settings)
     _ABOUT = {"__doc__": ModelSettings.__doc__, "__module__": __name__}
     ModelChoice = dataclass(frozen=True, kw_only=True)(

@@ -1,5 +1,5 @@
-"""Operators with memory, and a few without. Adding one is adding a file with `OPERATORS`, a row
-to one, or an entry point.
+"""Collect the operators with memory, and a few without. To add an operator, add a file with
+`OPERATORS`, a row to such a file, or an entry point.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from mapmore_cli.modelling.expressions.operator import Operator
 OPERATORS: Mapping[str, Operator] = {
     part.name: part.value for part in plugins.parts("operators", Operator, __name__)
 }
-"""Every operator by its name."""
+"""All operators by name."""
 
 
 def families() -> Mapping[str, tuple[Operator, ...]]:
-    """Return the operators that each family of a spec writes, by its key.
+    """Return the operators of each family of a spec, by the family's key.
 
-    An operator without numbers has no family: a spec writes its name, as `rate(pressure)`.
+    An operator without numbers has no family: a spec writes its name, for example `rate(pressure)`.
     """
     written: dict[str, tuple[Operator, ...]] = {}
     for operator in OPERATORS.values():

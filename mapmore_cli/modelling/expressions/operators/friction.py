@@ -1,4 +1,6 @@
-"""What has no memory: the smooth sign of a velocity, Coulomb's friction; and saturation."""
+"""Define operators without memory: the smooth sign of a velocity (Coulomb friction), and
+saturation.
+"""
 
 from __future__ import annotations
 
@@ -11,19 +13,20 @@ from mapmore_cli.modelling.expressions.operator import (
     Setting,
 )
 
-# initial velocities of the search, as fractions of the training range
+# velocities from which the search begins, as fractions of the training range
 WIDTHS = (0.001, 0.004, 0.016, 0.064, 0.25)
-FINEST, COARSEST = 1e-4, 4.0  # least and greatest of them: a jump, and a straight line
+# smallest and largest of them: almost a jump, and almost a straight line
+FINEST, COARSEST = 1e-4, 4.0
 
 
 def coulomb(setting: Setting) -> Recursion:
-    """Return `tanh(x/v)`, v as a fraction of the training range of x."""
+    """Return the rule `tanh(x/v)`, with v as a fraction of the training range of x."""
     v = setting.width or 1.0
     return Recursion(0, 0, lambda m, x: m.call("tanh", x / v), lambda x: np.tanh(x / v))
 
 
 def saturate(setting: Setting) -> Recursion:
-    """Return `s[k] = min(max(x[k], low), high)`; it has no memory."""
+    """Return the rule `s[k] = min(max(x[k], low), high)`, which has no memory."""
     low, high = setting.limits
     return Recursion(0, 0, lambda m, x: m.clip(x, low, high), lambda x: np.clip(x, low, high))
 
@@ -31,9 +34,11 @@ def saturate(setting: Setting) -> Recursion:
 OPERATORS = (
     Operator(
         name="coulomb",
-        summary="The smooth sign `tanh(x/v)` of the rates `of`; `v` is a fraction of the training "
-        "range, and found by training where not "
-        "given.",
+        summary=(
+            "The smooth sign `tanh(x/v)` of the rates in `of`, which is Coulomb friction for a "
+            "velocity. `v` is a fraction of the training range; training estimates it if it is "
+            "not given."
+        ),
         recursion=coulomb,
         parameters=(
             Parameter("v", "1", "0.01", between=lambda _step, _longest: (FINEST, COARSEST)),
@@ -44,7 +49,7 @@ OPERATORS = (
     ),
     Operator(
         name="saturate",
-        summary="The quantities `of`, held at the ends of their training range.",
+        summary="The quantities in `of`, limited to their training range.",
         recursion=saturate,
         needs="range",
         timed=False,

@@ -1,5 +1,5 @@
-"""Lags: creep, filling; and rates of change, for signals whose rate is not measured, the fed-back
-output among them.
+"""Define lags (creep, filling of a volume), and rates of change for signals whose rate is not
+measured, including a fed-back output.
 """
 
 from __future__ import annotations
@@ -18,18 +18,19 @@ from mapmore_cli.modelling.expressions.operator import (
     linear,
 )
 
-BEYOND = 100.0  # times the longest piece: what is slower than that is a drift at a constant rate
+# times the duration of the longest piece: a slower lag looks like a drift at a constant rate
+BEYOND = 100.0
 
 
 def slow(setting: Setting) -> Recursion:
-    """Return `s[k] = a s[k-1] + (1 - a) x[k]`, `a = exp(-step/tau)`."""
+    """Return the rule `s[k] = a s[k-1] + (1 - a) x[k]` with `a = exp(-step/tau)`."""
     a = math.exp(-setting.step / setting.numbers[0])
     return linear([a], [1 - a])
 
 
 def spread_times(count: int, step: float, longest: float) -> tuple[float, ...]:
-    """Return `count` time constants, s, in even ratios from ten samples of `step` seconds to a
-    quarter of the `longest` piece, s.
+    """Return `count` time constants, s, with equal ratios, from ten times `step` to a quarter of
+    `longest`, both s.
     """
     quickest = 10 * step
     times = np.geomspace(quickest, max(0.25 * longest, quickest), count)
@@ -37,18 +38,18 @@ def spread_times(count: int, step: float, longest: float) -> tuple[float, ...]:
 
 
 def creep(setting: Setting) -> Recursion:
-    """Return s with `ds/dt = (width/tau) sinh((x - s)/width)`, exactly over one step: `tanh(e/2)`
-    of e = (x - s)/width decays by tau.
+    """Return the rule of s with `ds/dt = (width/tau) sinh((x - s)/width)`, exact over one step:
+    with e = (x - s)/width, `tanh(e/2)` decays with the time constant tau.
 
-    A step of many widths creeps as `width ln(t)`, a small one as a first-order lag. Source: H.
-    Eyring 1936. `width` is a fraction of the training range of x.
+    After a step of many widths, s creeps as `width ln(t)`; after a small step, it is a first-order
+    lag. `width` is a fraction of the training range of x. Source: H. Eyring 1936.
     """
     tau, (low, high) = setting.numbers[0], setting.limits
     width = setting.numbers[1] * (high - low) or 1.0
     keeps = math.exp(-setting.step / tau)
 
     def following(m: Arithmetic, s: Amount, x: Amount) -> Amount:
-        # sixty half-widths from rest, creep is as quick as it gets
+        # beyond sixty half-widths from rest, creep is as fast as floating-point numbers can show
         left = keeps * m.call("tanh", m.clip((x - s) / (2 * width), -60.0, 60.0))
         return x - width * (m.call("log1p", left) - m.call("log1p", -left))
 
@@ -56,13 +57,13 @@ def creep(setting: Setting) -> Recursion:
 
 
 def rate_of_change(setting: Setting) -> Recursion:
-    """Return `(x[k] - x[k-1])/step`, per second."""
+    """Return the rule `(x[k] - x[k-1])/step`, per second."""
     return linear([], [1 / setting.step, -1 / setting.step], steady=0.0)
 
 
 def last_direction(_setting: Setting) -> Recursion:
-    """Return 1 after x has risen, -1 after it has fallen, 0 before it has moved; of `play(x, r)`,
-    with a dead band of r.
+    """Return the rule that is 1 after x has risen, -1 after it has fallen, and 0 before it has
+    moved. Applied to `play(x, r)`, it has a dead band of r.
     """
 
     def following(m: Arithmetic, s: Amount, x: Amount, before: Amount) -> Amount:
@@ -74,9 +75,12 @@ def last_direction(_setting: Setting) -> Recursion:
 OPERATORS = (
     Operator(
         name="slow",
-        summary="First-order lags of the quantities `of`, with time constants `tau`, or a `count` "
-        "of them spread over what the recordings "
-        "can show; training finds one that is given by neither.",
+        summary=(
+            "First-order lags of the quantities in `of`, for example for creep or for the "
+            "filling of a volume. Give the time constants `tau`, or a `count` of time constants "
+            "that are spread over the range that the recordings can show. With neither, training "
+            "estimates one time constant."
+        ),
         recursion=slow,
         parameters=(
             Parameter(
@@ -88,9 +92,11 @@ OPERATORS = (
     ),
     Operator(
         name="creep",
-        summary="Creep of the quantities `of` with the logarithm of the time: a lag of time "
-        "constant `tau` for changes smaller than "
-        "`width`, a fraction of the training range; found by training where not given.",
+        summary=(
+            "Creep of the quantities in `of` with the logarithm of time. For changes smaller "
+            "than `width`, a fraction of the training range, it is a lag with the time constant "
+            "`tau`. Training estimates both if they are not given."
+        ),
         recursion=creep,
         parameters=(
             Parameter("tau", "s", "10 s", between=lambda step, longest: (step, BEYOND * longest)),
@@ -103,14 +109,14 @@ OPERATORS = (
     ),
     Operator(
         name="rate",
-        summary="The change of the quantities `of` per second, from one sample to the next.",
+        summary="The change of the quantities in `of` from one sample to the next, per second.",
         recursion=rate_of_change,
     ),
     Operator(
         name="direction",
         summary=(
-            "The sign of the last change of the quantities `of`; of `play(pressure, 0.02)`, "
-            "one that small changes do not turn."
+            "The sign of the last change of the quantities in `of`. Applied to "
+            "`play(pressure, 0.02)`, it ignores small changes."
         ),
         recursion=last_direction,
     ),

@@ -1,4 +1,4 @@
-"""Play and stop: backlash, and friction that sticks before it slips."""
+"""Define play and stop: backlash, and friction that sticks before it slips."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.expressions.operator import Operator, Parameter, Recursion, Setting
 
-WIDEST = 0.5  # half-width, as a fraction of the range, from which a play never follows
+WIDEST = 0.5  # half-width as a fraction of the range beyond which a play never follows its source
 
 WIDTHS = Parameter("widths", "1", "0.1", below=1.0, between=lambda _step, _longest: (1e-3, WIDEST))
-# half-widths that a search begins from, as fractions of the range
+# half-widths from which a search begins, as fractions of the range
 STARTS = ((0.02,), (0.05,), (0.1,), (0.2,), (0.35,))
 
 
 def play_recursion(setting: Setting) -> Recursion:
-    """Return `w[k] = min(max(w[k-1], x[k] - width), x[k] + width)`, from `w[0] = x[0]`; `width` is
-    half the slack.
+    """Return the rule `w[k] = min(max(w[k-1], x[k] - width), x[k] + width)` with `w[0] = x[0]`;
+    `width` is half the slack.
 
-    Sums of such operators are the Prandtl-Ishlinskii model (P. Krejci, K. Kuhnen 2001).
+    A sum of such operators is the Prandtl-Ishlinskii model (P. Krejci, K. Kuhnen 2001).
     """
     width = setting.width
     return Recursion(1, 0, lambda m, w, x: m.clip(w, x - width, x + width), lambda x: x)
 
 
 def stop_recursion(setting: Setting) -> Recursion:
-    """Return `s[k] = min(width, max(-width, s[k-1] + x[k] - x[k-1]))`, from zero: what `play` does
-    not follow.
+    """Return the rule `s[k] = min(width, max(-width, s[k-1] + x[k] - x[k-1]))` with `s[0] = 0`: the
+    part of x that `play` does not follow.
 
-    Sums of such operators are the Maxwell-slip model.
+    A sum of such operators is the Maxwell-slip model.
     """
     width = setting.width
     return Recursion(
@@ -39,7 +39,7 @@ def stop_recursion(setting: Setting) -> Recursion:
 
 
 def play(x: Array, width: float) -> Array:
-    """Return the same along one piece, (n,): in a loop over floats five times as fast as by the
+    """Return play along one piece, shape (n,). A loop over floats is five times as fast as the
     recursion.
     """
     w, followed = float(x[0]) if len(x) else 0.0, list[float]()
@@ -53,8 +53,8 @@ def play(x: Array, width: float) -> Array:
 
 
 def spread_widths(count: int, _step: float = 0.0, _longest: float = 0.0) -> tuple[float, ...]:
-    """Return `count` half-widths of play or stop, evenly over those that can move, as fractions of
-    the training range.
+    """Return `count` half-widths of play or stop, evenly spaced over the range in which they can
+    move, as fractions of the training range.
     """
     return tuple(round(WIDEST * (i + 1) / (count + 1), 4) for i in range(count))
 
@@ -67,8 +67,8 @@ def _with_widths(
 ) -> Operator:
     return Operator(
         name,
-        f"{summary} as fractions of the training range; a `count` of them is spread evenly; "
-        "training finds one that is given by neither.",
+        f"{summary}, as fractions of the training range. A `count` spreads as many widths evenly. "
+        "With neither, training estimates one width.",
         recursion,
         (WIDTHS,),
         "range",
@@ -89,7 +89,7 @@ OPERATORS = (
     _with_widths(
         "stop",
         "`stop` operators (friction that sticks before it slips) on the quantities `of`. `widths` "
-        "are half the way until it slips,",
+        "are half the way until it slips",
         stop_recursion,
         lambda x, setting: x - play(x, setting.width),
     ),

@@ -1,4 +1,4 @@
-"""Position and velocity of a damped oscillator: ringing."""
+"""Define the position and velocity of a damped oscillator, which rings."""
 
 from __future__ import annotations
 
@@ -14,28 +14,29 @@ from mapmore_cli.modelling.expressions.operator import (
 
 
 def position(setting: Setting) -> Recursion:
-    """Return `y[k] = 2 q cos(th) y[k-1] - q^2 y[k-2] + gain x[k]`, an oscillator of unit gain.
+    """Return the rule `y[k] = 2 q cos(th) y[k-1] - q^2 y[k-2] + gain x[k]` of an oscillator with
+    unit gain.
 
-    `q = exp(-damping w step)`, `th = w step sqrt(1 - damping^2)`, `w = 2 pi frequency`; frequency
-    in Hz, damping ratio below one.
+    `q = exp(-damping w step)`, `th = w step sqrt(1 - damping^2)`, `w = 2 pi frequency`, with the
+    frequency in Hz and a damping ratio below one.
     """
     past, gain, _ = _oscillator(setting)
     return linear(past, [gain])
 
 
 def velocity(setting: Setting) -> Recursion:
-    """Return the velocity of the same oscillator in its natural unit of time, `v[k] = (y[k] -
-    y[k-1])/(w step)`.
+    """Return the rule of the velocity of the same oscillator in its natural unit of time, `v[k] =
+    (y[k] - y[k-1])/(w step)`.
 
-    It is the oscillator that the change of x drives.
+    It is computed as an oscillator that is driven by the change of x.
     """
     past, gain, speed = _oscillator(setting)
     return linear(past, [gain / speed, -gain / speed], steady=0.0)
 
 
 def _oscillator(setting: Setting) -> tuple[tuple[float, float], float, float]:
-    """Return the weights of the past, the gain, and the angular frequency times the time between
-    samples.
+    """Return the weights of the past values, the gain, and the angular frequency times the time
+    between samples.
     """
     frequency, damping = setting.numbers
     w = 2 * math.pi * frequency
@@ -49,9 +50,11 @@ PARAMETERS = (Parameter("frequency", "Hz", "4 Hz"), Parameter("damping", "1", "0
 OPERATORS = (
     Operator(
         name="resonance",
-        summary="Position and velocity of a damped oscillator that each quantity `of` drives; "
-        "`frequency` and `damping` are found where "
-        "not given.",
+        summary=(
+            "Position and velocity of a damped oscillator (ringing) that is driven by each "
+            "quantity in `of`. Training estimates `frequency` (in Hz) and `damping` if they are "
+            "not given."
+        ),
         recursion=position,
         parameters=PARAMETERS,
         needs="oscillator",

@@ -1,5 +1,5 @@
-"""Smooth hysteresis with two rates: Bouc-Wen's state, integrated exactly; with one rate it is
-Dahl's friction.
+"""Define smooth hysteresis with two rates: the state of Bouc and Wen, integrated exactly. With
+equal rates it is Dahl's friction.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ from mapmore_cli.modelling.expressions.operator import (
     Setting,
 )
 
-# largest exponent: beyond it, a state is as good as infinite, and the run has diverged
+# largest exponent; beyond it, a state is practically infinite, and the run has diverged
 STEEPEST = 700.0
-MOST = 1e4  # largest rate that training tries: the loop turns within 1e-4 of the range
+MOST = 1e4  # largest rate that training tries: the loop then turns within 1e-4 of the range
 
 
 def recursion(setting: Setting) -> Recursion:
-    """Return z with `dz/du = 1 - p |z|` moving away from zero, `1 + q |z|` moving towards it; u is
-    x divided by its training range.
+    """Return the rule of z with `dz/du = 1 - p |z|` while it moves away from zero and `1 + q |z|`
+    while it moves towards zero; u is x divided by its training range.
 
-    Over one step u changes by d; s is its sign, a its size, and w = s z. Each branch is a
-    first-order lag in a: `w' = w exp(-r a) + (1 - exp(-r a))/r`, r = q where w < 0 and p elsewhere.
-    A step from w < 0 reaches zero after `a = ln(1 - q w)/q`. Sources: Y. K. Wen 1976; P. R. Dahl
-    1968 (p = q).
+    In one step, u changes by d. Let s be the sign of d, a its magnitude, and w = s z. Each branch
+    is a first-order lag in a: `w' = w exp(-r a) + (1 - exp(-r a))/r`, with r = q for w < 0 and r =
+    p otherwise. From w < 0, zero is reached after `a = ln(1 - q w)/q`. Sources: Y. K. Wen 1976; P.
+    R. Dahl 1968 (p = q).
     """
     p, q = setting.numbers[0], setting.numbers[-1]
     low, high = setting.limits
@@ -66,17 +66,19 @@ def _rates(least: float) -> tuple[Parameter, Parameter]:
 
 GRID = tuple((p, q) for p in (0.0, 2.0, 8.0, 32.0) for q in (0.0, 2.0, 8.0, 32.0))
 STIFFENING = tuple((p, q) for p in (-4.0, -1.0) for q in (2.0, 8.0, 32.0) if q > -p)
-"""Pairs of rates that a search begins from; a state that turns back more slowly than it grows has
-no bound.
+"""Pairs of rates from which a search begins. A state that turns back more slowly than it grows
+would be unbounded.
 """
 
 
 OPERATORS = (
     Operator(
         name="wen",
-        summary="Smooth hysteresis (Bouc-Wen) on the quantities `of`: a state that saturates at "
-        "the rate `p` and turns back at the rate "
-        "`q`, both per training range; training finds them where not given, from 0 on.",
+        summary=(
+            "Smooth hysteresis (Bouc-Wen) of the quantities in `of`: a state that saturates with "
+            "the rate `p` and turns back with the rate `q`, both per training range. Training "
+            "estimates rates from 0 upwards if they are not given."
+        ),
         recursion=recursion,
         parameters=_rates(0.0),
         needs="range",
@@ -84,8 +86,10 @@ OPERATORS = (
     ),
     Operator(
         name="wen_stiffening",
-        summary="As `wen`, where `p` may be negative: the state grows faster the further it "
-        "moves, and has no bound.",
+        summary=(
+            "The same as `wen`, but `p` may be negative: the state then grows faster the farther "
+            "it moves, and has no bound."
+        ),
         recursion=recursion,
         parameters=_rates(-8.0),
         needs="range",
@@ -93,8 +97,10 @@ OPERATORS = (
     ),
     Operator(
         name="dahl",
-        summary="Dahl's friction on the quantities `of`: `wen` with one `rate`, p = q; training "
-        "finds it where not given.",
+        summary=(
+            "Dahl's friction of the quantities in `of`: `wen` with equal rates p and q. Training "
+            "estimates the `rate` if it is not given."
+        ),
         recursion=recursion,
         parameters=(
             Parameter("rate", "1", "20", above=-1e-9, between=lambda _step, _longest: (0.0, MOST)),

@@ -1,1 +1,1 @@
-"""One module for each formula of the literature, with its `FORMULA`."""
+"""Define the formulas of the literature, one module with a `FORMULA` or `FORMULAS` for each."""

@@ -1,9 +1,9 @@
-"""Bolen's static force of a McKibben muscle, with all constants fitted.
+"""Bolen's static force of a McKibben muscle, in which all constants are fitted.
 
-As printed `F* = c0 (exp(-c1 e*) - 1) + P* exp(-c2 e*^2)`, of the force over that at 620 kPa and no
-strain, the strain over the largest at 620 kPa, and the pressure over 620 kPa. Data that do not
-reach that strain show
-`k1 = c1/e620` and `k2 = c2/e620^2` alone, so these are fitted.
+The source prints `F* = c0 (exp(-c1 e*) - 1) + P* exp(-c2 e*^2)`. F* is the force divided by the
+force at 620 kPa and zero strain, e* is the strain divided by the largest strain at 620 kPa (e620),
+and P* is the pressure divided by 620 kPa. Data that do not reach e620 determine only `k1 = c1/e620`
+and `k2 = c2/e620^2`, so these two are fitted.
 """
 
 from mapmore_cli.modelling.literature.formula import Formula, LinearForm
@@ -11,22 +11,24 @@ from mapmore_cli.modelling.literature.problem import Nonlinear
 
 SOURCE = "Bolen, Elzein, Pang, Hunt, Actuators 2026"
 
-# The constants of the two published muscles, over the largest strains of 0.16 to 0.25, lie at
-# k1*max|strain| of 4 to 7.
+# The constants of the two published muscles, divided by their largest strains of 0.16 to 0.25, give
+# k1*max|strain| between 4 and 7.
 DECAY = Nonlinear("k1", per="strain", intervals=((1e-2, 50.0),))
 BELL = Nonlinear("k2", per=None, intervals=((1e-2, 1e4),))
 
 
 def published(diameter: int, largest: str, c0: float, c1: float, c2: float) -> Formula:
-    """Return the formula with the constants of one diameter, in mm; `largest` is the force at 620
-    kPa by the rest length.
+    """Return the formula with the published constants for one diameter, in mm. `largest` is the
+    force at 620 kPa as an expression of the rest length.
     """
     return Formula(
         name=f"bolen_{diameter}mm",
         title=f"Bolen, {diameter} mm",
         reference=f"{SOURCE}; constants of {diameter} mm muscles",
-        about=f"Bolen's static force of a {diameter} mm muscle with the published constants: "
-        "the largest strain at 620 kPa alone is fitted. In kPa and N.",
+        about=(
+            f"Bolen's static force of a {diameter} mm muscle with the published constants. Only "
+            "`e620`, the largest strain at 620 kPa, is fitted. The formula is in kPa and N."
+        ),
         inputs=("pressure", "strain"),
         parameters=("length", "e620"),
         text=(

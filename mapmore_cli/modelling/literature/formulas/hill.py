@@ -1,12 +1,15 @@
-"""Hill's contractile element as H prints it: activation, force over length, force over velocity.
+"""Contractile element of Hill's muscle model: the product of activation, force-length factor and
+force-velocity factor.
 
-H eq 1-3, `F_CE = A F_max f_l(l) f_v(v)` with `f_l = exp(c |(l - l_opt)/(l_opt w)|^3)`; over the
-shortening velocity v, as in `muscle_like`, `f_v = (v_max - v)/(v_max + kappa v)` where the muscle
-shortens and `N - (N - 1) (v_max + v)/(v_max - 7.56 kappa v)` where it lengthens (eq 3 has it
-positive in lengthening, and v_max negative). The pressure is the activation.
+The equations are H eq 1-3: `F_CE = A F_max f_l(l) f_v(v)` with `f_l = exp(c |(l - l_opt)/(l_opt
+w)|^3)`. The pressure is the activation A, and F_max is in N per unit of pressure.
 
-c and w are one number, `c/w^3`: c is ln 0.05, as Geyer, Seyfarth and Blickhan have it, so that
-f_l is 0.05 at the width w. F_max is in N a unit of pressure.
+The velocity v is positive in shortening, as in `muscle_like`; H eq 3 has the other sign, and a
+negative v_max. In shortening, `f_v = (v_max - v)/(v_max + kappa v)`. In lengthening, `f_v = N - (N
+- 1) (v_max + v)/(v_max - 7.56 kappa v)`.
+
+The data determine only the ratio `c/w^3`. So c is set to ln 0.05, as by Geyer, Seyfarth and
+Blickhan; f_l is then 0.05 at the width w.
 """
 
 from mapmore_cli.modelling.literature.formula import Formula
@@ -21,7 +24,7 @@ FORMULA = Formula(
     reference="H eq 1-3",
     inputs=("pressure", "length", "velocity"),
     parameters=("F_max", "l_opt", "w", "v_max", "kappa", "N"),
-    # each branch of f_v is one at the other's velocities
+    # each branch of f_v is one at the velocities of the other branch
     text=(
         "pressure*F_max*exp(-2.995732273553991*abs((length - l_opt)/(l_opt*w))^3)"
         f"*((v_max - {SHORTENING})/(v_max + kappa*{SHORTENING})"

@@ -1,19 +1,19 @@
-"""Kinetic friction that decays with speed, after Tondu and after Peternel."""
+"""Define kinetic friction that decays with speed, after Tondu and after Peternel."""
 
 from mapmore_cli.modelling.literature.formula import Formula
 from mapmore_cli.modelling.literature.problem import Nonlinear
 
 DECAY = (1e-3, 10.0)
-"""Bounds of a decay over the largest rate: below, it acts on the samples at rest alone; above, it
-is straight to within a twentieth.
+"""Bounds of a decay rate as a fraction of the largest rate. Below the first, it affects only the
+samples at rest; above the second, it is straight to within a twentieth.
 """
 
 
 def friction(
     name: str, title: str, reference: str, parameters: tuple[str, ...], text: str, about: str
 ) -> Formula:
-    """Return a friction that opposes the motion with the force `text`; the last of its parameters
-    is the rate over which it decays.
+    """Return a friction force of the form `text` that opposes the motion. The last parameter is the
+    rate over which it decays.
     """
     return Formula(
         name=name,
@@ -35,11 +35,10 @@ FORMULAS = (
         "M2 table 1, with |strain_rate|",
         ("B0", "B1", "B2"),
         "(B0 - B1)*exp(-abs(strain_rate)/B2) + B1",
-        """Kinetic friction, from B0 at rest to B1 at speed (Tondu).
+        """Kinetic friction that changes from B0 at rest to B1 at high speed (Tondu).
 
-Table 1 prints `exp(-strain_rate/B2)`, which grows without bound where the muscle extends; here it
-is the magnitude of the rate, as in
-M2 eq 24.""",
+Table 1 of M2 prints `exp(-strain_rate/B2)`, which grows without bound when the muscle extends.
+Here, the exponent has the magnitude of the rate, as in M2 eq 24.""",
     ),
     friction(
         "peternel",
@@ -47,11 +46,11 @@ M2 eq 24.""",
         "M2 eq 24",
         ("B0", "B1", "B2", "B3", "B4"),
         "B0 + B1*strain_rate + B2*strain_rate^2 + B3*exp(-abs(strain_rate)/B4)",
-        """Generalised kinetic friction as printed, with powers of the signed rate (Peternel et
-        al.).
+        """Generalised kinetic friction as printed, with powers of the signed rate
+(Peternel et al.).
 
-So the term of B1 is `|strain_rate|`: the same force whether the muscle contracts or extends, where
-all others oppose the motion.""",
+The term of B1 is therefore `B1*|strain_rate|`: it has the same sign whether the muscle contracts or
+extends, while all other terms oppose the motion.""",
     ),
     friction(
         "peternel_absolute",
@@ -59,7 +58,9 @@ all others oppose the motion.""",
         "M2 eq 24, with |strain_rate|^k",
         ("B0", "B1", "B2", "B3", "B4"),
         "B0 + B1*abs(strain_rate) + B2*strain_rate^2 + B3*exp(-abs(strain_rate)/B4)",
-        "Generalised kinetic friction with powers of the magnitude of the rate: unlike in "
-        "`peternel`, every term turns with the motion.",
+        (
+            "Generalised kinetic friction with powers of the magnitude of the rate. Other than "
+            "in `peternel`, every term opposes the motion."
+        ),
     ),
 )

@@ -1,22 +1,23 @@
-"""H's muscle-like force: pressure as activation, times force-length and force-velocity factors,
-beside a passive spring.
+"""Muscle-like force: the pressure as activation, multiplied by a force-length and a force-velocity
+factor, with a passive spring in parallel.
 
-H eq 4-5, `F_PAM = P F f_la(l) f_v(v) + F f_lp(l)` with `f_la = 1 + a0 l + a1 l^2 + a2 l^3`, `f_v =
-1 + b0 v`, `f_lp = c0 + c1 l`. The units are those of H's table I. P is the pressure in kPa. l is
-the elongation in m, measured from a rest length that each muscle has for itself. v is the velocity
-in m/s; it is *positive when the muscle shortens*. If b0 is negative, a shortening muscle pulls
-less, as a damper does. F is in N/kPa, c0 in kPa, c1 in kPa/m.
+H eq 4-5: `F_PAM = P F f_la(l) f_v(v) + F f_lp(l)` with `f_la = 1 + a0 l + a1 l^2 + a2 l^3`, `f_v =
+1 + b0 v` and `f_lp = c0 + c1 l`. The units are those of H's table I: the pressure P in kPa, the
+elongation l in m, the velocity v in m/s, F in N/kPa, c0 in kPa, c1 in kPa/m. The elongation is
+measured from a rest length that each muscle has for itself. The velocity is *positive when the
+muscle shortens*. If b0 is negative, a shortening muscle pulls less, as a damper does.
 
-It is linear in all but b0 once the products with F are parameters, so that a search for b0 alone
-fits it (variable projection); H seeks all seven by the simplex (method `simplex`).
+With the products with F as parameters, the formula is linear in all parameters except b0. A search
+for b0 alone is therefore enough (variable projection). H searches all seven parameters with the
+simplex method (`method: simplex`).
 """
 
 from mapmore_cli.modelling.literature.formula import Formula, LinearForm
 from mapmore_cli.modelling.literature.problem import Nonlinear
 
-# Sought from a factor on the force that is next to none up to ten times the active force at the
-# fastest velocity. H's table I prints it negative for every muscle, but the sign of a joint's
-# velocity is the user's: with that sign as a bound the measured pair is fitted worse.
+# The search ranges from almost no effect of b0 up to ten times the active force at the largest
+# velocity. H's table I has a negative b0 for every muscle, but the user chooses the sign of a
+# joint's velocity: with a bound on the sign, the measured pair of muscles is fitted worse.
 DAMPING = Nonlinear("b0", per="velocity", intervals=((-10.0, -1e-4), (1e-4, 10.0)))
 
 FORMULA = Formula(

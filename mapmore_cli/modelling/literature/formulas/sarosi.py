@@ -5,11 +5,11 @@ from dataclasses import replace
 from mapmore_cli.modelling.literature.formula import Formula
 from mapmore_cli.modelling.literature.problem import Intervals, Nonlinear
 
-# Every author prints a negative exponent, so the force decays with the strain: a growing one may
-# fit the training data better, and then dives beyond them. It is sought from almost straight to a
-# decay within 1/50 of the largest strain. Published fits lie at a3*max|strain| of about -8 (W).
-# Nearer to zero the exponential cannot be told from the linear terms, and a1, a2 grow without
-# bound.
+# Every author prints a negative exponent a3, so that the force decays with the strain. A positive
+# exponent may fit the training data better, but the force then dives outside them. The exponent is
+# sought from an almost straight line to a decay within 1/50 of the largest strain. Published fits
+# have a3*max|strain| of about -8 (W). Nearer to zero, the exponential cannot be distinguished from
+# the linear terms, and a1 and a2 grow without bound.
 DECAY = ((-50.0, -1e-3),)
 
 STARTS = {
@@ -30,14 +30,15 @@ STARTS = {
         "a6": -208.372,
     },
 }
-"""Sárosi and Fabulya's coefficients, W's starting values (section III), in kPa: they are for the
-strain in per cent (`published` has them for a fraction), but W's strain is a fraction (`printed`
-has the numbers as they stand)."""
+"""Coefficients of Sárosi and Fabulya in kPa, with which W starts its fits (section III). Sárosi and
+Fabulya's strain is in per cent, but W's strain is a fraction. `published` holds the coefficients
+converted to a fraction, and `printed` holds the numbers as printed.
+"""
 
 
 def sarosi(letter: str, curvature: Intervals = DECAY) -> Formula:
-    """Return the formula whose parameters are called by a letter and a number from 1 to 6, its
-    exponent sought in the intervals of the `curvature`.
+    """Return the formula whose parameters have this letter and a number from 1 to 6. The exponent
+    is sought in the intervals of `curvature`.
     """
     names = tuple(f"{letter}{number}" for number in range(1, 7))
     a1, a2, a3, a4, a5, a6 = names

@@ -1,17 +1,18 @@
-"""Sárosi's formula with a slack foot, blended with the plain one (ours; M1's outlook asks for
-physics-based terms).
+"""Sárosi's formula with a slack foot, blended with the plain formula. It was made for mapmore; the
+outlook of M1 suggests physics-based terms.
 
-Measured muscles give almost no force below a threshold pressure that rises with strain, and the
-plain formula spends its terms on that corner. Here `hi`, Sárosi's formula with a1..a6, and the foot
-`lo = b0 + b1 P + b2 strain` are joined by a hinge of width w:
+Measured muscles give almost no force below a threshold pressure, which rises with the strain. The
+plain formula spends its terms on this corner. Here, `hi` (Sárosi's formula with a1 to a6) and the
+foot `lo = b0 + b1 P + b2 strain` are joined by a hinge of width w:
 
     F = share (lo + w ln(1 + exp((hi - lo)/w))) + (1 - share) (Sárosi's with s1..s6)
 
-The second is the plain formula fitted to the same data. The shares are in proportion to `(r^2 +
-0.01^2)^-2`, r the training RMSE/max|F| of each, so that data without a foot keep Sárosi's. A plain
-fit whose curvature ran to a bound or is not determined has no share: past the strains tested its
-exp(+-400 strain) would swamp the rest, however small the share. Strain must be a fraction (the
-prior of a3 is a decay over a strain of 1/33).
+The second part is the plain formula, fitted to the same data. The two shares are proportional to
+`(r^2 + 0.01^2)^-2`, where r is the training RMSE of each part divided by max|F|. For data without a
+foot, Sárosi's formula therefore keeps its share. The plain part has no share if its exponent ran to
+a bound or is not determined by the data: outside the measured strains, its exp(+-400 strain) would
+swamp the rest, however small the share. The strain must be a fraction, because the prior of a3 is a
+decay over a strain of 1/33.
 """
 
 from __future__ import annotations
@@ -25,29 +26,30 @@ from mapmore_cli.modelling.literature import hinge
 from mapmore_cli.modelling.literature.formula import Formula, with_numbers
 from mapmore_cli.modelling.literature.formulas.sarosi import DECAY, sarosi
 
-GOOD_ENOUGH = 0.01  # RMSE/max|F| below which better is no longer a reason for a larger share
+GOOD_ENOUGH = 0.01  # a RMSE/max|F| below this is good enough, and gives no larger share
 
-PLAIN = sarosi("s", (*DECAY, (1e-3, 50.0)))  # a part of ours may also grow with the strain
+PLAIN = sarosi("s", (*DECAY, (1e-3, 50.0)))  # the plain part may also grow with the strain
 HIGH, LOW = sarosi("a").text, "b0 + b1*pressure + b2*strain"
 PRINTED = f"share*({LOW} + w*log(1 + exp(({HIGH} - ({LOW}))/w))) + (1 - share)*({PLAIN.text})"
-COMPUTED = (  # the same, but cannot overflow: ln(1 + exp(z)) = (z + |z|)/2 + ln(1 + exp(-|z|))
+# the same in a form that cannot overflow: ln(1 + exp(z)) = (z + |z|)/2 + ln(1 + exp(-|z|))
+COMPUTED = (
     f"share*(({HIGH} + {LOW} + abs({HIGH} - ({LOW})))/2 + w*log(1 + exp(-abs({HIGH} - "
     f"({LOW}))/w))) + (1 - share)*({PLAIN.text})"
 )
 
 
 class SarosiHinged(Formula):
-    """A formula with a fit of its own, whose equation is printed in another form than it is
-    computed in.
+    """Formula with its own fit, whose equation is printed in another form than the one that is
+    computed.
     """
 
     def fit(self, columns: Columns, y: Array, method: str | None = None) -> FormulaFit:
-        """Penalised least-squares fit of the hinged part (`fit_hinge`), blended with the plain
+        """Fit the hinged part by penalised least squares (`fit_hinge`), and blend it with the plain
         formula.
 
-        `method` is that of the plain formula. Standard errors are those of the two parts, the
-        share's is unknown; status and condition are those of the part with the larger share. Raises
-        as `Formula.fit`.
+        `method` is the method for the plain formula. The standard errors are those of the two
+        parts; the error of the share is unknown. Status and condition are those of the part with
+        the larger share. Raises the same errors as `Formula.fit`.
         """
         problem = self.problem(columns, y)
         columns, y = problem.columns, problem.y
@@ -91,8 +93,8 @@ class SarosiHinged(Formula):
         )
 
     def equation(self, fit: FormulaFit) -> Expression:
-        """Return the formula as a person would write it; where `hi - lo` is beyond 700 w it
-        overflows, which `predict` does not.
+        """Return the formula in its readable form. If `hi - lo` is larger than 700 w, this form
+        overflows, but `predict` does not.
         """
         return with_numbers(parse(PRINTED), fit.parameters)
 

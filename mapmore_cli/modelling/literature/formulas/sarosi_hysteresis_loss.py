@@ -1,5 +1,5 @@
-"""Sárosi's hysteresis loss: critical damping times the share of a load cycle's energy that
-hysteresis takes (M2 eq 17-23).
+"""Sárosi's hysteresis loss: the share of a load cycle's energy that is lost to hysteresis,
+multiplied by critical damping (M2 eq 17-23).
 
 At one pressure, Sárosi's force (M2 eq 14) is `F(x) = A exp(c x) + B x + C` of the strain x, which
 is integrated exactly.
@@ -29,12 +29,12 @@ from mapmore_cli.modelling.literature.formula import LOAD_CYCLES, Formula, with_
 from mapmore_cli.modelling.literature.formulas.sarosi import sarosi
 from mapmore_cli.modelling.literature.problem import finite
 
-SHORTEST = 1.0  # strain of a muscle without length, where the search for the free strain ends
-BISECTIONS = 60  # halve a strain of one down to rounding
+SHORTEST = 1.0  # strain of a muscle of zero length, at which the search for the free strain ends
+BISECTIONS = 60  # halvings from a strain of one down to rounding
 
 
 class ForceCurve(NamedTuple):
-    """`A exp(c x) + B x + C` at n pressures: A, B, C are `(n,)`."""
+    """`A exp(c x) + B x + C` at n pressures; A, B and C have the shape (n,)."""
 
     A: Array
     B: Array
@@ -42,12 +42,12 @@ class ForceCurve(NamedTuple):
     c: float
 
     def __call__(self, strain: Array) -> Array:
-        """Force at one strain for each pressure, `(n,)`."""
+        """Return the force at one strain for each pressure, shape (n,)."""
         return self.A * np.exp(self.c * strain) + self.B * strain + self.C
 
     def mean(self, start: float, end: Array) -> Array:
-        """Mean force from strain `start` to each `end`, `(n,)`; the force itself where they are
-        one.
+        """Return the mean force from strain `start` to each `end`, shape (n,). If both are equal,
+        it is the force itself.
         """
         z = self.c * (end - start)
         ratio = np.where(z == 0.0, 1.0, np.expm1(z) / np.where(z == 0.0, 1.0, z))
@@ -57,13 +57,13 @@ class ForceCurve(NamedTuple):
 
     @np.errstate(all="ignore")
     def end_of_stroke(self, start: float) -> Array:
-        """Return the strain at which the force first falls to zero from `start` on, `(n,)`.
+        """Return the strain at which the force first falls to zero after `start`, shape (n,).
 
-        It is `start` where the curve does not pull even there. Where it pulls at every strain, it
-        is where the curve turns up again, or `SHORTEST`.
+        It is `start` if the curve does not pull even there. If the curve pulls at every strain, it
+        is the strain at which it turns up again, or `SHORTEST`.
         """
         turns = (self.A > 0.0) & (self.A * self.c * self.B < 0.0)
-        # the strain of least force of a curve that is bent upwards
+        # strain of least force, for a curve that is bent upwards
         turning = np.log(-self.B / (self.A * self.c)) / self.c
         low, high = (
             np.full_like(self.A, start),
@@ -80,30 +80,32 @@ class ForceCurve(NamedTuple):
 UPPER, LOWER = sarosi("au"), sarosi("al")
 PARAMETERS = (*UPPER.parameters, *LOWER.parameters, "length", "strain_min")
 SEVERITY = ("converged", "at_bound", "stopped_by_limit", "rank_deficient", "failed")
-"""The statuses of `FormulaFit`, the better ones first."""
+"""The statuses of `FormulaFit`, from the best to the worst."""
 
 
 @dataclass(frozen=True)
 class HysteresisLoss(Formula):
-    """A share `zeta(P)` of critical damping, with the stiffness of the upper branch and the mass
-    that hangs on the muscle.
+    """Damping force from a share `zeta(P)` of critical damping, which depends on the stiffness of
+    the upper branch and the mass that hangs on the muscle.
 
-    `text` is the damping force (M2 eq 19) of the inputs, `length` (m) and two more: `zeta`, Lehr's
-    coefficient (eq 21), and `stiffness`, `k_t = (d F_su/d strain)/length` (eq 20, with the muscle's
-    length for its n_t w_t). Pressure in kPa, strain a fraction, strain_rate in 1/s, load in N: the
-    weight of the experiment that is predicted, whose mass is load/9.81 (M2 table 3 prints the mass
-    in newtons).
+    `text` is the damping force (M2 eq 19) as an expression of the inputs, `length` (m) and two more
+    quantities: `zeta`, Lehr's damping coefficient (eq 21), and `stiffness`, `k_t = (d F_su/d
+    strain)/length` (eq 20, with the muscle's length for its n_t w_t). The pressure is in kPa, the
+    strain a fraction, strain_rate in 1/s, and the load in N. The load is the weight in the
+    experiment that is predicted; its mass is load/9.81 (M2 table 3 prints the mass in newtons).
 
-    zeta is a share, so it is limited to [0, 1]. M2 leaves open what it is without a free strain:
-    where the upper curve does not even pull at `strain_min`, it is 1, as just above that pressure;
-    where the curve never falls to zero, the stroke ends where it turns up again, or at a strain of
-    one.
+    zeta is a share, so it is limited to [0, 1]. M2 does not define it without a free strain. Here,
+    zeta is 1 if the upper curve does not pull even at `strain_min`, as it is just above that
+    pressure. If the curve never falls to zero, the stroke ends where the curve turns up again, or
+    at a strain of one.
     """
 
     fitted_to: ClassVar[str] = LOAD_CYCLES
 
     def fit(self, *_: object, **__: object) -> FormulaFit:
-        """Raise `DataError`: a damping force cannot show the energy that a load cycle loses."""
+        """Raise DataError, because a damping force does not show the energy that is lost in a load
+        cycle.
+        """
         raise DataError(
             f"{self.name} is fitted to load cycles, not to a target",
             "give it the load cycles of a static study",
@@ -113,17 +115,16 @@ class HysteresisLoss(Formula):
         """Fit Sárosi's formula to the upper and to the lower branch of load cycles (M2 eq 17-18),
         each by variable projection.
 
-        - `cycles`: `pressure` (kPa), `strain`, `force` (N, the mean of the branches) and
-          `hysteresis` (N, half their distance), `(n,)`
-          each.
+        - `cycles`: columns `pressure` (kPa), `strain`, `force` (N, the mean of the branches) and
+          `hysteresis` (N, half the distance between the branches), shape (n,) each.
         - `length`: length of the muscle at rest, m.
 
-        Status and condition are those of the worse branch; ranks and sums of squares add up. A note
-        says at which pressures zeta had to be limited. Length and least strain are given, so that
-        they have no standard error.
+        Status and condition are those of the worse branch; ranks and sums of squares are added. A
+        note gives the pressures at which zeta had to be limited. The length and the smallest strain
+        are given, not fitted, so that they have no standard error.
 
-        Raises DataError for a column that is absent or not finite, too few samples, or a length
-        that is not positive.
+        Raises DataError for a missing or non-finite column, too few samples, or a length that is
+        not positive.
         """
         if not 0.0 < length < np.inf:
             raise DataError(
@@ -160,14 +161,14 @@ class HysteresisLoss(Formula):
         )
 
     def predict(self, parameters: Mapping[str, float], columns: Columns) -> Array:
-        """Return the damping force on every row, `(n,)`."""
+        """Return the damping force on every row, shape (n,)."""
         numbers = {name: np.asarray(parameters[name]) for name in self.parameters}
         share = zeta(parameters, evaluate(Name("pressure"), columns))
         return evaluate(self.expression, {**columns, **numbers, "zeta": share}, len(share))
 
     def equations(self, fit: FormulaFit) -> dict[str, Expression]:
-        """Return the damping force with `zeta` as a name, and the two curves from which zeta
-        follows.
+        """Return the damping force with `zeta` as a name, and the two curves that determine
+        zeta.
         """
         return {
             self.name: self.equation(fit),
@@ -177,17 +178,17 @@ class HysteresisLoss(Formula):
 
     @cached_property
     def expression(self) -> Expression:
-        """`text` with the stiffness written out."""
+        """`text` with the expression of the stiffness inserted."""
         stiffness = derivative(UPPER.expression, "strain")
         return substitute(parse(self.text), {"stiffness": stiffness / Name("length")})
 
 
 @np.errstate(all="ignore")
 def lehr(parameters: Mapping[str, float], pressure: Array) -> Array:
-    """`zeta = (U_u - U_l)/U_u` (M2 eq 21) at each `pressure`, `(n,)`.
+    """Return `zeta = (U_u - U_l)/U_u` (M2 eq 21) at each `pressure`, shape (n,).
 
-    It is not limited to [0, 1]: towards a slack muscle the energy U_u of the stroke vanishes, and
-    there zeta is infinite, as where U_u overflows.
+    The result is not limited to [0, 1]. Near a slack muscle, the energy U_u of the stroke vanishes,
+    and zeta becomes infinite; it is also infinite if U_u overflows.
     """
     upper, lower = (_curve(parameters, branch, pressure) for branch in ("au", "al"))
     start = parameters["strain_min"]
@@ -197,12 +198,16 @@ def lehr(parameters: Mapping[str, float], pressure: Array) -> Array:
 
 
 def zeta(parameters: Mapping[str, float], pressure: Array) -> Array:
-    """Lehr's damping coefficient (M2 eq 21) at each `pressure`, `(n,)`, between 0 and 1."""
+    """Return Lehr's damping coefficient (M2 eq 21) at each `pressure`, shape (n,), limited to [0,
+    1].
+    """
     return np.clip(lehr(parameters, pressure), 0.0, 1.0)
 
 
 def _curve(parameters: Mapping[str, float], branch: str, pressure: Array) -> ForceCurve:
-    """Sárosi's force with the parameters of a branch, `au1` ... `au6`, at each `pressure`."""
+    """Return Sárosi's force with the parameters of a branch (`au1` to `au6` for the upper one) at
+    each `pressure`.
+    """
     a1, a2, a3, a4, a5, a6 = (parameters[f"{branch}{i}"] for i in range(1, 7))
     return ForceCurve(a1 * pressure + a2, a4 * pressure, a5 * pressure + a6, a3)
 
@@ -220,18 +225,20 @@ FORMULAS = (
         "Sárosi, hysteresis loss",
         "M2 eq 17-23, times the length",
         "-2*zeta*sqrt(abs(stiffness)*load/9.81)*length*strain_rate",
-        """Sárosi's hysteresis loss: critical damping `2 sqrt(|k_t| m)`, the share zeta of it, times
-        the muscle's velocity.
+        """Sárosi's hysteresis loss: critical damping `2 sqrt(|k_t| m)`, multiplied by the
+share zeta and by the muscle's velocity.
 
-M2 eq 19 multiplies by the strain rate though k_t is per metre (eq 20), so that its unit is N/m;
-with the length it is a force.""",
+M2 eq 19 multiplies by the strain rate, although k_t is per metre (eq 20), so that the result has
+the unit N/m. With the length as a further factor, it is a force.""",
     ),
     _loss(
         "sarosi_hysteresis_loss_printed",
         "Sárosi, hysteresis loss, printed",
         "M2 eq 17-23",
         "-2*zeta*sqrt(abs(stiffness)*load/9.81)*strain_rate",
-        "Sárosi's hysteresis loss as M2 eq 19-20 print it, without the muscle's length: "
-        "`1/length` times `sarosi_hysteresis_loss`.",
+        (
+            "Sárosi's hysteresis loss as M2 eq 19-20 print it, without the length of the muscle. "
+            "It is `sarosi_hysteresis_loss` divided by the length."
+        ),
     ),
 )

@@ -1,5 +1,5 @@
-"""The static force of a cylinder under a braid of threads that do not stretch (W eq 1-3, 6-7, 10):
-Chou and Hannaford's, Tondu and Lopez', and Kerscher's.
+"""Define the static force of a cylinder under a braid of threads that do not stretch (W eq 1-3,
+6-7, 10), in the versions of Chou and Hannaford, of Tondu and Lopez, and of Kerscher.
 """
 
 from __future__ import annotations
@@ -10,35 +10,35 @@ from mapmore_cli.modelling.literature.formula import Formula, LinearForm
 from mapmore_cli.modelling.literature.problem import Nonlinear
 
 ANGLE = Nonlinear("theta", per=None, intervals=((math.radians(5.0), math.radians(85.0)),))
-"""Angle of the threads to the axis at rest, in radians; a muscle with more than 54.7 degrees
+"""Angle of the threads to the axis at rest, in radians. With more than 54.7 degrees, a muscle
 lengthens under pressure.
 
-Towards zero, only the ratio of the area to the squared angle remains, so nothing is to be found
-below five degrees.
+Towards zero, the force depends only on the ratio of the area to the squared angle, so angles below
+five degrees are not searched.
 """
 
 CORRECTION = (
     Nonlinear("a_k", per="strain", intervals=((0.01, 100.0),)),
     Nonlinear("b_k", per="strain", intervals=((-10.0, -0.01),)),
 )
-"""Bounds of the factor on the strain: it is positive and falls with the pressure, as in W's fits
-(other signs turn the strain around).
+"""Bounds of the factor on the strain: it is positive and falls with the pressure, as in W's fits.
+Other signs would reverse the strain.
 
-They are wide: W prints a_k = 3.55, but on points rebuilt from W eq 12 the least squares of eq 8 are
-at 88, 17/max|strain|.
+The bounds are wide: W prints a_k = 3.55, but on points rebuilt from W eq 12, the least-squares fit
+of eq 8 has 88, that is 17/max|strain|.
 """
 
 CORRECTED_STRAIN = "(a_k*exp(-pressure/100) - b_k)*strain"
-"""W eq 10, `k = a_k exp(-P) - b_k` with P in bar: the 100 is kPa/bar, so the formula holds in kPa
-alone.
+"""Strain with the factor of W eq 10, `k = a_k exp(-P) - b_k`, P in bar. The 100 is kPa/bar, so the
+formula holds for a pressure in kPa only.
 """
 
 AREA = f"{250.0 * math.pi!r}*diameter^2"
-"""`pi D^2/4` in 1e-3 m^2, which is N/kPa, with the diameter in m."""
+"""Area `pi D^2/4` in 1e-3 m^2, which is N/kPa, with the diameter in m."""
 
 
 def braid(strain: str) -> str:
-    """Return the text of `h (1 - strain)^2 - y`, with `h = 3/tan(theta)^2` and `y = 1/sin(theta)^2`
+    """Return the text of `h (1 - strain)^2 - y` with `h = 3/tan(theta)^2` and `y = 1/sin(theta)^2`
     (W eq 6-7).
     """
     return f"(3*(1 - {strain})^2/tan(theta)^2 - 1/sin(theta)^2)"
@@ -54,9 +54,11 @@ def braided(
     *,
     of_diameter: bool = False,
 ) -> Formula:
-    """Return `area P braid(strain)`, with the area fitted, or that of the muscle's diameter.
+    """Return `area P braid(strain)` with a fitted area, or with the area of the muscle's diameter
+    if `of_diameter` is true.
 
-    `of_diameter`, it is linear in h, since `y = 1 + h/3`; the angle follows as `atan(sqrt(3/h))`.
+    With the diameter given, the formula is linear in h, because `y = 1 + h/3`; the angle follows as
+    `atan(sqrt(3/h))`.
     """
     own = tuple(parameter.name for parameter in correction)
     area, form = "area", None
@@ -85,19 +87,20 @@ FORMULAS = (
         inputs=("pressure", "strain"),
         parameters=("c1", "c2"),
         text="pressure*(c1*(1 - strain)^2 - c2)",
-        about="""Chou and Hannaford's static force of a braided cylinder, from the conservation of
-        energy.
+        about="""Chou and Hannaford's static force of a braided cylinder, from the conservation
+of energy.
 
-W eq 3, `F = P b^2 (3 L^2/b^2 - 1)/(4 pi n^2)` with the thread length b, the number n of its turns
-and the length L = L0 (1 - strain), has one lumped parameter for each power of L, and is linear in
-them:
+W eq 3 is `F = P b^2 (3 L^2/b^2 - 1)/(4 pi n^2)` with the thread length b, the number n of turns of
+a thread, and the length L = L0 (1 - strain). Here, the formula has one lumped parameter for each
+power of L and is linear in them:
 
-    c1 = 3 L0^2/(4 pi n^2),   c2 = b^2/(4 pi n^2),   so   n = L0 sqrt(3/(4 pi c1)),   b = L0 sqrt(3
-    c2/c1).
+    c1 = 3 L0^2/(4 pi n^2),   c2 = b^2/(4 pi n^2)
 
-No dimension of the muscle is needed for the force. In kPa and N both are in 1e-3 m^2. A braid has
-c1 > 0 and c2 > c1/3 (b > L0); the fit does not ask for that, and `tondu_lopez`, which does, is then
-the same within its bounds.""",
+    n = L0 sqrt(3/(4 pi c1)),   b = L0 sqrt(3 c2/c1)
+
+So the force needs no dimension of the muscle. In kPa and N, both parameters are in 1e-3 m^2. A real
+braid has c1 > 0 and c2 > c1/3 (b > L0). The fit does not require that; `tondu_lopez` does, and is
+otherwise the same formula.""",
     ),
     braided(
         "tondu_lopez",
@@ -107,11 +110,10 @@ the same within its bounds.""",
         (),
         """Tondu and Lopez' static force of a braided cylinder, from virtual work.
 
-W eq 4 takes the area pi D^2/4 from the muscle's nominal diameter and fits the angle alone. Here the
-area is fitted too (in kPa and N it is
-in 1e-3 m^2), so that no dimension is needed and the bladder's diameter need not be known: this can
-only fit better. It then is W eq 3 in
-other parameters, and equals `chou_hannaford` wherever that describes a braid.""",
+W eq 4 takes the area pi D^2/4 from the muscle's nominal diameter and fits the angle only. Here, the
+area is fitted too, so that the diameter of the bladder need not be known; this can only improve the
+fit. In kPa and N, the area is in 1e-3 m^2. The formula is then W eq 3 in other parameters, and
+equals `chou_hannaford` whenever that describes a real braid.""",
     ),
     braided(
         "tondu_lopez_fixed_area",
@@ -119,11 +121,11 @@ other parameters, and equals `chou_hannaford` wherever that describes a braid.""
         "W eq 4, as printed",
         "strain",
         (),
-        """Tondu and Lopez' static force as W prints it: the area is that of the muscle's nominal
-        diameter, and the angle alone is fitted.
+        """Tondu and Lopez' static force as W prints it: the area is that of the muscle's
+nominal diameter, and only the angle is fitted.
 
-W eq 4 with eq 6-7. In `tondu_lopez` the area is fitted as well as the angle; that model can
-describe the same forces as `chou_hannaford`.""",
+The equations are W eq 4 with eq 6-7. In `tondu_lopez`, the area is fitted as well as the angle;
+that model can describe the same forces as `chou_hannaford`.""",
         of_diameter=True,
     ),
     braided(
@@ -132,12 +134,11 @@ describe the same forces as `chou_hannaford`.""",
         "W eq 8 with 10",
         CORRECTED_STRAIN,
         CORRECTION,
-        """Tondu and Lopez' static force with a factor on the strain, for the muscle's ends that do
-        not stay cylindrical.
+        """Tondu and Lopez' static force with a factor on the strain, because the ends of
+the muscle do not stay cylindrical.
 
 The factor depends on the pressure, which must be in kPa. As in `tondu_lopez`, the area pi D^2/4 is
-fitted; W fits theta, a_k and b_k alone.
-""",
+fitted; W fits only theta, a_k and b_k.""",
     ),
     braided(
         "tondu_lopez_corrected_fixed_area",
@@ -145,11 +146,11 @@ fitted; W fits theta, a_k and b_k alone.
         "W eq 8 with 10, as printed",
         CORRECTED_STRAIN,
         CORRECTION,
-        """Tondu and Lopez' static force with a factor on the strain, as W prints it: with the area
-        of the muscle's nominal diameter.
+        """Tondu and Lopez' static force with a factor on the strain, as W prints it: with
+the area of the muscle's nominal diameter.
 
-W eq 8 with eq 10; theta, a_k and b_k are fitted. `tondu_lopez_corrected` is the same with the area
-fitted too.""",
+The equations are W eq 8 with eq 10, in which theta, a_k and b_k are fitted. `tondu_lopez_corrected`
+is the same with the area fitted too.""",
         of_diameter=True,
     ),
     Formula(
@@ -160,12 +161,12 @@ fitted too.""",
         parameters=("theta", "a_k", "b_k", "a_e", "b_e"),
         text=f"(a_e*exp(-40*strain) - b_e)*pressure*{braid(CORRECTED_STRAIN)}",
         nonlinear=(ANGLE, *CORRECTION),
-        about="""Kerscher et al.'s static force: Tondu and Lopez' with factors on the strain and on
-        the force.
+        about="""Kerscher et al.'s static force: the formula of Tondu and Lopez with one factor
+on the strain and another on the force.
 
-The factor on the force, `mu = a_e exp(-40 strain) - b_e` (W eq 11, strain as a fraction), takes the
-area pi D^2/4 in: a_e and b_e are W's
-times the area (in kPa and N in 1e-3 m^2), and the number of parameters is W's. The pressure must be
+The factor on the force is `mu = a_e exp(-40 strain) - b_e` (W eq 11, with the strain as a
+fraction). It includes the area pi D^2/4: a_e and b_e are W's parameters multiplied by the area (in
+kPa and N, in 1e-3 m^2), so that the number of parameters is the same as W's. The pressure must be
 in kPa (W eq 10).""",
     ),
 )

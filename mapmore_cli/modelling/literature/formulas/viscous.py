@@ -1,5 +1,5 @@
-"""Viscous damping: in proportion to the rate, to the pressure too, or to both by rise and fall and
-by pressure.
+"""Define viscous damping: proportional to the rate, also to the pressure, or to both with separate
+coefficients for rise and fall and for pressure regions.
 """
 
 from collections.abc import Mapping
@@ -11,20 +11,21 @@ DIRECTIONS = {
     "rise": "direction*(direction + 1)/2",
     "fall": "direction*(direction - 1)/2",
 }
-"""One where the pressure rises or falls (`direction` +1 and -1, M2 eq 16), zero elsewhere: where it
-is 0 the muscle has not moved yet, which is neither.
+"""Expressions that are one if the pressure rises or falls (`direction` +1 and -1, M2 eq 16), and
+zero otherwise. With `direction` 0, the muscle has not moved yet, so both are zero.
 """
 
 PRESSURES = {
     "low": "(1 + sign(sign(200 - pressure) + 0.5))/2",
     "high": "(1 + sign(sign(pressure - 200) - 0.5))/2",
 }
-"""One up to 200 kPa, and one above."""
+"""Expressions that are one up to 200 kPa, and above it."""
 
 
 def by_region(local: Formula, regions: Mapping[str, str]) -> Formula:
-    """Return a formula with parameters of its own in each region, as `B0_rise` for `B0`, and zero
-    outside all; `regions` are one inside and zero outside.
+    """Return a formula with separate parameters in each region, for example `B0_rise` for `B0`, and
+    zero outside all regions. `regions` maps names to expressions that are one inside and zero
+    outside.
     """
     terms = []
     for region, inside in regions.items():
@@ -44,7 +45,7 @@ def by_region(local: Formula, regions: Mapping[str, str]) -> Formula:
 def viscous(
     name: str, title: str, reference: str, parameters: tuple[str, ...], viscosity: str, about: str
 ) -> Formula:
-    """Return the damping force `viscosity strain_rate`."""
+    """Return the damping force `viscosity*strain_rate`."""
     inputs = ("pressure", "strain_rate") if "pressure" in viscosity else ("strain_rate",)
     text = f"{viscosity}*strain_rate"
     return Formula(
@@ -54,12 +55,12 @@ def viscous(
 
 KERSCHER = "Viscous damping in proportion to the pressure (Kerscher et al.)."
 REYNOLDS = (
-    "First-order pressure-dependent viscous damping, fitted to rise and fall by themselves "
-    "(Reynolds et al.)."
+    "First-order pressure-dependent viscous damping, fitted to rising and falling pressure "
+    "separately (Reynolds et al.)."
 )
 CAO = (
-    "Reynolds' damping in two pressure regions, up to 200 kPa and above, for rise and fall "
-    "each (Cao et al.). The pressure must be in kPa."
+    "Reynolds' damping in two pressure regions, up to 200 kPa and above, each with separate "
+    "coefficients for rising and falling pressure (Cao et al.). The pressure must be in kPa."
 )
 FORMULAS = (
     Formula(
@@ -70,7 +71,7 @@ FORMULAS = (
         parameters=(),
         text="0",
         component="damping",
-        about="No damping at all: what every damping model must beat.",
+        about="No damping force. Every damping model should have a smaller error than this one.",
     ),
     viscous(
         "linear_viscous",
