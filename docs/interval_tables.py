@@ -478,10 +478,9 @@ def scales(runs: Path) -> Mapping[str, Mapping[int, float]]:
 
 
 def constants(runs: Path) -> Table:
-    """c_K by the family that was left out."""
-    rows: list[tuple[Cell, ...]] = [
-        (family, *found.values()) for family, found in scales(runs).items()
-    ]
+    """Return c_K by the family that was left out, and those of the program."""
+    known = {**scales(runs), "in the program": FEW}
+    rows: list[tuple[Cell, ...]] = [(family, *found.values()) for family, found in known.items()]
     heads = ("left out", *(f"{count} levels .2f" for count in FEW))
     return Table.of(
         "constants",

@@ -61,8 +61,8 @@ INTERVAL = 0.95  # the level of the intervals of scores and figures
 SHARES = np.linspace(0.0, 1.0, 101)
 
 FEW: Mapping[int, float] = {3: 5.06, 4: 4.03, 5: 3.23}
-"""c_K by the number of levels, of all families: `python docs/interval_tables.py`; six levels take
-that of five.
+"""c_K by the number of levels, from a calibration on all families; docs/intervals.md has today's
+beside it. Six levels take the constant of five.
 """
 
 LEAST = 1e-3  # errors count as no smaller than this share of the largest |target|
