@@ -40,6 +40,7 @@ from mapmore_cli.modelling.validation.intervals import (
     half_widths_of,
 )
 from mapmore_cli.reporting.table import Cell, Table
+from mapmore_cli.storage.run_folder import RunFiles
 
 LEVEL = 0.95
 SEEDS = range(100, 120)
@@ -230,11 +231,15 @@ MEASURED = (
 )
 
 
+def with_intervals(config: str, runs: Path) -> RunFiles:
+    """Return the results of a shipped study as it is, asked for intervals."""
+    name = f"name={Path(config).name}.intervals"
+    return run(config, runs, name, "validate.intervals=true", until="fuse")
+
+
 def measured_row(config: str, runs: Path) -> tuple[Cell, ...]:
-    """One row of the measured table: a shipped study as it is, asked for intervals."""
-    files = run(
-        config, runs, f"name={Path(config).name}.intervals", "validate.intervals=true", until="fuse"
-    )
+    """One row of the measured table."""
+    files = with_intervals(config, runs)
     model = files.model()
     assert model.left_out is not None
     found = coverage(model, files.dataset())
@@ -263,6 +268,53 @@ def measured(runs: Path) -> Table:
         heads,
         rows,
     )
+
+
+BANDS = ((200, 260), (400, 460))
+"""Pressures (kPa) that the studies of bands hold out of every curve."""
+
+
+def bands(runs: Path) -> Table:
+    """Return for each held-out band of pressure what lies inside, beside a later repetition of the
+    same curves, whose model has measured that band.
+    """
+    rows: list[tuple[Cell, ...]] = []
+    for cm in (10, 20, 30):
+        study = f"festo/festo_10mm_{cm}cm"
+        held, repeat = (with_intervals(f"{study}_{word}", runs) for word in ("pressure", "repeat"))
+        whole = rms(errors_within(repeat, (-math.inf, math.inf))[0])
+        for band in BANDS:
+            errors, half = errors_within(held, band)
+            again, _ = errors_within(repeat, band)
+            width = float(np.median(half))
+            inside = [100 * float(np.mean(np.abs(one) <= width)) for one in (errors, again)]
+            name = f"{cm} cm, {band[0]} to {band[1]} kPa"
+            rows.append((name, width, inside[0], rms(errors), inside[1], rms(again), whole))
+    columns = (
+        "muscle, band",
+        "± [N] .3g",
+        "inside, held out [%] .1f",
+        "RMSE, held out [N] .3g",
+        "inside the same ±, measured [%] .1f",
+        "RMSE, measured [N] .3g",
+        "RMSE, whole curves [N] .3g",
+    )
+    title = "Bands of pressure, held out of every curve, and measured (in a later repetition)"
+    return Table.of("bands", title, columns, rows)
+
+
+def errors_within(files: RunFiles, band: tuple[float, float]) -> tuple[Array, Array]:
+    """Return the errors of a run's held-out samples in a band of pressure, and their half
+    widths.
+    """
+    dataset, found = files.dataset(), []
+    for curve in dataset.curves:
+        pressure = curve.columns["pressure"]
+        rows = curve.held_out & (band[0] <= pressure) & (pressure <= band[1])
+        part = replace(curve, held_out=rows)
+        found.append(_errors(files.model(), part, dataset.target, LEVEL))
+    errors, half = map(np.concatenate, zip(*found, strict=True))
+    return errors, half
 
 
 # Leave one family out
@@ -426,10 +478,9 @@ def scales(runs: Path) -> Mapping[str, Mapping[int, float]]:
 
 
 def constants(runs: Path) -> Table:
-    """c_K by the family that was left out."""
-    rows: list[tuple[Cell, ...]] = [
-        (family, *found.values()) for family, found in scales(runs).items()
-    ]
+    """Return c_K by the family that was left out, and those of the program."""
+    known = {**scales(runs), "in the program": FEW}
+    rows: list[tuple[Cell, ...]] = [(family, *found.values()) for family, found in known.items()]
     heads = ("left out", *(f"{count} levels .2f" for count in FEW))
     return Table.of(
         "constants",
@@ -472,6 +523,7 @@ if __name__ == "__main__":
             "bent": lambda _runs: bent_table(),
             "simulated": simulated,
             "measured": measured,
+            "bands": bands,
             "families": families,
             "constants": constants,
         },

@@ -125,7 +125,7 @@ _mapped: WeakKeyDictionary[mmap.mmap, dict[Any, tuple[float, float]]] = WeakKeyD
 
 def stacked(blocks: Iterable[Sequence[Any]]) -> list[Any]:
     """Return columns that are put together from blocks, of which each has a part of every column,
-    (b,); there is at least one block. Raises OSError if the disk is full.
+    (b,) or (b, k); there is at least one block. Raises OSError if the disk is full.
     """
     held: list[Sequence[Any]] = []
     size, rest = 0, iter(blocks)
@@ -133,15 +133,16 @@ def stacked(blocks: Iterable[Sequence[Any]]) -> list[Any]:
         held.append(block)
         size += max(part.nbytes for part in block)
         if size > LONG and len(_mapped) + len(block) <= MOST:
-            return _in_files(chain(held, rest), [part.dtype for part in block])
+            return _in_files(chain(held, rest), block)
     return [
         parts[0] if len(parts) == 1 else np.concatenate(parts) for parts in zip(*held, strict=True)
     ]
 
 
-def _in_files(blocks: Iterable[Sequence[Any]], kinds: Sequence[Any]) -> list[Any]:
+def _in_files(blocks: Iterable[Sequence[Any]], like: Sequence[Any]) -> list[Any]:
+    """Keep columns in files, with the types and the numbers of columns of the blocks `like`."""
     with ExitStack() as opened:
-        files = [opened.enter_context(tempfile.TemporaryFile(dir=SCRATCH.get())) for _ in kinds]
+        files = [opened.enter_context(tempfile.TemporaryFile(dir=SCRATCH.get())) for _ in like]
         for block in blocks:
             for file, part in zip(files, block, strict=True):
                 file.write(np.ascontiguousarray(part).data)
@@ -149,7 +150,10 @@ def _in_files(blocks: Iterable[Sequence[Any]], kinds: Sequence[Any]) -> list[Any
             file.flush()
         contents = [mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) for file in files]
     _mapped.update((content, {}) for content in contents)
-    return list(map(np.frombuffer, contents, kinds))
+    return [
+        np.frombuffer(content, block.dtype).reshape(-1, *block.shape[1:])
+        for content, block in zip(contents, like, strict=True)
+    ]
 
 
 def by_blocks(function: Callable[..., Any], *columns: Any, rows: int = ROWS) -> Any:

@@ -266,8 +266,8 @@ def join_branches(part: LevelPart, cycles: Cycles, target: str) -> LevelPart:
     """Replace the load cycles of a part by their static and hysteresis components at common values
     of `cycles.over` (M1 IV.A).
 
-    Every quantity becomes the mean of its branches, and `hysteresis` is added for the target. The
-    time has no meaning afterwards.
+    Every quantity becomes the mean of its branches; `hysteresis` is added for the target, unless
+    that is `over` itself, which both branches share. The time has no meaning afterwards.
     """
     over = cycles.over
     where = (
@@ -278,7 +278,9 @@ def join_branches(part: LevelPart, cycles: Cycles, target: str) -> LevelPart:
     others = {name: values for name, values in part.columns.items() if name not in (over, "time")}
     with located(f"{where} ({part.size} samples)"):
         branches = split_cycles(part.columns[over], others, cycles.samples)
-    columns = {over: branches.over, **branches.static(), "hysteresis": branches.hysteresis(target)}
+    columns = {over: branches.over, **branches.static()}
+    if target != over:
+        columns["hysteresis"] = branches.hysteresis(target)
     measured = {name: extremes(x) for name, x in part.columns.items() if name in columns}
     places = range(cycles.samples)
     return LevelPart(

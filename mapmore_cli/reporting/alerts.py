@@ -79,7 +79,8 @@ def _of_output(
     for test in validation.residual_tests:
         if test.fails:
             yield _of_residuals(test)
-    yield from _of_held_out(dataset, model)
+    left_out = any(row.split == "validate" for row in validation.scores)
+    yield from _of_held_out(dataset, model, left_out)
 
 
 def _of_residuals(test: ResidualTest) -> tuple[str, str, str]:
@@ -91,9 +92,13 @@ def _of_residuals(test: ResidualTest) -> tuple[str, str, str]:
     return "mean error", words, "fit"
 
 
-def _of_held_out(dataset: Dataset, model: Model) -> Iterator[tuple[str, str, str]]:
-    """Yield alerts of how many samples and curves are held out, and where they lie."""
+def _of_held_out(dataset: Dataset, model: Model, left_out: bool) -> Iterator[tuple[str, str, str]]:
+    """Yield alerts of how many samples and curves are held out, and where they lie. Where nothing
+    is held out for good, every part may have been `left_out` in turn.
+    """
     held_out = [curve for curve in dataset.curves if curve.held_out.any()]
+    if not held_out and left_out:
+        return
     if not held_out:
         words = "nothing is held out: errors on the training data say little about new data"
         yield "few curves", words, "nrmse"

@@ -59,12 +59,17 @@ def test_a_measured_row(config, tmp_path, measured_data):
     ] == pytest.approx(values, rel=0.02)
 
 
-def test_the_constants_are_those_of_all_families():
-    assert numbers(page_table("constants", PAGE)["none"]) == {
-        f"{count} levels": scale for count, scale in FEW.items()
-    }
+def test_the_constants_of_the_program_stand_on_the_page():
+    """They are those of all families, or a little larger."""
+    shown, found = (
+        numbers(page_table("constants", PAGE)[row]) for row in ("in the program", "none")
+    )
+    assert shown == {f"{count} levels": scale for count, scale in FEW.items()}
+    assert all(found[count] <= scale <= 1.05 * found[count] for count, scale in shown.items())
 
 
 @pytest.mark.long
 def test_the_constants_are_calibrated_anew(tmp_path, measured_data):
-    assert interval_tables.scales(tmp_path)["none"] == pytest.approx(FEW, rel=0.02)
+    found = interval_tables.scales(tmp_path)["none"]
+    shown = numbers(page_table("constants", PAGE)["none"])
+    assert [*found.values()] == pytest.approx([*shown.values()], rel=0.02)

@@ -60,6 +60,14 @@ def test_few_curves_are_an_alert(levels, held_out, words):
     assert alert.sentence.startswith(words)
 
 
+def test_what_is_left_out_in_turn_is_held_out():
+    inputs = build((80, 150, 250), lambda _level, strain: np.zeros(len(strain), bool))
+    rows = tuple(replace(row, split="validate") for row in inputs.validation.scores)
+    assert "few curves" in kinds(inputs)
+    scored = replace(inputs, validation=replace(inputs.validation, scores=rows))
+    assert "few curves" not in kinds(scored)
+
+
 def test_held_out_samples_beyond_the_training_range_are_counted():
     def top(level, strain):
         return np.full(len(strain), level == 350)

@@ -67,8 +67,8 @@ INTERVAL = 0.95  # the level of the intervals of scores and figures
 SHARES = np.linspace(0.0, 1.0, 101)
 
 FEW: Mapping[int, float] = {3: 5.06, 4: 4.03, 5: 3.23}
-"""c_K by the number of levels, for all families, computed by `python docs/interval_tables.py`; six
-levels use the value of five.
+"""c_K by the number of levels, from a calibration on all families; `docs/intervals.md` shows the
+value of today beside each. Six levels use the value of five.
 """
 
 LEAST = 1e-3  # share of the largest |target| below which errors do not count as smaller

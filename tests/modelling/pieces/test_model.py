@@ -123,6 +123,16 @@ def test_several_terms_saturate_by_default_and_one_term_continues():
     assert any("pressure=80" in note and "very large" in note for note in asked.notes)
 
 
+@pytest.mark.parametrize("way", ["saturate", "continue", "continue_linear"])
+def test_between_two_levels_the_slope_jumps_where_a_held_curve_ends(way):
+    """The curve of 150 kPa ends at 0.125, within that of 250 kPa (docs/limits.md)."""
+    model = built(curves(noise=0.0, held_out=()), max_terms=3, extrapolation=way)
+    strain = np.linspace(0.1, 0.15, 2001)
+    slopes = np.diff(predict(model, at(200, strain))) / np.diff(strain)
+    jump = np.abs(np.diff(slopes)[995:1005]).max() / np.abs(slopes).max()
+    assert jump > 0.1 if way == "saturate" else jump < 0.01
+
+
 def test_a_narrow_segment_beside_a_wide_one_does_not_explode_in_the_zone():
     """M2 eq 11 carries the left function by a quarter of the right segment's width: many times its
     own, most of which is empty.

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from reading import refused
 from scipy.signal import savgol_filter
 
+from mapmore_cli.domain import arrays
 from mapmore_cli.modelling.signals import sampling
 from mapmore_cli.modelling.signals.rates import rate, running_median
 from mapmore_cli.modelling.signals.sampling import (
@@ -57,6 +58,9 @@ def test_shares_and_parts_of_long_records_are_even(monkeypatch):
         10,
     ]
     assert even_share(np.arange(28.0), 10).tolist() == [*range(0, 28, 3)]
+    monkeypatch.setattr(arrays, "LONG", 100)  # bytes from which on a column is kept in a file
+    table = np.arange(84.0).reshape(28, 3)
+    assert even_share(table, 10).tolist() == table[::3].tolist()
     monkeypatch.setattr(sampling, "PARTS", 3)
     monkeypatch.setattr(sampling, "PART", 4)
     assert even_parts(12) == [slice(0, 12)]
