@@ -20,19 +20,18 @@ def outlines_above(x: Array, heights: Array, z: Array, level: float) -> list[Out
     sides are straight. What is no number belongs to no region.
     """
     outlines: list[Outline] = []
-    open_regions: list[Outline] = []
-    intervals: Sequence[tuple[float, float]] = ()
-    for number, height in enumerate(heights.tolist()):
-        found = _intervals(x[number], z[number], level)
-        if len(found) != len(intervals):  # regions begin or end half-way between two rows
-            middle = (heights[number - 1] + height) / 2 if number else height
-            _go_on(open_regions, intervals, middle)
-            outlines += [_closed(region) for region in open_regions]
-            open_regions = [([], []) for _ in found]
-            _go_on(open_regions, found, middle)
-        _go_on(open_regions, found, height)
-        intervals = found
-    return outlines + [_closed(region) for region in open_regions]
+    rows = [_intervals(*row, level) for row in zip(x, z, strict=True)]
+    regions: list[Outline] = [([], []) for _ in rows[0]]
+    for number, (intervals, height) in enumerate(zip(rows, heights.tolist(), strict=True)):
+        before = rows[number - 1] if number else intervals
+        if len(intervals) != len(before):  # regions begin and end half-way between two rows
+            middle = (heights[number - 1] + height) / 2
+            _go_on(regions, before, middle)
+            outlines += [_closed(region) for region in regions]
+            regions = [([], []) for _ in intervals]
+            _go_on(regions, intervals, middle)
+        _go_on(regions, intervals, height)
+    return outlines + [_closed(region) for region in regions]
 
 
 def _go_on(
