@@ -35,8 +35,10 @@ from mapmore_cli.modelling.expressions.functions import FUNCTIONS
 from mapmore_cli.modelling.expressions.states import Lagged
 from mapmore_cli.modelling.expressions.syntax import Call, Product, Sum
 
-TOLERANCE = 5e-4
-"""What rounding may change, as part of what an equation varies by over the training range."""
+TOLERANCE, RECURSIVE = 5e-4, 5e-7
+"""What rounding may change, as part of what an equation varies by over the training range; of the
+next sample of a recursion, which passes its errors on.
+"""
 
 
 FAR, FARTHEST = 7.0, 600.0
@@ -52,11 +54,12 @@ def equation(
     limits: Ranges,
     units: Mapping[str, float],
     weight: str = "",
+    tolerance: float = TOLERANCE,
 ) -> Equation:
     """Return `y_slope sum_k theta_k D_k + y_intercept` (M2 eq 8) as text and as LaTeX.
 
-    Numbers have the fewest digits with which it errs by less than a thousandth of its range over
-    the `limits` of quantities or states.
+    Numbers have the fewest digits with which it errs by less than the `tolerance`, as part of its
+    range, over the `limits` of quantities or states.
     """
     whole, where = summed(terms, theta, scaling, units)
     whole = folded(whole)
@@ -83,7 +86,7 @@ def equation(
         ]
         whole = add(*parts)
         exact = value(17)
-        error = TOLERANCE * (np.ptp(exact) or np.abs(exact).max())
+        error = tolerance * (np.ptp(exact) or np.abs(exact).max())
         digits = next((one for one in range(3, 17) if np.abs(value(one) - exact).max() <= error), 6)
     return as_equation(name, whole, digits, where, weight)
 

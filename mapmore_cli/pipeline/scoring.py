@@ -94,6 +94,7 @@ def _scored(part: ScoresSlice, workspace: Workspace, measured: Dataset, model: M
         {one.name: one.own_fit for one in rivals if one.own_fit and shown_by(one.own_fit)},
         warnings,
         outliers=far,
+        models={one.name: replace(one.model, left_out=None) for one in rivals if one.model},
     )
     return for_report(validation, model, dataset)
 

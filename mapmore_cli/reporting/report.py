@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from mapmore_cli.domain.scores import deciding
-from mapmore_cli.reporting.competitors import competitor_equations
+from mapmore_cli.reporting.competitors import printed_competitors
 from mapmore_cli.reporting.explore import explored
 from mapmore_cli.reporting.figures.drawing import (
     SVG_PROLOGUE,
@@ -89,7 +89,7 @@ def _words_of(inputs: ReportInputs, figures: Figures) -> dict[str, Any]:
         "explored": False,
         "verdict": verdict_sentence(scores, *known, inputs.validation.warnings),
         "alerts": inputs.alerts,
-        "competitors": competitor_equations(inputs),
+        "competitors": printed_competitors(inputs),
         "has_own_section": shown_by(inputs.fit.body) is not None,
         "sections": sections_of(inputs),
         "figures": figures,
