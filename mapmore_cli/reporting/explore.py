@@ -204,12 +204,15 @@ def _interval(inputs: ReportInputs) -> dict[str, Any] | None:
 
 
 def _no_interval(inputs: ReportInputs) -> str:
-    """Return why there is no interval, or what it does not contain; empty where it is complete."""
+    """Return a sentence on why there is no interval, or on what it does not contain; empty where it
+    is complete.
+    """
     if inputs.left_out is not None:
-        return interval_limits(inputs.left_out) or ""
+        limits = interval_limits(inputs.left_out)
+        return f"About the interval: {limits}." if limits else ""
     if inputs.turned:
-        return "the study scores another quantity than this one"
-    return "the study did not ask for intervals (`validate: {intervals: true}`)"
+        return "There is no interval: the study scores another quantity."
+    return "There is no interval: the spec does not ask for one (validate: {intervals: true})."
 
 
 def bare_of(model: Model) -> tuple[Model, str]:

@@ -30,7 +30,7 @@ from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.order import FIGURES, FILES_ALONE
 from mapmore_cli.reporting.score_tables import scored, verdict_sentence
-from mapmore_cli.reporting.scripts import BEFORE, BEHIND, json_text, scripts, text_of
+from mapmore_cli.reporting.scripts import BEFORE, BEHIND, EVERYWHERE, json_text, scripts, text_of
 from mapmore_cli.reporting.sections import all_tables, sections_of, shown_by
 from mapmore_cli.reporting.table import (
     Table,
@@ -64,7 +64,7 @@ def render_page(
     for output in outputs[1:]:  # what is said of the whole run stands at the first output
         output["alerts"] = [one for one in output["alerts"] if one not in outputs[0]["alerts"]]
     known = explored([own for own, _ in pages]) if inputs.explore else None
-    texts, words = [text_of("tables.js")], {"data": "", "uplot_css": ""}
+    texts, words = [*map(text_of, EVERYWHERE)], {"data": "", "uplot_css": ""}
     if known is not None:
         for output, study in zip(outputs, known.outputs, strict=True):
             output["explored"] = study is not None

@@ -24,7 +24,7 @@ from mapmore_cli.modelling.validation.intervals import (
 )
 from mapmore_cli.reporting import explore
 from mapmore_cli.reporting.report import render_page, write_report
-from mapmore_cli.reporting.scripts import json_text, scripts, text_of
+from mapmore_cli.reporting.scripts import EVERYWHERE, json_text, scripts, text_of
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 JOINTS = [
@@ -91,18 +91,18 @@ def test_pieces_are_joined_as_python_joins_them(tmp_path):
 
 def test_a_page_without_explore_has_no_script(inputs, monkeypatch):
     """`report.explore: false`, and the exporting annex missing: but for that of all tables."""
-    (tables,) = scripts([text_of("tables.js")])
+    tables = [one.text for one in scripts(map(text_of, EVERYWHERE))]
 
     def scripts_of(page):
         return re.findall(r"<script[^>]*>(.*?)</script>", page, re.DOTALL)
 
-    assert scripts_of(render_page(replace(inputs, explore=False), {})) == [tables.text]
+    assert scripts_of(render_page(replace(inputs, explore=False), {})) == tables
 
     def missing(_group, _name):
         raise plugins.NotInstalled("`export` is not installed", "install it")
 
     monkeypatch.setattr(explore.plugins, "load", missing)
-    assert scripts_of(render_page(inputs, {})) == [tables.text]
+    assert scripts_of(render_page(inputs, {})) == tables
 
 
 def test_no_text_ends_a_script():
