@@ -13,6 +13,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.declared import Label, QuantityName
 from mapmore_cli.domain.fits import Fit, FormulaFit, MemoryFit, SegmentFit
+from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.scores import Score, ScoreTable
 
@@ -149,7 +150,8 @@ class Validation:
     """Predictions of the run's own model (`mapmore`) and of its competitors, and their scores.
 
     `predictions[model][c]` is `(n_c,)`, row for row of curve number c of `shown`, or of the whole
-    dataset if it is short. `formulas` and `fits` are the fits behind competitors. Scores, `bands`
+    dataset if it is short. `formulas` and `fits` are the fits behind competitors, `models`
+    what computes them. Scores, `bands`
     and `residual_tests` are of all samples.
     """
 
@@ -177,6 +179,9 @@ class Validation:
         Dataset | None, "samples that figures show; absent where they show the whole dataset"
     ] = None
     others: Annotated[tuple[Validation, ...], "those of further outputs"] = ()
+    models: Annotated[
+        Mapping[Label, Model], "competitors that are formulas, pieces or recursions, as models"
+    ] = field(default_factory=dict)
 
     @property
     def each(self) -> tuple[Validation, ...]:

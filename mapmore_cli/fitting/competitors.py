@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, row_by_row
+from mapmore_cli.domain.arrays import Array, extremes, row_by_row
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.fits import Fit, FormulaFit
-from mapmore_cli.domain.models import Formula, Model
-from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Curve, Dataset
+from mapmore_cli.domain.models import Formula, Memory, Model, Pieces
+from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Curve, CurveRange, Dataset
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import OWN
 from mapmore_cli.fitting.kinds import FitsSums, maker_of
@@ -24,6 +24,7 @@ from mapmore_cli.modelling.kinds import runs_over_time
 from mapmore_cli.modelling.learners import LEARNERS
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled_training
 from mapmore_cli.modelling.literature.formulas.sarosi_hysteresis_loss import HysteresisLoss
+from mapmore_cli.modelling.memory.states import memory_inputs
 from mapmore_cli.modelling.signals.plateau import damping_component
 from mapmore_cli.storage.artefacts import read_model
 from mapmore_cli.storage.run_folder import RunFiles
@@ -32,11 +33,15 @@ from mapmore_cli.study.experiment import Competitor
 Forecasts = tuple[Forecast, ...]
 """Forecasts of one model for every curve of the dataset."""
 
+Computed = Formula | Memory | Pieces
+"""What a competitor consists of that is computed without a learner or another run."""
+
 
 @dataclass(frozen=True)
 class Rival:
-    """A competitor with its forecast of every curve. `formulas` are the fits behind it, by their
-    displayed names; `own_fit` is the fit of another run, and `run` the folder of that run.
+    """A competitor with what it says of every curve; `formulas` are the fits behind it by the name
+    they are shown under, `own_fit` that of another run, and
+    `run` the folder of that run. `model` is None where it is no formula and no recursion.
     """
 
     name: str
@@ -44,6 +49,7 @@ class Rival:
     formulas: Mapping[str, FormulaFit] = field(default_factory=dict)
     own_fit: Fit | None = None
     run: Path | None = None
+    model: Model | None = None
 
     @property
     def failed(self) -> bool:
@@ -84,25 +90,26 @@ class Contest:
             model = (files.model() if self.refit is None else self.refit(folder, dataset)).of(
                 dataset.target
             )
-            return Rival(label, self._of_model(model), own_fit=files.fit().body, run=folder)
+            forecasts, fit = self._of_model(model), files.fit().body
+            return Rival(label, forecasts, own_fit=fit, run=folder, model=model)
         if competitor.is_file:
-            return Rival(
-                label, self._of_model(read_model(self.spec_dir / str(name)).of(dataset.target))
-            )
+            model = read_model(self.spec_dir / str(name)).of(dataset.target)
+            return Rival(label, self._of_model(model), model=model)
         if competitor.static is not None:
             return self._composite(competitor)
         if competitor.sum is not None:
             return self._sum(competitor)
         assert name is not None
         if name in simple.SIMPLE:
-            return Rival(label, _forecasts(self._of_simple(name)))
+            outputs, body = self._of_simple(name)
+            return Rival(label, _forecasts(outputs), model=self._as_model(label, body))
         if name in LEARNERS:
             from mapmore_cli.fitting.baselines import predictions
 
             return Rival(label, _forecasts(predictions(name, dataset, self.model)))
         curves = dataset.curves if competitor.levels is None else _at_levels(dataset)
         fit = self._fitted(name, curves, dataset.target, competitor.method, competitor.starts)
-        return Rival(label, _forecasts(_formula_says(fit, curves)), {label: fit})
+        return self._of_formula(label, fit, _formula_says(fit, curves))
 
     def simple_beside(self, named: Collection[str]) -> tuple[str, ...]:
         """Return the simple competitors that the model allows and that are not in `named`.
@@ -124,21 +131,55 @@ class Contest:
             beside.append("arx")
         return tuple(name for name in beside if name not in named)
 
-    def _of_simple(self, name: str) -> Sequence[Array]:
-        """Return the predictions of a simple competitor for every curve; NaN for samples without a
-        prediction.
+    def _of_simple(self, name: str) -> tuple[Sequence[Array], Computed | None]:
+        """Return the predictions of a simple competitor for every curve, NaN where it has none; and
+        what it consists of, where it has some.
         """
-        outputs: Sequence[Array] | None = None
+        curves = self.dataset.curves
         if name == "arx":
-            outputs = simple.arx(self.dataset, self._inputs)
+            if found := simple.arx(self.dataset, self._inputs):
+                arx, outputs = found
+                limits = extremes(self._training[self.dataset.target])
+                return outputs, arx.as_memory(self.model.memories[0].states, limits)
         elif name != "backbone":
             degree, names = simple.DEGREES[name], self._inputs
             rows = self._rows if names else None
-            polynomial = simple.polynomial_fit(degree, self.dataset, names, rows)
-            outputs = polynomial.of_curves(self.dataset) if polynomial else None
+            if polynomial := simple.polynomial_fit(degree, self.dataset, names, rows):
+                return polynomial.of_curves(self.dataset), polynomial.as_pieces()
         elif self._backbone is not None:
-            outputs = _formula_says(self._backbone, self.dataset.curves)
-        return outputs or [np.full(curve.size, np.nan) for curve in self.dataset.curves]
+            return _formula_says(self._backbone, curves), Formula(self._backbone, None, ())
+        return [np.full(curve.size, np.nan) for curve in curves], None
+
+    def _of_formula(self, label: str, fit: FormulaFit, outputs: Sequence[Array]) -> Rival:
+        """Return a fitted formula, or a sum of some, as a competitor."""
+        body = None if fit.failed else Formula(fit, None, ())
+        model = self._as_model(label, body)
+        return Rival(label, _forecasts(outputs), {label: fit}, model=model)
+
+    def _as_model(self, name: str, body: Computed | None) -> Model | None:
+        """Return what a competitor consists of as a model of the scored quantity, trained where the
+        contest trains.
+        """
+        if body is None:
+            return None
+        if isinstance(body, Formula):
+            names = sorted(literature.of(body.fit).inputs)
+        elif isinstance(body, Memory):
+            names = sorted(memory_inputs(body.model))
+        else:
+            names = self._inputs
+        if not {*names} <= self._training.keys():
+            return None  # a sum with inputs of its own
+        if not isinstance(body, Pieces):
+            limits = {one: extremes(self._training[one]) for one in names}
+            body = replace(body, ranges=(CurveRange("all", None, limits),))
+        quantities = self.dataset.quantities
+        output, inputs = quantities[self.dataset.target], tuple(quantities[one] for one in names)
+        return Model(name, output, inputs, body)
+
+    @cached_property
+    def _training(self) -> dict[str, Array]:
+        return pooled_training(self.dataset.curves)
 
     @cached_property
     def _rows(self) -> simple.Rows:
@@ -177,7 +218,7 @@ class Contest:
         assert isinstance(maker, FitsSums)
         assert competitor.sum is not None
         fit, values = maker.fit_and_predict(competitor.sum, self.dataset, competitor.method)
-        return Rival(competitor.label, _forecasts(values), {competitor.label: fit})
+        return self._of_formula(competitor.label, fit, values)
 
     def _composite(self, competitor: Competitor) -> Rival:
         """Return the sum of a static formula, fitted to the training data of the static run, and a

@@ -35,9 +35,9 @@ from mapmore_cli.modelling.expressions.functions import FUNCTIONS
 from mapmore_cli.modelling.expressions.states import Lagged
 from mapmore_cli.modelling.expressions.syntax import Call, Product, Sum
 
-TOLERANCE = 5e-4
-"""Largest change by rounding, as a fraction of the variation of an equation over the training
-range.
+TOLERANCE, RECURSIVE = 5e-4, 5e-7
+"""What rounding may change, as part of what an equation varies by over the training range; of the
+next sample of a recursion, which passes its errors on.
 """
 
 
@@ -55,11 +55,12 @@ def equation(
     limits: Ranges,
     units: Mapping[str, float],
     weight: str = "",
+    tolerance: float = TOLERANCE,
 ) -> Equation:
     """Return `y_slope sum_k theta_k D_k + y_intercept` (M2 eq 8) as text and as LaTeX.
 
-    Numbers have the fewest digits for which the rounding error is below a thousandth of the
-    equation's range, within the `limits` of quantities or states.
+    Numbers have the fewest digits with which it errs by less than the `tolerance`, as part of its
+    range, over the `limits` of quantities or states.
     """
     whole, where = summed(terms, theta, scaling, units)
     whole = folded(whole)
@@ -89,11 +90,9 @@ def equation(
         ]
         whole = add(*parts)
         exact = value(17)
-        error = TOLERANCE * (np.ptp(exact) or np.abs(exact).max())
-        count = next(
-            (count for count in range(3, 17) if np.abs(value(count) - exact).max() <= error), 6
-        )
-    return as_equation(name, whole, count, where, weight)
+        error = tolerance * (np.ptp(exact) or np.abs(exact).max())
+        digits = next((one for one in range(3, 17) if np.abs(value(one) - exact).max() <= error), 6)
+    return as_equation(name, whole, digits, where, weight)
 
 
 def as_equation(

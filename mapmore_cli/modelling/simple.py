@@ -6,15 +6,18 @@ Reviewers ask for them first, because a plane through the inputs costs nothing i
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
 from math import comb
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, IntArray, by_blocks, in_blocks, picked, stacked
-from mapmore_cli.domain.models import Equation
+from mapmore_cli.domain.fits import MemoryModel, Scaling, StateSet
+from mapmore_cli.domain.joining import Fusion, Side
+from mapmore_cli.domain.models import CurveFunction, Memory, Pieces, SegmentFunction
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.modelling.signals.sampling import even_share
 
@@ -29,11 +32,9 @@ SIMPLE: Mapping[str, str] = {name: name.capitalize() for name in (*DEGREES, "bac
 }
 """The simple competitors with their titles. Every validation has those that its model allows."""
 
-# samples that an ARX model may look back; the free run on training data chooses
-ORDERS = (1, 2, 4, 8)
-MOST_ROWS = 50_000  # training rows that a fit uses, evenly spread
-DIGITS = 6  # of printed coefficients
-LARGEST = 1e3  # multiple of the largest measured output beyond which a free run has diverged
+ORDERS = (1, 2, 4, 8)  # samples that an ARX looks back; the free run on training data chooses
+MOST_ROWS = 50_000  # training rows that a fit takes, an even share
+LARGEST = 1e3  # times the largest measured output, from which a free run has diverged
 
 
 Rows = tuple[Array, Array]
@@ -75,22 +76,56 @@ class Polynomial:
             by_blocks(self, *(curve.columns[n] for n in self.names)) for curve in dataset.curves
         ]
 
-    def equation(self, name: str) -> Equation:
-        """Return the polynomial as an equation in coordinates `s_NAME` that are -1 and 1 at the
-        ends of the training data.
+    def as_pieces(self) -> Pieces:
+        """Return it as one piece, in coordinates that are -1 and 1 at the ends of the training
+        data.
         """
-        # imported here because they load SciPy
-        from mapmore_cli.modelling.equations import as_equation
-        from mapmore_cli.modelling.expressions import folded, parse
-
-        factors = _powers(len(self.names), self.degree)
-        terms = (
-            "*".join([f"({value!r})", *(f"s_{self.names[i]}^{of.count(i)}" for i in sorted({*of}))])
-            for value, of in zip(self.theta.tolist(), factors, strict=True)
+        terms = [
+            "*".join(f"{self.names[i]}^{of.count(i)}" for i in sorted({*of})) or "1"
+            for of in _powers(len(self.names), self.degree)
+        ]
+        unknown = np.full(len(terms), np.nan)
+        ends = zip(
+            (self.middle - self.half).tolist(), (self.middle + self.half).tolist(), strict=True
         )
-        scaled = zip(self.names, self.middle.tolist(), self.half.tolist(), strict=True)
-        where = {f"s_{name}": parse(f"({name} - ({m!r}))/({h!r})") for name, m, h in scaled}
-        return as_equation(name, folded(parse(" + ".join(terms))), DIGITS, where)
+        limits = dict(zip(self.names, ends, strict=True))
+        slope, intercept = 1 / self.half, -self.middle / self.half
+        scaling = Scaling("middle", "-", tuple(self.names), slope, intercept, 1.0, 0.0)
+        cell = (1,) * len(self.names)
+        segment = SegmentFunction(
+            *(self.theta, unknown, unknown, unknown, "polynomial", cell, tuple(terms), scaling),
+            *(0, math.nan, "all", limits),
+        )
+        boundaries = tuple(np.array(limits[name]) for name in self.names)
+        curve = CurveFunction("all", None, limits, boundaries, (segment,))
+        go_on: tuple[Side, Side] = ("continue", "continue")
+        fusion = Fusion(hold="none", extrapolation=dict.fromkeys(self.names, go_on))
+        return Pieces(None, tuple(self.names), (curve,), fusion)
+
+
+@dataclass(frozen=True)
+class Arx:
+    """`y[k] = c + sum a_i y[k-i] + sum b_j u[k-j]` of a target y and the inputs `names`: `theta`
+    has c, then the `order` coefficients of the past outputs, then `order + 1` of each input.
+    """
+
+    target: str
+    names: Sequence[str]
+    order: int
+    theta: Array
+
+    def as_memory(self, states: StateSet, limits: tuple[float, float]) -> Memory:
+        """Return it as a model with memory: it steps through time as `states` do, and has diverged
+        far beyond the `limits` of the target.
+        """
+        steps = range(1, self.order + 1)
+        past = [f"{self.target}[k-{i}]" for i in steps]
+        past += [one for name in self.names for one in (name, *(f"{name}[k-{i}]" for i in steps))]
+        none, unknown = np.empty(0), np.full(len(past), np.nan)
+        own = replace(states, names=tuple(past), ranges={}, resonances={}, low=none, high=none)
+        theta, constant = self.theta[1:], float(self.theta[0])
+        memory = MemoryModel(self.target, own, tuple(past), theta, unknown, constant, limits)
+        return Memory(memory, ())
 
 
 def polynomial_fit(
@@ -116,9 +151,8 @@ def polynomial_fit(
     return Polynomial(tuple(names), degree, middle, half, theta)
 
 
-def arx(dataset: Dataset, names: Sequence[str]) -> list[Array] | None:
-    """Return the free run of `y[k] = c + sum a_i y[k-i] + sum b_j u[k-j]` along every recording,
-    shape (n_c,) each.
+def arx(dataset: Dataset, names: Sequence[str]) -> tuple[Arx, list[Array]] | None:
+    """Return an ARX and its free run along every recording, (n_c,) each.
 
     It starts from the first measured output, at rest. The coefficients are fitted by least squares
     one step ahead. Of `ORDERS`, the one with the smallest error in free run on the training samples
@@ -127,7 +161,8 @@ def arx(dataset: Dataset, names: Sequence[str]) -> list[Array] | None:
     best, least = None, np.inf
     for order in ORDERS:
         if (theta := _one_step_fit(dataset, names, order)) is not None:
-            runs = [_run(curve, dataset.target, names, order, theta) for curve in dataset.curves]
+            fitted = Arx(dataset.target, tuple(names), order, theta)
+            runs = [_run(curve, fitted) for curve in dataset.curves]
             error = sum(
                 float(np.sum((simulated - y)[training] ** 2))
                 for run, curve in zip(runs, dataset.curves, strict=True)
@@ -136,7 +171,7 @@ def arx(dataset: Dataset, names: Sequence[str]) -> list[Array] | None:
                 )
             )
             if error < least:
-                best, least = runs, error
+                best, least = (fitted, runs), error
     return best
 
 
@@ -208,13 +243,12 @@ def _one_step_fit(dataset: Dataset, names: Sequence[str], order: int) -> Array |
     return np.asarray(np.linalg.lstsq(P / scale, y, rcond=None)[0] / scale)
 
 
-def _run(curve: Curve, target: str, names: Sequence[str], order: int, theta: Array) -> Array:
-    """Return the free run along every recording of a curve, shape (n,); NaN from the sample at
-    which it diverges.
-    """
-    from scipy.signal import lfilter  # imported here because loading it takes a fifth of a run
+def _run(curve: Curve, fitted: Arx) -> Array:
+    """Return the free run along every recording of a curve, (n,); NaN from where it diverges."""
+    from scipy.signal import lfilter  # a fifth of the seconds of a run without any
 
-    y = curve.columns[target]
+    names, order, theta = fitted.names, fitted.order, fitted.theta
+    y = curve.columns[fitted.target]
     a, weights = theta[1 : order + 1], theta[order + 1 :].reshape(len(names), order + 1)
     most = LARGEST * max(np.abs(x[np.isfinite(x)]).max(initial=1e-300) for (x,) in in_blocks(y))
 

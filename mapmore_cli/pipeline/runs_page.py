@@ -69,6 +69,8 @@ def _rows(run: Finished, known: Iterable[Row]) -> list[Row]:
         muscle = record["stages"]["report"]["slice"]["muscle"]["name"]
     with suppress(LookupError, TypeError):
         data = [str(path) for path in record["stages"]["ingest"]["slice"]["data"]["files"]]
+    stages = record["stages"].items()
+    seconds = {name: round(own["seconds"], 3) for name, own in stages if "seconds" in own}
     files = RunFiles(run.run_dir)
     scored = zip(run.table.each, files.validation().each, files.dataset().each, strict=True)
     return [
@@ -91,6 +93,7 @@ def _rows(run: Finished, known: Iterable[Row]) -> list[Row]:
             ),
             ended=ended,
             picture=_picture(validation, dataset),
+            seconds=seconds,
         )
         for table, validation, dataset in scored
     ]
@@ -124,7 +127,7 @@ def _path(x: Array, y: Array) -> str:
 def _page(runs: Path, rows: Sequence[Row]) -> str:
     """Return the page with these rows."""
     from mapmore_cli.reporting.order import RUN_PAGE
-    from mapmore_cli.reporting.scripts import json_text, scripts, text_of
+    from mapmore_cli.reporting.scripts import EVERYWHERE, json_text, scripts, text_of
     from mapmore_cli.reporting.table import environment, title_of
 
     pages = {row.run for row in rows if (runs / row.run / RUN_PAGE).is_file()}
@@ -139,6 +142,6 @@ def _page(runs: Path, rows: Sequence[Row]) -> str:
             mark=MARK,
             data=json_text([asdict(row) for row in rows]),
             size=(WIDTH, HEIGHT),
-            scripts=scripts([text_of("tables.js"), text_of("runs.js")]),
+            scripts=scripts(map(text_of, (*EVERYWHERE, "runs.js"))),
         )
     )

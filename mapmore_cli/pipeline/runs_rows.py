@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -23,6 +24,8 @@ class Row:
     - `alerts`: sentences that warn about the number, the worst first.
     - `ended`: time at which the scores were written, in seconds since 1970.
     - `picture`: measured and predicted values along a curve, as two SVG paths.
+    - `seconds`: how long each stage took when it last ran; pages of reports have no times, so that
+      the same input gives the same bytes.
     """
 
     run: str
@@ -35,6 +38,7 @@ class Row:
     alerts: tuple[Alert, ...]
     ended: float
     picture: tuple[str, str]
+    seconds: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def own(self) -> float | None:

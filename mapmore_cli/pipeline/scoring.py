@@ -100,6 +100,7 @@ def _scored(part: ScoresSlice, workspace: Workspace, measured: Dataset, model: M
         },
         warnings,
         outliers=far,
+        models={one.name: replace(one.model, left_out=None) for one in rivals if one.model},
     )
     return for_report(validation, model, dataset)
 

@@ -15,11 +15,10 @@ import numpy as np
 from mapmore_cli.domain import plugins
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import MapmoreError
-from mapmore_cli.domain.models import Formula, Model, Pieces
+from mapmore_cli.domain.models import Model, Pieces
 from mapmore_cli.domain.recording import Curve, Quantity
-from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.programs import program_of
-from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths_of
+from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths_of, interval_limits
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.scripts import json_text
 from mapmore_cli.reporting.table import title_of
@@ -72,7 +71,7 @@ def explored(every: Sequence[ReportInputs]) -> Explored | None:
             continue
         others = [
             {"key": f"{key}.{place}", "title": title_of(name)}
-            for place, (name, other) in enumerate(_formulas(inputs).items())
+            for place, (name, other) in enumerate(_competitors(inputs).items())
             if module(f"{key}.{place}", other)
         ]
         known = _known(inputs, key) | {"others": others}
@@ -99,21 +98,25 @@ def wrapped(key: str, model: Model, more: str = "") -> str:
     return f"mapmore.models[{json_text(key)}] = (() => {{\n{inside}}})();\n"
 
 
-def _formulas(inputs: ReportInputs) -> dict[str, Model]:
-    """Return the competitors that are one formula of what the model predicts, as models."""
-    if inputs.turned:
-        return {}
-    ranges = getattr(inputs.model.body, "ranges", ())
+def _competitors(inputs: ReportInputs) -> dict[str, Model]:
+    """Return the competitors that the page can compute beside its model: they predict the same
+    quantity from its inputs, and run in its steps where they have memory.
+    """
+    model = inputs.model
+    known, steps = {one.name for one in model.inputs}, _steps(model)
     return {
-        name: Model(
-            name,
-            inputs.model.output,
-            tuple(inputs.dataset.quantities[one] for one in literature.get(fit.name).inputs),
-            Formula(fit, None, tuple(replace(one, level=None) for one in ranges)),
-        )
-        for name, fit in inputs.validation.formulas.items()
-        if not fit.failed and fit.name in literature.names() and name in inputs.models
+        name: one
+        for name, one in inputs.validation.models.items()
+        if name in inputs.models
+        and one.output == model.output
+        and {quantity.name for quantity in one.inputs} <= known
+        and _steps(one) <= steps
     }
+
+
+def _steps(model: Model) -> set[float]:
+    """Return the times between samples by which a model runs; none where it has no memory."""
+    return {memory.states.step for memory in model.memories}
 
 
 def _known(inputs: ReportInputs, key: str) -> dict[str, Any]:
@@ -136,6 +139,7 @@ def _known(inputs: ReportInputs, key: str) -> dict[str, Any]:
         },
         "samples": _recording(curves, kept) if timed else _samples(inputs, curves, kept),
         "interval": _interval(inputs),
+        "no_interval": _no_interval(inputs),
     }
 
 
@@ -197,6 +201,18 @@ def _interval(inputs: ReportInputs) -> dict[str, Any] | None:
         at = np.linspace(low, high, PLACES)
     half = half_widths_of(inputs.model, {level or "row": at}, INTERVAL)
     return {"of": level, "at": _numbers(at), "half": _numbers(half), "level": INTERVAL}
+
+
+def _no_interval(inputs: ReportInputs) -> str:
+    """Return a sentence on why there is no interval, or on what it does not contain; empty where it
+    is complete.
+    """
+    if inputs.left_out is not None:
+        limits = interval_limits(inputs.left_out)
+        return f"About the interval: {limits}." if limits else ""
+    if inputs.turned:
+        return "There is no interval: the study scores another quantity."
+    return "There is no interval: the spec does not ask for one (validate: {intervals: true})."
 
 
 def bare_of(model: Model) -> tuple[Model, str]:

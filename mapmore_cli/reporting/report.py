@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from mapmore_cli.domain.scores import deciding
-from mapmore_cli.reporting.competitors import competitor_equations
+from mapmore_cli.reporting.competitors import printed_competitors
 from mapmore_cli.reporting.explore import explored
 from mapmore_cli.reporting.figures.drawing import (
     SVG_PROLOGUE,
@@ -30,7 +30,7 @@ from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.order import FIGURES, FILES_ALONE
 from mapmore_cli.reporting.score_tables import scored, verdict_sentence
-from mapmore_cli.reporting.scripts import BEFORE, BEHIND, json_text, scripts, text_of
+from mapmore_cli.reporting.scripts import BEFORE, BEHIND, EVERYWHERE, json_text, scripts, text_of
 from mapmore_cli.reporting.sections import all_tables, sections_of, shown_by
 from mapmore_cli.reporting.table import (
     Table,
@@ -64,7 +64,7 @@ def render_page(
     for output in outputs[1:]:  # what is said of the whole run stands at the first output
         output["alerts"] = [one for one in output["alerts"] if one not in outputs[0]["alerts"]]
     known = explored([own for own, _ in pages]) if inputs.explore else None
-    texts, words = [text_of("tables.js")], {"data": "", "uplot_css": ""}
+    texts, words = [*map(text_of, EVERYWHERE)], {"data": "", "uplot_css": ""}
     if known is not None:
         for output, study in zip(outputs, known.outputs, strict=True):
             output["explored"] = study is not None
@@ -89,7 +89,7 @@ def _words_of(inputs: ReportInputs, figures: Figures) -> dict[str, Any]:
         "explored": False,
         "verdict": verdict_sentence(scores, *known, inputs.validation.warnings),
         "alerts": inputs.alerts,
-        "competitors": competitor_equations(inputs),
+        "competitors": printed_competitors(inputs),
         "has_own_section": shown_by(inputs.fit.body) is not None,
         "sections": sections_of(inputs),
         "figures": figures,

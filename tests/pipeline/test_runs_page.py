@@ -45,8 +45,8 @@ class Folder:
         folder = self.runs / name
         folder.mkdir(exist_ok=True)
         slices = {
-            "report": {"slice": {"muscle": {"name": muscle}}},
-            "ingest": {"slice": {"data": {"files": ["a.csv", "b.csv"]}}},
+            "ingest": {"slice": {"data": {"files": ["a.csv", "b.csv"]}}, "seconds": 0.25},
+            "report": {"slice": {"muscle": {"name": muscle}}, "seconds": 1.5},
         }
         (folder / "run.json").write_text(json.dumps({"stages": slices}))
         (folder / "scores.json").write_text("{}")
@@ -74,6 +74,8 @@ def test_a_run_that_ends_gets_a_row_and_replaces_its_own(folder):
     assert (row.muscle, row.data, row.target) == ("Peano", "a.csv and 1 more", "force")
     assert (row.own, row.best_other, row.alerts) == (1.0, ("sarosi", 2.0), (alert,))
     assert [line.count("L") for line in row.picture] == [8, 8]
+    assert row.seconds == {"ingest": 0.25, "report": 1.5}
+    assert 'data-sort="1.75"' in folder.page.read_text()
     time.sleep(0.02)
     write_runs_page(folder.runs, [folder.finish("a", nrmse=0.005)])
     assert {row.run: row.own for row in folder.rows} == {"a": 0.5, "b": 1.0}
@@ -112,7 +114,7 @@ def test_names_are_words_and_no_markup(folder):
     parser = HTMLParser()
     parser.handle_starttag = lambda tag, attrs: scripts.append(attrs) if tag == "script" else None
     parser.feed(folder.page.read_text())
-    assert scripts == [[("type", "application/json"), ("id", "runs")], [], []]
+    assert scripts == [[("type", "application/json"), ("id", "runs")], [], [], []]
 
 
 def test_runs_that_end_at_once_are_all_kept(folder):

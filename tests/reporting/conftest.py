@@ -1,7 +1,18 @@
+import shutil
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from export_samples import FORMULAS, SAROSI
 from matplotlib.figure import Figure
 from report_builder import PUBLISHED, build, surface
+from test_memory_report import report_of
+
+from mapmore_cli.domain.scores import Alert
+from mapmore_cli.modelling.validation.intervals import left_out_summary
+from mapmore_cli.pipeline import runs_page
+from mapmore_cli.pipeline.runs_rows import Row
+from mapmore_cli.reporting.report import write_report
 
 
 @pytest.fixture(scope="session")
@@ -39,3 +50,81 @@ def alone():
 @pytest.fixture
 def ax():
     return Figure().subplots()
+
+
+# In a browser
+# --------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="session")
+def browser():
+    chromium = shutil.which("chromium") or shutil.which("chromium-browser")
+    if chromium is None:
+        pytest.skip("there is no Chromium here, so pages are not opened")
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as driver:
+        arguments = ["--no-sandbox", "--disable-gpu"]
+        opened = driver.chromium.launch(executable_path=chromium, args=arguments)
+        yield opened
+        opened.close()
+
+
+@pytest.fixture(scope="session")
+def pages(inputs, tmp_path_factory):
+    """Pages in a folder, and the studies that two of them are of, each with a competitor."""
+    folder = tmp_path_factory.mktemp("pages")
+    errors = {f"part {k}": [offset + np.zeros(50)] for k, offset in enumerate((3.0, -2.0, 1.0))}
+    model = replace(inputs.model, left_out=left_out_summary("recordings", 4, errors))
+    sarosi = replace(FORMULAS["sarosi"], body=replace(FORMULAS["sarosi"].body, fit=SAROSI))
+    validation = replace(inputs.validation, models={"sarosi": sarosi})
+    fixed = replace(inputs, validation=validation, model=model)
+    running = report_of(["pressure", "motion[k-1]"])
+    own = running.validation.predictions
+    models, predictions = {"arx": running.model}, {**own, "arx": own["mapmore"]}
+    validation = replace(running.validation, models=models, predictions=predictions)
+    studies = {"fixed": fixed, "running": replace(running, validation=validation)}
+    for name, study in studies.items():
+        write_report(study, folder / name, ("fit", "surface", "error"), ("html",))
+    alert = Alert("few curves", "only 1 curve has held-out samples", "fit")
+    rows = [
+        Row(
+            run=f"run{number}",
+            muscle="a muscle with a long name of many words, McKibben" if number else "",
+            campaign="" if number % 2 else "sweep",
+            data="load_cycle_080.csv and 3 more",
+            target="force",
+            split="validate",
+            nrmse={"mapmore": 1.5 + number, "sarosi": 9.0 - number} if number else {},
+            alerts=(alert,) * number,
+            ended=1.7e9 + number,
+            picture=("M0 0L9 9", "M0 9L9 0"),
+            seconds={"fit": 1.0, "report": 0.5},
+        )
+        for number in range(4)
+    ]
+    (folder / "runs").mkdir()
+    (folder / "runs" / "index.html").write_text(runs_page._page(folder, rows), encoding="utf-8")
+    return folder, studies
+
+
+@pytest.fixture(scope="module")
+def opened(browser, pages):
+    """Opens a page; what it says on the console and asks for is a fault."""
+    folder, studies = pages
+    contexts, faults = [], []
+
+    def open_page(name, mark="", **how):
+        contexts.append(browser.new_context(**{"viewport": {"width": 1300, "height": 900}, **how}))
+        page = contexts[-1].new_page()
+        page.on("console", lambda message: faults.append(message.text))
+        page.on("pageerror", lambda error: faults.append(str(error)))
+        address = (folder / name / "index.html").as_uri()
+        known = (address, "blob:", "data:")  # what is saved is asked for from the page itself
+        page.on("request", lambda asked: asked.url.startswith(known) or faults.append(asked.url))
+        page.goto(address + mark)
+        return page
+
+    yield studies, open_page
+    for context in contexts:
+        context.close()
+    assert faults == []

@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from export_samples import SAROSI, STATIC, fused
-from test_memory_report import report_of
+from export_samples import STATIC, fused
 
 from mapmore_cli.domain import plugins
 from mapmore_cli.modelling.kinds import predict, simulate
@@ -20,13 +19,11 @@ from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.modelling.validation.intervals import (
     INTERVAL,
     half_widths_of,
-    left_out_summary,
 )
 from mapmore_cli.reporting import explore
-from mapmore_cli.reporting.report import render_page, write_report
-from mapmore_cli.reporting.scripts import json_text, scripts, text_of
+from mapmore_cli.reporting.report import render_page
+from mapmore_cli.reporting.scripts import EVERYWHERE, json_text, scripts, text_of
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 JOINTS = [
     {"z_s": 0.0, "transition": "linear", "hold": "samples", "side": "continue"},
     {"z_s": 0.1, "transition": "quadratic", "hold": "samples", "side": "zero"},
@@ -91,18 +88,18 @@ def test_pieces_are_joined_as_python_joins_them(tmp_path):
 
 def test_a_page_without_explore_has_no_script(inputs, monkeypatch):
     """`report.explore: false`, and the exporting annex missing: but for that of all tables."""
-    (tables,) = scripts([text_of("tables.js")])
+    tables = [one.text for one in scripts(map(text_of, EVERYWHERE))]
 
     def scripts_of(page):
         return re.findall(r"<script[^>]*>(.*?)</script>", page, re.DOTALL)
 
-    assert scripts_of(render_page(replace(inputs, explore=False), {})) == [tables.text]
+    assert scripts_of(render_page(replace(inputs, explore=False), {})) == tables
 
     def missing(_group, _name):
         raise plugins.NotInstalled("`export` is not installed", "install it")
 
     monkeypatch.setattr(explore.plugins, "load", missing)
-    assert scripts_of(render_page(inputs, {})) == [tables.text]
+    assert scripts_of(render_page(inputs, {})) == tables
 
 
 def test_no_text_ends_a_script():
@@ -124,47 +121,6 @@ def test_the_vendored_library_is_the_published_one():
 
 # In a browser
 # --------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def browser():
-    if CHROMIUM is None:
-        pytest.skip("there is no Chromium here, so pages are not opened")
-    playwright = pytest.importorskip("playwright.sync_api")
-    with playwright.sync_playwright() as driver:
-        arguments = ["--no-sandbox", "--disable-gpu"]
-        opened = driver.chromium.launch(executable_path=CHROMIUM, args=arguments)
-        yield opened
-        opened.close()
-
-
-@pytest.fixture(scope="module")
-def opened(browser, inputs, tmp_path_factory):
-    """Opens a page; what it says on the console and asks for is a fault."""
-    folder, contexts, faults = tmp_path_factory.mktemp("pages"), [], []
-    sarosi = replace(inputs.validation.formulas["sarosi"], parameters=SAROSI.parameters)
-    validation = replace(inputs.validation, formulas={"sarosi": sarosi})
-    errors = {f"part {k}": [offset + np.zeros(50)] for k, offset in enumerate((3.0, -2.0, 1.0))}
-    model = replace(inputs.model, left_out=left_out_summary("recordings", 4, errors))
-    inputs = replace(inputs, validation=validation, model=model)
-    studies = {"fixed": inputs, "running": report_of(["pressure", "motion[k-1]"])}
-    for name, study in studies.items():
-        write_report(study, folder / name, ("fit",), ("html",))
-
-    def open_page(name, **how):
-        contexts.append(browser.new_context(**{"viewport": {"width": 1300, "height": 900}, **how}))
-        page = contexts[-1].new_page()
-        page.on("console", lambda message: faults.append(message.text))
-        page.on("pageerror", lambda error: faults.append(str(error)))
-        address = (folder / name / "index.html").as_uri()
-        page.on("request", lambda asked: asked.url == address or faults.append(asked.url))
-        page.goto(address)
-        return page
-
-    yield studies, open_page
-    for context in contexts:
-        context.close()
-    assert faults == []
 
 
 def shown(page, place=0, key="value"):
@@ -217,9 +173,71 @@ def test_another_joint_has_the_error_that_a_run_would_have(opened):
     assert fuse.keys() == {"transition", "z_s", "levels", "hold", "extrapolation"}
     page.locator(".segments button").first.click()
     assert page.locator(".equation").inner_text() != ""
-    page.get_by_role("checkbox", name="Sárosi").check()
-    page.get_by_role("button", name="Worst held-out sample").click()
+
+
+PIXELS = """() => [...document.querySelectorAll("canvas")]
+    .map((one) => one.toDataURL()).join()"""
+
+
+@pytest.mark.parametrize(("name", "title"), [("fixed", "Sárosi"), ("running", "ARX")])
+def test_a_competitor_is_switched_on_and_colours_follow_the_screen(name, title, opened):
+    """It is drawn beside the model, and everything is painted again on a dark screen and back."""
+    studies, open_page = opened
+    page = open_page(name)
+
+    def painted(last):
+        """The pixels, once others than the last ones are there."""
+        page.wait_for_function(f"(last) => ({PIXELS})() !== last", arg=last)
+        return page.evaluate(PIXELS)
+
+    alone = page.evaluate(PIXELS)
+    page.get_by_role("checkbox", name=title).check()
+    beside = painted(alone)
     page.emulate_media(color_scheme="dark")
+    dark = painted(beside)
+    page.emulate_media(color_scheme="light")
+    assert painted(dark) == beside
+    if name == "fixed":
+        (model,) = studies[name].validation.models.values()
+        columns = {"pressure": np.array([300.0]), "strain": np.array([0.05])}
+        found = page.evaluate("mapmore.models['model0.0'].evaluate(300, 0.05)")
+        assert found == pytest.approx(predict(model, columns)[0], rel=1e-12)
+
+
+def test_what_lies_beyond_the_range_is_dashed_with_memory_too(opened):
+    """No pixel of the solid line is where the input is beyond its training range."""
+    page = opened[1]("running")
+    page.evaluate(
+        """() => {
+        window.dashes = [];
+        const { setLineDash } = CanvasRenderingContext2D.prototype;
+        CanvasRenderingContext2D.prototype.setLineDash = function (dash) {
+            window.dashes.push(dash.length);
+            return setLineDash.call(this, dash);
+        };
+    }"""
+    )
+    set_number(page, "amplitude", 900)
+    assert "beyond the training range" in page.locator("output.reading").inner_text()
+    assert 2 in page.evaluate("window.dashes")
+    x, y, beyond = [0, 1, 2, 3], [5, 6, 7, 8], [False, True, False, False]
+    parts = page.evaluate("([x, y, b]) => mapmore.byRange(x, y, b)", [x, y, beyond])
+    assert [part["y"] for part in parts] == [[5, 6, 7, None], [5, None, 7, 8]]
+
+
+def test_why_there_is_no_interval_stands_there(opened, inputs):
+    """A study that asks for none; one whose recordings do not tell; one that has them."""
+    from mapmore_cli.modelling.validation.intervals import with_levels
+
+    two = replace(opened[0]["fixed"].model.left_out, kind="levels", curves=2, places=(80.0, 350.0))
+    two = with_levels(two, {80.0: [np.ones(9)], 350.0: [np.ones(9)]}, 1)
+    told = [
+        explore.explored([replace(inputs, model=replace(inputs.model, left_out=one))]).outputs[0]
+        for one in (None, two, opened[0]["fixed"].model.left_out)
+    ]
+    assert "does not ask for one" in told[0]["no_interval"]
+    assert "2 levels do not show" in told[1]["no_interval"]
+    assert told[2]["no_interval"] == ""
 
 
 def test_a_model_with_memory_runs_freely(opened):
@@ -238,30 +256,6 @@ def test_a_model_with_memory_runs_freely(opened):
     errors = simulate(inputs.model, columns).values - columns["motion"]
     assert number > 0
     assert shown(page) == pytest.approx(math.sqrt(np.nanmean(errors**2)), rel=1e-3)
-
-
-@pytest.mark.parametrize("name", ["fixed", "running"])
-def test_nothing_is_wider_than_a_telephone(name, opened):
-    page = opened[1](name, viewport={"width": 400, "height": 800})
-    wide = page.evaluate(
-        """() => [...document.querySelectorAll("main *")]
-        .filter((one) => !one.closest(".scroll, svg, math, pre"))
-        .filter((one) => one.getBoundingClientRect().right > innerWidth + 1)
-        .map((one) => one.className || one.tagName)"""
-    )
-    assert wide == []
-    assert page.evaluate("document.documentElement.scrollWidth") <= 400
-
-
-@pytest.mark.parametrize(("name", "scheme"), [("fixed", "light"), ("running", "dark")])
-def test_no_serious_finding_of_axe(name, scheme, opened):
-    axe = pytest.importorskip("axe_playwright_python")
-    code = (Path(axe.__file__).parent / "axe.min.js").read_text(encoding="utf-8")
-    page = opened[1](name, color_scheme=scheme)
-    page.evaluate(code)
-    found = page.evaluate("axe.run('section.explore')")["violations"]
-    serious = [one for one in found if one["impact"] in ("serious", "critical")]
-    assert [(one["id"], one["nodes"][0]["html"]) for one in serious] == []
 
 
 def test_it_is_readable_with_scripts_off(opened):

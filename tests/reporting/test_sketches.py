@@ -8,11 +8,15 @@ import numpy as np
 import pytest
 from report_builder import build
 
+from mapmore_cli.modelling.kinds import outside_range
+from mapmore_cli.reporting.figures.axis import Axis, levels_of, nice_ticks
+from mapmore_cli.reporting.figures.contours import outlines_above
 from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel, drawings, render_figure
 from mapmore_cli.reporting.figures.panels import key, raised
-from mapmore_cli.reporting.figures.sketch import Axis, Sketch, levels_of, nice_ticks
+from mapmore_cli.reporting.figures.sketch import Sketch
 from mapmore_cli.reporting.figures.sketched import sketched
 from mapmore_cli.reporting.figures.style import PLAIN
+from mapmore_cli.reporting.figures.surface import sheet_of
 from mapmore_cli.reporting.inputs import FigureStyle
 from mapmore_cli.reporting.order import FIGURES, FILES_ALONE
 
@@ -129,3 +133,30 @@ def test_colours_of_a_map_are_named_in_both_ways_of_drawing(inputs, name):
     (drawing,) = drawings(name, inputs)
     for figure in (sketched(drawing, inputs.style), render_figure(drawing, inputs.style)):
         assert figure.svg.count('class="map"') >= 2
+
+
+def test_a_region_ends_where_its_quantity_crosses_the_level():
+    """Of a plane the straight line, at the rim the rim itself; what is no number is left out."""
+    heights = np.linspace(0.0, 1.0, 5)
+    x = np.linspace(np.zeros(5), 2.0 + heights, 9, axis=1)  # each row up to its own rim
+    (outline,) = outlines_above(x, heights, x + heights[:, None], 1.1)
+    across, up = map(np.array, outline)
+    left = slice(0, 5)
+    assert across[left] + up[left] == pytest.approx(1.1)
+    assert across[5:] == pytest.approx(2.0 + up[5:])
+    parted = np.where(heights[:, None] == 0.5, np.nan, 5.0 + 0 * x)
+    regions = outlines_above(x, heights, parted, 1.1)
+    assert [(min(up), max(up)) for _, up in regions] == [(0.0, 0.375), (0.625, 1.0)]
+    assert outlines_above(x, heights, np.full(x.shape, np.nan), 1.1) == []
+
+
+def test_the_rim_of_a_surface_is_that_of_the_training_range(inputs):
+    """No stairs: every row ends where the model begins to be extrapolated."""
+    sheet, model = sheet_of(inputs), inputs.model
+    for side, step in ((0, -1), (-1, 1)):
+        known = np.isfinite(sheet.output[:, side])
+        ends = sheet.across[known, side]
+        for shift, beyond in ((0.0, False), (1e-4 * step, True)):
+            at = {"strain": ends + shift, "pressure": sheet.up[known, side]}
+            assert (outside_range(model, at) == beyond).all()
+        assert known.sum() > 50

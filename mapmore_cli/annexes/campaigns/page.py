@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import SpecError, UsageError, error_text
 from mapmore_cli.reporting.order import RUN_PAGE
-from mapmore_cli.reporting.scripts import scripts, text_of
+from mapmore_cli.reporting.scripts import EVERYWHERE, scripts, text_of
 from mapmore_cli.reporting.table import Table, environment, to_csv
 from mapmore_cli.storage.atomic import make_folder, refusals_told, write_text
 from mapmore_cli.storage.ownership import to_trash
@@ -55,14 +55,13 @@ def write_page(
         for name, result in results.items()
         if not isinstance(result, BaseException) and "report" in result.stages
     }
-    title = campaign.title or campaign.campaign
     folder = runs / campaign.campaign
     runs_of = [result.name for result in results.values() if not isinstance(result, BaseException)]
     record = {"creator": "mapmore", "campaign": campaign.campaign, "runs": runs_of}
     texts = {
         **{f"tables/{table.name}.csv": to_csv(table) for table in tables},
         **{f"{figure.name}.svg": figure.svg for figure in figures},
-        "index.html": render_campaign(title, tables, figures, pages, failed),
+        "index.html": render_campaign(campaign, tables, figures, pages, failed),
     }
     with refusals_told(folder):
         refuse_foreign(folder, CAMPAIGN_RECORD)
@@ -134,7 +133,7 @@ def scores_of(
 
 
 def render_campaign(
-    title: str,
+    campaign: Campaign,
     tables: Sequence[Table],
     figures: Sequence[RenderedFigure],
     pages: Mapping[str, str],
@@ -146,12 +145,13 @@ def render_campaign(
     template = environment().get_template("campaign.html")
     tables = [table.head(MOST_ROWS) for table in tables]
     return template.render(
-        title=title,
+        title=campaign.title or campaign.campaign,
+        name=campaign.campaign,
         tables=tables,
         figures=figures,
         pages=pages,
         failed=failed,
-        scripts=scripts([text_of("tables.js")]),
+        scripts=scripts(map(text_of, EVERYWHERE)),
     )
 
 

@@ -16,7 +16,7 @@ from mapmore_cli.domain.models import Equation, Memory, Model
 from mapmore_cli.domain.recording import CurveRange, Quantity, united
 from mapmore_cli.domain.results import SimulatedRun
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.equations import equation
+from mapmore_cli.modelling.equations import RECURSIVE, TOLERANCE, equation
 from mapmore_cli.modelling.expressions import (
     Expression,
     NotFinite,
@@ -204,7 +204,8 @@ class MemoryVerbs(Verbs):
             ),
         )
         return *formula_equations(body.backbone, units), equation(
-            PIECE, own.terms, own.theta, own.scaling, limits, units
+            *(PIECE, own.terms, own.theta, own.scaling, limits, units),
+            tolerance=RECURSIVE if self.fed_back(model) else TOLERANCE,
         )
 
     def rules(self, model: Model) -> Iterator[str]:

@@ -444,6 +444,32 @@ def rule_of_weights(body: Pieces) -> str:
     )
 
 
+def rule_of_levels(body: Pieces) -> str:
+    """Say what holds between two levels, as `across_levels` writes it."""
+    between = "(1 - t) times the lower curve plus t times the upper"
+    if body.fusion.levels == "pchip":
+        between = (
+            "the cubic of Fritsch and Butland (PCHIP) through the values of the curves at their "
+            "levels, which is f*(1 + 2*t)*(1 - t)^2 + g*t^2*(3 - 2*t) + h*t*(1 - t)*(m*(1 - t) - "
+            "n*t) with the lower value f, the upper value g, the distance h of the two levels, and "
+            "the slopes m and n at them"
+        )
+    shrink = body.fusion.shrink
+    carried = f", all times {shrink:.6g} + {1 - shrink:.6g}*(1 - 2*t)^2" * (shrink < 1.0)
+    rule = f"Between two levels of {body.level}, at the share t of the way: {between}{carried}."
+    return rule + (f" {RULE_OF_SLOPES}" if body.fusion.levels == "pchip" else "")
+
+
+RULE_OF_SLOPES = (
+    "A slope follows from c and d, the differences of the values over those of the levels before "
+    "and after a level, and from the distances u and v of these levels: 3*(u + v)*c*d/((2*u + v)*c "
+    "+ (u + 2*v)*d), or 0 where c*d <= 0. At an outermost level, c and u are those next to it and "
+    "d and v the following ones: ((2*u + v)*c - u*d)/(u + v), but 0 where that and c differ in "
+    "sign, and at most 3*c where c and d do. With two levels it is c."
+)
+"""What `_slope` writes, in words."""
+
+
 def cell_weights(x: Array, boundaries: Array, fusion: Fusion) -> Array:
     """Return the weight of every segment along one variable at x, shape (n, count). Each row sums
     to one (M2 eq 10 and 11).

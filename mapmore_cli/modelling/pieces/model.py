@@ -23,6 +23,7 @@ from mapmore_cli.modelling.pieces.definition import (
     held_between,
     pieces_program,
     pieces_value,
+    rule_of_levels,
     rule_of_weights,
     zones_of,
 )
@@ -119,17 +120,7 @@ class PiecesVerbs(Verbs):
         if any(len(ends) > 2 for curve in body.curves for ends in curve.boundaries):
             yield rule_of_weights(body)
         if level is not None and len(body.curves) > 1:
-            between = "(1 - t) times the lower curve plus t times the upper"
-            if body.fusion.levels == "pchip":
-                between = (
-                    "the cubic of Fritsch and Butland (PCHIP) through the values of the curves"
-                )
-            shrink = body.fusion.shrink
-            carried = f", all times {shrink:.6g} + {1 - shrink:.6g}*(1 - 2*t)^2"
-            yield (
-                f"Between two levels of {level}, at the share t of the way: {between}"
-                f"{carried * (shrink < 1.0)}."
-            )
+            yield rule_of_levels(body)
         for name, sides in body.fusion.extrapolation.items():
             known = OUTER_LEVEL if name == level else OUTSIDE
             below, above = (known.get(str(side), f"it is taken to be {side}") for side in sides)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
+from mapmore_cli.domain.arrays import Array
 
 MAPS = {
     "Blues": "f7fbff deebf7 c6dbef 9ecae1 6baed6 4292c6 2171b5 08519c 08306b",
@@ -30,3 +33,22 @@ def hex_of(colour: Any) -> str:
     if colour.replace(".", "", 1).isdigit():
         return "#" + bytes([round(255 * float(colour))] * 3).hex()
     return colour
+
+
+@dataclass(frozen=True)
+class Shades:
+    """Colours of the bands between levels, (n,) of a map."""
+
+    cmap: str
+    levels: Array
+
+    def of(self, values: Any) -> list[str]:
+        """Return the colours of values; nothing where one is no number."""
+        bands = len(self.levels) - 1
+        places = np.clip(np.searchsorted(self.levels, values, side="right") - 1, 0, bands - 1)
+        shares = places / max(bands - 1, 1)
+        known = np.isfinite(values)
+        return [
+            colour_at(self.cmap, share) if finite else ""
+            for share, finite in zip(shares, known, strict=True)
+        ]

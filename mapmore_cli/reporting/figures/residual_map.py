@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mapmore_cli.reporting.figures.axis import levels_of
 from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
 from mapmore_cli.reporting.figures.panels import DOTS, colour_bar, evenly
-from mapmore_cli.reporting.figures.sketch import levels_of
 from mapmore_cli.reporting.figures.surface import plane_of
 from mapmore_cli.reporting.inputs import ReportInputs
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from mapmore_cli.domain.foreign import xml_text
 from mapmore_cli.reporting.figures.drawing import Drawing, Panel, RenderedFigure, arranged
-from mapmore_cli.reporting.figures.sketch import Sketch, box, face, line_svg, text
+from mapmore_cli.reporting.figures.elements import box, face, line_svg, text
+from mapmore_cli.reporting.figures.sketch import Sketch
 from mapmore_cli.reporting.inputs import FigureStyle
 from mapmore_cli.reporting.table import title_of
 

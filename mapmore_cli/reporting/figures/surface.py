@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.modelling.kinds import outside_range, predict
+from mapmore_cli.reporting.figures.axis import levels_of
 from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
 from mapmore_cli.reporting.figures.panels import DOTS, SOME_DOTS, colour_bar, evenly
-from mapmore_cli.reporting.figures.sketch import levels_of
 from mapmore_cli.reporting.inputs import ReportInputs
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-CELLS = 61
-"""Places along each input."""
+CELLS, BISECTIONS = 61, 20
+"""Places along each input, and steps in which the rim of the training range is found."""
 
 
 class Plane(NamedTuple):
@@ -49,8 +49,8 @@ def plane_of(inputs: ReportInputs) -> Plane | None:
 
 
 class Sheet(NamedTuple):
-    """The model over its plane: places of a grid, `(CELLS, CELLS)` each, with NaN as `output`
-    beyond the training range; `rows` are the samples that a panel shows.
+    """The model over its plane: places of a grid, `(CELLS, CELLS)` each, whose rows end where the
+    training range does; `output` is NaN beyond it. `rows` are the samples that a panel shows.
     """
 
     plane: Plane
@@ -78,17 +78,55 @@ def sheet_of(inputs: ReportInputs) -> Sheet | None:
     """Return the model over its two inputs; None where it has not two, or another quantity than its
     output is shown.
     """
-    plane = plane_of(inputs)
-    if plane is None or inputs.dataset.target != inputs.model.output.name:
+    plane, model = plane_of(inputs), inputs.model
+    if plane is None or inputs.dataset.target != model.output.name:
         return None
+
+    def grid(across: Array, up: Array) -> dict[str, Array]:
+        return dict(zip(plane.names, (across.ravel(), up.ravel()), strict=True))
+
+    def beyond(across: Array, up: Array) -> BoolArray:
+        return outside_range(model, grid(across, up)).reshape(across.shape)
+
     ends = (np.linspace(values.min(), values.max(), CELLS) for values in (plane.x, plane.y))
     across, up = np.meshgrid(*ends)
-    grid = dict(zip(plane.names, (across.ravel(), up.ravel()), strict=True))
-    output = np.where(outside_range(inputs.model, grid), np.nan, predict(inputs.model, grid))
+    across = _up_to_the_rim(across, up, beyond)
+    output = np.where(
+        beyond(across, up), np.nan, predict(model, grid(across, up)).reshape(up.shape)
+    )
     if not np.isfinite(output).any():
         return None
     rows, label = evenly(len(plane.x), DOTS), inputs.axis_label(inputs.target)
-    return Sheet(plane, across, up, output.reshape(across.shape), rows, label)
+    return Sheet(plane, across, up, output, rows, label)
+
+
+Beyond = Callable[[Array, Array], BoolArray]
+"""Tells which places, across and up, lie beyond the training range."""
+
+
+def _up_to_the_rim(across: Array, up: Array, beyond: Beyond) -> Array:
+    """Return the places of a grid with each row stretched over what of it lies within the training
+    range.
+    """
+    inside = ~beyond(across, up)
+    rows = np.flatnonzero(inside.any(axis=1))
+    inside, x, y = inside[rows], across[rows], up[rows, 0]
+    first, last = inside.argmax(axis=1), CELLS - 1 - inside[:, ::-1].argmax(axis=1)
+    each = np.arange(len(rows))
+    low = _rim(x[each, first], x[each, np.maximum(first - 1, 0)], y, beyond)
+    high = _rim(x[each, last], x[each, np.minimum(last + 1, CELLS - 1)], y, beyond)
+    stretched = across.copy()
+    stretched[rows] = np.linspace(low, high, CELLS, axis=1)
+    return stretched
+
+
+def _rim(inner: Array, outer: Array, up: Array, beyond: Beyond) -> Array:
+    """Return the last places within the range on the ways to places beyond it, by bisection."""
+    for _ in range(BISECTIONS):
+        middle = (inner + outer) / 2
+        out = beyond(middle, up)
+        inner, outer = np.where(out, inner, middle), np.where(out, middle, outer)
+    return inner
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:

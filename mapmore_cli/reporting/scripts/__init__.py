@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 from base64 import b64encode
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from hashlib import sha256
 from importlib.resources import files
+
+EVERYWHERE = ("elements.js", "tables.js")
+"""The scripts of every page, in their order."""
 
 BEFORE, BEHIND = (
     ("uplot.js", "widgets.js", "joining.js", "pieces.js", "fixed.js", "running.js"),
@@ -33,14 +36,15 @@ def text_of(name: str) -> str:
     return files(__package__).joinpath(name).read_text(encoding="utf-8")
 
 
-def scripts(texts: Sequence[str]) -> tuple[Script, ...]:
+def scripts(texts: Iterable[str]) -> tuple[Script, ...]:
     """Return texts as scripts of a page; raises ValueError for one that would end before its
     end.
     """
-    for text in texts:
-        if "</script" in text.lower() or "<!--" in text:
+    made = tuple(Script(f"\n{text.strip()}\n") for text in texts)
+    for one in made:
+        if "</script" in one.text.lower() or "<!--" in one.text:
             raise ValueError("a script holds `</script` or `<!--`, which would end it on a page")
-    return tuple(Script(f"\n{text.strip()}\n") for text in texts)
+    return made
 
 
 def json_text(value: object) -> str:

@@ -1,66 +1,47 @@
-"use strict";
-/* The page of all runs: a filter, and two runs beside each other. */
+// The page of all runs: a filter, and two runs beside each other.
 (() => {
-  const data = JSON.parse(document.getElementById("runs")?.textContent || "[]");
-  const table = /** @type {HTMLTableElement} */ (document.querySelector("table.sortable"));
+  "use strict";
+  const { element } = mapmore;
+  const data = JSON.parse(document.getElementById("runs").textContent);
   const filter = /** @type {HTMLInputElement} */ (document.getElementById("filter"));
-  const count = /** @type {HTMLElement} */ (document.getElementById("count"));
-  const place = /** @type {HTMLElement} */ (document.getElementById("comparison"));
-  const rows = [...table.tBodies[0].rows];
-  /** @type {HTMLInputElement[]} */
-  const boxes = rows.map((row) => /** @type {HTMLInputElement} */ (row.querySelector("input")));
+  const count = document.getElementById("count"), place = document.getElementById("comparison");
+  const rows = [...document.querySelector("table").tBodies[0].rows];
+  const boxes = rows.map((row) => row.querySelector("input"));
 
-  const show = () => {
+  function show() {
     const words = filter.value.toLowerCase().split(/\s+/).filter(Boolean);
-    let shown = 0;
     for (const row of rows) {
-      const text = (row.textContent || "").toLowerCase();
+      const text = row.textContent.toLowerCase();
       row.hidden = !words.every((word) => text.includes(word));
-      shown += row.hidden ? 0 : 1;
     }
-    count.textContent = `${shown} of ${rows.length}`;
-  };
+    count.textContent = `${rows.filter((row) => !row.hidden).length} of ${rows.length}`;
+  }
 
-  /** @param {string} tag @param {string} text @param {Element} within */
-  const add = (tag, text, within) => {
-    const made = document.createElement(tag);
-    made.textContent = text;
-    within.append(made);
-    return made;
-  };
-
-  const compare = () => {
+  function compare() {
     const two = boxes.filter((box) => box.checked).map((box) => data[Number(box.value)]);
     place.hidden = two.length !== 2;
-    place.replaceChildren();
     if (place.hidden) return;
-    const made = document.createElement("table");
-    const head = made.createTHead().insertRow();
-    add("th", "model", head);
-    for (const run of two) add("th", `${run.run}: ${run.target}, NRMSE [%]`, head);
-    const body = made.createTBody();
     const models = [...new Set(two.flatMap((run) => Object.keys(run.nrmse)))];
-    const most = Math.max(...two.flatMap((run) => /** @type {number[]} */ (Object.values(run.nrmse))), 1e-300);
-    for (const model of models) {
-      const row = body.insertRow();
-      add("th", model, row);
-      two.forEach((run, number) => {
-        const cell = row.insertCell();
-        const error = run.nrmse[model];
-        if (error === undefined) return;
-        const bar = add("span", "", cell);
-        bar.className = number ? "bar second" : "bar";
-        bar.style.width = `${(12 * error) / most}rem`;
-        cell.append(` ${error.toFixed(2)}`);
-      });
-    }
-    place.append(made);
-  };
+    const errors = two.flatMap((run) => models.map((model) => run.nrmse[model] ?? 0));
+    const most = Math.max(...errors, 1e-300);
+    const bar = (error, number) => {
+      if (error === undefined) return element("td");
+      const made = element("span", { className: number ? "bar second" : "bar" });
+      made.style.width = `${(12 * error) / most}rem`;
+      return element("td", {}, made, ` ${error.toFixed(2)}`);
+    };
+    const head = two.map((run) => (
+      element("th", { scope: "col" }, `${run.run}: ${run.target}, NRMSE [%]`)));
+    const body = models.map((model) => element("tr", {}, element("th", { scope: "row" }, model),
+      ...two.map((run, number) => bar(run.nrmse[model], number))));
+    place.replaceChildren(element("table", {},
+      element("thead", {}, element("tr", {}, element("th", { scope: "col" }, "model"), ...head)),
+      element("tbody", {}, ...body)));
+  }
 
-  /** @type {HTMLElement} */ (document.querySelector(".tools")).hidden = false;
+  document.querySelector(".tools").removeAttribute("hidden");
   filter.addEventListener("input", show);
   for (const box of boxes) box.addEventListener("change", compare);
-  const wanted = new URLSearchParams(location.hash.slice(1)).get("filter");
-  if (wanted) filter.value = wanted;
+  filter.value = new URLSearchParams(location.hash.slice(1)).get("filter") ?? "";
   show();
 })();

@@ -1,0 +1,112 @@
+"""One axis of a figure that is drawn without Matplotlib: where it ends, its scale, its ticks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+
+Place = Callable[[Any], Array]
+"""Turns values of an axis into points of the sheet."""
+
+
+@dataclass
+class Axis:
+    """One axis: the ends of its data, how long it is, and where its ticks are."""
+
+    margin: float
+    low: float = math.inf
+    high: float = -math.inf
+    limits: tuple[float, float] | None = None
+    logarithmic: bool = False
+    subs: Sequence[float] = (1.0,)
+    most: int = 5
+    ticks: dict[float, str] | None = None
+
+    def hold(self, values: Any) -> None:
+        """Make room for values."""
+        finite = np.asarray(values, dtype=np.float64)
+        finite = finite[np.isfinite(finite) & ((finite > 0) | (not self.logarithmic))]
+        if finite.size:
+            self.low = min(self.low, float(finite.min()))
+            self.high = max(self.high, float(finite.max()))
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Where the axis begins and ends."""
+        if self.limits is not None:
+            return self.limits
+        if not self.low <= self.high:
+            return 0.0, 1.0
+        if self.logarithmic:
+            margin = (self.high / self.low) ** self.margin if self.high > self.low else 2.0
+            return self.low / margin, self.high * margin
+        margin = self.margin * (self.high - self.low) or 0.05 * abs(self.low) or 1.0
+        return self.low - margin, self.high + margin
+
+    def set_ends(self, low: float | None, high: float | None) -> None:
+        """Set where the axis begins, where it ends, or both."""
+        known = self.ends
+        self.limits = (known[0] if low is None else low, known[1] if high is None else high)
+
+    def set_ticks(self, at: Iterable[float], names: Sequence[str] | None) -> None:
+        """Set where the ticks are, and their names where these are not numbers."""
+        places = [float(one) for one in at]
+        words = [f"{one:g}" for one in places] if names is None else names
+        self.hold(places)
+        self.ticks = dict(zip(places, words, strict=True))
+
+    def scale(self, start: float, stop: float) -> Place:
+        """Return what turns values into points between two places of the sheet."""
+        low, high = self.ends
+
+        def place(values: Any) -> Array:
+            values = np.asarray(values, dtype=np.float64)
+            if self.logarithmic:
+                values, ends = np.log(np.maximum(values, 1e-300)), (math.log(low), math.log(high))
+            else:
+                ends = (low, high)
+            shares: Array = (values - ends[0]) / (ends[1] - ends[0])
+            return start + shares * (stop - start)
+
+        return place
+
+    def labels(self) -> dict[float, str]:
+        """Return the ticks within the axis, each with its words."""
+        low, high = sorted(self.ends)
+        if self.ticks is not None:
+            return {at: words for at, words in self.ticks.items() if low <= at <= high}
+        if self.logarithmic:
+            powers = 10.0 ** np.arange(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+            every = sorted(power * sub for power in powers for sub in self.subs)
+            return {at: f"{at:g}" for at in every if low <= at <= high}
+        ticks = nice_ticks(low, high, self.most)
+        step = ticks[1] - ticks[0] if len(ticks) > 1 else 1.0
+        digits = max(0, -math.floor(math.log10(step) + 1e-9) + (f"{step:e}"[2] == "5"))
+        if digits > 5 or max(map(abs, ticks), default=0) >= 1e6:
+            return {at: f"{at:g}" for at in ticks}
+        return {at: f"{at:.{digits}f}".replace("-", "\N{MINUS SIGN}") for at in ticks}
+
+
+def nice_ticks(low: float, high: float, most: int) -> list[float]:
+    """Return at most `most` + 1 multiples of 1, 2, 2.5 or 5 times a power of ten within a range."""
+    span = high - low
+    if not (math.isfinite(span) and span > 0):
+        return [low]
+    power = 10.0 ** math.floor(math.log10(span / most))
+    step = next(step for step in (1, 2, 2.5, 5, 10, 20) if span / (step * power) <= most) * power
+    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    return [number * step for number in range(first, last + 1)]
+
+
+def levels_of(low: float, high: float, most: int) -> list[float]:
+    """Return round numbers at even distances, about `most`, the outer ones beyond a range."""
+    ticks = nice_ticks(low, high, most)
+    step = ticks[1] - ticks[0] if len(ticks) > 1 else (high - low) or 1.0
+    before = [ticks[0] - step] if ticks[0] > low else []
+    return [*before, *ticks, *([ticks[-1] + step] if ticks[-1] < high else [])]

@@ -1,0 +1,69 @@
+"""Where a quantity over a grid lies above a level, as outlines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+
+Outline = tuple[list[float], list[float]]
+"""Places across and heights of the corners of a region, in order."""
+
+
+def outlines_above(x: Array, heights: Array, z: Array, level: float) -> list[Outline]:
+    """Return the regions where `z` is at least a level.
+
+    `x` and `z` are (m, n): along each of the m rows of a grid, which lie at `heights`, (m,). Within
+    a row, the ends of a region are found by straight lines between neighbours; from row to row, its
+    sides are straight. What is no number belongs to no region.
+    """
+    outlines: list[Outline] = []
+    rows = [_intervals(*row, level) for row in zip(x, z, strict=True)]
+    regions: list[Outline] = [([], []) for _ in rows[0]]
+    for number, (intervals, height) in enumerate(zip(rows, heights.tolist(), strict=True)):
+        before = rows[number - 1] if number else intervals
+        if len(intervals) != len(before):  # regions begin and end half-way between two rows
+            middle = (heights[number - 1] + height) / 2
+            _go_on(regions, before, middle)
+            outlines += [_closed(region) for region in regions]
+            regions = [([], []) for _ in intervals]
+            _go_on(regions, intervals, middle)
+        _go_on(regions, intervals, height)
+    return outlines + [_closed(region) for region in regions]
+
+
+def _go_on(
+    regions: Sequence[Outline], intervals: Sequence[tuple[float, float]], height: float
+) -> None:
+    """Add a row to open regions: their corners are left and right in turn."""
+    for (across, up), ends in zip(regions, intervals, strict=True):
+        across.extend(ends)
+        up.extend((height, height))
+
+
+def _closed(region: Outline) -> Outline:
+    """Return the corners in the order in which a pen goes round: up at the left, down at the
+    right.
+    """
+    across, up = region
+    return across[::2] + across[::-2], up[::2] + up[::-2]
+
+
+def _intervals(x: Array, z: Array, level: float) -> list[tuple[float, float]]:
+    """Return where a row, (n,) each, is at least a level."""
+    above = np.concatenate([[False], z >= level, [False]])
+    starts, stops = np.flatnonzero(~above[:-1] & above[1:]), np.flatnonzero(above[:-1] & ~above[1:])
+    return [
+        (_crossing(x, z, level, first, first - 1), _crossing(x, z, level, last, last + 1))
+        for first, last in zip(starts.tolist(), (stops - 1).tolist(), strict=True)
+    ]
+
+
+def _crossing(x: Array, z: Array, level: float, inside: int, outside: int) -> float:
+    """Return where a row crosses a level between two neighbours; the inner one at an edge."""
+    if not 0 <= outside < len(z) or not np.isfinite(z[outside]):
+        return float(x[inside])
+    share = (z[inside] - level) / (z[inside] - z[outside])
+    return float(x[inside] + share * (x[outside] - x[inside]))

@@ -1,0 +1,111 @@
+"""Pages in a browser: tables, saved files, the page of all runs, narrow and dark screens."""
+
+import csv
+from pathlib import Path
+
+import pytest
+
+PAGES = ("fixed", "running", "runs")
+
+
+def column_of(table, number):
+    return [
+        row.locator("th, td").nth(number).inner_text() for row in table.locator("tbody tr").all()
+    ]
+
+
+def saved(page, button):
+    with page.expect_download() as waiting:
+        button.click()
+    return waiting.value.suggested_filename, waiting.value.path().read_text(encoding="utf-8")
+
+
+def test_a_table_is_sorted_by_its_numbers_and_saved(opened):
+    """Up, then down; without a number last; the CSV has the rows in the order that is seen."""
+    page = opened[1]("fixed")
+    table = page.locator("table[data-name=scores]")
+    heading = table.locator("thead th", has_text="RMSE [N]").first
+    place = [one.inner_text() for one in table.locator("thead th").all()].index(
+        heading.inner_text()
+    )
+    before = column_of(table, place)
+    heading.locator("button").click()
+    up = column_of(table, place)
+    assert heading.get_attribute("aria-sort") == "ascending"
+    assert up == sorted(before, key=float)
+    heading.locator("button").press("Enter")
+    assert column_of(table, place) == up[::-1]
+    name, text = saved(page, table.get_by_role("button", name="as CSV"))
+    rows = list(csv.reader(text.splitlines()))
+    assert name == "scores.csv"
+    assert [row[place] for row in rows[1:]] == up[::-1]
+    models = table.locator("thead th").first
+    models.locator("button").click()
+    names = column_of(table, 0)
+    assert names == sorted(names, key=str.lower)
+
+
+def test_figures_are_saved_as_files(opened):
+    page = opened[1]("fixed")
+    figure = page.locator("figure[data-name=fit]")
+    name, text = saved(page, figure.get_by_role("button", name="as SVG"))
+    assert name == "fit.svg"
+    assert text.startswith("<svg")
+    name, text = saved(page, figure.get_by_role("button", name="as CSV"))
+    assert name == "fit.csv"
+    assert text.startswith("panel,")
+
+
+def test_runs_are_filtered_sorted_and_compared(opened):
+    page = opened[1]("runs", "#filter=sweep")
+    rows = page.locator("table.runs tbody tr")
+    assert page.locator("#count").inner_text() == "2 of 4"
+    assert [row.is_visible() for row in rows.all()] == [True, False, True, False]
+    page.get_by_label("Filter").fill("")
+    for heading, first in (("alerts", "run0"), ("alerts", "run3"), ("NRMSE", "run1")):
+        page.get_by_role("button", name=heading).first.click()
+        assert rows.first.locator("th").inner_text().split()[0] == first
+    for run in ("run1", "run2"):
+        page.get_by_label(f"Compare {run}").check()
+    table = page.locator("#comparison table")
+    shown = [text.split() for text in table.locator("tbody tr").all_inner_texts()]
+    assert shown == [["mapmore", "2.50", "3.50"], ["sarosi", "8.00", "7.00"]]
+    page.get_by_label("Compare run3").check()
+    assert not table.is_visible()
+
+
+@pytest.mark.parametrize("width", [400, 1300])
+@pytest.mark.parametrize("name", PAGES)
+def test_nothing_is_wider_than_the_window(name, width, opened):
+    page = opened[1](name, viewport={"width": width, "height": 800})
+    wide = page.evaluate(
+        """(width) => {
+        for (const one of document.querySelectorAll("details")) one.open = true;
+        const free = width > 1000 && document.querySelector(".runs") ? "svg, math, pre"
+            : ".scroll, svg, math, pre";
+        return [...document.querySelectorAll("body *")]
+            .filter((one) => !one.closest(free))
+            .filter((one) => one.getBoundingClientRect().right > innerWidth + 1)
+            .map((one) => one.className || one.tagName);
+    }""",
+        width,
+    )
+    assert wide == []
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_no_serious_finding_of_axe(name, opened):
+    """The whole page, with everything unfolded, light and dark."""
+    axe = pytest.importorskip("axe_playwright_python")
+    code = (Path(axe.__file__).parent / "axe.min.js").read_text(encoding="utf-8")
+    page = opened[1](name)
+    page.evaluate(code)
+    page.evaluate("for (const one of document.querySelectorAll('details')) one.open = true")
+    for scheme, rules in (("light", {}), ("dark", {"runOnly": ["color-contrast"]})):
+        page.emulate_media(color_scheme=scheme)
+        # what an SVG and a formula hold has no colours of its own and no keys
+        found = page.evaluate("(rules) => axe.run({ exclude: ['svg', 'math'] }, rules)", rules)
+        found = found["violations"]
+        serious = [one for one in found if one["impact"] in ("serious", "critical")]
+        assert [(scheme, one["id"], one["nodes"][0]["html"]) for one in serious] == []
