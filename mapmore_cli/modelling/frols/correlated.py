@@ -70,7 +70,6 @@ def matched(records: _Records) -> Noise:
     """Return the noise of which residuals of this fit go together as those do that were found; it
     is white where these could be chance.
     """
-    from scipy.optimize import minimize_scalar, nnls
     from scipy.special import chdtri
 
     n, k = records.basis.shape
@@ -88,6 +87,8 @@ def matched(records: _Records) -> Noise:
     misfit = (found_sums - only.white * white)[1:] / only.white
     if float(np.sum(misfit**2 / records.pairs[1:])) < chdtri(len(misfit), CHANCE):
         return only
+    # a fifth of the seconds of a small run whose residuals do not go together
+    from scipy.optimize import minimize_scalar, nnls
 
     def fitted(time: float) -> tuple[float, Noise]:
         kept = float(np.exp(-np.exp(-time)))
