@@ -17,6 +17,7 @@ from pathlib import Path
 os.environ |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 HERE = Path(__file__).parent
+sys.path.append(str(HERE.parent))  # `common`, what tests share
 
 
 def main():

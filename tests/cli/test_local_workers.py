@@ -50,6 +50,11 @@ def test_a_worker_that_dies_costs_its_job_one_start(once, tmp_path):
     assert told[0] == (0, "its worker process died; the run is started again")
 
 
+def test_no_jobs_need_no_process():
+    """So it is where a campaign is known to be up to date by the seals of all its runs."""
+    assert list(in_processes(abs, {}, 2, print)) == []
+
+
 def test_a_job_that_fails_is_not_started_again(tmp_path):
     told = []
     jobs = {3: None, 4: tmp_path / "a", 5: tmp_path / "b"}

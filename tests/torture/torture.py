@@ -24,7 +24,7 @@ import time
 import traceback
 from collections import Counter
 from contextlib import contextmanager, nullcontext, redirect_stderr, redirect_stdout, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -35,6 +35,7 @@ from cli_samples import write_study
 
 from mapmore_cli.__main__ import main as mapmore
 from mapmore_cli.cli.app import app
+from mapmore_cli.pipeline.runs_rows import PAGE, rows_of
 from mapmore_cli.storage.ownership import LOCK
 from mapmore_cli.storage.seals import SEAL
 
@@ -107,7 +108,19 @@ def contents(folder):
         for path in folder.rglob("*")
         if path.is_file() and path.name not in (LOCK, RUN_RECORD, SEAL, ".batch.lock")
     )
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
+    return {path.relative_to(folder).as_posix(): content_of(path) for path in paths}
+
+
+def content_of(path):
+    """The bytes of a file. The page of runs says when they ended, so that two of the same results
+    differ: in its place stand its rows without that, and the page's own end.
+    """
+    text = path.read_bytes()
+    rows = rows_of(path) if path.name == PAGE else None
+    if not rows:
+        return text
+    rows = sorted((replace(row, ended=0.0) for row in rows), key=lambda row: row.run)
+    return repr(rows).encode() + text[-20:]
 
 
 def struck(how, child, delay):
@@ -391,6 +404,9 @@ def torture(count, seed, names=(*COMMANDS,)):
             for one in found:
                 wrong.append(f"{number}, {name}, {how}: {one}")
                 print(wrong[-1], file=sys.stderr, flush=True)
+            if (number + 1) % 10 == 0:
+                progress = f"... {number + 1} of {count} trials, {len(wrong)} faults"
+                print(progress, file=sys.stderr, flush=True)
     return ends, wrong
 
 

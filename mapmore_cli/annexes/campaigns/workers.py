@@ -41,6 +41,8 @@ def in_processes(
     which `tell` is told with their numbers: another program may have filled the memory. Then the
     others go on.
     """
+    if not jobs:  # a pool of no processes is refused
+        return
     left = dict(jobs)
     # Spawned, not forked: a fork of a process with BLAS threads or an open HDF5 file may hang.
     with processes(min(count, len(jobs)), "spawn") as pool:

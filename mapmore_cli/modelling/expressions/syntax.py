@@ -68,8 +68,6 @@ class Expression:
     def names(self) -> frozenset[str]:
         """All quantities that occur in the expression."""
         match self:
-            case Name(name):
-                return frozenset({name})
             case Sum(parts) | Product(parts):
                 return names_in(parts)
             case Power(part) | Call(_, part):
@@ -102,6 +100,7 @@ class Number(Expression):
     """A finite constant."""
 
     value: float
+    names = frozenset[str]()
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.value):
@@ -126,6 +125,11 @@ class Name(Expression):
             raise ExpressionError(
                 f"`{self.name}` cannot be the name of a quantity in an expression"
             )
+
+    @property
+    def names(self) -> frozenset[str]:
+        """The name itself."""
+        return frozenset((self.name,))
 
 
 @_node

@@ -74,7 +74,6 @@ def matched(records: _Records) -> Noise:
     """Return the noise for which the residuals of this fit have the measured autocovariance. It is
     white if the measured one could be due to chance.
     """
-    from scipy.optimize import minimize_scalar, nnls
     from scipy.special import chdtri
 
     n, k = records.basis.shape
@@ -92,6 +91,8 @@ def matched(records: _Records) -> Noise:
     misfit = (found_sums - only.white * white)[1:] / only.white
     if float(np.sum(misfit**2 / records.pairs[1:])) < chdtri(len(misfit), CHANCE):
         return only
+    # a fifth of the seconds of a small run whose residuals do not go together
+    from scipy.optimize import minimize_scalar, nnls
 
     def fitted(time: float) -> tuple[float, Noise]:
         kept = float(np.exp(-np.exp(-time)))

@@ -33,7 +33,7 @@ from mapmore_cli.modelling.frols.select import (
     widened,
 )
 from mapmore_cli.modelling.frols.together import Together, chosen_together
-from mapmore_cli.modelling.frols.weighing import Weighing, reweighted
+from mapmore_cli.modelling.frols.weighing import Choice, Weighing, reweighted
 
 # a downdated `q'q` below this fraction of `p'p` has lost too many digits (any value from 1e-4 to
 # 1e-10 would do)
@@ -262,6 +262,24 @@ def frols(
     >>> bool(np.allclose(found.predict(P), 3 * x**2 - 1))
     True
     """
+    found = choose(P, y, max_terms, tolerance, stop=stop, weighing=weighing).with_errors()
+    if not names:
+        return found
+    if len(names) != (M := found.g_all.shape[1]):
+        raise ValueError(f"{len(names)} names for {M} candidates")
+    return replace(found, candidates=tuple(names))
+
+
+def choose(
+    P: ArrayLike,
+    y: ArrayLike,
+    max_terms: int | None = None,
+    tolerance: float = 0.0,
+    *,
+    stop: str = "tolerance",
+    weighing: Weighing | None = None,
+) -> Choice:
+    """Choose as `frols`, without names and without standard errors."""
     stopping = Stopping(max_terms, tolerance, stop)
     P, y = np.asarray(P, dtype=np.float64), np.asarray(y, dtype=np.float64)
     if P.ndim != 2 or y.ndim != 1 or len(P) != len(y) or P.size == 0:
@@ -270,8 +288,6 @@ def frols(
             f"{P.shape} and {y.shape}"
         )
     n, M = P.shape
-    if len(names) not in (0, M):
-        raise ValueError(f"{len(names)} names for {M} candidates")
 
     def select(sigma: Array | None) -> Selection:
         if reads_once(n, M, stopping.limit(n, M)):
@@ -280,12 +296,12 @@ def frols(
             return _by_basis(P, y, stopping)
         return _by_basis(P / sigma[:, None], y / sigma, stopping, sigma)
 
-    (found,) = reweighted(
+    (choice,) = reweighted(
         [weighing or Weighing()],
         lambda sigmas: [select(*sigmas)],
         [lambda chosen: blocks_of_rows(P[:, chosen], y)],
     )
-    return replace(found, candidates=tuple(names)) if names else found
+    return choice
 
 
 @dataclass(frozen=True)
@@ -330,6 +346,18 @@ def frols_together(
     Raises DataError if a value is not finite, with its column and its row counted over all
     blocks; ValueError if there is no row or no column, or `max_terms` is below one.
     """
+    choices = choose_together(problems, max_terms, tolerance, stop=stop)
+    return tuple(choice.with_errors() for choice in choices)
+
+
+def choose_together(
+    problems: Sequence[Regression],
+    max_terms: int | None = None,
+    tolerance: float = 0.0,
+    *,
+    stop: str = "tolerance",
+) -> tuple[Choice, ...]:
+    """Choose as `frols_together`, without standard errors."""
     stopping = Stopping(max_terms, tolerance, stop)
 
     def select(sigmas: Sequence[Array | None]) -> Sequence[Selection]:

@@ -102,45 +102,62 @@ class Weighing:
         assert sigma is not None
         return weights, scale, sigma
 
-    def with_errors(
-        self, found: Selection, only: Callable[[IntArray], Blocks], weights: Array | None
-    ) -> Selection:
-        """Return a selection with standard errors that allow for correlation within curves, for
+
+@dataclass(frozen=True)
+class Choice:
+    """A selection of one output without the standard errors that its weights call for. These take
+    about as long as the choice, so that only the choice that is kept gets them.
+
+    - `only`: the blocks of some candidates.
+    - `weights`: those of a robust loss, (n,); None for squares.
+    """
+
+    selection: Selection
+    weighing: Weighing
+    only: Callable[[IntArray], Blocks]
+    weights: Array | None
+
+    def with_errors(self) -> Selection:
+        """Return the selection with standard errors that allow for correlation within curves, for
         robust weights, or for correlation along a few recordings.
         """
+        found, how, weights = self.selection, self.weighing, self.weights
         k, n = len(found.chosen), found.samples
-        curves = numbered_curves(self.curves, k)
-        if not k or (weights is None and curves is None and self.recorded is None):
+        curves = numbered_curves(how.curves, k)
+        if not k or (weights is None and curves is None and how.recorded is None):
             return found
-        blocks = self.rows(only(found.chosen))
-        if weights is None and curves is None and self.recorded is not None:
+        blocks = how.rows(self.only(found.chosen))
+        if weights is None and curves is None and how.recorded is not None:
             if k * n > MOST:
                 return found
-            errors, worth = self._along(blocks, found.theta, self.recorded)
+            errors, worth = _errors_along(blocks, found.theta, how.curves, how.recorded)
             return replace(found, theta_error=errors, worth=worth)
-        errors = sandwich_errors(blocks, found.theta, curves, self.loss, weights)
+        errors = sandwich_errors(blocks, found.theta, curves, how.loss, weights)
         count = 0 if curves is None else int(curves.max()) + 1
         return replace(found, theta_error=errors, curves=count)
 
-    def _along(self, blocks: Blocks, theta: Array, recorded: IntArray) -> tuple[Array, float]:
-        """Return standard errors that allow for correlated residuals along recordings, shape (k,),
-        and the number of independent samples.
-        """
-        P, y = map(np.concatenate, zip(*blocks(), strict=True))
-        labels = np.zeros(len(y), dtype=np.int64) if self.curves is None else self.curves
-        order = np.lexsort((recorded, labels))
-        lengths = [one for one in np.bincount(labels).tolist() if one]
-        residual = (y - P @ theta)[order]
-        if not np.array_equal(order, np.arange(len(order))):
-            P = P[order]
-        return correlated_errors(P, residual, lengths)
+
+def _errors_along(
+    blocks: Blocks, theta: Array, curves: IntArray | None, recorded: IntArray
+) -> tuple[Array, float]:
+    """Return standard errors that allow for correlated residuals along recordings, (k,), and the
+    number of independent samples.
+    """
+    P, y = map(np.concatenate, zip(*blocks(), strict=True))
+    labels = np.zeros(len(y), dtype=np.int64) if curves is None else curves
+    order = np.lexsort((recorded, labels))
+    lengths = [one for one in np.bincount(labels).tolist() if one]
+    residual = (y - P @ theta)[order]
+    if not np.array_equal(order, np.arange(len(order))):
+        P = P[order]
+    return correlated_errors(P, residual, lengths)
 
 
 def reweighted(
     weighings: Sequence[Weighing],
     select: Callable[[Sequence[Array | None]], Sequence[Selection]],
     only: Sequence[Callable[[IntArray], Blocks]],
-) -> tuple[Selection, ...]:
+) -> tuple[Choice, ...]:
     """Return the selection with these weights, one for each output. For a robust loss, the terms
     are selected with the weights of a robust start, and then with the final weights.
 
@@ -158,8 +175,7 @@ def reweighted(
         ]
         weights, scales, sigmas = map(list, zip(*settled, strict=True))
         found = [replace(one, scale=s) for one, s in zip(select(sigmas), scales, strict=True)]
-    parts = zip(weighings, found, only, weights, strict=True)
-    return tuple(one.with_errors(selection, own, w) for one, selection, own, w in parts)
+    return tuple(map(Choice, found, weighings, only, weights))
 
 
 def scale_of(residual: Array, y: Array) -> float:

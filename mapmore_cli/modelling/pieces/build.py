@@ -33,7 +33,6 @@ from mapmore_cli.domain.fits import (
     Segment,
     SegmentedCurve,
     SegmentFit,
-    Selection,
 )
 from mapmore_cli.domain.joining import Fusion, Side
 from mapmore_cli.domain.models import CurveFunction, Model, Pieces, SegmentFunction
@@ -49,15 +48,9 @@ from mapmore_cli.modelling.expressions import (
     parse,
 )
 from mapmore_cli.modelling.expressions.ranged import placed
-from mapmore_cli.modelling.frols import (
-    TIE_TOLERANCE,
-    Regression,
-    Weighing,
-    frols,
-    frols_together,
-    reads_once,
-)
-from mapmore_cli.modelling.frols.weighing import loss_weights
+from mapmore_cli.modelling.frols import TIE_TOLERANCE, Regression, Weighing
+from mapmore_cli.modelling.frols.engine import choose, choose_together, reads_once
+from mapmore_cli.modelling.frols.weighing import Choice, loss_weights
 from mapmore_cli.modelling.literature.backbone import residual_of
 from mapmore_cli.modelling.pieces.placement import placements, span
 from mapmore_cli.modelling.pieces.recipe import Recipe
@@ -99,12 +92,12 @@ def segment(
         if len(rows) <= min(recipe.fit.max_terms, len(terms)):
             return float("inf")
         trial, columns = Segment(f"{curve.id}/trial", curve.id, (), rows), fitted[curve.id].columns
-        fits = fit_together(trial, columns, terms, recipes)
+        _, scalings, choices = _best_placement(trial, columns, terms, recipes)
         spans = [span(np.ptp(columns[one.target])) if also else 1.0 for one in recipes]
         return float(
             sum(
-                one.selection.sse * (one.scaling.y_slope / span) ** 2
-                for one, span in zip(fits, spans, strict=True)
+                choice.selection.sse * (scaling.y_slope / span) ** 2
+                for choice, scaling, span in zip(choices, scalings, spans, strict=True)
             )
         )
 
@@ -155,6 +148,10 @@ def _labels_of_curves(
     return None if alone else np.asarray(picked(curve.origin, rows))
 
 
+_Placed = tuple[tuple[str, ...], Sequence[Scaling], Sequence[Choice]]
+"""The texts of the candidates at a placement; a scaling and a choice for each output."""
+
+
 def fit_together(
     segment: Segment,
     columns: Columns,
@@ -162,13 +159,30 @@ def fit_together(
     recipes: Sequence[Recipe],
     origin: IntArray | None = None,
 ) -> tuple[SegmentFit, ...]:
-    """Choose and fit the terms of one segment for every placement of its scaling. The placement
-    with the smallest training SSE wins, the first of equals. `columns` are those of the curve. The
-    `recipes` differ only in their targets, which share terms and placement.
+    """Choose and fit the terms of one segment at its best placement. `columns` are those of its
+    curve. The `recipes` differ only in their targets, which share terms and placement.
+
+    `origin` labels correlated residuals, shape (n,), for the rows of the segment.
+    """
+    texts, scalings, choices = _best_placement(segment, columns, terms, recipes, origin)
+    head = (segment.id, segment.curve, segment.cell, texts)
+    return tuple(
+        SegmentFit(*head, scaling, choice.with_errors())
+        for scaling, choice in zip(scalings, choices, strict=True)
+    )
+
+
+def _best_placement(
+    segment: Segment,
+    columns: Columns,
+    terms: Sequence[Expression],
+    recipes: Sequence[Recipe],
+    origin: IntArray | None = None,
+) -> _Placed:
+    """Return the placement with the smallest training SSE, the first of equals, and its choices.
 
     All placements share the slope of y, so their scaled SSE are comparable. Up to a million rows
     are sorted first, so that the result does not depend on the order in which a logger wrote them.
-    `origin` labels correlated residuals, shape (n,), for the rows of the segment.
     """
     recipe, n = recipes[0], len(segment.rows)
     most = min(recipe.fit.max_terms, len(terms))
@@ -186,7 +200,7 @@ def fit_together(
     ends = {
         name: np.array(extremes(x)) for name, x in zip(variables, outputs[0].inputs, strict=True)
     }
-    best: tuple[SegmentFit, ...] | None = None
+    best: _Placed | None = None
     least = np.inf
     places = zip(*(one.placements(recipe, variables) for one in outputs), strict=True)
     for place, of_outputs in enumerate(places):
@@ -198,22 +212,18 @@ def fit_together(
         candidates = terms if texts == recipe.dictionary else list(map(parse, texts))
         try:
             if robust:
-                scalings, selections = _robust(candidates, scalings, outputs, recipe, place)
+                scalings, choices = _robust(candidates, scalings, outputs, recipe, place)
             else:
-                selections = _selected_terms(candidates, scalings, outputs, recipe)
+                choices = _chosen_terms(candidates, scalings, outputs, recipe)
         except NotFinite as error:
             remedy = (
                 "terms are evaluated in the scaled coordinates of a segment; set "
                 "fit.scaling: none, or remove the term"
             )
             raise DataError(f"segment {segment.id}: {error}", remedy) from error
-        left = sum(getattr(selection, missed) for selection in selections)
+        left = sum(getattr(choice.selection, missed) for choice in choices)
         if best is None or left < least * (1 - TIE_TOLERANCE):
-            least, head = left, (segment.id, segment.curve, segment.cell, texts)
-            best = tuple(
-                SegmentFit(*head, scaling, selection)
-                for scaling, selection in zip(scalings, selections, strict=True)
-            )
+            least, best = left, (texts, scalings, choices)
     assert best is not None  # there is at least one placement
     return best
 
@@ -294,7 +304,7 @@ def _robust(
     outputs: Sequence[_Samples],
     recipe: Recipe,
     place: int,
-) -> tuple[Sequence[Scaling], Sequence[Selection]]:
+) -> tuple[Sequence[Scaling], Sequence[Choice]]:
     """Return one placement with an anchor, and terms, that no outlier decides.
 
     Outliers are found by robust fits with a free offset, which no anchor constrains. One fit has as
@@ -306,8 +316,9 @@ def _robust(
     ways = []
     for count in dict.fromkeys((most + 1, max(most + 1, min(len(free), n // SAMPLES_PER_TERM)))):
         more = replace(recipe, fit=replace(recipe.fit, max_terms=count, tolerance=0.0))
-        found, anchored, starting = _selected_terms(free, scalings, outputs, more), [], []
-        for one, scaling, selection in zip(outputs, scalings, found, strict=True):
+        choices, anchored, starting = _chosen_terms(free, scalings, outputs, more), [], []
+        for one, scaling, choice in zip(outputs, scalings, choices, strict=True):
+            selection = choice.selection
             chosen = [free[i] for i in selection.chosen]
             blocks = one.weighing.rows(partial(one.blocks, chosen, scaling))()
             left = np.concatenate([y - P @ selection.theta for P, y in blocks])
@@ -315,18 +326,17 @@ def _robust(
             anchored.append(one.placements(recipe, scaling.variables, weights)[place])
             starting.append(replace(one, weighing=replace(one.weighing, start=weights)))
         ways += [
-            (anchored, _selected_terms(terms, anchored, some, recipe))
-            for some in (outputs, starting)
+            (anchored, _chosen_terms(terms, anchored, some, recipe)) for some in (outputs, starting)
         ]
-    return min(ways, key=lambda way: sum(one.scale for one in way[1]))
+    return min(ways, key=lambda way: sum(choice.selection.scale for choice in way[1]))
 
 
-def _selected_terms(
+def _chosen_terms(
     terms: Sequence[Expression],
     scalings: Sequence[Scaling],
     outputs: Sequence[_Samples],
     recipe: Recipe,
-) -> tuple[Selection, ...]:
+) -> tuple[Choice, ...]:
     """Return the terms that FROLS chooses, for each output.
 
     The dictionary is built block by block if one or two passes over it are enough, so that it is
@@ -337,21 +347,23 @@ def _selected_terms(
         one.weighing.in_unit(scaling.y_slope)
         for one, scaling in zip(outputs, scalings, strict=True)
     ]
+    problems = [
+        Regression(
+            partial(one.blocks, terms, scaling),
+            weighing,
+            lambda chosen, one=one, scaling=scaling: partial(  # type: ignore[misc]
+                one.blocks, [terms[i] for i in chosen], scaling
+            ),
+        )
+        for one, scaling, weighing in zip(outputs, scalings, weighings, strict=True)
+    ]
     if len(outputs) > 1 or reads_once(n, len(terms), recipe.fit.max_terms):
-        problems = [
-            Regression(
-                partial(one.blocks, terms, scaling),
-                weighing,
-                lambda chosen, one=one, scaling=scaling: partial(  # type: ignore[misc]
-                    one.blocks, [terms[i] for i in chosen], scaling
-                ),
-            )
-            for one, scaling, weighing in zip(outputs, scalings, weighings, strict=True)
-        ]
-        return frols_together(problems, *how, stop=recipe.fit.stop)
+        return choose_together(problems, *how, stop=recipe.fit.stop)
     z, target = outputs[0].scaled(slice(0, n), scalings[0])
     P = dictionary_matrix(terms, z, n)
-    return (frols(P, target, *how, stop=recipe.fit.stop, weighing=weighings[0]),)
+    choice = choose(P, target, *how, stop=recipe.fit.stop, weighing=weighings[0])
+    # a wide dictionary is not kept beside that of the next placement
+    return (replace(choice, only=problems[0].of),)
 
 
 def fuse(

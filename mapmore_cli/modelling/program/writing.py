@@ -209,72 +209,86 @@ def limit(m: Writer, ranges: Sequence[CurveRange], level: str | None, inputs: In
 
 
 def pruned(model: Program) -> Program:
-    """Return the program with only the statements that its results and its memory need."""
-    body = pruned_block(
-        model.body,
-        names_in(side for limit in model.limits for side in (limit.value, limit.at or ZERO)),
-    )
-    used, functions = {*names_used_in(body)}, list[Function]()
-    for function in reversed(model.functions):  # each function uses earlier ones only
+    """Return the program with only the statements that its results and its memory depend on."""
+    limits = names_in(side for limit in model.limits for side in (limit.value, limit.at or ZERO))
+    body, used = _needed_in(model.body, limits)
+    functions = list[Function]()
+    for function in reversed(model.functions):  # each uses earlier ones only
         if function.name in used:
-            functions.append(replace(function, body=pruned_block(function.body)))
-            used |= names_used_in(functions[-1].body)
+            kept, names = _needed_in(function.body)
+            functions.append(replace(function, body=kept))
+            used |= names
     return replace(model, functions=tuple(reversed(functions)), body=body)
 
 
-def pruned_block(block: Block, also: Set[str] = frozenset()) -> Block:
+def pruned_block(block: Block) -> Block:
+    """Return the block with only the statements that its results and its memory depend on."""
+    return _needed_in(block)[0]
+
+
+def _needed_in(block: Block, also: Set[str] = frozenset()) -> tuple[Block, set[str]]:
     """Return the block with only the statements that its results, its memory and the names in
-    `also` need.
+    `also` depend on; and the names that it uses.
     """
-    used = {*names_in(block.results), *also}
-    kept: list[Statement] = []
+    used, kept = {*names_in(block.results), *also}, list[Statement]()
     for statement in reversed(block.statements):
-        needed = _used(statement, used)
+        needed = _needed_of(statement, used)
         if needed is not None:
-            kept.append(needed)
-            used |= names_used_by(needed)
-    return Block(tuple(reversed(kept)), block.results)
+            kept.append(needed[0])
+            used |= needed[1]
+    return Block(tuple(reversed(kept)), block.results), used
+
+
+def _needed_of(statement: Statement, used: Set[str]) -> tuple[Statement, Set[str]] | None:
+    """Return the part of a statement whose results are `used`, and the names that it uses; None if
+    no result is.
+    """
+    match statement:
+        case Let(name) | Recall(name):
+            if name not in used:
+                return None
+        case Use(names):
+            if used.isdisjoint(names):
+                return None
+        case Choose(names, cases):
+            places = [place for place, name in enumerate(names) if name in used]
+            if not places:
+                return None
+            sides, names_of_sides = zip(
+                *(
+                    _needed_in(Block(one.statements, tuple(one.results[i] for i in places)))
+                    for one in statement.blocks
+                ),
+                strict=True,
+            )
+            chosen = Choose(
+                tuple(names[i] for i in places),
+                tuple(zip((condition for condition, _ in cases), sides, strict=False)),
+                sides[-1],
+            )
+            return chosen, _names_of_conditions(statement).union(*names_of_sides)
+    return statement, names_used_by(statement)
 
 
 def names_used_by(statement: Statement) -> Set[str]:
     """Return every name that a statement uses, including names of functions."""
     match statement:
         case Let(_, value) | Keep(_, value) | Queue(_, value):
-            return set(value.names)
+            return value.names
         case Use(_, function, arguments):
             return {function, *names_in(arguments)}
-        case Choose(_, cases):
-            conditions = names_in(
-                side for condition, _ in cases for side in (condition.left, condition.right)
-            )
-            return conditions.union(*map(names_used_in, statement.blocks))
+        case Choose():
+            return _names_of_conditions(statement).union(*map(names_used_in, statement.blocks))
         case Recall():
-            return set()
+            return frozenset()
+
+
+def _names_of_conditions(choice: Choose) -> frozenset[str]:
+    return names_in(
+        side for condition, _ in choice.cases for side in (condition.left, condition.right)
+    )
 
 
 def names_used_in(block: Block) -> Set[str]:
     """Return every name that a block uses."""
     return names_in(block.results).union(*map(names_used_by, block.statements))
-
-
-def _used(statement: Statement, used: Set[str]) -> Statement | None:
-    """Return the part of a statement that is used; None if nothing is."""
-    match statement:
-        case Let(name) | Recall(name):
-            return statement if name in used else None
-        case Use(names):
-            return statement if used & set(names) else None
-        case Choose(names, cases):
-            places = [place for place, name in enumerate(names) if name in used]
-            if not places:
-                return None
-            *sides, last = (
-                pruned_block(Block(block.statements, tuple(block.results[i] for i in places)))
-                for block in statement.blocks
-            )
-            return Choose(
-                tuple(names[i] for i in places),
-                tuple(zip((c for c, _ in cases), sides, strict=True)),
-                last,
-            )
-    return statement

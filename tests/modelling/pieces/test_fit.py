@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from surfaces import recipe
+from surfaces import curves, recipe
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Segment
@@ -14,8 +14,10 @@ from mapmore_cli.domain.recording import uncertainty_of
 from mapmore_cli.modelling.expressions import dictionary_matrix, parse, to_text
 from mapmore_cli.modelling.expressions.families import products
 from mapmore_cli.modelling.frols import frols, reads_once
-from mapmore_cli.modelling.pieces.build import fit_together, scaled_inputs
+from mapmore_cli.modelling.frols.weighing import Choice
+from mapmore_cli.modelling.pieces.build import fit_together, scaled_inputs, segment
 from mapmore_cli.modelling.pieces.placement import placements
+from mapmore_cli.modelling.pieces.recipe import Cuts
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -50,6 +52,23 @@ def test_of_placements_that_err_alike_the_first_is_taken(seed):
     own = Segment("all/all", "all", (), np.arange(60))
     (found,) = fit_together(own, {"strain": x, "force": y}, products(["strain"], 2), [made])
     assert found.scaling.placement == "left"
+
+
+@pytest.mark.parametrize("loss", ["squares", "huber"])
+def test_only_the_fit_that_is_kept_gets_standard_errors(loss, monkeypatch):
+    """Other placements, robust starts and trials of `optimal` cuts are compared by what they leave
+    alone; standard errors would take as long as all of that.
+    """
+    counted, with_errors = [], Choice.with_errors
+    monkeypatch.setattr(
+        Choice, "with_errors", lambda choice: counted.append(choice) or with_errors(choice)
+    )
+    x, y = falling(1)
+    fitted(x, y, loss=loss)
+    assert len(counted) == 1
+    trials = recipe(cuts={"strain": Cuts("optimal", 2)}, loss=loss)
+    assert segment(curves(n=40)[:1], trials)
+    assert len(counted) == 1
 
 
 def test_the_anchor_does_not_hang_on_one_noisy_sample():
