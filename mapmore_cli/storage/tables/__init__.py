@@ -27,7 +27,8 @@ class TableRequest:
     - `header`: number of header lines, the first of which holds the names (text, sheets).
     - `skip_rows`: lines before the header (text, sheets).
     - `delimiter`: one character, `tab`, or `whitespace`: any run of blanks and tabs (text).
-    - `decimal`, `thousands`: what stands between the digits of the numbers (text).
+    - `decimal`, `thousands`: what stands between the digits of the numbers (texts, and cells that
+      hold texts).
     - `comment`: how lines begin that are no records (text).
     - `encoding`: of the characters (text); a byte order mark of UTF-8 is swallowed.
     - `sheet`: title of the sheet, or a glob of which every match is a recording; the first that is
