@@ -298,8 +298,15 @@ def several(spec: ExperimentSpec) -> Iterator[Finding]:
     if not spec.also:
         return
     names = spec.targets
+    alone = f"write a separate spec for each of {', '.join(names)}"
+    if spec.model.type == "auto":
+        yield Finding(
+            "target",
+            "the structure search works for one target only, and this spec has several targets",
+            f"write a `dictionary`, from which all targets get the same terms; or {alone}",
+        )
     ways = [way for way in OF_ONE if attrgetter(HELD.get(way, way))(spec)]
-    ways += ["model.type"] * (spec.model.type != "mapmore")
+    ways += ["model.type"] * (spec.model.type not in ("mapmore", "auto"))
     ways += ["fit.stop"] * (spec.fit.stop == "free_run")
     wrong = [(way, f"`{way.split('.')[-1]}` works for one target only") for way in ways]
     for name, cut in spec.segment.items():
@@ -321,9 +328,8 @@ def several(spec: ExperimentSpec) -> Iterator[Finding]:
             wrong.append(("target", f"`{name}` is named twice"))
         if name in get_args(TargetKind):
             wrong.append(("target", f"`{name}` is a component of one target"))
-    remedy = f"write a separate spec for each of {', '.join(names)}"
     for way, what in wrong:
-        yield Finding(way, f"{what}, and this spec has several targets", remedy)
+        yield Finding(way, f"{what}, and this spec has several targets", alone)
 
 
 def kind(spec: ExperimentSpec) -> Iterator[Finding]:

@@ -190,6 +190,14 @@ def test_units_and_limits_are_of_each_output(slow, mapmore, document):
             ),
             "`type` works for one target only",
         ),
+        (
+            ("dictionary=null", "segment=null", "fit=null"),
+            "the structure search works for one target only",
+        ),
+        (
+            ("dictionary=null", "segment=null", "fit=null", "model={type: auto, budget: 5 s}"),
+            "write a `dictionary`, from which all targets get the same terms",
+        ),
         (("model={backbone: sarosi}",), "`backbone` works for one target only"),
         (("segment.force={method: gradient, count: 2}",), "`gradient` works for one target only"),
         (("fit.shape={pressure: increasing}",), "`shape` works for one target only"),

@@ -3,7 +3,10 @@ compiler, Python without NumPy.
 """
 
 import ctypes
+import io
+import zipfile
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,11 +19,14 @@ from scipy.interpolate import RegularGridInterpolator
 from scipy.io import loadmat
 
 import mapmore_cli as mm
-from mapmore_cli.annexes.exporting.exports import exported
+from mapmore_cli.annexes.exporting.exports import EXPORTERS, exported
 from mapmore_cli.annexes.exporting.python_module import python_module
+from mapmore_cli.annexes.exporting.templates import COMMENTS, NOTICE
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.modelling.kinds import fed_back, outside_range, predict
 from mapmore_cli.modelling.programs import slopes
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def imported(model):
@@ -151,6 +157,22 @@ def model():
 
 def columns():
     return {"pressure": PLACES[:, 0], "strain": PLACES[:, 1]}
+
+
+def test_every_file_of_code_names_the_licence(model):
+    copyright_line = next(
+        line for line in (ROOT / "LICENSE").read_text().splitlines() if "Copyright" in line
+    )
+    assert copyright_line in NOTICE
+    for to in EXPORTERS:
+        grid = "pressure=100:200:50,strain=0:0.1:0.05" if to == "csv" else None
+        files = exported(model, to, grid=grid, verify=False)
+        if to.startswith("fmu"):
+            with zipfile.ZipFile(io.BytesIO(*files.values())) as archive:
+                files = {name: archive.read(name) for name in archive.namelist()}
+        for name, content in files.items():
+            is_code = Path(name).suffix in COMMENTS
+            assert (NOTICE.encode() in content) is is_code, name
 
 
 def test_the_table_is_the_model(model, tmp_path):

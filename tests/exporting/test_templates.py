@@ -197,7 +197,7 @@ WRITTEN = {*tex_commands("".join(templates.tex_text(chr(code)) for code in range
 def compiles(files, folder):
     """Check the syntax of the C of a model, with trigraphs."""
     sources = [data for key, data in files.items() if key.startswith("c ")]
-    name = re.match(rb'#include "(\w+)\.h"', sources[1])
+    name = re.search(rb'#include "(\w+)\.h"', sources[1])
     (folder / f"{name[1].decode()}.h").write_bytes(sources[0])
     (folder / "source.c").write_bytes(sources[1])
     line = [

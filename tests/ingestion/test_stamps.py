@@ -94,7 +94,7 @@ def test_a_clock_that_was_set_back_is_none_that_begins_anew(ingest, cells):
         ({"thousands": ".", "delimiter": ";"}, "separator of thousands"),
         ({"thousands": " ", "delimiter": "whitespace"}, "separator of thousands"),
         ({"thousands": "x"}, "thousands"),
-        ({"thousands": "'", "reader": "xlsx"}, "cannot use `thousands`"),
+        ({"thousands": "'", "reader": "lvm"}, "cannot use `thousands`"),
     ],
 )
 def test_keys_that_cannot_be_meant(changes, part):

@@ -22,6 +22,7 @@ from mapmore_cli.annexes.exporting.templates import (
     name_of_output,
     names_of_inputs,
     rendered_template,
+    with_notice,
 )
 from mapmore_cli.annexes.exporting.verifying import middle
 from mapmore_cli.domain import plugins
@@ -108,4 +109,9 @@ def exported(
     wanted, files = Wanted(single, grid, verify, warn), dict[str, str | bytes]()
     for one in [model] if to in SEVERAL else model.each:
         files |= EXPORTERS[to](one, wanted)
+    if to not in _ADDED:
+        files = {
+            name: with_notice(name, data) if isinstance(data, str) else data
+            for name, data in files.items()
+        }
     return {name: data.encode() if isinstance(data, str) else data for name, data in files.items()}

@@ -14,7 +14,7 @@ from uuid import UUID
 
 from mapmore_cli import __version__
 from mapmore_cli.annexes.exporting.c_source import CSource, c_source, functions
-from mapmore_cli.annexes.exporting.templates import Wanted, rendered_template, source
+from mapmore_cli.annexes.exporting.templates import Wanted, rendered_template, source, with_notice
 from mapmore_cli.annexes.exporting.verifying import (
     CompilerMissing,
     built,
@@ -75,7 +75,9 @@ def unit_file(model: Model, wanted: Wanted, standard: int = 2) -> dict[str, byte
     """
     unit = fmu_sources(model, f"mapmore {__version__}", standard)
     files = {"modelDescription.xml": unit.description.encode()}
-    files |= {f"sources/{name}": text.encode() for name, text in unit.sources.items()}
+    files |= {
+        f"sources/{name}": with_notice(name, text).encode() for name, text in unit.sources.items()
+    }
     try:
         if wanted.verify:
             # the program of FMI 3 has the functions in itself

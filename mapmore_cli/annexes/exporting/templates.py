@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
+from pathlib import PurePath
 from xml.sax.saxutils import quoteattr
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -215,6 +216,28 @@ def note(text: str) -> Code:
     else.
     """
     return Code(plain(text))
+
+
+NOTICE = (
+    "This file contains code of mapmore. Copyright (c) 2026 The mapmore authors. "
+    "SPDX-License-Identifier: MIT"
+)
+COMMENTS = {
+    **dict.fromkeys((".c", ".h"), "/* {} */"),
+    **{".py": "# {}", ".m": "% {}", ".mjs": "// {}", ".mo": "// {}"},
+}
+"""How a comment is written in files of code, by the ending of their names."""
+
+
+def with_notice(name: str, text: str) -> str:
+    """Return the text of a file with the notice that the licence of our templates asks for, if it
+    is code. It stands at the end in MATLAB, where the first comment is the help of the function.
+    """
+    comment = COMMENTS.get(PurePath(name).suffix)
+    if comment is None:
+        return text
+    line = comment.format(NOTICE)
+    return f"{text}\n{line}\n" if name.endswith(".m") else f"{line}\n{text}"
 
 
 def rendered_template(template: str, **words: object) -> Code:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -80,4 +81,7 @@ def _unit_noted(file: ParquetFile, field: Field) -> str:
     return ""
 
 
-READER = tree_reader("parquet", opened_parquet, (".parquet",), "force", by_index=False)
+READER = replace(
+    tree_reader("parquet", opened_parquet, (".parquet",), "force", by_index=False),
+    keys=("root",),  # its columns hold no texts
+)

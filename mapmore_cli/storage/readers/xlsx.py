@@ -9,9 +9,10 @@ import os
 import subprocess
 import sys
 import zipfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,7 @@ from mapmore_cli.storage.tables import (
     refuse_bombs,
 )
 from mapmore_cli.storage.tables.below import Below, chosen_table, tables_below
-from mapmore_cli.storage.tables.cells import Lacking, holds_number
+from mapmore_cli.storage.tables.cells import Lacking, holds_number, number_of
 from mapmore_cli.storage.tables.lines import head_of
 from mapmore_cli.storage.tables.rows import Row, table_of_rows
 
@@ -109,19 +110,41 @@ def peek_xlsx(path: Path, most: int) -> Iterable[Top]:
     """
     with reading(path.name, "workbook"):
         sheets = _visible_sheets(_sheets_in(path, path.name, most))
-    return [
-        Top(sheet.rows, _is_no_text, {"sheet": sheet.title} if number else {}, sheet=sheet.title)
-        for number, sheet in enumerate(sheets)
-        if sheet.rows or not number
-    ]
+    tops = []
+    for number, sheet in enumerate(sheets):
+        if sheet.rows or not number:
+            decimal = _decimal_in_texts(sheet.rows)
+            settings = {"sheet": sheet.title} if number else {}
+            if decimal == ",":
+                settings["decimal"] = decimal
+            tops.append(Top(sheet.rows, _number_rule(decimal), settings, sheet=sheet.title))
+    return tops
 
 
 def _is_filled(cell: object) -> bool:
     return bool(str(cell).strip() if isinstance(cell, str | Lacking) else cell is not None)
 
 
-def _is_no_text(cell: object) -> bool:
-    return not isinstance(cell, str) and holds_number(cell)
+def _decimal_in_texts(rows: Iterable[Sequence[Any]]) -> str | None:
+    """Return the decimal mark of the numbers that are written as texts; None if there are fewer
+    than two of them, because a title or a remark can look like a number, too.
+    """
+    texts = [cell for row in rows for cell in row if isinstance(cell, str)]
+    counts = {
+        mark: sum(mark in text and number_of(text, mark) is not None for text in texts)
+        for mark in (".", ",")
+    }
+    mark = max(counts, key=counts.__getitem__)
+    return mark if counts[mark] > 1 else None
+
+
+def _number_rule(decimal: str | None) -> Callable[[Any], bool]:
+    """Return the rule which cells hold numbers. Texts do if they have a decimal mark; without one
+    they are titles, as `2026`.
+    """
+    if decimal is None:
+        return lambda cell: not isinstance(cell, str) and holds_number(cell)
+    return partial(holds_number, decimal=decimal)
 
 
 def _sheets_in(path: Path, label: str, most: int = 0) -> list[SheetCells]:
@@ -222,7 +245,8 @@ def _table_of_sheet(sheet: SheetCells, request: TableRequest) -> RawTable:
     if not rows:
         raise DataError(f"{label}: the sheet is empty")
     if request.table is not None:
-        found = chosen_table(rows, request, _is_no_text)
+        rule = _number_rule(_decimal_in_texts(row for _, row in rows))
+        found = chosen_table(rows, request, rule)
         rows = [*found.header, *found.rows]
     top, first = rows[0]
     names = [str(cell).strip() for cell in first] if request.header else None
@@ -270,14 +294,16 @@ def below_xlsx(path: Path, request: TableRequest) -> list[Below]:
     """Return the tables that stand below each other in the requested sheet."""
     with reading(request.label, "workbook"):
         sheets, _ = _chosen_sheets(_sheets_in(path, request.label), request)
-    return tables_below(sheets[0].filled_rows(0), request.header, _is_no_text)
+    rows = sheets[0].filled_rows(0)
+    rule = _number_rule(_decimal_in_texts(row for _, row in rows))
+    return tables_below(rows, request.header, rule)
 
 
 READER = Reader(
     "xlsx",
     read_xlsx,
     suffixes=(".xlsx", ".xlsm", ".xlsb", ".xls", ".ods"),
-    keys=("header", "skip_rows", "table", "sheet", "hidden"),
+    keys=("header", "skip_rows", "table", "decimal", "thousands", "sheet", "hidden"),
     peek=peek_xlsx,
     below=below_xlsx,
 )

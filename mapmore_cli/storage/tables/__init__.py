@@ -27,7 +27,8 @@ class TableRequest:
     - `header`: number of header lines, the first of which holds the names (text, sheets).
     - `skip_rows`: lines above the header (text, sheets).
     - `delimiter`: one character, `tab`, or `whitespace`: any run of blanks and tabs (text).
-    - `decimal`, `thousands`: separators in numbers (text).
+    - `decimal`, `thousands`: separators in numbers (texts, and cells that
+      hold texts).
     - `comment`: beginning of lines that are no records (text).
     - `encoding`: encoding of the characters (text); a UTF-8 byte order mark is skipped.
     - `sheet`: title of the sheet, or a glob of which every match is a recording; None for the first

@@ -49,7 +49,8 @@ def tree_reader(
         with opened(path, path.name, None) as top:
             return [first_rows(top, most, separator)]
 
-    return Reader(name, read, suffixes, ("root",), column, by_index, peek)
+    keys = ("root", "decimal", "thousands")
+    return Reader(name, read, suffixes, keys, column, by_index, peek)
 
 
 class Place(NamedTuple):

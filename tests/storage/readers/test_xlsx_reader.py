@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from reading import other_workbook, refusal, table_of, workbook
 
+from mapmore_cli.annexes.drafting.preview import preview
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.study.sections.logs import Logs
 
 TABLE = [["t", "F", "note"], [0, 1.5, "a"], [0.5, -2, None], [], [1.0, None, "b"]]
 
@@ -44,6 +46,39 @@ def test_workbooks_of_other_programs(tmp_path, suffix):
         refusal(["a.xlsx: the file is damaged, or is no workbook"], "xlsx", path, "t")
     path.write_text("t\tF\n1\t2\n")
     refusal(["a.xlsx: is a text under the name of a workbook", ".txt"], "xlsx", path, "t")
+
+
+TEXTS = [["t", "F"], ["s", "N"], ["0", "1.000,5"], ["0,5", "-2,25"], ["1,0", " "]]
+
+
+@pytest.mark.parametrize("suffix", [".xlsx", ".xls", ".ods"])
+def test_texts_with_decimal_commas_are_read_as_the_message_recommends(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    workbook(path, a=TEXTS) if suffix == ".xlsx" else other_workbook(path, TEXTS)
+    refusal(["row 4, column t: '0,5'", 'say which, as `decimal: ","`'], "xlsx", path, "t", header=2)
+    table = read(path, "t", "F", header=2, decimal=",", thousands=".")
+    np.testing.assert_array_equal(table.columns["t"], [0, 0.5, 1])
+    np.testing.assert_array_equal(table.columns["F"], [1000.5, -2.25, np.nan])
+    plain = [[cell.replace("1.000", "1000") for cell in row] for row in TEXTS]
+    twice = [*plain, [], *plain]
+    workbook(path, a=twice) if suffix == ".xlsx" else other_workbook(path, twice)
+    second = read(path, "t", header=2, decimal=",", table=2)
+    np.testing.assert_array_equal(second.columns["t"], [0, 0.5, 1])
+    columns = {name: {"column": name} for name in ("t", "F")}
+    keys = {"decimal": ",", "thousands": "."}
+    Logs.model_validate({"files": [path.name], "reader": "xlsx", "columns": columns, **keys})
+
+
+@pytest.mark.parametrize(("mark", "settings"), [(",", {"decimal": ","}), (".", {})])
+def test_texts_with_decimal_marks_are_numbers_for_a_draft(tmp_path, mark, settings):
+    rows = [[text.replace(".", mark) for text in (f"{k / 10}", f"{k}.5")] for k in range(9)]
+    workbook(tmp_path / "a.xlsx", a=[["t [s]", "Force [N]"], *rows])
+    layout = preview(tmp_path / "a.xlsx")
+    assert layout.columns == ("t [s]", "Force [N]")
+    assert layout.numeric == (0, 1)
+    assert {key: layout.settings[key] for key in layout.settings if key == "decimal"} == settings
+    workbook(tmp_path / "b.xlsx", a=[["time", "2026"], *([k, k / 3] for k in range(9))])
+    assert preview(tmp_path / "b.xlsx").columns == ("time", "2026")
 
 
 def test_without_header_after_skipped_rows(book):
