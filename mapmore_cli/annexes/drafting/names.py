@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mapmore_cli.annexes.drafting.answers import Hold
-from mapmore_cli.annexes.drafting.columns import words
+from mapmore_cli.annexes.drafting.spelling import words
 from mapmore_cli.checking.names import read_label
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.storage.readers import suffix_of

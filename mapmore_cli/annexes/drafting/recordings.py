@@ -13,13 +13,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from mapmore_cli.annexes.drafting.columns import (
-    Table,
-    find,
-    known_by_titles,
-    named_by_person,
-    read_titles,
-)
+from mapmore_cli.annexes.drafting.by_person import named_by_person
+from mapmore_cli.annexes.drafting.by_titles import known_by_titles
+from mapmore_cli.annexes.drafting.columns import Table, find, read_titles
 from mapmore_cli.annexes.drafting.draft import Column, Conditions, Draft, Named, Section
 from mapmore_cli.annexes.drafting.names import told_by_names
 from mapmore_cli.annexes.drafting.sources import Study, started

@@ -9,15 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from mapmore_cli.annexes.drafting.answers import Answers
-from mapmore_cli.annexes.drafting.columns import (
-    Table,
-    find,
-    kind_to_predict,
-    known_by_titles,
-    named_by_person,
-    refuse_choice,
-    target_of,
-)
+from mapmore_cli.annexes.drafting.by_person import named_by_person, refuse_choice
+from mapmore_cli.annexes.drafting.by_titles import kind_to_predict, known_by_titles, target_of
+from mapmore_cli.annexes.drafting.columns import Table, find
 from mapmore_cli.annexes.drafting.draft import Column, Named
 from mapmore_cli.annexes.drafting.names import Condition, told_by_names
 from mapmore_cli.annexes.drafting.sources import Study
