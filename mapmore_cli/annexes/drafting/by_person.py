@@ -31,7 +31,8 @@ def named_by_person(said: Named, table: Table, option: str, known: Named) -> Nam
         chosen = one if is_named or one.unit else usual
         unit = chosen.unit or usual.unit
         sure = usual.sure or bool(one.unit) or option == "--columns"
-        why = f"you; {range_of(titled.values, unit)}" if sure else usual.why
+        values = [chosen.scale * x + chosen.offset for x in titled.values]
+        why = f"you; {range_of(values, unit)}" if sure else usual.why
         columns[name] = replace(chosen, column=titled.column, unit=unit, sure=sure, why=why)
     return columns
 
@@ -79,9 +80,15 @@ def refuse_choice(table: Table, where: str, path: str) -> UsageError:
         else f"mapmore init {path} --target force={follow}:N --inputs "
         f"pressure={drive[-1] if drive else follow}:bar{time}  (numbers of the list)"
     )
+    apart = next((one for one in table.values() if one.blocks), None)
+    if apart is not None:
+        how = how.replace("  (", f" --recordings {apart.asked_for}  (")
+        columns = {one.place: one for one in table.values() if one is apart or one.place in columns}
+    rows = [f"  {place}  {one.described}" for place, one in columns.items()]
     rows = [
-        f"  {place}  {one.described}{'  rises all the time: a clock?' if place == clock else ''}"
-        for place, one in columns.items()
+        f"{row}{'  rises all the time: a clock?' if place == clock else ''}"
+        f"{'  stands in blocks of rows: is each a recording?' if one is apart else ''}"
+        for row, (place, one) in zip(rows, columns.items(), strict=True)
     ]
     heading = f"{where}: titles do not say what is to be predicted. Columns that move:"
     return UsageError("\n".join([heading, *rows]), f"complete this: {how}")

@@ -9,6 +9,7 @@ import numpy as np
 
 from mapmore_cli.annexes.drafting.columns import KINDS, Table, TitledColumn, unit_of_clock
 from mapmore_cli.annexes.drafting.draft import Column, Named, NamedColumn
+from mapmore_cli.annexes.drafting.names import is_repeat
 from mapmore_cli.annexes.drafting.spelling import words
 from mapmore_cli.checking.evidence import same_signals
 from mapmore_cli.checking.names import POSITIONS, read_label
@@ -68,6 +69,8 @@ def _why_unused(one: TitledColumn, has_clock: bool) -> str:
         return f"rises all the time: where it is the clock, name it, as `time={one.place}:{unit}`"
     if _NO_MEASUREMENT & {*words(one.title)}:
         return "was computed, as its title says"
+    if one.blocks and any(map(is_repeat, words(one.title))):
+        return "numbers recordings or specimens: name it by --inputs to use it"
     return "counts its rows" if not one.quantity and one.counts else ""
 
 

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import zip_longest
+from shlex import quote
 
 import numpy as np
 
@@ -41,6 +42,9 @@ class TitledColumn:
         Empty where it has none.
     values
         One array `(n,)` for each file; none for a column of texts.
+    texts, numbered
+        The texts that its cells are, and their numbers from 1, as arrays `(n,)`; none for a column
+        of numbers.
     quantity
         The quantity that its title names; empty for none.
     plain
@@ -57,6 +61,8 @@ class TitledColumn:
     plain: bool
     unit: str
     source: str
+    texts: Sequence[str] = ()
+    numbered: Sequence[Array] = ()
 
     @property
     def kind(self) -> str:
@@ -71,8 +77,15 @@ class TitledColumn:
         )
 
     @property
+    def asked_for(self) -> str:
+        """Return how a command names it: by its title in quotes, else by its place."""
+        return quote(self.title) if self.title else str(self.place)
+
+    @property
     def described(self) -> str:
-        """Its name with its range, and its unit where that is known."""
+        """Its name with its range, and its unit where that is known, or with its texts."""
+        if self.texts:
+            return f"{self.called}  {len(self.texts)} texts, {self.texts[0]} to {self.texts[-1]}"
         return f"{self.called}  {range_of(self.values, self.unit or '1')}"
 
     @property
@@ -127,6 +140,20 @@ class TitledColumn:
         return all(len(one) > 1 and (np.diff(one) == 1).all() for one in self.values)
 
     @property
+    def blocks(self) -> int:
+        """How many recordings it may tell apart: the rows of each text, or of each number of those
+        that count, stand together in a file; 0 where it tells none apart.
+        """
+        series = self.numbered or self.values
+        changes = sum(int(np.count_nonzero(np.diff(x))) for x in series)
+        kinds = sum(len(np.unique(x)) for x in series)
+        pooled = np.unique(np.concatenate(series)) if series else np.empty(0)
+        counts = len(pooled) > 1 and pooled[0] in (0, 1) and bool((np.diff(pooled) == 1).all())
+        is_named = bool(self.quantity or self.unit)
+        is_apart = counts and not is_named and kinds == changes + len(series) > len(series)
+        return kinds if is_apart and sum(map(len, series)) >= FEWEST_ROWS * kinds else 0
+
+    @property
     def is_time(self) -> bool:
         """Whether title or unit say that it is the time."""
         by_unit = not self.quantity and bool(unit_of(self.unit, "s"))
@@ -142,6 +169,8 @@ class TitledColumn:
 
         A canonical quantity without a unit is in the model's, which is a question.
         """
+        if self.texts:
+            return NamedColumn(self.column, "1", "you; texts are numbered", texts=True)
         if self.unit or name not in CANONICAL:
             why = f"{self.source or 'title'}; {range_of(self.values, self.unit or '1')}"
             return NamedColumn(self.column, self.unit or "1", why)
@@ -156,17 +185,28 @@ class TitledColumn:
 TURNS = (24.0, 60.0, 1000.0, 3600.0, 86400.0)
 """Where hours, minutes, milliseconds, and seconds of an hour and of a day begin anew."""
 
+FEWEST_ROWS = 5
+"""Rows of a recording, on the average, that a column tells apart."""
+
+Texts = tuple[Sequence[str], Sequence[Array]]
+"""The texts of a column, and their numbers from 1 on, one array `(n,)` for each file."""
+
 Table = Mapping[Column, TitledColumn]
 """All columns of some files, in their order."""
 
 
-def read_titles(layout: Preview, raw: Raw) -> Table:
-    """Return the columns of files, with what their titles and the files' own units say."""
-    texts = zip_longest(layout.columns, layout.titles, layout.units, fillvalue="")
-    return {
+def read_titles(layout: Preview, raw: Raw, texts: Mapping[Column, Texts] | None = None) -> Table:
+    """Return the columns of files, with what their titles and the files' own units say; those of
+    texts with these.
+    """
+    lines = zip_longest(layout.columns, layout.titles, layout.units, fillvalue="")
+    table = {
         column: _read_title(column, place, title, raw.get(column, ()), unit)
-        for place, (column, title, unit) in enumerate(texts)
+        for place, (column, title, unit) in enumerate(lines)
     }
+    for column, (words_of_column, numbers) in (texts or {}).items():
+        table[column] = replace(table[column], texts=words_of_column, numbered=numbers)
+    return table
 
 
 def _read_title(
@@ -176,24 +216,28 @@ def _read_title(
     volts of a force.
     """
     label = read_label(title)
-    texts = [*_BRACKETS.findall(title), *_BEHIND.findall(title), line]
+    is_ratio = line == "1"  # of cells that are shown in per cent, whatever the title says
+    texts = ["1"] if is_ratio else [*_BRACKETS.findall(title), *_BEHIND.findall(title), line]
     unit = next((one for text in texts if (one := unit_of(text))), "")
     quantity, is_plain = "", False
     if label is not None:
         like = CANONICAL.get(label.quantity) if label.quantity != "input" else None
-        own_unit = label.unit or next((one for text in texts if (one := unit_of(text, like))), "")
+        own_unit = (label.unit if not is_ratio else None) or next(
+            (one for text in texts if (one := unit_of(text, like))), ""
+        )
         if own_unit or not unit:
             quantity, is_plain, unit = label.quantity, label.plain, own_unit
     source = "" if not unit else "the file's units" if unit_of(line) else "title"
     return TitledColumn(column, place, title, values, quantity, is_plain, unit, source)
 
 
-def find(table: Table, wanted: Column, option: str) -> TitledColumn:
-    """Return the column of a place, a title, or a word that one title alone has.
+def find(table: Table, wanted: Column, option: str, texts: bool = False) -> TitledColumn:
+    """Return the column of a place, a title, or a word that one title alone has; with `texts` also
+    one of texts.
 
     Raises UsageError, which lists the columns, for what is none, or several.
     """
-    numbers = [one for one in table.values() if one.values]
+    numbers = [one for one in table.values() if one.values or (texts and one.texts)]
     rules = [lambda one: one.column == wanted, lambda one: one.place == wanted]
     if isinstance(wanted, str):
         parts = words(wanted)
@@ -204,7 +248,8 @@ def find(table: Table, wanted: Column, option: str) -> TitledColumn:
         ]
     near = next(filter(None, ([*filter(rule, numbers)] for rule in rules)), [])
     if len(near) != 1:
-        problem = "several columns are" if near else "no column of numbers is"
+        kind = "" if texts else " of numbers"
+        problem = "several columns are" if near else f"no column{kind} is"
         several = ", ".join(one.called for one in near or numbers)
         raise UsageError(
             f"{option}: {problem} called {wanted}", f"say one of {several}, or its place"

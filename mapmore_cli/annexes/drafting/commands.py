@@ -119,6 +119,8 @@ def init(
         for draft in drafted.drafts:
             if (doubt := draft.open.get(("target",))) is not None:
                 reporter.say(f"{draft.name}: {doubt.why}")
+            for tip in draft.tips:
+                reporter.say(f"{draft.name}: {tip}")
         if output == STANDARD:
             print(drafted.drafts[0].text(), end="")
         else:

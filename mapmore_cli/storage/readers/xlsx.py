@@ -108,10 +108,23 @@ def peek_xlsx(path: Path, most: int) -> Iterable[Top]:
     with reading(path.name, "workbook"):
         sheets = _visible_sheets(_sheets_in(path, path.name, most))
     return [
-        Top(sheet.rows, _is_no_text, {"sheet": sheet.title} if number else {}, sheet=sheet.title)
+        Top(
+            sheet.rows,
+            _is_no_text,
+            {"sheet": sheet.title} if number else {},
+            sheet=sheet.title,
+            units=_ratios_in(sheet),
+        )
         for number, sheet in enumerate(sheets)
         if sheet.rows or not number
     ]
+
+
+def _ratios_in(sheet: SheetCells) -> tuple[str, ...]:
+    """Return 1 for each column in which a cell is shown in per cent, nothing for the others."""
+    columns = zip(*sheet.rows, strict=True)
+    shown = [any(isinstance(cell, Percentage) for cell in column) for column in columns]
+    return tuple("1" if is_ratio else "" for is_ratio in shown) if any(shown) else ()
 
 
 def _is_filled(cell: object) -> bool:

@@ -37,6 +37,8 @@ class TableRequest:
     - `missing`: texts, besides the usual ones, that stand where there is no value (text, sheets).
     - `clocks`: the columns whose cells may be time stamps; `formats`: how `strptime` reads those of
       some; `second`: in their unit.
+    - `thousands_of`: what stands between thousands in some columns.
+    - `texts`: the columns that hold texts, with the number of each text that was read so far.
     - `table`: which one is read of tables that stand below each other, from 1 (text, sheets).
     - `incomplete`: true where records that break off are missing values, False where they are
       errors.
@@ -63,16 +65,27 @@ class TableRequest:
     formats: Mapping[SourceColumn, str] = field(default_factory=dict)
     second: float = 1.0
     table: int | None = None
+    texts: Mapping[SourceColumn, dict[str, float]] = field(default_factory=dict)
+    thousands_of: Mapping[SourceColumn, str] = field(default_factory=dict)
+
+    @property
+    def marks_of_thousands(self) -> set[str]:
+        """What stands between thousands in any column."""
+        return {*filter(None, [self.thousands, *self.thousands_of.values()])}
 
     def cells(self, column: SourceColumn) -> CellReader:
         """Return what reads the cells of a column."""
+        thousands = self.thousands_of.get(column, self.thousands)
+        # where the decimal point stands between thousands, the other mark is the decimal point
+        other = "," if thousands == "." else "."
         return CellReader(
             self.missing,
-            self.decimal,
-            self.thousands,
+            other if thousands == self.decimal else self.decimal,
+            thousands,
             column in self.clocks,
             self.formats.get(column),
             self.second,
+            texts=self.texts.get(column),
         )
 
 

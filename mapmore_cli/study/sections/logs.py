@@ -100,27 +100,8 @@ READERS_OF: Mapping[str, tuple[str, ...]] = {
 """The readers that have a use for a key."""
 
 
+Thousands = Annotated[str, Field(pattern=f"^[{THOUSANDS}]$")]
 TableNumber = Annotated[int, Field(ge=1, le=10_000)]
-
-
-class FileEntry(Section):
-    """Files with what no column holds.
-
-    - `path`: a glob, as `cycle_*.csv`
-    - `set`: quantities that are the same throughout, as `{pressure: 2 bar}`
-    - `id`: the recording's id, where one file matches, as `first`
-    - `sheet`: the sheet of these workbooks, as `Data`
-    - `table`: which one of the tables that stand below each other in these files, from 1, as `2`
-    - `keep`: samples of these files to keep, besides the `keep` of all, as `[{quantity: time,
-      above: 2 s}]`
-    """
-
-    path: SpecPath
-    set: dict[Quantity, OfKey] = {}
-    id: str | None = None
-    sheet: str | None = None
-    table: TableNumber | None = None
-    keep: list[Keep] = []
 
 
 def fault_of_format(text: str, in_parts: bool = False) -> tuple[str, str] | None:
@@ -162,6 +143,10 @@ class SourceColumn(Section):
     - `unwrap`: the number at which an encoder begins anew: jumps by more than half of it are such a
       turn; of `time`, `true` goes on where the clock begins anew, at midnight, after an hour, or at
       2^32 of its unit, as `4096`
+    - `thousands`: what stands between thousands in this column, where that is not `thousands` of
+      the file, as `"."`; a mark that is also the decimal point is no decimal point here
+    - `texts`: whether its cells are texts, as `T01`: each text gets a number, from 1 on, in the
+      order in which they stand; for `recordings` and `groups`, as `true`
     - `columns`: of `time`, the columns of a clock in parts, which are added, as `[date, hour, min]`
     - `format`: of `time`, how its stamps are written, in the codes of Python's `strptime`; of a
       clock in parts for each, in their order, its unit or these codes, as
@@ -174,6 +159,8 @@ class SourceColumn(Section):
     offset: InColumnUnit = 0.0
     rest: Seconds | None = None
     unwrap: Annotated[Annotated[float, Field(gt=0)] | Literal[True], Either()] | None = None
+    thousands: Thousands | None = None
+    texts: bool = False
     columns: list[Annotated[str | int, Either()]] = []
     format: Annotated[str | list[str], Either()] | None = None
 
@@ -239,6 +226,29 @@ CODES = {"%H": "h", "%M": "min", "%S": "s"}
 """Codes of `strptime` of which a column holds nothing but the number."""
 
 
+class FileEntry(Section):
+    """Files with what no column holds.
+
+    - `path`: a glob, as `cycle_*.csv`
+    - `set`: quantities that are the same throughout, as `{pressure: 2 bar}`
+    - `id`: the recording's id, where one file matches, as `first`
+    - `sheet`: the sheet of these workbooks, as `Data`
+    - `table`: which one of the tables that stand below each other in these files, from 1, as `2`
+    - `columns`: columns that these files call otherwise than `data.columns`, or hold in another
+      unit, as `{pressure: {column: "P [bar]", unit: bar}}`
+    - `keep`: samples of these files to keep, besides the `keep` of all, as `[{quantity: time,
+      above: 2 s}]`
+    """
+
+    path: SpecPath
+    set: dict[Quantity, OfKey] = {}
+    id: str | None = None
+    sheet: str | None = None
+    table: TableNumber | None = None
+    columns: dict[Quantity, SourceColumn] = {}
+    keep: list[Keep] = []
+
+
 class Logs(Section):
     """Files of one kind and the columns in them.
 
@@ -271,7 +281,7 @@ class Logs(Section):
     skip_rows: Annotated[int, Field(ge=0, le=1_000_000)] = 0
     delimiter: str = ","
     decimal: Literal[".", ","] = "."
-    thousands: Annotated[str, Field(pattern=f"^[{THOUSANDS}]$")] | None = None
+    thousands: Thousands | None = None
     comment: Annotated[str, Field(pattern=r"^[^\w\s\"'+.,-][^\w\s\"']?$")] | None = None
     encoding: str = "utf-8"
     sheet: str | None = None
