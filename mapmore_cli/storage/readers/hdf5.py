@@ -30,6 +30,7 @@ from mapmore_cli.storage.tables import (
     reading,
     refuse_bombs,
 )
+from mapmore_cli.storage.tables.matlab_objects import object_of_matlab
 from mapmore_cli.storage.tables.members import (
     Member,
     Selection,
@@ -308,17 +309,6 @@ def _holds_references(node: object) -> bool:
 def _referred(dataset: h5py.Dataset, index: int) -> Member:
     """Return what a reference leads to, by its number in MATLAB's order."""
     return _matlab_member(dataset.file[_own_values(dataset)[()].reshape(-1)[index]])
-
-
-def object_of_matlab(name: str, of_class: str) -> DataError:
-    """Return what is told of a value whose parts MATLAB alone can make out."""
-    return DataError(
-        f"'{name}' is an object of MATLAB "
-        f"({of_class or 'a table, datetime, timeseries, string or the like'}), not an array "
-        "of numbers",
-        "save plain arrays in MATLAB: `S = table2struct(T, 'ToScalar', true); save('log.mat', "
-        "'-struct', 'S')`, or use `writetable`",
-    )
 
 
 # What is refused before a value is read

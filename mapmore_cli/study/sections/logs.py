@@ -143,8 +143,8 @@ class SourceColumn(Section):
     - `unwrap`: the number at which an encoder begins anew: jumps by more than half of it are such a
       turn; of `time`, `true` goes on where the clock begins anew, at midnight, after an hour, or at
       2^32 of its unit, as `4096`
-    - `thousands`: what stands between thousands in this column, where that is not `thousands` of
-      the file, as `"."`; a mark that is also the decimal point is no decimal point here
+    - `thousands`: what stands between thousands in this column alone; where that is the decimal
+      point of the others, the decimal point here is the other mark, as `"."`
     - `texts`: whether its cells are texts, as `T01`: each text gets a number, from 1 on, in the
       order in which they stand; for `recordings` and `groups`, as `true`
     - `columns`: of `time`, the columns of a clock in parts, which are added, as `[date, hour, min]`
