@@ -112,7 +112,7 @@ def predict(
 
     A workbook, a Parquet file or another recording is read as a spec reads it, and so is a text
     with `--delimiter`, `--decimal`, `--thousands`, `--columns` or `--units`. Of these, the columns
-    that the model needs are written, in its units.
+    that the model needs are written, in its units, and the column `recording`.
 
     Tables may be larger than memory, and gzipped where the name ends in .gz. Where an input is
     empty, so is the prediction.
@@ -129,6 +129,7 @@ def predict(
     recording changes, where time is set back, and after gaps.
     """
     from mapmore_cli.modelling.kinds import runs_over_time
+    from mapmore_cli.pipeline.foreign import columns_of
     from mapmore_cli.pipeline.predict import predicted_lines
     from mapmore_cli.pipeline.records import grid_lines
     from mapmore_cli.storage.artefacts import read_model
@@ -162,7 +163,8 @@ def predict(
             )
         else:
             assert table is not None
-            lines, label = _lines_of(table, model, turned_for, options, reporter)
+            wanted = columns_of(model, turned_for)
+            lines, label = _lines_of(table, model, wanted, options, reporter)
         added = predicted_lines(
             model,
             lines,
@@ -177,10 +179,16 @@ def predict(
 
 
 def _lines_of(
-    table: Path, model: Model, solved_for: str | None, options: TableOptions, reporter: Reporter
+    table: Path,
+    model: Model,
+    ways: Sequence[Sequence[str]],
+    options: TableOptions,
+    reporter: Reporter,
 ) -> tuple[Iterator[str], str]:
-    """Return the lines of a table in the model's names and units, and what messages call it."""
-    from mapmore_cli.pipeline.foreign import columns_of, foreign_lines, is_foreign, units_of
+    """Return the lines of a table in the model's names and units, and what messages call it; it has
+    its columns in one of some `ways`.
+    """
+    from mapmore_cli.pipeline.foreign import foreign_lines, is_foreign, units_of
 
     if table == STANDARD and options.says_something:
         raise UsageError(
@@ -188,7 +196,6 @@ def _lines_of(
             "write the table to a file, and name that",
         )
     if table != STANDARD and is_foreign(table, options):
-        ways = columns_of(model, solved_for)
         lines = foreign_lines(table, options, ways, units_of(model, ways), reporter.warn)
         return lines, table.name
     return _open_table(
@@ -289,13 +296,14 @@ def invert(
     Solutions are looked for within the training range. A flat one fills a range, as where a muscle
     is slack: its low end counts.
     """
+    from mapmore_cli.pipeline.foreign import columns_of
     from mapmore_cli.pipeline.predict import inverted_lines
     from mapmore_cli.storage.artefacts import read_model
 
     options = table_options(delimiter, decimal, thousands, sheet, columns, units)
     with Reporter(quiet) as reporter, remedies_by_options(options):
         model = read_model(model_file, reporter.warn)
-        lines, label = _lines_of(table, model, name, options, reporter)
+        lines, label = _lines_of(table, model, columns_of(model, name), options, reporter)
         _write_lines(inverted_lines(model, lines, label, name, rule), output)
 
 
@@ -305,7 +313,8 @@ def adapt(
         Path | None,
         Argument(
             metavar="[TABLE]",
-            help="A CSV table of a few measured points: pressure, strain and force.",
+            help="A table of a few measured points, read as by `predict`: pressure, strain and "
+            "force.",
         ),
     ] = None,
     output: Annotated[
@@ -319,6 +328,12 @@ def adapt(
             help="The property in which specimens differ, for example length=250 mm.",
         ),
     ] = NONE,
+    delimiter: Delimiter = None,
+    decimal: Decimal = None,
+    thousands: Thousands = None,
+    sheet: SheetTitle = None,
+    columns: Columns = NONE,
+    units: Units = NONE,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
@@ -328,20 +343,24 @@ def adapt(
     written is of pressure and strain, and serves wherever a model does. Without a TABLE, it is that
     of the dimension alone. Its intervals stay those of the family.
     """
-    from mapmore_cli.pipeline.predict import adapt, dimension_of
+    from mapmore_cli.pipeline.predict import adapt, dimension_of, names_of_points
     from mapmore_cli.reporting.table import Column, Table
     from mapmore_cli.storage.artefacts import read_model, write_model
 
-    with Reporter(quiet) as reporter:
+    options = table_options(delimiter, decimal, thousands, sheet, columns, units)
+    with Reporter(quiet) as reporter, remedies_by_options(options):
         family = read_model(model_file, reporter.warn)
         dimension_of(family)
-        lines, label = (None, "") if table is None else _open_table(table)
+        lines, label = None, ""
+        if table is not None:
+            ways = [names_of_points(family)]
+            lines, label = _lines_of(table, family, ways, options, reporter)
         model = adapt(family, lines, label, _constants_of(family, given))
     write_model(output, model)
     fit = model.backbone
     assert fit is not None
     rows = tuple((name, fit.parameters[name], fit.errors[name]) for name in fit.parameters)
-    columns = (Column("scale"), Column("value"), Column("standard error"))
+    titles = (Column("scale"), Column("value"), Column("standard error"))
     document = {
         "model": str(output),
         "parameters": fit.parameters,
@@ -351,5 +370,5 @@ def adapt(
         "notes": model.notes,
     }
     notes = (fit.errors_note, *model.notes)
-    scales = Table("adapted", f"{model.name}, adapted", columns, rows, notes)
+    scales = Table("adapted", f"{model.name}, adapted", titles, rows, notes)
     print_view(View(document, (scales,), (f"model: {output}",)), as_json)
