@@ -11,12 +11,16 @@ POSITIONS = ("strain", "displacement", "length")
 """Quantities that say how far a muscle has contracted; the most informative comes first."""
 
 _WORDS = {
-    "time": "t time times timestamp seconds elapsed zeit clock tout",
-    "pressure": "p press pressure druck pression gauge",
-    "strain": "eps epsilon e strain contraction dehnung kontraktion ε",
-    "force": "f force kraft tension pull loadcell",
-    "displacement": "d x disp displacement position pos stroke extension elongation travel weg",
-    "length": "l len length",
+    "time": "t time times timestamp seconds elapsed zeit uhrzeit clock tout temps tiempo tempo tijd"
+    " время 时间 時間",
+    "pressure": "p press pressure druck pression presión presion pressione pressão druk gauge"
+    " давление 压力 圧力",
+    "strain": "eps epsilon e strain contraction dehnung kontraktion ε déformation deformation"
+    " deformación deformacion deformazione contracción contrazione 应变",
+    "force": "f force kraft tension pull loadcell effort fuerza forza força kracht сила усилие 力",
+    "displacement": "d x disp displacement position pos stroke extension elongation travel weg"
+    " déplacement deplacement desplazamiento spostamento verplaatsing перемещение 位移 変位",
+    "length": "l len length länge laenge longueur longitud lunghezza lengte длина 长度",
     "load": "load weight mass",
     "input": "u v input voltage valve duty pwm dac regulator solenoid pump",
 }

@@ -112,7 +112,8 @@ def predict(
 
     A workbook, a Parquet file or another recording is read as in a spec. The same holds for a text
     file with `--delimiter`, `--decimal`, `--thousands`, `--columns` or `--units`. From such a
-    table, only the columns that the model needs are written, in the units of the model.
+    table, only the columns that the model needs and the column `recording` are written, in the
+    units of the model.
 
     Tables may be larger than memory, and may be gzipped if the name ends in .gz. If an input is
     empty, the prediction is empty too.
@@ -130,6 +131,7 @@ def predict(
     when the column recording changes, when time goes back, and after gaps.
     """
     from mapmore_cli.modelling.kinds import runs_over_time
+    from mapmore_cli.pipeline.foreign import columns_of
     from mapmore_cli.pipeline.predict import predicted_lines
     from mapmore_cli.pipeline.records import grid_lines
     from mapmore_cli.storage.artefacts import read_model
@@ -163,7 +165,8 @@ def predict(
             )
         else:
             assert table is not None
-            lines, label = _lines_of(table, model, turned_for, options, reporter)
+            wanted = columns_of(model, turned_for)
+            lines, label = _lines_of(table, model, wanted, options, reporter)
         added = predicted_lines(
             model,
             lines,
@@ -178,10 +181,16 @@ def predict(
 
 
 def _lines_of(
-    table: Path, model: Model, solved_for: str | None, options: TableOptions, reporter: Reporter
+    table: Path,
+    model: Model,
+    ways: Sequence[Sequence[str]],
+    options: TableOptions,
+    reporter: Reporter,
 ) -> tuple[Iterator[str], str]:
-    """Return the lines of a table in the names and units of the model, and its name in messages."""
-    from mapmore_cli.pipeline.foreign import columns_of, foreign_lines, is_foreign, units_of
+    """Return the lines of a table in the names and units of the model, and its name in messages.
+    The table has its columns in one of some `ways`.
+    """
+    from mapmore_cli.pipeline.foreign import foreign_lines, is_foreign, units_of
 
     if table == STANDARD and options.says_something:
         raise UsageError(
@@ -189,7 +198,6 @@ def _lines_of(
             "write the table to a file, and name that",
         )
     if table != STANDARD and is_foreign(table, options):
-        ways = columns_of(model, solved_for)
         lines = foreign_lines(table, options, ways, units_of(model, ways), reporter.warn)
         return lines, table.name
     return _open_table(
@@ -292,13 +300,14 @@ def invert(
     range give the same output, for example when a muscle is slack; the lower end of the range is
     then returned.
     """
+    from mapmore_cli.pipeline.foreign import columns_of
     from mapmore_cli.pipeline.predict import inverted_lines
     from mapmore_cli.storage.artefacts import read_model
 
     options = table_options(delimiter, decimal, thousands, sheet, columns, units)
     with Reporter(quiet) as reporter, remedies_by_options(options):
         model = read_model(model_file, reporter.warn)
-        lines, label = _lines_of(table, model, name, options, reporter)
+        lines, label = _lines_of(table, model, columns_of(model, name), options, reporter)
         _write_lines(inverted_lines(model, lines, label, name, rule), output)
 
 
@@ -308,7 +317,8 @@ def adapt(
         Path | None,
         Argument(
             metavar="[TABLE]",
-            help="A CSV table of a few measured points: pressure, strain and force.",
+            help="A table of a few measured points, read as by `predict`: pressure, strain and "
+            "force.",
         ),
     ] = None,
     output: Annotated[
@@ -322,6 +332,12 @@ def adapt(
             help="The property in which specimens differ, for example length=250 mm.",
         ),
     ] = NONE,
+    delimiter: Delimiter = None,
+    decimal: Decimal = None,
+    thousands: Thousands = None,
+    sheet: SheetTitle = None,
+    columns: Columns = NONE,
+    units: Units = NONE,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
@@ -331,20 +347,24 @@ def adapt(
     15 %. The new model has the inputs pressure and strain, and can be used like any other model.
     Without a TABLE, it follows from the dimension alone. Its intervals remain those of the family.
     """
-    from mapmore_cli.pipeline.predict import adapt, dimension_of
+    from mapmore_cli.pipeline.predict import adapt, dimension_of, names_of_points
     from mapmore_cli.reporting.table import Column, Table
     from mapmore_cli.storage.artefacts import read_model, write_model
 
-    with Reporter(quiet) as reporter:
+    options = table_options(delimiter, decimal, thousands, sheet, columns, units)
+    with Reporter(quiet) as reporter, remedies_by_options(options):
         family = read_model(model_file, reporter.warn)
         dimension_of(family)
-        lines, label = (None, "") if table is None else _open_table(table)
+        lines, label = None, ""
+        if table is not None:
+            ways = [names_of_points(family)]
+            lines, label = _lines_of(table, family, ways, options, reporter)
         model = adapt(family, lines, label, _constants_of(family, given))
     write_model(output, model)
     fit = model.backbone
     assert fit is not None
     rows = tuple((name, fit.parameters[name], fit.errors[name]) for name in fit.parameters)
-    columns = (Column("scale"), Column("value"), Column("standard error"))
+    titles = (Column("scale"), Column("value"), Column("standard error"))
     document = {
         "model": str(output),
         "parameters": fit.parameters,
@@ -354,5 +374,5 @@ def adapt(
         "notes": model.notes,
     }
     notes = (fit.errors_note, *model.notes)
-    scales = Table("adapted", f"{model.name}, adapted", columns, rows, notes)
+    scales = Table("adapted", f"{model.name}, adapted", titles, rows, notes)
     print_view(View(document, (scales,), (f"model: {output}",)), as_json)

@@ -94,7 +94,7 @@ def build_dataset(
             logs += [
                 _mended(part, source, data, units, notes, warnings)
                 for samples in with_joined(read, source, data, units, meter)
-                for part in recordings_apart(samples, data, units)
+                for part in recordings_apart(samples, data, units, meter.texts)
             ]
         except DataError as fault:
             faults.append(fault)
@@ -151,8 +151,15 @@ def build_dataset(
 
 def _check(data: Data) -> None:
     """Refuse constants that not every recording has, or that are also columns or derived
-    quantities, and settings that need the order of time after it is lost.
+    quantities, columns that only some files have, and settings that need the order of time after
+    it is lost.
     """
+    entries = [entry for entry in data.files if isinstance(entry, FileEntry)]
+    for name in sorted({name for one in entries for name in one.columns} - data.columns.keys()):
+        raise SpecError(
+            f"files: '{name}' has a column in some files only",
+            "Name its column in `data.columns`; beside files stand those that differ from these.",
+        )
     constants = [set(entry.set) if isinstance(entry, FileEntry) else set() for entry in data.files]
     for name in sorted(set().union(*constants)):
         if name in data.measured or name in data.derive:

@@ -27,7 +27,7 @@ from mapmore_cli.storage.tables import RawTable
 from mapmore_cli.storage.tables.lines import name_of_packed
 from mapmore_cli.study.experiment import ExperimentSpec
 from mapmore_cli.study.sections.data import Data
-from mapmore_cli.study.sections.logs import FileEntry, Join, Keep
+from mapmore_cli.study.sections.logs import FileEntry, Join, Keep, SourceColumn
 
 Component = Literal["static", "hysteresis", "damping"]
 
@@ -80,6 +80,7 @@ def slice_of(spec: ExperimentSpec) -> IngestSlice:
 class Log:
     """A file to read: its name relative to the folder of the spec, and the sheet or the number of
     the table if its entry gives one; or a `table` in memory with this name.
+    `columns` are those that it calls otherwise than the other logs.
     """
 
     path: Path
@@ -87,6 +88,7 @@ class Log:
     sheet: str | None
     table: RawTable | None = field(default=None, kw_only=True)
     table_below: int | None = field(default=None, kw_only=True)
+    columns: Mapping[str, SourceColumn] = field(default_factory=dict, kw_only=True)
 
     @property
     def bytes(self) -> int:
@@ -156,6 +158,7 @@ def find_sources(
             tuple(joined[i] for joined in logs),
             table=log.table,
             table_below=log.table_below,
+            columns=log.columns,
         )
         for i, (log, entry) in enumerate(found)
         if bad is True or not any(is_file_named(log.name, path, folder) for path in bad or ())
@@ -196,7 +199,12 @@ def _found(
                     f"{which}: is named twice, by '{before}' and by '{entry.path}'",
                     "change the patterns of `files` so that each file matches one of them",
                 )
-            log = Log(path, name, entry.sheet, table=table, table_below=entry.table)
+            log = Log(
+                *(path, name, entry.sheet),
+                table=table,
+                table_below=entry.table,
+                columns=entry.columns,
+            )
             found[part] = (log, entry)
     return list(found.values())
 
@@ -404,13 +412,15 @@ MEGABYTE = 10**6
 
 class Meter:
     """Counter of the bytes read from all logs of a study (a joined log counts each time that it is
-    read), which calls `progress`.
+    read), which calls `progress`. It also keeps the number of each text in columns of `texts`,
+    which is the same in all logs.
     """
 
     def __init__(self, sources: Sequence[Source], progress: Progress) -> None:
         self._progress = progress
         self._total = sum(log.bytes for source in sources for log in (source, *source.joined))
         self._before = 0
+        self.texts: dict[str, dict[str, float]] = {}
 
     def within(self, log: Log) -> Callable[[int], None]:
         """Begin with a log, and return a function that is called with the number of bytes read from

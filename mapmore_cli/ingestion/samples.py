@@ -114,6 +114,8 @@ def read_tables(
     A table in memory is not read. If missing values are dropped, incomplete last records are
     dropped too. Raises DataError if the file cannot be read.
     """
+    if log.columns:
+        table = table.model_copy(update={"columns": {**table.columns, **log.columns}})
     if log.table is not None:
         return [_in_model_units(log.table, table, data, units)]
     request = TableRequest(
@@ -136,6 +138,12 @@ def read_tables(
         formats=table.columns["time"].formats if "time" in table.columns else {},
         second=_second(table, units),
         table=log.table_below or table.table,
+        thousands_of={one.column: one.thousands for one in table.columns.values() if one.thousands},
+        texts={
+            one.column: meter.texts.setdefault(name, {})
+            for name, one in table.columns.items()
+            if one.texts
+        },
     )
     return [
         _in_model_units(raw, table, data, units)
@@ -329,10 +337,13 @@ def without_missing(samples: Samples, table: Logs, missing: str | MissingRule) -
     return samples.keep(complete, "missing value").some()
 
 
-def recordings_apart(samples: Samples, data: Data, units: Mapping[str, str]) -> list[Samples]:
+def recordings_apart(
+    samples: Samples, data: Data, units: Mapping[str, str], texts: Mapping[str, Mapping[str, float]]
+) -> list[Samples]:
     """Return the samples of each recording in a table, without missing values. Rows with the same
     value of `recordings.of` are one recording, in the order of first occurrence; without it, the
     whole table is one.
+    `texts` are the numbers of the texts of columns that hold such.
 
     Raises DataError for missing values if they are errors, and if no sample is left.
     """
@@ -342,9 +353,11 @@ def recordings_apart(samples: Samples, data: Data, units: Mapping[str, str]) -> 
     names = data.recordings.quantities
     values = np.column_stack([samples.columns[name] for name in names])
     kinds, first, member = np.unique(values, axis=0, return_index=True, return_inverse=True)
+    spelt = {name: {number: text for text, number in texts.get(name, {}).items()} for name in names}
     parts: list[Samples] = []
     for kind in np.argsort(first):
-        label = ",".join(f"{name}={x:.15g}" for name, x in zip(names, kinds[kind], strict=True))
+        pairs = zip(names, kinds[kind].tolist(), strict=True)
+        label = ",".join(f"{name}={spelt[name].get(x, f'{x:.15g}')}" for name, x in pairs)
         element = label if samples.element is None else f"{samples.element}:{label}"
         mask = member.ravel() == kind
         part = replace(

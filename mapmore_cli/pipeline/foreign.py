@@ -15,7 +15,7 @@ from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.ingestion.files import Log, Meter
 from mapmore_cli.ingestion.samples import Samples, read_tables
-from mapmore_cli.pipeline.records import reading_of
+from mapmore_cli.pipeline.records import RECORDING, reading_of
 from mapmore_cli.storage.readers import READERS, reader_of
 from mapmore_cli.storage.tables.lines import guess_encoding
 from mapmore_cli.study.sections.data import Data
@@ -75,29 +75,49 @@ def foreign_lines(
     warn: Callable[[str], None],
 ) -> Iterator[str]:
     """Yield the lines of a CSV table of quantities in the given `units`, with the columns of the
-    first of the `ways` that the file has.
+    first of the `ways` that the file has, and the column `recording`, of numbers or texts, if there
+    is one.
 
     Raises DataError for a file that cannot be read, or a unit in a title that contradicts the unit
     in which it is read; UsageError for settings that its reader does not use.
     """
-    samples = _samples(path, options, ways, units)
+    with_recordings = [[*way, RECORDING] for way in ways]
+    ways = with_recordings if RECORDING in options.columns else [*with_recordings, *ways]
+    meter = Meter([], lambda *_: None)
+    samples = _samples(path, options, ways, {**units, RECORDING: "1"}, meter)
     for doubt in samples.doubts:
         warn(doubt)
+    names = {number: text for text, number in meter.texts.get(RECORDING, {}).items()}
+    columns = [
+        [_quoted(names[x]) if x == x else "" for x in values.tolist()]
+        if name == RECORDING
+        else ["" if x != x else repr(x) for x in values.tolist()]
+        for name, values in samples.columns.items()
+    ]
     yield ",".join(samples.columns) + "\n"
-    for row in zip(*(values.tolist() for values in samples.columns.values()), strict=True):
-        yield ",".join("" if value != value else repr(value) for value in row) + "\n"
+    for row in zip(*columns, strict=True):
+        yield ",".join(row) + "\n"
+
+
+def _quoted(text: str) -> str:
+    """Return a text as a field of CSV holds it."""
+    doubled = text.replace('"', '""')
+    return f'"{doubled}"' if {*text} & {*',"\r\n'} else text
 
 
 def _samples(
-    path: Path, options: TableOptions, ways: Sequence[Sequence[str]], units: Mapping[str, str]
+    path: Path,
+    options: TableOptions,
+    ways: Sequence[Sequence[str]],
+    units: Mapping[str, str],
+    meter: Meter,
 ) -> Samples:
     for number, names in enumerate(ways, start=1):
         _refuse_titles(options, names, units)
         data = _data_of(path, options, names)
         try:
-            samples, *others = read_tables(
-                Log(path, path.name, None), data, data, units, Meter([], lambda *_: None)
-            )
+            log = Log(path, path.name, None)
+            samples, *others = read_tables(log, data, data, units, meter)
         except DataError as error:
             if number < len(ways) and "there is no " in error.message:
                 continue
@@ -116,10 +136,12 @@ def _data_of(path: Path, options: TableOptions, names: Sequence[str]) -> Data:
     reader, settings = reader_of(path) or READERS["csv"], dict(options.settings)
     if reader is READERS["csv"]:
         settings.setdefault("encoding", guess_encoding(path))
-    columns = {
+    columns: dict[str, dict[str, Any]] = {
         name: {"column": options.columns.get(name, name), "unit": options.units.get(name)}
         for name in dict.fromkeys(names)
     }
+    if RECORDING in columns:
+        columns[RECORDING]["texts"] = True
     sections = {"files": [path.name], "reader": reader.name, "columns": columns, "missing": "drop"}
     try:
         return Data.model_validate(sections | settings)

@@ -286,6 +286,11 @@ def _digits(value: float) -> str:
     return format(value, ".12g") if math.isfinite(value) else ""
 
 
+def names_of_points(model: Model) -> tuple[str, str, str]:
+    """Return the columns of the points to which a family's model is adapted."""
+    return "pressure", "strain", model.output.name
+
+
 def adapt(
     model: Model, lines: Iterable[str] | None, label: str, constants: Mapping[str, float]
 ) -> Model:
@@ -309,7 +314,7 @@ def adapt(
             f"family covers {low:g} to {high:g}"
         )
         raise UsageError(f"adapt needs the {of} of the specimen, and no other constant", remedy)
-    names = ("pressure", "strain", model.output.name)
+    names = names_of_points(model)
     columns = {name: np.empty(0) for name in names}
     if lines is not None:
         table = Sheet(lines, label, ", ".join(names))

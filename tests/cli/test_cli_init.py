@@ -28,10 +28,6 @@ def test_a_spec_for_measured_recordings_checks(source, tmp_path, mapmore, measur
     assert started(mapmore, measured_data / source, tmp_path) == []
 
 
-def test_the_budget_of_a_search_is_no_option_any_more(tmp_path, mapmore):
-    mapmore("init", tmp_path, "--budget", "60s", code=2, says="`init` fits nothing any more")
-
-
 def started(mapmore, source, place):
     """What `check` has to say, beyond hints, of the spec that `init` writes."""
     spec = place / "spec.yaml"

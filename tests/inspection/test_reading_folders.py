@@ -9,7 +9,7 @@ import pytest
 from recorded import checked, drafted, loaded, write
 
 from mapmore_cli.annexes.drafting.answers import answers_of, read_names
-from mapmore_cli.annexes.drafting.columns import spelt
+from mapmore_cli.annexes.drafting.spelling import spelt
 from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError
 from mapmore_cli.ingestion.dataset import build_dataset

@@ -16,12 +16,8 @@ from mapmore_cli.annexes.drafting.answers import (
     read_hold,
     read_names,
 )
-from mapmore_cli.annexes.drafting.columns import (
-    kind_to_predict,
-    known_by_titles,
-    read_titles,
-    target_of,
-)
+from mapmore_cli.annexes.drafting.by_titles import kind_to_predict, known_by_titles, target_of
+from mapmore_cli.annexes.drafting.columns import read_titles
 from mapmore_cli.annexes.drafting.draft import NamedColumn
 from mapmore_cli.annexes.drafting.names import numbers_in, told_by_names
 from mapmore_cli.annexes.drafting.preview import Preview

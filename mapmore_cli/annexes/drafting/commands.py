@@ -73,7 +73,6 @@ def init(
         Literal["m1", "m2"] | None,
         Option(help="Write the settings of a paper; then `run` searches nothing."),
     ] = None,
-    budget: Annotated[str | None, Option(hidden=True)] = None,
     yes: Annotated[bool, Option("--yes", "-y", help="Ask nothing: mark what is not sure.")] = False,
     force: Annotated[bool, Option("--force", help="Replace specs that exist.")] = False,
     quiet: Quiet = False,
@@ -87,11 +86,6 @@ def init(
     from mapmore_cli.annexes.drafting.outputs import as_files
     from mapmore_cli.annexes.drafting.start import start
 
-    if budget is not None:
-        raise UsageError(
-            "--budget: `init` fits nothing any more, and takes no time for a search",
-            "leave it out; `run` searches, for as long as `model: {budget: 60 s}` in the spec says",
-        )
     _check_name(name)
     answers = answers_of(
         columns=columns,
@@ -119,6 +113,8 @@ def init(
         for draft in drafted.drafts:
             if (doubt := draft.open.get(("target",))) is not None:
                 reporter.say(f"{draft.name}: {doubt.why}")
+            for tip in draft.tips:
+                reporter.say(f"{draft.name}: {tip}")
         if output == STANDARD:
             print(drafted.drafts[0].text(), end="")
         else:

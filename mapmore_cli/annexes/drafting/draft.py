@@ -42,7 +42,7 @@ class NamedColumn:
 
     The quantity is `value * scale + offset` in `unit`, which is empty where a person said none.
     `is_called` says that a person gave it its name. `parts` are the columns of a clock in parts,
-    and their units.
+    and their units; `texts` says that its cells are texts, which are numbered.
     """
 
     column: Column
@@ -53,6 +53,7 @@ class NamedColumn:
     offset: float = 0.0
     is_called: bool = field(default=False, compare=False)
     parts: dict[Column, str] = field(default_factory=dict)
+    texts: bool = False
 
     def refers_to(self, name: str) -> bool:
         """Return True for a column that a person called by its name or place alone."""
@@ -67,7 +68,9 @@ class NamedColumn:
         """Return the column as the spec describes it."""
         if self.parts:
             return {"columns": [*self.parts], "format": " ".join(self.parts.values())}
-        usual = {"unit": ("", "1"), "scale": (1.0,), "offset": (0.0,)}
+        # a title in per cent says another unit, where its cells are shown so and hold fractions
+        plain_units = ("",) if "%" in str(self.column) else ("", "1")
+        usual = {"unit": plain_units, "scale": (1.0,), "offset": (0.0,), "texts": (False,)}
         entry = {key: getattr(self, key) for key in usual}
         changed = {key: value for key, value in entry.items() if value not in usual[key]}
         return {"column": self.column, **changed}
@@ -95,7 +98,8 @@ class Draft:
     chosen.
 
     `files` counts the recordings' files, and `raw` has the values of all columns of some of them.
-    `of` is the study of which this is one of several outputs.
+    `of` is the study of which this is one of several outputs. `tips` are what a person may say
+    besides, and why: they are printed, and stand at the head of the file.
     """
 
     spec: Section
@@ -103,6 +107,7 @@ class Draft:
     files: int = field(default=0, compare=False)
     raw: Raw = field(default_factory=dict, repr=False, compare=False)
     of: str = ""
+    tips: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -156,7 +161,9 @@ class Draft:
 
     def text(self) -> str:
         """Return the draft as YAML, with its notes."""
-        return yaml_text(self.spec, self.notes, f"{MODELINE}{SCHEMA}\n{HEAD}")
+        tips = (line for tip in self.tips for line in _wrapped(Note(tip, sure=False), ""))
+        head = "\n".join([f"{MODELINE}{SCHEMA}", HEAD, *tips])
+        return yaml_text(self.spec, self.notes, head)
 
 
 def yaml_text(spec: Mapping[str, Any], notes: Mapping[Loc, Note], head: str) -> str:
@@ -195,11 +202,12 @@ def _noted(line: str, note: Note | None) -> list[str]:
         return [line]
     if len(line) + len(str(note)) + 2 <= WIDEST:
         return [f"{line}  {note}"]
-    margin = " " * (len(line) - len(line.lstrip()))
-    return [
-        *textwrap.wrap(str(note), WIDEST, initial_indent=margin, subsequent_indent=f"{margin}# "),
-        line,
-    ]
+    return [*_wrapped(note, " " * (len(line) - len(line.lstrip()))), line]
+
+
+def _wrapped(note: Note, margin: str) -> list[str]:
+    """Return the lines of a note behind a margin."""
+    return textwrap.wrap(str(note), WIDEST, initial_indent=margin, subsequent_indent=f"{margin}# ")
 
 
 def range_of(values: Sequence[Array], unit: str = "1") -> str:

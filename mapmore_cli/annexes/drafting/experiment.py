@@ -22,6 +22,7 @@ NEAR = 0.1  # of the distance of levels, that samples of one lie within where it
 FEWEST = 200  # samples of a record with memory, and of a branch of a cycle
 MOST = 6_000  # samples of a record with memory, at first
 SHARE = 0.2  # of the samples, drawn where the last ones lie beyond the others
+MUCH_LESS = 0.1  # of what moves between recordings, that what moves in one is scatter
 LAST = 0.3  # of the samples, held out where no level and no recording can be
 WHOLE, LAST_SAMPLES = "recordings", "last"  # what a person may hold out besides an input
 COMPETITORS = ("sarosi", "polynomial_2", "polynomial_5", "muscle_like", "polynomial_3")
@@ -172,6 +173,7 @@ def with_experiment(
     held, target, recordings = done.held, done.target, done.recordings
     samples = sum(one.rows_kept for one in recordings)
     is_static = held is not None and (held.why == "you" or target == "force")
+    is_static = is_static or (held is None and _is_at_rest(done))
     if not is_static and done.is_timed and samples >= FEWEST:
         draft = _as_memory_study(draft, recordings).with_section("target", target)
         if "gaps" in draft.data:  # pieces of a recording have ids of their own
@@ -191,6 +193,24 @@ def with_experiment(
     ]
     draft = draft.with_section("target", "static")
     return draft.with_section("validate", {"against": formulas}) if formulas else draft
+
+
+def _is_at_rest(done: Experiment) -> bool:
+    """Return True where each recording is a point: no input moves in any, and the target moves in
+    each at most a tenth as far as from recording to recording, by standard deviations.
+    """
+    recordings = done.recordings
+    moving = [
+        name
+        for name in done.inputs
+        if name not in done.conditions
+        and any(np.ptp(one.columns[name]) > 0 for one in recordings)
+        and not _own_levels(recordings, name, done.conditions)
+    ]
+    series = [one.columns[done.target] for one in recordings if one.rows_kept]
+    within = max(float(np.std(x)) for x in series)
+    between = float(np.std([np.mean(x) for x in series]))
+    return not moving and within <= MUCH_LESS * between
 
 
 def inner(levels: Sequence[float]) -> list[float]:

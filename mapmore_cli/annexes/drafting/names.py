@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 from mapmore_cli.annexes.drafting.answers import Hold
-from mapmore_cli.annexes.drafting.columns import words
+from mapmore_cli.annexes.drafting.spelling import words
 from mapmore_cli.checking.names import read_label
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.storage.readers import suffix_of
 from mapmore_cli.storage.tables.lines import name_of_packed
-from mapmore_cli.study.units import CANONICAL, can_convert, convert, unit_of
+from mapmore_cli.study.units import CANONICAL, can_convert, convert, default_unit, unit_of
 
 _WRITTEN = {
     "pressure": ("kPa", "Pa hPa kPa MPa bar mbar psi psig barg"),
@@ -112,6 +112,11 @@ class Condition:
         ]
 
 
+def is_repeat(word: str) -> bool:
+    """Return True for a word, of several letters, whose number counts recordings or specimens."""
+    return len(word) > 1 and _REPEATS.fullmatch(word) is not None
+
+
 def stem_of(name: str) -> str:
     """Return a file's name, with folders before it, without the suffixes of its format."""
     stem = name_of_packed(name)
@@ -164,6 +169,24 @@ def told_by_names(
             named.add(first.quantity)
             conditions.append(_told_quantity(first.quantity, "", numbers, names))
     return conditions, repeats
+
+
+def offers_of(names: Sequence[str]) -> Iterator[str]:
+    """Yield what a person may say of numbers in all names behind a single letter, which may be
+    levels: they do not count by ones, as `P100` and `P200`.
+    """
+    for numbers in _series_of(names):
+        first = next(iter(numbers.values()))
+        if len(first.word) != 1 or len(numbers) < len(names) or first.unit or _is_count(numbers):
+            continue
+        label = read_label(first.word)
+        quantity = "pressure" if label is None or label.quantity == "time" else label.quantity
+        unit = default_unit(quantity)
+        levels = " ".join(f"{first.word}{value:g}" for value in _values(numbers)[:4])
+        yield (
+            f"the names of the files have {levels} ..., which are not used; if they are levels of "
+            f"a quantity, say which, as `--hold {quantity}={first.word}:{unit}`"
+        )
 
 
 def _values(numbers: Series) -> list[float]:

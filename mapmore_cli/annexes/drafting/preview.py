@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
+from itertools import pairwise, zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -112,6 +113,8 @@ def preview(path: Path) -> Preview:
     if not tables:
         raise _no_table(path, tops, remedy)
     best = max(tables, key=lambda table: table.rank)
+    if best.is_raster:
+        raise _raster(path, best)
     layouts = {table.top.sheet: table.layout(reader.name) for table in tables}
     if best.top.sheet is None:
         return _with_tables_below(path, best, best.layout(reader.name), reader)
@@ -159,6 +162,30 @@ def _titles_of(table: Below) -> list[str]:
     if not table.header:
         return [f"{len(table.rows[0][1])} columns"]
     return [str(cell).strip() for cell in _nonempty(table.header[0][1])]
+
+
+def _raster(path: Path, found: _FoundTable) -> DataError:
+    """Return the error for a map of cells, with a command that writes it as a table of rows."""
+    told = (
+        f"{path.name}: is a map of cells: its first line and its first column hold the values of "
+    )
+    told += "two quantities, and a sample is a cell between them; write a row for each cell"
+    after = '; then give `init` the new file with `--columns "strain:%,pressure:kPa,force:N"`, in '
+    after += "the order row, column, cell"
+    if found.top.sheet is not None:
+        return DataError(f"{told}, as a sheet of three columns{after}")
+    marks = {"tab": "\\t", "whitespace": " "}
+    mark = found.top.settings.get("delimiter", ",")
+    mark = marks.get(mark, mark)
+    cut = "map(str.split, lines)" if mark == " " else f"csv.reader(lines, delimiter='{mark}')"
+    line = (
+        f"import csv; lines = open('{path.name}', "
+        f"encoding='{found.top.settings.get('encoding', 'utf-8')}'); "
+        f"top, *rows = [row for row in [*{cut}][{max(found.first - 1, 0)}:] if row]; "
+        f"print('row', 'column', 'cell', sep='{mark}'); "
+        f"[print(row[0], *pair, sep='{mark}') for row in rows for pair in zip(top[1:], row[1:])]"
+    )
+    return DataError(f'{told}, as by: python -c "{line}" > {path.stem}_rows.csv{after}')
 
 
 def _no_table(path: Path, tops: Sequence[Top], remedy: str) -> DataError:
@@ -209,6 +236,22 @@ class _FoundTable:
         return _filled_by_column(self.rows[self.first :], self.wide)
 
     @property
+    def is_raster(self) -> bool:
+        """Whether the first line has values of a quantity, as the first column has of another: both
+        go on in order, and the corner holds no number. Numbers that count by ones are titles.
+        """
+        above = [at for at in range(self.first) if _nonempty(self.rows[at])]
+        corner, *across = self.rows[above[-1] if above else self.first]
+        below = self.rows[self.first + (0 if above else 1) :]
+        down = [row[0] for row in below if len(row) == self.wide]
+        if len(across) != self.wide - 1 or self.top.is_number(corner):
+            return False
+        steps = [_steps_of(cells, self.top.is_number) for cells in (across, down)]
+        return all(len(one) > 1 and (min(one) > 0 or max(one) < 0) for one in steps) and {
+            *steps[0]
+        } != {1.0}
+
+    @property
     def rank(self) -> tuple[int, int]:
         """The lower, the more columns of texts look like numbers, then the fewer rows there are."""
         texts = (cells for place, cells in enumerate(self.columns) if place not in self.numeric)
@@ -221,10 +264,11 @@ class _FoundTable:
         titled = self.line_of_titles(lines)
         titles = [] if titled is None else lines[titled]
         others = [tuple(lines[line]) for line in sorted(lines) if line != titled]
-        units = self.top.units or next(filter(_are_units, others), ())
+        units = next(filter(_are_units, others), ())
         width = 1 + max([*self.numeric, *(place for place, title in enumerate(titles) if title)])
         titles = [*titles, *[""] * width][:width]
-        spelt = [_without_brackets(unit) for unit in (*units, *[""] * width)[:width]]
+        pairs = [*zip_longest(self.top.units, units, fillvalue=""), *[("", "")] * width][:width]
+        spelt = [_without_brackets(own or unit) for own, unit in pairs]
         for place in self.numeric:
             if not spelt[place] and stamp_of(str(self.columns[place][0]).strip()) is not None:
                 spelt[place] = "s"  # as stamps are read
@@ -315,6 +359,16 @@ def _table_in(top: Top) -> _FoundTable | None:
     if len(numeric) < 2 or first is None:
         return None
     return _FoundTable(top, rows, wide, numeric, first)
+
+
+def _steps_of(cells: Sequence[Any], is_number: Callable[[Any], bool]) -> list[float]:
+    """Return the steps from number to number; none where a cell holds none."""
+    if not all(map(is_number, cells)):
+        return []
+    with suppress(ValueError):
+        numbers = [float(str(cell).replace(",", ".")) for cell in cells]
+        return [after - before for before, after in pairwise(numbers)]
+    return []
 
 
 def _filled_by_column(rows: Sequence[Row], wide: int) -> list[list[Any]]:

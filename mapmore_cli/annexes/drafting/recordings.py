@@ -13,13 +13,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from mapmore_cli.annexes.drafting.columns import (
-    Table,
-    find,
-    known_by_titles,
-    named_by_person,
-    read_titles,
-)
+from mapmore_cli.annexes.drafting.by_person import named_by_person
+from mapmore_cli.annexes.drafting.by_titles import known_by_titles
+from mapmore_cli.annexes.drafting.columns import Table, Texts, find, read_titles
 from mapmore_cli.annexes.drafting.draft import Column, Conditions, Draft, Named, Section
 from mapmore_cli.annexes.drafting.names import told_by_names
 from mapmore_cli.annexes.drafting.sources import Study, started
@@ -30,7 +26,7 @@ from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.ingestion.clock import REPEATS
 from mapmore_cli.ingestion.dataset import BAD, build_dataset
-from mapmore_cli.ingestion.files import IngestSlice, Meter, find_sources
+from mapmore_cli.ingestion.files import IngestSlice, Meter, Source, find_sources
 from mapmore_cli.ingestion.samples import Samples, read_tables
 from mapmore_cli.storage.tables.cells import NotANumber
 from mapmore_cli.study.sections.data import Data
@@ -89,7 +85,7 @@ def table_of(study: Study, folder: Path) -> Table:
     Where one cannot be read, every column is read by itself. Raises DataError where no column is
     left.
     """
-    layout, section = study.layout, started(study, folder).data
+    layout, section = study.layout, started(study.of_layout, folder).data
     last = DataError(f"{study.files[0].name}: no column has numbers", "fill its cells")
     try:
         raw = _read_columns(section, folder, layout.columns)
@@ -104,7 +100,33 @@ def table_of(study: Study, folder: Path) -> Table:
                 last = fault
     if not raw:
         raise last
-    return read_titles(layout, raw)
+    texts: dict[Column, Texts] = {}
+    for column in [one for one in layout.columns if one not in raw]:
+        with suppress(DataError, SpecError):
+            texts |= _read_texts(section, folder, column)
+    return read_titles(layout, raw, texts)
+
+
+def _read_texts(section: Mapping[str, Any], folder: Path, column: Column) -> dict[Column, Texts]:
+    """Return the texts of a column, and their numbers; none where texts seldom stand again."""
+    entry = {"column": column, "texts": True}
+    data = Data.model_validate(
+        {**section, "columns": {"label": entry}, "recordings": {"of": "label"}}
+    )
+    some = _some_of(find_sources(data.files, folder, bad=data.skip_bad_files))
+    meter = Meter(some, lambda *_: None)
+    tables = [
+        one for source in some for one in read_tables(source, data, data, {"label": "1"}, meter)
+    ]
+    numbers = [x[np.isfinite(x)] for x in (np.asarray(one.columns["label"]) for one in tables)]
+    words = [*meter.texts["label"]]
+    is_again = 2 * len(words) <= sum(map(len, numbers)) and all(map(len, numbers))
+    return {column: (words, numbers)} if is_again else {}
+
+
+def _some_of(sources: Sequence[Source]) -> Sequence[Source]:
+    """Return a few of the files: columns are the same in all."""
+    return sources[:: -(-len(sources) // MOST_FILES)]
 
 
 def described(study: Study, folder: Path) -> str:
@@ -127,14 +149,18 @@ def split_by(table: Table, said: Sequence[str]) -> Table:
     """Return a table with the values of each recording apart, as columns that a person names tell
     them; as it is where some of these lack values. Raises UsageError for a name that no column has.
     """
-    keys = [find(table, int(one) if one.isdecimal() else one, "--recordings") for one in said]
-    sizes = {name: [*map(len, one.values)] for name, one in table.items() if one.values}
+    keys = [
+        find(table, int(one) if one.isdecimal() else one, "--recordings", texts=True)
+        for one in said
+    ]
+    series = {name: x for name, one in table.items() if (x := one.values or one.numbered)}
+    sizes = {name: [*map(len, x)] for name, x in series.items()}
     if not keys or any(sizes[key.column] != sizes[keys[0].column] for key in keys):
         return table
     usual = sizes[keys[0].column]
     pieces: list[list[IntArray]] = []
     for file in range(len(usual)):
-        rows = np.column_stack([key.values[file] for key in keys])
+        rows = np.column_stack([series[key.column][file] for key in keys])
         member = np.unique(rows, axis=0, return_inverse=True)[1].ravel()
         pieces.append([np.flatnonzero(member == kind) for kind in range(member.max() + 1)])
     return {
@@ -142,7 +168,7 @@ def split_by(table: Table, said: Sequence[str]) -> Table:
             one,
             values=[x[rows] for x, parts in zip(one.values, pieces, strict=True) for rows in parts],
         )
-        if sizes.get(name) == usual
+        if one.values and sizes[name] == usual
         else one
         for name, one in table.items()
     }
@@ -160,8 +186,7 @@ def _read_columns(
 
     def read(missing: object) -> list[Samples]:
         data = _Columns.model_validate({**section, "columns": entries, "missing": missing})
-        every = find_sources(data.files, folder, bad=data.skip_bad_files)
-        some = every[:: -(-len(every) // MOST_FILES)]  # columns are the same in all
+        some = _some_of(find_sources(data.files, folder, bad=data.skip_bad_files))
         meter = Meter(some, lambda *_: None)
         tables: list[Samples] = []
         faults: list[DataError] = []
@@ -290,7 +315,8 @@ def _read_tolerantly(draft: Draft, folder: Path, target: str) -> tuple[Draft, Da
         why = "; ".join(told)
         draft = draft.with_data("skip_bad_files", bad or True, why, False)
         is_most = 2 * len(read) >= len(names)
-    return _with_losses_told(draft, dataset), dataset, is_most
+    hidden = tuple(one for one in dict.fromkeys(warnings) if " hidden " in one)
+    return _with_losses_told(replace(draft, tips=hidden), dataset), dataset, is_most
 
 
 def _with_losses_told(draft: Draft, dataset: Dataset) -> Draft:

@@ -8,29 +8,35 @@ from __future__ import annotations
 import glob
 import os
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from mapmore_cli.annexes.drafting.draft import Draft, Section
+from mapmore_cli.annexes.drafting.columns import read_titles
+from mapmore_cli.annexes.drafting.draft import Draft, Named, Section
 from mapmore_cli.annexes.drafting.names import Condition, stem_of
 from mapmore_cli.annexes.drafting.preview import Preview, kinds_of_lines, preview, unread
 from mapmore_cli.checking.names import POSITIONS, read_label
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.ingestion.files import expand, relative_name
 from mapmore_cli.storage.readers import reader_of
+from mapmore_cli.study.units import CANONICAL
 
 
 @dataclass(frozen=True)
 class Study:
-    """Files of one layout, and a name for them; `bad` are files of the folder that no study has."""
+    """Files of one layout, and a name for them; `bad` are files of the folder that no study has.
+
+    `variants` are the layouts of files in which other units stand, as bar where most have kPa.
+    """
 
     files: tuple[Path, ...]
     layout: Preview
     name: str = ""
     bad: tuple[Path, ...] = ()
+    variants: Mapping[Path, Preview] = field(default_factory=dict)
 
     def __str__(self) -> str:
         return f"{len(self.files)} file{'s' if len(self.files) > 1 else ''}"
@@ -39,6 +45,26 @@ class Study:
     def folder(self) -> Path:
         """The folder that all files are in."""
         return Path(os.path.commonpath([file.parent for file in self.files]))
+
+    @property
+    def of_layout(self) -> Study:
+        """The files that are laid out as `layout` says, in every unit."""
+        files = tuple(file for file in self.files if file not in self.variants)
+        return replace(self, files=files, variants={})
+
+    def columns_of(self, file: Path, columns: Named) -> Section:
+        """Return the columns that a file calls otherwise than the others, or has in other units."""
+        layout = self.variants[file]
+        changed: Section = {}
+        for name, one in columns.items():
+            if not one.parts:
+                place = self.layout.columns.index(one.column)
+                titled = [*read_titles(layout, {}).values()][place]
+                usual = [*read_titles(self.layout, {}).values()][place]
+                if (titled.column, titled.unit) != (usual.column, usual.unit):
+                    entry = replace(one, column=titled.column).as_spec()
+                    changed[name] = {**entry, "unit": titled.unit or one.unit}
+        return changed
 
     @property
     def parts(self) -> list[tuple[Path, Section]]:
@@ -102,11 +128,32 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
         seen[like] = layout
         kind = repr(replace(layout, numeric=()))
         layouts.setdefault(kind, (layout, []))[1].append(file)
-    studies = [Study(tuple(files), layout, bad=tuple(bad)) for layout, files in layouts.values()]
+    studies = [replace(one, bad=tuple(bad)) for one in _joined_over_units([*layouts.values()])]
     studies.sort(key=lambda study: (-len(study.files), study.files[0]))
     folders = [study.folder for study in studies]
     named = (replace(one, name=_name(one, folders.count(one.folder) == 1)) for one in studies)
     return [*named], left_out
+
+
+def _joined_over_units(layouts: Sequence[tuple[Preview, list[Path]]]) -> list[Study]:
+    """Return a study for each layout with its files, and one for layouts that differ in the units
+    of their titles alone: that of the most files counts for all.
+    """
+    families: dict[str, list[tuple[Preview, list[Path]]]] = {}
+    for layout, files in layouts:
+        dimensions = [
+            (one.name, one.quantity, one.unit if one.quantity not in CANONICAL else bool(one.unit))
+            for one in read_titles(layout, {}).values()
+        ]
+        bare = replace(layout, columns=(), titles=(), units=(), numeric=())
+        families.setdefault(repr((bare, dimensions)), []).append((layout, files))
+    studies = []
+    for family in families.values():
+        (layout, _), *others = sorted(family, key=lambda one: -len(one[1]))
+        variants = {file: other for other, files in others for file in files}
+        files = sorted(file for _, some in family for file in some)
+        studies.append(Study(tuple(files), layout, variants=variants))
+    return studies
 
 
 def _is_own(file: Path, folder: Path) -> bool:
@@ -172,10 +219,14 @@ def _glob_of(parts: Sequence[str]) -> str:
 
 
 def started(
-    study: Study, folder: Path, conditions: Sequence[Condition] = (), remark: str = ""
+    study: Study,
+    folder: Path,
+    conditions: Sequence[Condition] = (),
+    remark: str = "",
+    columns: Named | None = None,
 ) -> Draft:
     """Return a draft with the name and the files; recordings for which the same values are set
-    share an entry.
+    share an entry. Files with other units have `columns` of their own.
 
     `remark` tells of numbers in names that were taken for repeats.
     """
@@ -194,13 +245,15 @@ def started(
     if layout.left:
         why = f"laid out in another way, and left out: {', '.join(map(repr, layout.left))}"
         draft = draft.noted(("data", "sheet" if "sheet" in draft.data else "reader"), why)
-    entries = _file_entries(study, folder, conditions, is_by_part)
+    entries = _file_entries(study, folder, conditions, is_by_part, columns or {})
     draft = draft.with_data("files", entries)
     named = {one if isinstance(one, str) else one["path"] for one in entries}
     files = {path for one in named if glob.has_magic(one) for path in expand(one, folder, True)}
     if bad := sorted(relative_name(one, folder) for one in files & {*study.bad}):
         draft = draft.with_data("skip_bad_files", bad, "hold no table that could be read")
     reasons = [f"names: {', '.join(one.why for one in conditions)}"] if conditions else []
+    if study.variants:
+        reasons.append(f"{len(study.variants)} of {len(study.files)} files have other units")
     if reasons or remark:
         why = "; ".join(filter(None, [*reasons, remark]))
         draft = draft.noted(("data", "files"), why, all(one.sure for one in conditions))
@@ -208,7 +261,11 @@ def started(
 
 
 def _file_entries(
-    study: Study, folder: Path, conditions: Sequence[Condition], is_by_part: bool
+    study: Study,
+    folder: Path,
+    conditions: Sequence[Condition],
+    is_by_part: bool,
+    columns: Named,
 ) -> list[Any]:
     """Return the `files` of a spec: globs, with the sheet or the table, and the values that names
     tell.
@@ -216,11 +273,16 @@ def _file_entries(
     values = [one.in_model_units for one in conditions]
     members: dict[tuple[Any, ...], list[Path]] = {}
     for at, (file, place) in enumerate(study.parts):
-        kind = (*(place.items() if is_by_part else ()), tuple(series[at] for series in values))
+        part = tuple(place.items() if is_by_part else ())
+        layout = study.variants.get(file, study.layout)
+        titles = layout.columns, layout.units
+        kind = (part, titles, tuple(series[at] for series in values))
         members.setdefault(kind, []).append(file)
     entries: list[Any] = []
-    for (*part, numbers), files in members.items():
+    for (part, _, numbers), files in members.items():
         more: Section = dict(part)
+        if files[0] in study.variants and (changed := study.columns_of(files[0], columns)):
+            more["columns"] = changed
         if numbers:
             more["set"] = dict(zip((one.quantity for one in conditions), numbers, strict=True))
         paths = patterns(list(dict.fromkeys(files)), folder, study.bad)

@@ -5,7 +5,7 @@ Titles, units and the person decide what columns are; nothing is guessed from va
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,7 +22,7 @@ from mapmore_cli.annexes.drafting.experiment import (
     with_experiment,
 )
 from mapmore_cli.annexes.drafting.like import with_paper
-from mapmore_cli.annexes.drafting.names import numbered_groups, tests_of
+from mapmore_cli.annexes.drafting.names import numbered_groups, offers_of, tests_of
 from mapmore_cli.annexes.drafting.questions import Ask, interview
 from mapmore_cli.annexes.drafting.recordings import (
     cleaned,
@@ -45,6 +45,11 @@ from mapmore_cli.checking.evidence import Unequal, unequal
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError
 
 NOTHING_SAID = Answers()
+SUMMARIES = {
+    *("mean", "average", "avg", "median", "std", "sd", "stdev", "stddev", "min", "max", "sum"),
+    *("total", "mittelwert", "mittel", "moyenne", "media", "promedio", "ecart-type"),
+}
+"""What rows below a table are called that somebody computed of the others."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +100,7 @@ def propose(
         in_names.append(numbered_groups(study.names, group))
     drafts = []
     for target in known.targets:
-        draft = started(study, folder, in_names, known.remark)
+        draft = started(study, folder, in_names, known.remark, known.columns)
         if answers.sample_time is not None:
             draft = draft.with_data("sample_time", answers.sample_time, "s: you")
         elif answers.no_clock:
@@ -109,7 +114,30 @@ def propose(
         if second is not None and "pressure" not in known.columns:
             draft = with_second_log(draft, second, folder, target, beside)
         drafts.append(_with_experiment(draft, study, folder, known, target, answers))
-    return drafts
+    tips = (*_tips(table, known, answers), *(offers_of(study.names) if not answers.hold else ()))
+    return [replace(draft, tips=(*tips, *draft.tips)) for draft in drafts]
+
+
+def _tips(table: Table, known: Understood, answers: Answers) -> Iterator[str]:
+    """Yield what a person may say besides: of a column that stands in blocks of rows, and of rows
+    that are no samples.
+    """
+    named = {**answers.columns, **(answers.inputs or {})}
+    used = {known.columns[name].column for name in known.inputs if name in named}
+    if known.group in known.columns:
+        used.add(known.columns[known.group].column)
+    for one in table.values():
+        if summaries := [text for text in one.texts if text.casefold() in SUMMARIES]:
+            yield (
+                f"rows that {one.called} calls {', '.join(summaries)} are read as samples; they "
+                "seem to be computed of the others: delete them in a copy of the file"
+            )
+        if one.blocks and one.column not in used and not answers.recordings:
+            yield (
+                f"each value of {one.called} stands in one block of rows; if each of the "
+                f"{one.blocks} blocks is a recording, say `--recordings {one.asked_for}`: lags "
+                "then stay within a recording"
+            )
 
 
 def _shared_out(columns: Named, table: Table) -> tuple[Named, Named]:
@@ -139,7 +167,8 @@ def _with_experiment(
     inputs = [name for name in used if name not in ignored]
     draft = _with_sessions(draft, unequal(dataset.recordings, inputs, target), known.group)
     held = find_held(dataset.recordings, inputs, hold, in_names)
-    done = Experiment(dataset.recordings, inputs, target, held, in_names, known.apart)
+    numbered = [name for name in known.apart if not known.columns[name].texts]
+    done = Experiment(dataset.recordings, inputs, target, held, in_names, numbered)
     whole = with_experiment(
         done, draft, answers.validate, lambda draft: read_draft(draft, folder, target).recordings
     )

@@ -9,15 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from mapmore_cli.annexes.drafting.answers import Answers
-from mapmore_cli.annexes.drafting.columns import (
-    Table,
-    find,
-    kind_to_predict,
-    known_by_titles,
-    named_by_person,
-    refuse_choice,
-    target_of,
-)
+from mapmore_cli.annexes.drafting.by_person import named_by_person, refuse_choice
+from mapmore_cli.annexes.drafting.by_titles import kind_to_predict, known_by_titles, target_of
+from mapmore_cli.annexes.drafting.columns import Table, find
 from mapmore_cli.annexes.drafting.draft import Column, Named
 from mapmore_cli.annexes.drafting.names import Condition, told_by_names
 from mapmore_cli.annexes.drafting.sources import Study
@@ -91,7 +85,7 @@ def understood(
     kinds = {
         name: kind_to_predict(name, titled.get(column.column))
         for name, column in columns.items()
-        if name != "time"
+        if name not in ("time", *apart)
     }
     targets = [*chosen] or [*filter(None, [target_of(kinds, bool(conditions))])]
     if not targets:
@@ -153,7 +147,8 @@ def _group_of(table: Table, said: str | None, known: Named) -> tuple[str | None,
     A column is called by its number, its title or its name. Raises UsageError for a number that
     no column has.
     """
-    titles = {text for one in table.values() if one.values for text in (one.title, one.name)}
+    known_columns = (one for one in table.values() if one.values or one.texts)
+    titles = {text for one in known_columns for text in (one.title, one.name)}
     if said is None or not (said.isdecimal() or said in titles):
         return said, {}
     column = _column_called(table, said, "--group", known)
@@ -162,7 +157,7 @@ def _group_of(table: Table, said: str | None, known: Named) -> tuple[str | None,
 
 def _column_called(table: Table, said: str, option: str, known: Named) -> Named:
     """Return the column with this number, title or name, by its name; UsageError for none."""
-    titled = find(table, int(said) if said.isdecimal() else said, option)
+    titled = find(table, int(said) if said.isdecimal() else said, option, texts=True)
     names = {one.column: name for name, one in known.items()}
     name = names.get(titled.column, titled.name)
     return {name: known.get(name, titled.as_quantity(name))}
@@ -177,7 +172,11 @@ def _free(
     """Return all columns that may drive the targets; those that are one signal with a target, or
     of which it is a linear filter while others drive, are left out and told.
     """
-    free = {name: one.column for name, one in columns.items() if name not in {"time", *targets}}
+    free = {
+        name: one.column
+        for name, one in columns.items()
+        if name not in {"time", *targets} and not one.texts
+    }
     for target in targets:
         wanted = table[columns[target].column]
         for name, column in list(free.items()):

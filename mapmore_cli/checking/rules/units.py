@@ -31,12 +31,15 @@ def strain_in_per_cent(subject: Subject) -> Issues:
 
 
 def unit_in_the_name(subject: Subject) -> Issues:
-    """Find columns whose name contains another unit: a column `P_psi` is hardly in kPa."""
+    """Find columns whose name contains another unit: a column `P_psi` is hardly in kPa. One in per
+    cent may hold fractions that are shown so, where the spec says `unit: 1`.
+    """
     for name, column in subject.spec.data.columns.items():
         label = read_label(column.column) if isinstance(column.column, str) else None
         if (
             label is not None
             and label.quantity == name
+            and (column.unit, label.unit) != ("1", "%")
             and (declared := _contradicted(subject, name, label.unit))
         ):
             yield Issue(

@@ -149,8 +149,8 @@ def _refuse_thousands(path: Path, table: RawTable, request: TableRequest) -> Non
     """Raise NotANumber if a decimal point separates thousands. If the numbers could be meant so,
     the file is read again.
     """
-    for number, values in enumerate(table.columns.values()):
-        if request.thousands is None and may_be_grouped(values):
+    for number, (column, values) in enumerate(table.columns.items()):
+        if request.cells(column).thousands is None and may_be_grouped(values):
             with open_lines(path, request.encoding, request.label) as (lines, _):
                 layout, leading, records = _begin(lines, request)
                 title, place, _ = layout.wanted[number]
@@ -259,11 +259,8 @@ def values_of_text(text: bytes, layout: Layout) -> list[Array]:
         b"\0" in text
         or request.decimal == layout.delimiter  # in quoted numbers
         or (request.comment is not None and request.comment.encode() in text)
-        or any(
-            read.clock and (read.format or read.form not in ("", NUMBER))
-            for _, _, read in layout.wanted
-        )
-        or (request.thousands is not None and request.thousands.encode() in text)
+        or any(read.reads_more_than_numbers for _, _, read in layout.wanted)
+        or any(sign.encode() in text for sign in request.marks_of_thousands)
         or text.startswith(BOM_UTF8)  # PyArrow skips it
     ):
         return []

@@ -30,6 +30,7 @@ from mapmore_cli.storage.tables import (
     reading,
     refuse_bombs,
 )
+from mapmore_cli.storage.tables.matlab_objects import object_of_matlab
 from mapmore_cli.storage.tables.members import (
     Member,
     Selection,
@@ -309,18 +310,8 @@ def _referred(dataset: h5py.Dataset, index: int) -> Member:
     return _matlab_member(dataset.file[_own_values(dataset)[()].reshape(-1)[index]])
 
 
-def object_of_matlab(name: str, of_class: str) -> DataError:
-    """Return the error for a value whose parts only MATLAB can interpret."""
-    return DataError(
-        f"'{name}' is an object of MATLAB "
-        f"({of_class or 'a table, datetime, timeseries, string or the like'}), not an array "
-        "of numbers",
-        "save plain arrays in MATLAB: `S = table2struct(T, 'ToScalar', true); save('log.mat', "
-        "'-struct', 'S')`, or use `writetable`",
-    )
-
-
 # Checks before a value is read
+# -------------------------------------------------------------------------------------------------
 
 _read: ContextVar[dict[str, int]] = ContextVar("_read")
 """Bytes of each array of the open file that were read so far, by name."""

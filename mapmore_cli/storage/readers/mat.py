@@ -26,8 +26,9 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.readers.hdf5 import EMPTY, object_of_matlab, opened_hdf5
+from mapmore_cli.storage.readers.hdf5 import EMPTY, opened_hdf5
 from mapmore_cli.storage.tables import BOMB_RATIO, BOMB_SIZE, TableRequest, reading, refuse_bombs
+from mapmore_cli.storage.tables.matlab_objects import object_of_matlab
 from mapmore_cli.storage.tables.members import (
     Member,
     array_of,

@@ -117,8 +117,16 @@ def peek_xlsx(path: Path, most: int) -> Iterable[Top]:
             settings = {"sheet": sheet.title} if number else {}
             if decimal == ",":
                 settings["decimal"] = decimal
-            tops.append(Top(sheet.rows, _number_rule(decimal), settings, sheet=sheet.title))
+            rule, units = _number_rule(decimal), _ratios_in(sheet)
+            tops.append(Top(sheet.rows, rule, settings, sheet=sheet.title, units=units))
     return tops
+
+
+def _ratios_in(sheet: SheetCells) -> tuple[str, ...]:
+    """Return 1 for each column in which a cell is shown in per cent, nothing for the others."""
+    columns = zip(*sheet.rows, strict=True)
+    shown = [any(isinstance(cell, Percentage) for cell in column) for column in columns]
+    return tuple("1" if is_ratio else "" for is_ratio in shown) if any(shown) else ()
 
 
 def _is_filled(cell: object) -> bool:

@@ -39,6 +39,8 @@ class TableRequest:
     - `missing`: texts that mean a missing value, besides the usual ones (text, sheets).
     - `clocks`: columns whose cells may be time stamps; `formats`: formats for `strptime` of some of
       them; `second`: a second in their unit.
+    - `thousands_of`: what stands between thousands in some columns.
+    - `texts`: the columns that hold texts, with the number of each text that was read so far.
     - `table`: which of several tables below each other is read, counted from 1 (text, sheets).
     - `incomplete`: True if incomplete last records count as missing values, False if they are
       errors.
@@ -65,16 +67,27 @@ class TableRequest:
     formats: Mapping[SourceColumn, str] = field(default_factory=dict)
     second: float = 1.0
     table: int | None = None
+    texts: Mapping[SourceColumn, dict[str, float]] = field(default_factory=dict)
+    thousands_of: Mapping[SourceColumn, str] = field(default_factory=dict)
+
+    @property
+    def marks_of_thousands(self) -> set[str]:
+        """What stands between thousands in any column."""
+        return {*filter(None, [self.thousands, *self.thousands_of.values()])}
 
     def cells(self, column: SourceColumn) -> CellReader:
         """Return the reader of the cells of a column."""
+        thousands = self.thousands_of.get(column, self.thousands)
+        # where the decimal point stands between thousands, the other mark is the decimal point
+        other = "," if thousands == "." else "."
         return CellReader(
             self.missing,
-            self.decimal,
-            self.thousands,
+            other if thousands == self.decimal else self.decimal,
+            thousands,
             column in self.clocks,
             self.formats.get(column),
             self.second,
+            texts=self.texts.get(column),
         )
 
 

@@ -160,6 +160,7 @@ class CellReader:
     - `second`: one second in the unit of the column.
     - `usual`: default remedy.
     - `form`: form of the stamps read so far; all must have the same.
+    - `texts`: the numbers of the texts that were read so far, where the column holds texts.
     """
 
     missing: Set[str] = frozenset()
@@ -172,15 +173,28 @@ class CellReader:
         "mend the cell, or list it in `missing: {tokens: [...]}`; column names belong in the header"
     )
     form: str = ""
+    texts: dict[str, float] | None = None
+
+    @property
+    def reads_more_than_numbers(self) -> bool:
+        """Whether its cells are texts, or stamps that are no numbers, or have a decimal point of
+        their own.
+        """
+        is_stamped = self.clock and bool(self.format or self.form not in ("", NUMBER))
+        return self.texts is not None or is_stamped
 
     def __call__(self, cell: object) -> float:
-        """Return the number in the cell, or the number of its time stamp; NaN if it is missing.
-        Raises NotANumber.
+        """Return the number in the cell, or the number of its time stamp or of its text; NaN if it
+        is missing. Raises NotANumber.
         """
         if isinstance(cell, Lacking):
             raise NotANumber("", cell.said, cell.remedy)
         cell = cell.decode("utf-8", "replace") if isinstance(cell, bytes) else cell
         value = number_of(cell, self.decimal, self.thousands)
+        if self.texts is not None and value == value:
+            text = f"{cell:.15g}" if isinstance(cell, float) else str(cell).strip()
+            is_missing = text.lower() in MISSING or text in self.missing
+            return math.nan if is_missing else self.texts.setdefault(text, len(self.texts) + 1.0)
         if value is not None and not (self.clock and math.isfinite(value)):
             return value
         text = str(cell).strip()

@@ -39,8 +39,8 @@ def table_of_rows(
     """
     rows, wanted = list(rows), wanted_of(places, names, request)
     numbers, columns = values_of_rows(rows, wanted, label)
-    for (title, place, _), values in zip(wanted, columns, strict=True):
-        if request.thousands is None and may_be_grouped(values):
+    for (title, place, read), values in zip(wanted, columns, strict=True):
+        if read.thousands is None and may_be_grouped(values):
             cells = ((number, row[place]) for number, row in rows if place < len(row))
             refuse_grouped(cells, request.decimal, f"{label}:row {{row}}, column {title}")
     return RawTable(dict(zip(places, columns, strict=True)), numbers, label)

@@ -101,28 +101,8 @@ READERS_OF: Mapping[str, tuple[str, ...]] = {
 """Names of the readers that use a key."""
 
 
+Thousands = Annotated[str, Field(pattern=f"^[{THOUSANDS}]$")]
 TableNumber = Annotated[int, Field(ge=1, le=10_000)]
-
-
-class FileEntry(Section):
-    """Files, with information that no column holds.
-
-    - `path`: Path of the files, with wildcards. Example: `cycle_*.csv`
-    - `set`: Quantities that have one value in these whole files. Example: `{pressure: 2 bar}`
-    - `id`: Id of the recording, if `path` matches one file only. Example: `first`
-    - `sheet`: Sheet to read, if the files are workbooks. Example: `Data`
-    - `table`: Which table to read if a file holds several tables below each other, counted from 1.
-      Example: `2`
-    - `keep`: Conditions that the samples of these files must fulfil, in addition to `data.keep`.
-      Example: `[{quantity: time, above: 2 s}]`
-    """
-
-    path: SpecPath
-    set: dict[Quantity, OfKey] = {}
-    id: str | None = None
-    sheet: str | None = None
-    table: TableNumber | None = None
-    keep: list[Keep] = []
 
 
 def fault_of_format(text: str, in_parts: bool = False) -> tuple[str, str] | None:
@@ -165,6 +145,10 @@ class SourceColumn(Section):
     - `unwrap`: Value at which a counter restarts from zero. A jump by more than half of it counts
       as a restart, so that the values continue. For `time`, `true` lets the time continue when the
       clock restarts: at midnight, after one hour, or after 2^32 units. Example: `4096`
+    - `thousands`: Mark between thousands in this column only. If it is the decimal point of the
+      other columns, the decimal point of this column is the other mark. Example: `"."`
+    - `texts`: Whether the cells are texts, such as `T01`. Every text then gets a number, counted
+      from 1 in the order of the texts. For `recordings` and `groups` only. Example: `true`
     - `columns`: For `time` only: the columns of a clock that is spread over several columns. Their
       values are added. Example: `[date, hour, min]`
     - `format`: For `time` only: the format of the time stamps, in the codes of Python's `strptime`.
@@ -178,6 +162,8 @@ class SourceColumn(Section):
     offset: InColumnUnit = 0.0
     rest: Seconds | None = None
     unwrap: Annotated[Annotated[float, Field(gt=0)] | Literal[True], Either()] | None = None
+    thousands: Thousands | None = None
+    texts: bool = False
     columns: list[Annotated[str | int, Either()]] = []
     format: Annotated[str | list[str], Either()] | None = None
 
@@ -245,6 +231,30 @@ CODES = {"%H": "h", "%M": "min", "%S": "s"}
 """Unit of the number in a column whose format is a single code of `strptime`."""
 
 
+class FileEntry(Section):
+    """Files, with information that no column holds.
+
+    - `path`: Path of the files, with wildcards. Example: `cycle_*.csv`
+    - `set`: Quantities that have one value in these whole files. Example: `{pressure: 2 bar}`
+    - `id`: Id of the recording, if `path` matches one file only. Example: `first`
+    - `sheet`: Sheet to read, if the files are workbooks. Example: `Data`
+    - `table`: Which table to read if a file holds several tables below each other, counted from 1.
+      Example: `2`
+    - `columns`: Columns whose name or unit in these files differs from `data.columns`. Example:
+      `{pressure: {column: "P [bar]", unit: bar}}`
+    - `keep`: Conditions that the samples of these files must fulfil, in addition to `data.keep`.
+      Example: `[{quantity: time, above: 2 s}]`
+    """
+
+    path: SpecPath
+    set: dict[Quantity, OfKey] = {}
+    id: str | None = None
+    sheet: str | None = None
+    table: TableNumber | None = None
+    columns: dict[Quantity, SourceColumn] = {}
+    keep: list[Keep] = []
+
+
 class Logs(Section):
     """Files of one kind, and the columns in them.
 
@@ -280,7 +290,7 @@ class Logs(Section):
     skip_rows: Annotated[int, Field(ge=0, le=1_000_000)] = 0
     delimiter: str = ","
     decimal: Literal[".", ","] = "."
-    thousands: Annotated[str, Field(pattern=f"^[{THOUSANDS}]$")] | None = None
+    thousands: Thousands | None = None
     comment: Annotated[str, Field(pattern=r"^[^\w\s\"'+.,-][^\w\s\"']?$")] | None = None
     encoding: str = "utf-8"
     sheet: str | None = None

@@ -342,6 +342,16 @@ def test_thousands_stand_in_groups_of_three(tmp_path, decimal, thousands, cell, 
         assert csv_table(tmp_path / "a", content, "F", **asked).columns["F"].tolist() == [number, 2]
 
 
+def test_one_column_may_have_thousands_and_another_decimals(tmp_path):
+    """The error about such a column names the key."""
+    content = b"t,F\n0.02,950\n0.04,1.050\n0.06,1.070\n"
+    (tmp_path / "a").write_bytes(content)
+    refusal(["row 3, column F", '`thousands: "."` at the column'], "csv", tmp_path / "a", "F")
+    table = csv_table(tmp_path / "a", content, "t", "F", thousands_of={"F": "."})
+    assert table.columns["t"].tolist() == [0.02, 0.04, 0.06]
+    assert table.columns["F"].tolist() == [950, 1050, 1070]
+
+
 @pytest.mark.parametrize(
     ("cell", "told"),
     rows_of(

@@ -3,6 +3,8 @@ MATLAB 7.3 does.
 """
 
 import math
+import re
+import subprocess
 import zlib
 from functools import partial
 from pathlib import Path
@@ -11,12 +13,13 @@ import h5py
 import numpy as np
 import pytest
 import scipy.io
-from common import peak_memory
+from common import NO_OCTAVE, OCTAVE, peak_memory
 from reading import element, opaque_mat, refusal, tables_of, timetable_of_73
 from scipy import sparse
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import READERS
+from mapmore_cli.storage.tables.matlab_objects import REMEDIES, object_of_matlab
 
 # SciPy 1.18 says so of `loadmat`, which is the oracle here
 pytestmark = pytest.mark.filterwarnings(
@@ -313,19 +316,44 @@ def test_objects_of_matlab_are_told_with_the_way_to_save_arrays(tmp_path):
     assert values(tables, "x") == list(T)
     timetable_of_73(tmp_path / "b.mat")
     for path, column, name in [
-        *(
-            (path, column, "'log' is an object of MATLAB (timetable)")
-            for path, column in ((tables, "log"), (tables, "log.P"), (tmp_path / "b.mat", "log"))
-        ),
-        (
-            BY_MATLAB / "testobject_7.4_GLNX86.mat",
-            "testobject",
-            "'testobject' is an object of MATLAB (inline)",
-        ),
-        (
-            BY_MATLAB / "testfunc_7.4_GLNX86.mat",
-            "testfunc",
-            "'testfunc' is an object of MATLAB (a function)",
-        ),
+        (tables, "log", "'log' is an object of MATLAB (timetable)"),
+        (tables, "log.P", "'log' is an object of MATLAB (timetable)"),
+        (tmp_path / "b.mat", "log", "'log' is an object of MATLAB (timetable)"),
+        (BY_MATLAB / "testobject_7.4_GLNX86.mat", "testobject", "'testobject' is an object of"),
+        (BY_MATLAB / "testfunc_7.4_GLNX86.mat", "testfunc", "'testfunc' is an object of MATLAB"),
     ]:
-        assert refusal(["table2struct"], "mat", path, column).startswith(f"a.mat: {name}")
+        assert refusal(["save('log.mat', "], "mat", path, column).startswith(f"a.mat: {name}")
+
+
+def commands_for(of_class):
+    return re.findall(r"`(.*)`", object_of_matlab("run.log", of_class).remedy)[0]
+
+
+@pytest.mark.skipif(OCTAVE is None, reason=NO_OCTAVE)
+def test_octave_reads_the_commands_that_save_arrays(tmp_path):
+    """Octave has no tables, but it can make out each command; for a struct with the members of a
+    time series it runs them, and we read what they save.
+    """
+    script = [f"if false, {commands_for(name)}; end" for name in (*REMEDIES, "Simulink.Bus", "")]
+    script += ["run.log.Time = [0; 1; 2]; run.log.Data = reshape([3 4 5], 1, 1, 3);"]
+    script += [commands_for("timeseries").replace("save(", "save('-v7', ")]
+    (tmp_path / "a.m").write_text("\n".join(script))
+    subprocess.run([OCTAVE, "--quiet", "a.m"], cwd=tmp_path, check=True)
+    assert values(tmp_path / "log.mat", "t") == [0, 1, 2]
+    assert values(tmp_path / "log.mat", "y") == [3, 4, 5]
+
+
+@pytest.mark.parametrize(
+    ("of_class", "command"),
+    [
+        ("table", "S = table2struct(run.log, 'ToScalar', true)"),
+        ("timetable", "S.t = seconds(t - t(1))"),
+        ("timeseries", "t = run.log.Time; y = squeeze(run.log.Data)"),
+        ("datetime", "x = seconds(run.log - run.log(1)); save('log.mat', 'x', '-append')"),
+        ("categorical", "x = double(run.log)"),
+        ("string", "x = str2double(run.log)"),
+        ("Simulink.Bus", "S = struct(run.log)"),
+    ],
+)
+def test_each_class_has_commands_of_its_own(of_class, command):
+    assert command in commands_for(of_class)

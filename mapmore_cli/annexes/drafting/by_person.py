@@ -1,0 +1,94 @@
+"""What columns are called and what they are for, as a person says; and what a person is asked."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+from mapmore_cli.annexes.drafting.columns import Table, TitledColumn, find, listed, unit_of_clock
+from mapmore_cli.annexes.drafting.draft import Named, range_of
+from mapmore_cli.annexes.drafting.spelling import words
+from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.study.units import CANONICAL
+
+
+def named_by_person(said: Named, table: Table, option: str, known: Named) -> Named:
+    """Return the columns that a person names, by the names that they have already, by those that
+    the person gives, or by their titles.
+
+    A unit that was not said is that of the title, else the model's.
+    """
+    columns: Named = {}
+    names = {one.column: name for name, one in known.items()}
+    for name, one in _each(said, table, option).items():
+        is_named = option == "--columns" or not one.refers_to(name)
+        wanted = known[name].column if name in known and not is_named else one.column
+        titled = find(table, wanted, option)
+        if not is_named:
+            is_title = name in CANONICAL and name not in known and words(titled.title)[:1] == [name]
+            name = name if is_title else names.get(titled.column, titled.name)
+        usual = titled.as_quantity(name) if is_named else known.get(name, titled.as_quantity(name))
+        chosen = one if is_named or one.unit else usual
+        unit = chosen.unit or usual.unit
+        sure = usual.sure or bool(one.unit) or option == "--columns"
+        values = [chosen.scale * x + chosen.offset for x in titled.values]
+        why = f"you; {range_of(values, unit)}" if sure else usual.why
+        columns[name] = replace(chosen, column=titled.column, unit=unit, sure=sure, why=why)
+    return columns
+
+
+def _each(said: Named, table: Table, option: str) -> Named:
+    """Return what a person says, with every column that `s*` or `7..70` names: of titles, and of
+    numbers of the list. The time is none of them.
+    """
+    each: Named = {}
+    titles = {one.column for one in table.values()} | {one.title for one in table.values()}
+    for name, one in said.items():
+        wanted, members = one.column, list[TitledColumn]()
+        numbers = re.fullmatch(r"(\d+)\.\.(\d+)", str(wanted))
+        if numbers is not None:
+            low, high = sorted(map(int, numbers.groups()))
+            members = [x for x in table.values() if x.moves and low <= x.place <= high]
+        elif isinstance(wanted, str) and wanted not in titles and {*"*?"} & {*wanted}:
+            likeness = re.compile(re.escape(wanted).replace(r"\*", ".*").replace(r"\?", "."), re.I)
+            members = [x for x in table.values() if x.moves and likeness.fullmatch(x.called)]
+        else:
+            each[name] = one
+            continue
+        members = [x for x in members if not x.is_time]
+        if not members or (one.is_called and len(members) > 1):
+            several = (
+                f"{len(members)} columns that move are" if members else "no column that moves is"
+            )
+            remedy = ", ".join(x.called for x in members or table.values() if x.values)
+            raise UsageError(f"{option}: {several} called {wanted}", f"say one of {remedy}")
+        for x in members:
+            key = name if one.is_called else str(x.column)
+            each[key] = replace(one, column=x.column)
+    return each
+
+
+def refuse_choice(table: Table, where: str, path: str) -> UsageError:
+    """Return the error for columns of which nobody says what is to be predicted: it lists them."""
+    columns = listed(table)
+    clock = next((place for place, one in columns.items() if one.may_be_clock), None)
+    *drive, follow = [place for place in columns if place != clock] or [0]
+    time = "" if clock is None else f",time={clock}:{unit_of_clock(columns[clock].values)}"
+    how = (
+        f"mapmore init {path} --target ... --inputs ...  (titles, or numbers of the list)"
+        if any(one.title for one in table.values())
+        else f"mapmore init {path} --target force={follow}:N --inputs "
+        f"pressure={drive[-1] if drive else follow}:bar{time}  (numbers of the list)"
+    )
+    apart = next((one for one in table.values() if one.blocks), None)
+    if apart is not None:
+        how = how.replace("  (", f" --recordings {apart.asked_for}  (")
+        columns = {one.place: one for one in table.values() if one is apart or one.place in columns}
+    rows = [f"  {place}  {one.described}" for place, one in columns.items()]
+    rows = [
+        f"{row}{'  rises all the time: a clock?' if place == clock else ''}"
+        f"{'  stands in blocks of rows: is each a recording?' if one is apart else ''}"
+        for row, (place, one) in zip(rows, columns.items(), strict=True)
+    ]
+    heading = f"{where}: titles do not say what is to be predicted. Columns that move:"
+    return UsageError("\n".join([heading, *rows]), f"complete this: {how}")

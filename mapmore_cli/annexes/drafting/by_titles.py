@@ -1,0 +1,198 @@
+"""What columns are called and what they are for, as their titles and their units say."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from mapmore_cli.annexes.drafting.columns import KINDS, Table, TitledColumn, unit_of_clock
+from mapmore_cli.annexes.drafting.draft import Column, Named, NamedColumn
+from mapmore_cli.annexes.drafting.names import is_repeat
+from mapmore_cli.annexes.drafting.spelling import words
+from mapmore_cli.checking.evidence import same_signals
+from mapmore_cli.checking.names import POSITIONS, read_label
+
+_LETTER = re.compile(r"(?<![^\W_])[A-Za-z](?![^\W_])")
+_NUMBERED_PRESSURE = re.compile(r"p(?:ressure)?_?[A-Za-z0-9]", re.IGNORECASE)
+_NO_MEASUREMENT = {
+    *("simulated", "simulation", "sim", "model", "modelled", "predicted", "prediction", "fitted"),
+    *("estimated", "estimate", "theoretical", "calculated", "residual"),
+}
+"""Words of titles of what somebody computed."""
+
+Known = tuple[Named, dict[Column, str]]
+"""The columns by their names, the clock first; and why others are left out."""
+
+
+def known_by_titles(table: Table) -> Known:
+    """Return the columns that move, by quantity where titles name one, else by their titles.
+
+    Where several titles name one quantity, each keeps its title, but for the plain one. A copy of
+    another column, what was computed by a model, and what goes on like a clock and is not the time
+    are left out.
+    """
+    parts = clock_in_parts(table)
+    clock = next(
+        (one for one in table.values() if one.is_time and one.rises and not one.turn), None
+    )
+    used = {*parts} or {one.column for one in [clock] if one is not None}
+    rest = [one for one in table.values() if one.column not in used]
+    left_out = {one.column: why for one in rest if (why := _why_unused(one, bool(used)))}
+    left_out |= _copies([one for one in rest if one.column not in left_out])
+    kept = [one for one in rest if one.column not in left_out]
+    quantities = _plain_names(kept)
+    columns: Named = {} if clock is None else {"time": clock.as_quantity("time")}
+    if parts:
+        why = "titles: a clock in parts, which are added"
+        columns["time"] = NamedColumn(next(iter(parts)), why=why, parts=parts)
+    for one in kept:
+        name = quantities.get(one.column, one.name)
+        name = f"column_{one.place}" if name in {*columns, "time"} else name
+        columns[name] = one.as_quantity(name)
+    return columns, left_out
+
+
+def _why_unused(one: TitledColumn, has_clock: bool) -> str:
+    """Return why a column is no quantity of the study; empty where it may be one."""
+    if not one.values:
+        return "holds no numbers"
+    if not one.moves:
+        return "never changes"
+    if one.is_time and (turn := one.turn) and not has_clock:
+        return f"begins anew at {turn:g}: where it is the clock, say `unwrap: {turn:g}` at `time`"
+    if one.quantity == "time" or (one.is_time and has_clock):
+        return "is a second clock" if has_clock else _why_no_clock(one)
+    if one.may_be_clock:
+        unit = unit_of_clock(one.values)
+        return f"rises all the time: where it is the clock, name it, as `time={one.place}:{unit}`"
+    if _NO_MEASUREMENT & {*words(one.title)}:
+        return "was computed, as its title says"
+    if one.blocks and any(map(is_repeat, words(one.title))):
+        return "numbers recordings or specimens: name it by --inputs to use it"
+    return "counts its rows" if not one.quantity and one.counts else ""
+
+
+def _why_no_clock(one: TitledColumn) -> str:
+    repeats = any(2 * np.count_nonzero(np.diff(x)) < len(x) - 1 for x in one.values)
+    return "mostly repeats, as no clock does" if repeats else "its clock is set back"
+
+
+PARTS = {
+    "h": ("h hh hr hrs hour hours std stunde stunden heure heures hora horas ora ore", 24),
+    "min": ("m mm min mins minute minutes minuten minuto minutos minuti", 60),
+    "s": ("s ss sec secs second seconds sek sekunde sekunden segundo segundos secondi", 60),
+    "ms": ("ms msec millis milli millisecond milliseconds millisekunden milisegundos", 1000),
+    "us": ("us usec micros microsecond microseconds mikrosekunden", 1000),
+}
+"""Words of titles of the parts of a clock, by unit, and the number at which each begins anew."""
+
+
+def clock_in_parts(table: Table) -> dict[Column, str]:
+    """Return the columns of a clock in parts, as hours, minutes and seconds, and their units; none
+    where titles and values do not say so.
+
+    A part holds numbers below the one at which it begins anew; the finest alone may be no whole
+    numbers. The first part may be any of them, and none is left out in between.
+    """
+    parts: dict[str, TitledColumn] = {}
+    for one in table.values():
+        said = words(one.title)
+        if not one.values or not said:
+            continue
+        for unit, (spellings, turn) in PARTS.items():
+            fits = all((x >= 0).all() and (x < turn).all() for x in one.values)
+            if said[-1] in spellings.split() and fits:
+                parts.setdefault(unit, one)
+                break
+    units = [unit for unit in PARTS if unit in parts]
+    order = [*PARTS]
+    while len(units) > 1 and order.index(units[-1]) - order.index(units[0]) >= len(units):
+        units.pop()
+    coarse = [parts[unit] for unit in units[:-1]]
+    is_whole = all((x == np.round(x)).all() for one in coarse for x in one.values)
+    if len(units) < 2 or not is_whole or not any(parts[unit].turn for unit in units[1:]):
+        return {}
+    return {parts[unit].column: unit for unit in units}
+
+
+def _copies(columns: Sequence[TitledColumn]) -> dict[Column, str]:
+    """Return what is a copy of which column: the one whose title and unit say more is kept."""
+    copies: dict[Column, str] = {}
+    for family in same_signals([np.concatenate(one.values) for one in columns]):
+        members = [columns[place] for place in family]
+        best = min(members, key=_silence)
+        for one in members:
+            if one is not best and one.kind in ("", best.kind):
+                copies[one.column] = f"is a copy of {best.called}"
+    return copies
+
+
+def _silence(one: TitledColumn) -> tuple[bool, bool, bool, int]:
+    """Return a key that is smaller the more a title says; of positions, strain says most."""
+    rank = POSITIONS.index(one.quantity) if one.quantity in POSITIONS else 0
+    return not one.quantity, not one.unit, not one.plain, rank
+
+
+def _plain_names(columns: Sequence[TitledColumn]) -> dict[Column, str]:
+    """Return the quantity of each column whose title says it, where no other says it as plainly."""
+    names: dict[Column, str] = {}
+    for quantity in KINDS:
+        ranks = {one.column: _plainness(one) if one.quantity == quantity else 0 for one in columns}
+        best = [column for column, rank in ranks.items() if rank == max(ranks.values()) > 0]
+        if len(best) == 1:
+            names[best[0]] = quantity
+    if "force" not in names.values():  # testers call the force a load
+        names = {one: "force" if name == "load" else name for one, name in names.items()}
+    return names
+
+
+def _plainness(one: TitledColumn) -> int:
+    """Return 2 for a title that names a quantity and nothing else, 1 for one that names it among
+    other words and has a unit of it; 0 for others, as a letter among words, or an `x` without unit.
+    """
+    if one.plain:
+        return 0 if not one.unit and one.quantity in ("displacement", "length") else 2
+    bare = read_label(_LETTER.sub("", one.title))
+    return int(bool(one.unit) and bare is not None and bare.quantity == one.quantity)
+
+
+def target_of(kinds: Mapping[str, str], is_driven: bool) -> str | None:
+    """Return what is to be predicted where plain titles leave no choice; None where they do.
+
+    It is the one force, else the one position that something drives, else the one column that
+    neither drives nor is a position. `kinds` are those of `kind_to_predict`, by name; `is_driven`
+    says that names of files tell what drives.
+    """
+    of: dict[str, list[str]] = {}
+    for name, kind in kinds.items():
+        of.setdefault(kind, []).append(name)
+    forces, positions, others = (of.get(kind, []) for kind in ("force", "position", ""))
+    is_driven = is_driven or "drive" in of
+    if "unclear" in of or len(others) > 1 or (others and (forces or positions)):
+        return None
+    if others:
+        return others[0] if "drive" in of else None
+    if forces:
+        return forces[0] if len(forces) == 1 and (is_driven or positions) else None
+    return positions[0] if len(positions) == 1 and is_driven else None
+
+
+def kind_to_predict(name: str, titled: TitledColumn | None) -> str:
+    """Return `force`, `position` or `drive` for a column whose title says this plainly; empty where
+    it says nothing, and `unclear` where it says more.
+
+    What takes two values was set. Without a column, the name decides: a person gave it.
+    """
+    if titled is None:
+        label = read_label(name)
+        quantity, is_plain = ("", True) if label is None else (label.quantity, True)
+    else:
+        quantity, is_plain = titled.quantity, titled.plain or titled.quantity in ("", "input")
+        is_plain |= quantity == "pressure" and _NUMBERED_PRESSURE.fullmatch(name) is not None
+    if not quantity and titled is not None and len(titled.kinds) == 2:
+        return "drive"
+    if not is_plain:
+        return "unclear"
+    return "drive" if quantity in ("pressure", "input") else KINDS.get(quantity, quantity)

@@ -1,0 +1,35 @@
+"""The words of a text, and how it is spelt in the Latin alphabet."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+
+
+def words(text: str) -> list[str]:
+    """Return the words and numbers of a text in small letters."""
+    return [word.casefold() for word in re.findall(r"[^\W\d_]+|\d+", text)]
+
+
+def spelt(text: str) -> str:
+    """Return a text in the Latin alphabet: accents are taken off, and letters are spelt as Unicode
+    names them, within words by their first sounds (`θ1` is `theta1`, `Πίεση` is `piese`); signs
+    without a letter's name get their number.
+    """
+    plain = "".join(
+        sign for sign in unicodedata.normalize("NFKD", text) if not unicodedata.combining(sign)
+    )
+    return re.sub(r"[^\W\d_a-zA-Z]+", _spelt_word, plain)
+
+
+def _spelt_word(match: re.Match[str]) -> str:
+    letters: list[str] = []
+    for sign in match[0]:
+        said = unicodedata.name(sign, "").rpartition(" LETTER ")[2].removeprefix("FINAL ").lower()
+        name = said.partition(" with ")[0]
+        if not name.replace(" ", "").isalpha() or sign == "\N{LATIN SMALL LETTER SHARP S}":
+            name = "ss" if sign == "\N{LATIN SMALL LETTER SHARP S}" else f"u{ord(sign):x}"
+        elif len(match[0]) > 1 and "GREEK" in unicodedata.name(sign):
+            name = name[: 2 if name[:2] in ("th", "ph", "ch", "ps") else 1]
+        letters.append(name.replace(" ", "_"))
+    return "".join(letters)

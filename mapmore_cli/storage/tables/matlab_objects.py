@@ -1,0 +1,47 @@
+"""Objects of MATLAB, as tables and time series: their parts are known to MATLAB alone, so that each
+is refused with the commands that save its numbers as plain arrays.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from mapmore_cli.domain.errors import DataError
+
+_SAVED = "save('log.mat', '-struct', 'S')"
+_APPENDED = "save('log.mat', 'x', '-append'), where log.mat is this file, and name the column x"
+
+REMEDIES: Mapping[str, str] = {
+    "table": f"S = table2struct({{name}}, 'ToScalar', true); {_SAVED}",
+    "timetable": (
+        "t = {name}.Properties.RowTimes; T = timetable2table({name}, 'ConvertRowTimes', false); "
+        f"S = table2struct(T, 'ToScalar', true); S.t = seconds(t - t(1)); {_SAVED}"
+    ),
+    "timeseries": "t = {name}.Time; y = squeeze({name}.Data); save('log.mat', 't', 'y')",
+    "datetime": f"x = seconds({{name}} - {{name}}(1)); {_APPENDED}",
+    "duration": f"x = seconds({{name}}); {_APPENDED}",
+    "categorical": f"x = double({{name}}); {_APPENDED}",
+    "string": f"x = str2double({{name}}); {_APPENDED}",
+    "containers.Map": "S = cell2struct(values({name}), keys({name}), 2); " + _SAVED,
+    "function_handle": "y = {name}(t); save('log.mat', 't', 'y')",
+}
+"""The commands of MATLAB that save the numbers of an object, by its class."""
+
+_ALIKE = {"a function": "function_handle", "inline": "function_handle"}
+
+
+def object_of_matlab(name: str, of_class: str) -> DataError:
+    """Return the error for a value whose parts MATLAB alone can make out; it names the commands
+    that save its numbers.
+    """
+    words = of_class or "a table, datetime, timeseries, string or the like"
+    # the name of an element of a cell array is none of MATLAB's
+    written = name if re.fullmatch(r"[A-Za-z]\w*(\.[A-Za-z]\w*)*", name) else "x"
+    usual = REMEDIES["table"] if not of_class else "S = struct({name}); " + _SAVED
+    commands = REMEDIES.get(_ALIKE.get(of_class, of_class), usual).replace("{name}", written)
+    line, comma, more = commands.partition(", where")
+    return DataError(
+        f"'{name}' is an object of MATLAB ({words}), not an array of numbers",
+        f"save plain arrays in MATLAB: `{line}`{comma}{more}",
+    )

@@ -1,0 +1,227 @@
+"""What lies on the disks of other laboratories: trials called by texts, units that differ from file
+to file, points of one file each, maps of cells, cells shown in per cent, hidden rows.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from recorded import checked, drafted, loaded, workbook, write
+
+from mapmore_cli.annexes.drafting.answers import answers_of
+from mapmore_cli.annexes.drafting.start import start
+from mapmore_cli.domain.errors import DataError, SpecError, UsageError
+from mapmore_cli.ingestion.dataset import build_dataset
+from mapmore_cli.ingestion.files import slice_of
+
+ROWS, LONG = np.arange(40), np.arange(300)
+
+
+def dataset_of(draft, folder):
+    return build_dataset(slice_of(loaded(draft, folder).spec), folder)
+
+
+def trials(path, labels, titles=("Trial", "P [kPa]", "angle [deg]"), more=""):
+    """One file of presses, each called by a text, one after the other."""
+    lines = [",".join(titles)]
+    for number, label in enumerate(labels, start=1):
+        pressure = (50 + 10 * number) * np.sin(np.pi * ROWS / 39)
+        angle = 0.3 * pressure + 20 * np.cos(np.pi * ROWS / 39)
+        lines += [f"{label},{p:.4f},{a:.4f}" for p, a in zip(pressure, angle, strict=True)]
+    path.write_text("\n".join(lines) + f"\n{more}")
+
+
+# Recordings that a column tells apart
+# --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("labels", ["T01 T02 T03 T04", "left right mid", "007 008 x-1 2024-01-05"])
+@pytest.mark.parametrize("said", ["Trial", "0"])
+def test_texts_tell_recordings_apart(tmp_path, labels, said):
+    """Numbers of texts are one in all files; ids show the texts."""
+    trials(tmp_path / "a.csv", labels.split())
+    draft = drafted(tmp_path, answers=answers_of(recordings=said))
+    ids = [one.id for one in dataset_of(draft, tmp_path).recordings]
+    assert ids == [f"a[Trial={label}]" for label in labels.split()]
+    assert {*draft.data["split"]["validate"]["recordings"]} < {*ids}
+    assert draft.tips == ()
+    checked(draft, tmp_path)
+
+
+def test_texts_have_one_number_in_all_files(tmp_path):
+    trials(tmp_path / "a.csv", ["S1", "S2"])
+    trials(tmp_path / "b.csv", ["S2", "S3"])
+    draft = drafted(tmp_path, answers=answers_of(recordings="Trial", group="Trial"))
+    numbers = [one.columns["Trial"][0] for one in dataset_of(draft, tmp_path).recordings]
+    assert numbers == [1, 2, 2, 3]
+    assert draft.data["groups"] == {"of": "Trial"}
+
+
+@pytest.mark.parametrize(
+    ("labels", "is_proposed"),
+    [
+        (["T01", "T02", "T03"], True),
+        (["1", "2", "3"], True),
+        (["100", "200", "300"], False),
+        (["up", "down", "up"], False),
+    ],
+)
+def test_a_column_in_blocks_is_proposed_and_not_taken(tmp_path, labels, is_proposed):
+    trials(tmp_path / "a.csv", labels)
+    draft = drafted(tmp_path, answers=answers_of(target="angle", inputs="P"))
+    assert "recordings" not in draft.data
+    assert any("--recordings Trial" in tip for tip in draft.tips) == is_proposed
+    assert ("--recordings Trial" in draft.text()) == is_proposed
+    trials(tmp_path / "a.csv", labels, ("Trial", "one", "another"))
+    with pytest.raises(UsageError) as refused:
+        start(tmp_path, tmp_path)
+    assert ("is each a recording?" in refused.value.message) == is_proposed
+    assert ("--recordings Trial" in str(refused.value.remedy)) == is_proposed
+
+
+def test_rows_of_means_are_told(tmp_path):
+    trials(tmp_path / "a.csv", ["T01", "T02"], more="Mean,75,30\nSD,3,2\n")
+    (tip, *_) = drafted(tmp_path, answers=answers_of(target="angle", inputs="P")).tips
+    assert "Mean, SD" in tip
+
+
+# Files
+# --------------------------------------------------------------------------------------------------
+
+
+def test_files_with_other_units_are_one_study(tmp_path):
+    """Of two thirds in bar and one in kPa, all are read, each in its unit."""
+    eps = 10 + 5 * np.sin(0.7 * LONG)
+    for number, unit in enumerate(["bar", "bar", "kPa"]):
+        bar = 2 + np.cos(0.1 * LONG + number)
+        force = 50 * bar - eps**2 / 9
+        scale = 100 if unit == "kPa" else 1
+        columns = {f"P [{unit}]": scale * bar, "strain [%]": eps, "F [N]": force}
+        write(tmp_path / f"log{number}.csv", columns)
+    draft = drafted(tmp_path)
+    read = dataset_of(draft, tmp_path).recordings
+    assert [float(one.columns["pressure"].max()) for one in read] == pytest.approx(
+        [300] * 3, rel=0.01
+    )
+    assert "1 of 3 files have other units" in draft.text()
+    checked(draft, tmp_path)
+
+
+def test_units_that_are_no_other_units_of_one_quantity_are_other_layouts(tmp_path):
+    for number, title in enumerate(["angle [deg]", "angle [deg]", "angle [V]", "angle"]):
+        write(tmp_path / f"{number}.csv", {"P [bar]": ROWS, title: ROWS**2})
+    told = []
+    with contextlib.suppress(UsageError):
+        start(tmp_path, tmp_path, tell=told.append)
+    assert told[0].endswith("3 layouts:")
+
+
+def test_a_column_of_some_files_alone_is_refused(tmp_path):
+    write(tmp_path / "a.csv", {"P": ROWS, "F": ROWS**2})
+    draft = drafted(tmp_path, answers=answers_of(target="F", inputs="P"))
+    draft = draft.with_data("files", [{"path": "a.csv", "columns": {"x": {"column": "F"}}}])
+    with pytest.raises(SpecError, match="'x' has a column in some files only"):
+        dataset_of(draft, tmp_path)
+
+
+@pytest.mark.parametrize("scatter", [0.01, 20.0])
+def test_a_file_for_each_point_is_static(tmp_path, scatter):
+    """Where nothing moves within a recording nothing is remembered; a step response moves."""
+    for kpa in (0, 100, 200, 300):
+        for mm in (0, 5, 10):
+            force = kpa - 3 * mm + scatter * np.linspace(0, kpa / 10, 40)
+            write(tmp_path / f"pt_{kpa}kPa_{mm}mm.csv", {"t [s]": 0.1 * ROWS, "F [N]": force})
+    draft = drafted(tmp_path)
+    assert draft.spec["target"] == ("static" if scatter < 1 else "force")
+    assert ("resample" in draft.data) == (scatter > 1)
+
+
+@pytest.mark.parametrize(
+    ("names", "tip"),
+    [
+        ("P100_s1 P100_s2 P200_s1 P200_s2", "--hold pressure=P:kPa"),
+        ("a1 a2 a3 a4", ""),
+        ("F10 F20 F50 F90", "--hold force=F:N"),
+    ],
+)
+def test_levels_in_names_without_a_unit_are_proposed(tmp_path, names, tip):
+    for number, name in enumerate(names.split()):
+        write(tmp_path / f"{name}.csv", {"strain [%]": ROWS, "F [N]": (number + 1) * ROWS**2})
+    told = " ".join(drafted(tmp_path, answers=answers_of(target="F", inputs="strain")).tips)
+    assert tip in told
+    assert bool(tip) == bool(told)
+
+
+@pytest.mark.parametrize(
+    ("corner", "mark", "point"), [("", ",", "."), ("eps/P", ";", ","), ("eps/P", "\t", ".")]
+)
+def test_a_map_of_cells_is_refused_with_a_command_that_works(tmp_path, corner, mark, point):
+    head = mark.join([corner, *(str(50 * k) for k in range(5))]) + "\n"
+    cells = [[e / 2, *(e * k / 4 for k in range(5))] for e in range(8)]
+    lines = [mark.join(str(x).replace(".", point) for x in row) for row in cells]
+    (tmp_path / "map.csv").write_text(head + "\n".join(lines) + "\n")
+    with pytest.raises(DataError) as refused:
+        start(tmp_path, tmp_path)
+    command = refused.value.remedy.split('python -c "')[1].split('" >')[0]
+    ran = subprocess.run([sys.executable, "-c", command], cwd=tmp_path, stdout=subprocess.PIPE)
+    (tmp_path / "map_rows.csv").write_bytes(ran.stdout)
+    said = answers_of(columns="strain:%,pressure:kPa,force:N", target="force")
+    (draft,) = start(tmp_path / "map_rows.csv", tmp_path, answers=said).drafts
+    (one,) = dataset_of(draft, tmp_path).recordings
+    assert one.rows_kept == 40
+    assert one.columns["force"][-1] == 7
+
+
+def test_channels_that_count_by_ones_are_no_map(tmp_path):
+    rows = [[0.1 * k, np.sin(k), np.cos(k), k % 7] for k in range(30)]
+    lines = [",".join(f"{x:.4f}" for x in row) for row in rows]
+    (tmp_path / "a.csv").write_text("t,1,2,3\n" + "\n".join(lines) + "\n")
+    drafted(tmp_path, answers=answers_of(target="force=3:N", inputs="pressure=1:bar"))
+
+
+@pytest.mark.parametrize(
+    "titles",
+    [
+        "Temps (s)|Pression (bar)|Effort (N)",
+        "Tiempo (s)|Presión (bar)|Fuerza (N)",
+        "Tempo [s]|Pressione [bar]|Forza [N]",
+        "Uhrzeit [s]|Druck [bar]|Kraft [N]",
+        "Время [s]|Давление [bar]|Сила [N]",
+        "时间(s)|压力(bar)|力(N)",
+    ],
+)
+def test_titles_of_other_languages_name_quantities(tmp_path, titles):
+    columns = dict(zip(titles.split("|"), (0.1 * ROWS, np.sin(ROWS), ROWS % 7), strict=True))
+    write(tmp_path / "a.csv", columns)
+    assert {"time", "pressure", "force"} == {*drafted(tmp_path).data["columns"]}
+
+
+# Workbooks
+# --------------------------------------------------------------------------------------------------
+
+
+def test_cells_in_per_cent_are_read_as_fractions(tmp_path):
+    rows = [
+        ["P [kPa]", "strain [%]", "F [N]"],
+        *([k % 4 * 100, 0.01 * k, 3 * k + k % 4 * 30] for k in ROWS),
+    ]
+    workbook(tmp_path / "d.xlsx", {"Data": rows})
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.load_workbook(tmp_path / "d.xlsx")
+    for row in range(2, len(rows) + 1):
+        book["Data"].cell(row, 2).number_format = "0.0%"
+    for row in (5, 6):
+        book["Data"].row_dimensions[row].hidden = True
+    book["Data"].column_dimensions["C"].hidden = True
+    book.save(tmp_path / "d.xlsx")
+    draft = drafted(tmp_path)
+    (one,) = dataset_of(draft, tmp_path).recordings
+    assert one.columns["strain"].max() == pytest.approx(0.39)
+    hidden_rows, hidden_column = draft.tips
+    assert "2 hidden rows are read" in hidden_rows
+    assert "the column 'F [N]' is hidden" in hidden_column
+    checked(draft, tmp_path)
