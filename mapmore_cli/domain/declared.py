@@ -67,11 +67,11 @@ class Settings:
         return noted if ref is None else {**noted, "ref": ref}
 
     @classmethod
-    def _noted(cls, given: object, info: Info) -> object:
+    def _noted(cls, value: object, info: Info) -> object:
         """Report to the loader which keys a mapping may have."""
-        if info.context is not None and isinstance(given, Mapping):
-            info.context.note(given, [key.name for key in fields(cls)])
-        return given
+        if info.context is not None and isinstance(value, Mapping):
+            info.context.note(value, [key.name for key in fields(cls)])
+        return value
 
     @property
     def changed(self) -> list[str]:
@@ -169,9 +169,9 @@ class Either:
         return f"<a mapping with `{self.key}`>" if self.key in keys else _shape_of(member)
 
     def _told(self, value: object) -> str:
-        found, key = shape(value), self.key or ""
+        form, key = shape(value), self.key or ""
         has = key in value if isinstance(value, Mapping) else hasattr(value, key)
-        return f"<a mapping with `{key}`>" if has and found == "<a mapping>" else found
+        return f"<a mapping with `{key}`>" if has and form == "<a mapping>" else form
 
 
 @dataclass(frozen=True)
@@ -220,7 +220,7 @@ def is_label(text: str) -> bool:
     return len(text) <= 1000 and is_one_line(text) and not {*'"`$<>\\'} & {*text}
 
 
-Count = Annotated[int, Checked("is negative", lambda found: found >= 0)]
+Count = Annotated[int, Checked("is negative", lambda value: value >= 0)]
 
 QuantityName = Annotated[
     str,
@@ -269,10 +269,10 @@ class InUnit:
         """Return the schema of the number, preceded by the conversion."""
         return before(handler(source), self._converted)
 
-    def _converted(self, given: object, info: Info) -> object:
+    def _converted(self, value: object, info: Info) -> object:
         if info.context is None:
-            return given
-        return info.context.converted(given, self.unit, self.is_difference)
+            return value
+        return info.context.converted(value, self.unit, self.is_difference)
 
     def __get_pydantic_json_schema__(self, schema: object, handler: Handler) -> object:
         """Return the schema of a number, or of a text that starts with a number (or with a

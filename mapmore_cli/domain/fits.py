@@ -400,9 +400,9 @@ class Identified:
     @property
     def notes(self) -> tuple[str, ...]:
         """One note for each parameter at a bound."""
-        told = "lies at a bound of its search: the training data ask for more, or do not tell it"
+        note = "lies at a bound of its search: the training data ask for more, or do not tell it"
         ends = zip(self.names, self.numbers.tolist(), self.held.tolist(), strict=True)
-        return tuple(f"{name} = {number:.4g} {told}" for name, number, held in ends if held)
+        return tuple(f"{name} = {number:.4g} {note}" for name, number, held in ends if held)
 
 
 @dataclass(frozen=True)

@@ -51,26 +51,26 @@ def parts(group: str, form: type[P], package: str = "") -> Iterator[Added[P]]:
     The name of a part is its attribute `name`, or the name of its entry point. If two have the same
     name, the first counts.
     """
-    taken = set[str]()
-    for one in iter_modules(sys.modules[package].__path__) if package else ():
-        for part in _parts_in(group, one.name, import_module(f"{package}.{one.name}")):
+    names = set[str]()
+    for module in iter_modules(sys.modules[package].__path__) if package else ():
+        for part in _parts_in(group, module.name, import_module(f"{package}.{module.name}")):
             if isinstance(part.value, form):
-                taken.add(part.name)
+                names.add(part.name)
                 yield Added(part.name, part.value, part.source)
     for name in sorted(entry_points(group)):
         try:
-            found = list[Added[P]]()
+            added = list[Added[P]]()
             for part in _parts_in(group, name, load(group, name)):
                 if not isinstance(part.value, form):
                     raise TypeError(f"{type(part.value).__name__} is no {form.__name__}")
-                if part.name in taken:
+                if part.name in names:
                     raise ValueError(f"there is already a `{part.name}`")
-                found.append(Added(part.name, part.value, part.source))
+                added.append(Added(part.name, part.value, part.source))
         except Exception as fault:  # whatever is wrong there, the other parts must work
             leave_plugin_out(group, name, fault.__cause__ or fault)
             continue
-        taken.update(part.name for part in found)
-        yield from found
+        names.update(part.name for part in added)
+        yield from added
 
 
 def leave_plugin_out(group: str, name: str, fault: BaseException) -> None:
@@ -79,8 +79,8 @@ def leave_plugin_out(group: str, name: str, fault: BaseException) -> None:
 
 
 def _leave_out(group: str, point: EntryPoint, why: str) -> None:
-    what = f"plug-in `{point.name}` ({group}) of {_owner(point)} is left out"
-    warnings.warn(f"{what}: {why}", PluginLeftOut, stacklevel=4)
+    fault = f"plug-in `{point.name}` ({group}) of {_owner(point)} is left out"
+    warnings.warn(f"{fault}: {why}", PluginLeftOut, stacklevel=4)
 
 
 def _owner(point: EntryPoint) -> str:
@@ -126,7 +126,7 @@ def _installed() -> tuple[EntryPoint, ...]:
     """Return the entry points of mapmore, and those of other packages for it. A package whose list
     of entry points cannot be read is left out.
     """
-    found, packages = list[EntryPoint](), set[str]()
+    points, packages = list[EntryPoint](), set[str]()
     for package in [distribution(OURS)] if os.environ.get(NONE_OF_OTHERS) else distributions():
         try:
             ours = [point for point in package.entry_points if point.group.startswith("mapmore.")]
@@ -136,12 +136,12 @@ def _installed() -> tuple[EntryPoint, ...]:
             packages.add(package.name)
             _ = [point.module for point in ours]  # checks the form of the value
         except Exception as fault:  # whatever is wrong there, the other packages must work
-            what = f"the plug-ins of {_name_of(package)} are left out"
+            left_out = f"the plug-ins of {_name_of(package)} are left out"
             why = f"its entry_points.txt cannot be read ({type(fault).__name__}: {fault})"
-            warnings.warn(f"{what}: {why}", PluginLeftOut, stacklevel=2)
+            warnings.warn(f"{left_out}: {why}", PluginLeftOut, stacklevel=2)
             continue
-        found += ours
-    return tuple(found)
+        points += ours
+    return tuple(points)
 
 
 def _name_of(package: Distribution) -> str:
@@ -156,16 +156,16 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
     """Return the entry points of a group by name. If two have the same name, ours counts, otherwise
     the first by module; a warning names the other.
     """
-    found = dict[str, EntryPoint]()
+    by_name = dict[str, EntryPoint]()
     of_group = (point for point in _installed() if point.group == f"mapmore.{group}")
     for point in sorted(of_group, key=lambda point: (_owner(point) != OURS, point.value)):
-        if point.name not in found:
-            found[point.name] = point
-        elif point.value != found[point.name].value:
+        if point.name not in by_name:
+            by_name[point.name] = point
+        elif point.value != by_name[point.name].value:
             _leave_out(
-                group, point, f"`{point.name}` already exists in {_owner(found[point.name])}"
+                group, point, f"`{point.name}` already exists in {_owner(by_name[point.name])}"
             )
-    return found
+    return by_name
 
 
 @contextmanager

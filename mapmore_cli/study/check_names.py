@@ -65,8 +65,10 @@ def names_of_quantities(spec: ExperimentSpec) -> Iterator[Finding]:
     """Check that every quantity that the spec uses is a quantity of the study."""
     if isinstance(spec.target, TargetColumn) and spec.target.column not in spec.quantities:
         target, known = spec.target.column, (*spec.quantities, *get_args(TargetKind))
-        what = f"there is no quantity `{target}` in this study, and no kind of target has this name"
-        yield Finding(("target", "column"), what, did_you_mean(target, known))
+        fault = (
+            f"there is no quantity `{target}` in this study, and no kind of target has this name"
+        )
+        yield Finding(("target", "column"), fault, did_you_mean(target, known))
     whole = spec.model_dump(by_alias=True)
     for place in NAMED:
         for loc, name in values_at(whole, place):
@@ -117,8 +119,8 @@ def derivations(spec: ExperimentSpec) -> Iterator[Finding]:
         graphlib.TopologicalSorter(needs).prepare()
     except graphlib.CycleError as error:
         circle = [str(name) for name in error.args[1]]
-        what = f"these derived quantities depend on each other in a circle: {' <- '.join(circle)}"
-        yield Finding(("data", "derive", circle[0]), what, "break the circle", on_key=True)
+        fault = f"these derived quantities depend on each other in a circle: {' <- '.join(circle)}"
+        yield Finding(("data", "derive", circle[0]), fault, "break the circle", on_key=True)
 
 
 def expression_findings(text: str, loc: Loc, have: Sequence[str]) -> Iterator[Finding]:
@@ -128,11 +130,11 @@ def expression_findings(text: str, loc: Loc, have: Sequence[str]) -> Iterator[Fi
     for part in (yield from _states_in(text, loc, have)):
         if part.name != part.quantity and part.quantity in have:
             remedy = "use the state in the `dictionary` instead, or derive rates by `rate_of`"
-            what = (
+            fault = (
                 f"`{part.name}` has memory, and derived quantities must depend on the present "
                 "sample only"
             )
-            yield Finding(loc, what, remedy, _word(part.quantity, text))
+            yield Finding(loc, fault, remedy, _word(part.quantity, text))
 
 
 def _states_in(
@@ -141,14 +143,14 @@ def _states_in(
     """Return the states in an expression, or the state that a text names, and check that their
     quantities exist.
     """
-    what, remedy = "an expression", None
+    fault, remedy = "an expression", None
     if not is_expression:
-        what = "the name of a quantity or a state"
+        fault = "the name of a quantity or a state"
         remedy = "name a quantity, or a state with memory, for example `play(pressure, 0.16)`"
     try:
         states = [state(name) for name in (sorted(parse(text).names) if is_expression else [text])]
     except ExpressionError as error:
-        yield Finding(loc, f"not {what}: {error.message}", remedy, error.position)
+        yield Finding(loc, f"not {fault}: {error.message}", remedy, error.position)
         return []
     for part in states:
         yield from unknown_quantity(part.quantity, have, loc, _word(part.quantity, text))
@@ -167,12 +169,12 @@ def clocks(spec: ExperimentSpec) -> Iterator[Finding]:
     names = set(data.columns)
     for i, join in enumerate(data.join):
         have, first = sorted(names - {"time"}), join.match.first if join.match else None
-        what = "a join on time needs the time of the first log"
-        yield from applying((join.on == "time" and no_time, f"data.join.{i}", what, NO_TIME))
+        fault = "a join on time needs the time of the first log"
+        yield from applying((join.on == "time" and no_time, f"data.join.{i}", fault, NO_TIME))
         if first is not None and first not in have:
-            what = f"there is no quantity `{first}` in the first log"
+            fault = f"there is no quantity `{first}` in the first log"
             loc: Loc = ("data", "join", i, "match", "first")
-            yield Finding(loc, what, did_you_mean(first, have))
+            yield Finding(loc, fault, did_you_mean(first, have))
         for name in names & {*join.quantities}:
             yield Finding(
                 ("data", "join", i, "columns", name),
@@ -234,9 +236,9 @@ def _state(
         used = Operated(name, used)
     elif isinstance(family, Lags) and spec.target not in DERIVED:
         if isinstance(used, Lagged) and used.quantity == target:
-            what, remedy = "is of the target, and no quantity", "itself: here it is delayed"
+            fault, remedy = "is of the target, and no quantity", "itself: here it is delayed"
             at = _word(target, text)
-            yield Finding(loc, f"`{text}` {what}", f"name `{target}` {remedy}", at)
+            yield Finding(loc, f"`{text}` {fault}", f"name `{target}` {remedy}", at)
         if not isinstance(used, Operated):
             return
     yield from _of_target(used, text, loc, spec)
@@ -251,14 +253,14 @@ def _of_target(used: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterat
     from mapmore_cli.modelling.memory.feedback import looks_back
 
     back = "" if is_derived else f", or use a past value, for example `{target}[k-1]`"
-    what, remedy = f"`{target}` is the target itself", f"{OF_NOTHING}: remove it{back}"
+    fault, remedy = f"`{target}` is the target itself", f"{OF_NOTHING}: remove it{back}"
     if not (is_derived or isinstance(used, Measured)):
         if looks_back(used):
             return
         operator = used.name.partition("(")[0]
-        what = f"`{operator}` uses the present value of `{target}`, which is the target"
+        fault = f"`{operator}` uses the present value of `{target}`, which is the target"
         remedy = f"use the value one sample before: write `{target}[k-1]` instead of `{target}`"
-    yield Finding(loc, what, remedy, _word(target, text))
+    yield Finding(loc, fault, remedy, _word(target, text))
 
 
 def _partners(family: Products, loc: Loc) -> Iterator[Finding]:
@@ -269,9 +271,9 @@ def _partners(family: Products, loc: Loc) -> Iterator[Finding]:
     names = [_state_name(text) for text in texts]
     for place, partner in enumerate(family.partners or () if len(names) == len(family.of) else ()):
         if _state_name(partner) not in names:
-            what = f"`{partner}` of `with` is not one of the terms in `of`"
+            fault = f"`{partner}` of `with` is not one of the terms in `of`"
             remedy = f"add it to `of`, which contains: {', '.join(texts)}"
-            yield Finding((*loc, "with", place), what, remedy)
+            yield Finding((*loc, "with", place), fault, remedy)
 
 
 def _state_name(text: str) -> str:
@@ -337,13 +339,13 @@ def idle(spec: ExperimentSpec) -> Iterator[Finding]:
     if spec.has_memory:
         yield from _of_pieces(spec)
     elif spec.model.type == "mapmore":
-        fit, what = spec.fit, "applies only to terms with memory, and the dictionary has none"
+        fit, fault = spec.fit, "applies only to terms with memory, and the dictionary has none"
         for key in ("margin", "ridge", "forward"):
             if key in fit.changed:
-                yield Finding(f"fit.{key}:", f"`{key}` {what}", OF_MEMORY)
+                yield Finding(f"fit.{key}:", f"`{key}` {fault}", OF_MEMORY)
         for key, word in (("scaling", "range"), ("stop", "free_run"), ("criterion", "free_run")):
             if getattr(fit, key) == word:
-                yield Finding(f"fit.{key}", f"`{key}: {word}` {what}", OF_MEMORY)
+                yield Finding(f"fit.{key}", f"`{key}: {word}` {fault}", OF_MEMORY)
 
 
 def _of_pieces(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -351,8 +353,8 @@ def _of_pieces(spec: ExperimentSpec) -> Iterator[Finding]:
     fit, levels, target = spec.fit, spec.data.levels, spec.target_quantity
     for name, cut in spec.segment.items():
         remedy = "remove it and use `{name}` in the terms, or write `{name}: none`"
-        what = f"{ONE}, so that `{{name}}` cannot be cut"
-        yield from applying((cut != "none", "segment.{name}:", what, remedy), name=name)
+        fault = f"{ONE}, so that `{{name}}` cannot be cut"
+        yield from applying((cut != "none", "segment.{name}:", fault, remedy), name=name)
     for key in spec.fuse.changed:
         yield Finding(f"fuse.{key}:", f"{ONE}: there are no segments to join", f"remove `{key}`")
     held, forward = levels.of if levels is not None else "", fit.forward or fit.max_terms

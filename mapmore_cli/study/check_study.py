@@ -192,9 +192,9 @@ def after_cycles(spec: ExperimentSpec) -> Iterator[Finding]:
         uses += [
             (re.search(r"\btime\b", text) is not None, at) for at, text, _ in texts_in(loc, family)
         ]
-    what = "`cycles` sorts the samples by `{over}`, so that they have no `time` any more"
+    fault = "`cycles` sorts the samples by `{over}`, so that they have no `time` any more"
     remedy = "use `{over}` instead, or remove `cycles`"
-    yield from applying(*((*use, what, remedy) for use in uses), over=cycles.over)
+    yield from applying(*((*use, fault, remedy) for use in uses), over=cycles.over)
 
 
 def chosen_levels(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -203,8 +203,8 @@ def chosen_levels(spec: ExperimentSpec) -> Iterator[Finding]:
     """
     levels, hold_out, trains = spec.data.levels, spec.data.split.hold_out, spec.fit.train_level
     if levels is None:
-        what = "the data have no levels, so that none can be chosen"
-        yield from applying((trains != "all", "fit.train_level:", what, "add `levels` to `data`"))
+        fault = "the data have no levels, so that none can be chosen"
+        yield from applying((trains != "all", "fit.train_level:", fault, "add `levels` to `data`"))
     elif not isinstance(levels.at, str):
         values = hold_out.quantities.get(levels.of) if hold_out is not None else None
         reach = levels.within or (levels.spacing or 0) / 2
@@ -328,8 +328,8 @@ def several(spec: ExperimentSpec) -> Iterator[Finding]:
             wrong.append(("target", f"`{name}` is named twice"))
         if name in get_args(TargetKind):
             wrong.append(("target", f"`{name}` is a component of one target"))
-    for way, what in wrong:
-        yield Finding(way, f"{what}, and this spec has several targets", alone)
+    for way, fault in wrong:
+        yield Finding(way, f"{fault}, and this spec has several targets", alone)
 
 
 def kind(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -603,12 +603,12 @@ def own_formulas(spec: ExperimentSpec) -> Iterator[Finding]:
     names = {*literature.names(), *LEARNERS, *SIMPLE, OWN, REPEATABILITY, AUTO}
     for i, formula in enumerate(spec.formulas):
         if isinstance(formula, str):
-            what, remedy = "this is not a formula", "write `formulas: [my_formula.yaml]`"
-            yield Finding(f"formulas.{i}", what, f"{remedy}, or write the formula itself here")
+            fault, remedy = "this is not a formula", "write `formulas: [my_formula.yaml]`"
+            yield Finding(f"formulas.{i}", fault, f"{remedy}, or write the formula itself here")
             continue
         if formula.name in names:
-            what = f"there is already a model `{formula.name}`"
-            yield Finding(f"formulas.{i}.name", what, "give this one another name")
+            fault = f"there is already a model `{formula.name}`"
+            yield Finding(f"formulas.{i}.name", fault, "give this one another name")
         names.add(formula.name)
         place, inputs = f"formulas.{i}.expression", None
         try:
@@ -723,11 +723,13 @@ def metrics(spec: ExperimentSpec) -> Iterator[Finding]:
         loc = ("validate", "require", name)
         named = {*limit} if isinstance(limit, dict) else set[str]()
         if name not in METRICS:
-            what = f"there is no metric `{name}`"
-            yield Finding(loc, what, did_you_mean(name, METRICS), on_key=True)
+            fault = f"there is no metric `{name}`"
+            yield Finding(loc, fault, did_you_mean(name, METRICS), on_key=True)
         elif named - targets or (targets and not named and name in OF_TARGET):
-            what = f"a limit of `{name}` is one number, or with several targets one number for each"
-            yield Finding(loc, what, f"write `{name}: 1`, or `{name}: {{tip_x: 1, tip_y: 2}}`")
+            fault = (
+                f"a limit of `{name}` is one number, or with several targets one number for each"
+            )
+            yield Finding(loc, fault, f"write `{name}: 1`, or `{name}: {{tip_x: 1, tip_y: 2}}`")
 
 
 def units(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -743,13 +745,13 @@ def units(spec: ExperimentSpec) -> Iterator[Finding]:
             wrong.add(name)
             yield finding
     for name, unit in spec.report.units.items():
-        own = default_unit(name, spec.units)
-        faults = _unit_findings(("report", "units", name), unit, own)
+        in_model = default_unit(name, spec.units)
+        faults = _unit_findings(("report", "units", name), unit, in_model)
         yield from faults
-        if not faults and name not in wrong and convert(0.0, unit, own) != 0:
+        if not faults and name not in wrong and convert(0.0, unit, in_model) != 0:
             yield Finding(
                 ("report", "units", name),
-                f"the zero of `{unit}` differs from that of `{own}`, but an equation can "
+                f"the zero of `{unit}` differs from that of `{in_model}`, but an equation can "
                 "only be scaled",
                 f"use one unit in the whole study: `units: {{{name}: {unit}}}`",
             )

@@ -82,8 +82,8 @@ def applying(*rows: tuple[bool, Loc | str, str, str], **known: object) -> Iterat
     for applies, way, *texts in rows:
         if applies:
             place = way.format(**known) if isinstance(way, str) else way
-            what, remedy = (text.format(**known) for text in texts)
-            yield Finding(place, what, remedy)
+            fault, remedy = (text.format(**known) for text in texts)
+            yield Finding(place, fault, remedy)
 
 
 def refused(
@@ -290,8 +290,8 @@ def _of_value(details: ErrorDetails, value: object, name: str) -> Explained:
         "value": value,
         "size": len(value) if isinstance(value, str) else 0,
     }
-    what, remedy = (text and text.format(**known) for text in _SAID[kind])
-    return f"{name} {what}", remedy
+    fault, remedy = (text and text.format(**known) for text in _SAID[kind])
+    return f"{name} {fault}", remedy
 
 
 def _split(loc: Loc, root: Node) -> tuple[tuple[str | int, ...], tuple[str | int, ...]]:

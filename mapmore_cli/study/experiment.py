@@ -115,9 +115,9 @@ def _with_paths(settings: Mapping[str, Any], change: Callable[[str], object]) ->
     return {key: changed(value) if key in OF_PATHS else value for key, value in settings.items()}
 
 
-def _read_settings(given: object, info: ValidationInfo) -> object:
+def _read_settings(value: object, info: ValidationInfo) -> object:
     read = partial(read_path, info=info, bare=False)
-    return _JSON.validate_python(_with_paths(given, read)) if isinstance(given, dict) else given
+    return _JSON.validate_python(_with_paths(value, read)) if isinstance(value, dict) else value
 
 
 def _moved_settings(settings: Mapping[str, Any], info: SerializationInfo) -> dict[str, Any]:
@@ -357,9 +357,9 @@ def _given_memory(dictionary: object, info: ValidationInfo) -> bool:
         return False
 
 
-def _pooled(given: Mapping[str, Any]) -> bool:
+def _pooled(value: Mapping[str, Any]) -> bool:
     """Return True if a spec that is not validated yet has one segment with all its curves."""
-    data, segment = given.get("data"), given.get("segment") or {}
+    data, segment = value.get("data"), value.get("segment") or {}
     levels = data.get("levels") if isinstance(data, dict) else None
     whole = isinstance(segment, dict) and all(cut == "none" for cut in segment.values())
     return whole and (levels is None or bool(segment))
@@ -438,32 +438,32 @@ class ExperimentSpec(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _by_choice(cls, given: object, info: ValidationInfo) -> object:
+    def _by_choice(cls, value: object, info: ValidationInfo) -> object:
         """Fill in the defaults that depend on the target, the terms, and the parts of a sum."""
-        if not isinstance(given, dict):
-            return given
-        if "campaign" in given:
+        if not isinstance(value, dict):
+            return value
+        if "campaign" in value:
             raise Contradiction(
                 "this is a campaign of several runs, not an experiment",
                 "run it with `mapmore batch`",
                 "campaign",
             )
-        target, dictionary, model = (given.get(key) for key in ("target", "dictionary", "model"))
-        adds, fit = target == "dynamic" and not dictionary, given.setdefault("fit", {})
+        target, dictionary, model = (value.get(key) for key in ("target", "dictionary", "model"))
+        adds, fit = target == "dynamic" and not dictionary, value.setdefault("fit", {})
         if isinstance(model, dict) and (adds or model.get("sum") is not None):
             model.setdefault("type", "sum")
         elif model is None and (adds or dictionary is None):
-            given["model"] = {"type": "sum" if adds else "auto"}
+            value["model"] = {"type": "sum" if adds else "auto"}
         if isinstance(fit, dict) and _given_memory(dictionary, info):
             # step counts and widths in physical units stay readable
             fit.setdefault("scaling", "none")
             _sized_by_data(fit)
-        elif isinstance(fit, dict) and dictionary and _pooled(given):
+        elif isinstance(fit, dict) and dictionary and _pooled(value):
             _sized_by_data(fit)
         elif isinstance(fit, dict) and target == "damping":
             # pure products, which a shifted origin would turn into sums
             fit.setdefault("scaling", "max_abs")
-        return given
+        return value
 
     @property
     def own_formulas(self) -> dict[str, OwnFormula]:

@@ -41,14 +41,14 @@ TargetKind = Literal["static", "hysteresis", "damping", "dynamic"]
 """The part of the force that is modelled, if the target is no measured quantity."""
 
 
-def as_target(given: object) -> object:
+def as_target(value: object) -> object:
     """Return a target in the form that the spec stores: a text that is no kind of target names a
     column, and a list holds several columns.
     """
-    if isinstance(given, list) and given:
-        return {"column": given[0], "also": given[1:]} if given[1:] else as_target(given[0])
-    is_name = isinstance(given, str) and given not in get_args(TargetKind)
-    return {"column": given} if is_name else given
+    if isinstance(value, list) and value:
+        return {"column": value[0], "also": value[1:]} if value[1:] else as_target(value[0])
+    is_name = isinstance(value, str) and value not in get_args(TargetKind)
+    return {"column": value} if is_name else value
 
 
 Row = tuple[bool, str, str, *tuple[str, ...]]
@@ -66,12 +66,12 @@ class Section(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _noted(cls, given: object, info: ValidationInfo) -> object:
+    def _noted(cls, value: object, info: ValidationInfo) -> object:
         """Report to the loader which keys a mapping may have."""
-        if isinstance(info.context, Context) and isinstance(given, dict):
+        if isinstance(info.context, Context) and isinstance(value, dict):
             keys = [field.alias or name for name, field in cls.model_fields.items()]
-            info.context.note(given, keys)
-        return given
+            info.context.note(value, keys)
+        return value
 
     def _contradictions(self) -> Sequence[Row]:
         """Return the possible contradictions within the section. The first that applies is
@@ -81,9 +81,9 @@ class Section(BaseModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        for applies, what, remedy, *near in self._contradictions():
+        for applies, fault, remedy, *near in self._contradictions():
             if applies:
-                raise Contradiction(what, remedy, *near)
+                raise Contradiction(fault, remedy, *near)
         return self
 
 
@@ -130,18 +130,18 @@ class Context:
             partial=partial,
         )
 
-    def note(self, given: Mapping[str, Any], keys: Iterable[str]) -> None:
+    def note(self, value: Mapping[str, Any], keys: Iterable[str]) -> None:
         """Remember which keys a section knows, for messages about unknown keys."""
-        self.known.setdefault(id(given), (given, []))[1].extend(keys)
+        self.known.setdefault(id(value), (value, []))[1].extend(keys)
 
-    def keys_at(self, given: Any, loc: Loc) -> tuple[str, ...]:
+    def keys_at(self, value: Any, loc: Loc) -> tuple[str, ...]:
         """Return the keys that are known to the sections that read this part of the input."""
         for step in loc:
-            given = given[step]
-        return tuple(dict.fromkeys(self.known.get(id(given), ({}, []))[1]))
+            value = value[step]
+        return tuple(dict.fromkeys(self.known.get(id(value), ({}, []))[1]))
 
     def converted(
-        self, given: object, unit_of: Callable[[Place], str | None], difference: bool
+        self, value: object, unit_of: Callable[[Place], str | None], difference: bool
     ) -> object:
         """Return the number that a text with a unit stands for, as a value or as a `difference` of
         two values. Anything else is returned unchanged.
@@ -149,13 +149,13 @@ class Context:
         Raises Contradiction for a wrong unit. If the unit of the place is unknown, another key is
         wrong and is reported there.
         """
-        if not isinstance(given, Written) or not given.is_quantity:
-            return given
-        unit = unit_of(Place(self, given))
+        if not isinstance(value, Written) or not value.is_quantity:
+            return value
+        unit = unit_of(Place(self, value))
         try:
             if unit is None:
-                return split_quantity(given)[0]
-            return parse_quantity(given, unit, difference=difference)
+                return split_quantity(value)[0]
+            return parse_quantity(value, unit, difference=difference)
         except SpecError as error:
             raise Contradiction(error.message, error.remedy) from error
 
@@ -226,13 +226,13 @@ Metric = Annotated[float, Difference(_metric_unit, "that of the metric")]
 Share = Annotated[float, always_in("1")]
 
 
-def _share_of_value(given: object, info: ValidationInfo) -> object:
+def _share_of_value(value: object, info: ValidationInfo) -> object:
     """Keep `2 %` as a text, unless the quantity itself is measured in per cent."""
-    if not isinstance(given, Written) or not isinstance(info.context, Context):
-        return given
-    place = Place(info.context, given)
+    if not isinstance(value, Written) or not isinstance(info.context, Context):
+        return value
+    place = Place(info.context, value)
     is_value = place.unit_of(place.quantity) in ("1", "%")
-    return str(given) if given.is_quantity and given.endswith("%") and not is_value else given
+    return str(value) if value.is_quantity and value.endswith("%") and not is_value else value
 
 
 _Group = Annotated[str, Field(pattern=r"^[-+]?[0-9]*\.?[0-9]+$")]
@@ -275,16 +275,16 @@ def possible_path(path: str) -> str:
     return path
 
 
-def read_path(given: object, info: ValidationInfo, bare: bool) -> object:
+def read_path(value: object, info: ValidationInfo, bare: bool) -> object:
     """Return a path with its variables expanded, relative to the folder of the spec."""
-    if not isinstance(given, Written) or not isinstance(info.context, Context):
-        return given
-    info.context.paths.add(id(given.node))
+    if not isinstance(value, Written) or not isinstance(info.context, Context):
+        return value
+    info.context.paths.add(id(value.node))
     try:
-        path = expand(str(given.node.value))
+        path = expand(str(value.node.value))
     except ValueError as error:
         raise Contradiction(str(error), VARIABLES) from error
-    return from_folder(path, given.node.at.source.folder, info.context.folder, bare)
+    return from_folder(path, value.node.at.source.folder, info.context.folder, bare)
 
 
 def moved_path(path: str, info: SerializationInfo, bare: bool) -> str:
@@ -329,10 +329,10 @@ def stray_variables(root: Node, context: Context) -> Iterator[tuple[Node, str]]:
     children = root.value.values() if isinstance(root.value, dict) else root.value
     if isinstance(children, str):
         if id(root) not in context.paths and (variable := variable_in(children)):
-            what = (
+            fault = (
                 "is in a text that is not a path: environment variables are replaced only in paths"
             )
-            yield root, f"`{variable}` {what}"
+            yield root, f"`{variable}` {fault}"
     elif isinstance(children, Iterable):
         for child in children:
             yield from stray_variables(child, context)

@@ -195,7 +195,7 @@ def _validated(
             *_further_mistakes(error, root, keys_at, model, check),
         ]
     strays = stray_variables(root, context)
-    problems += [Mistake(node.at, what, VARIABLES) for node, what in strays]
+    problems += [Mistake(node.at, fault, VARIABLES) for node, fault in strays]
     known = {problem.at for problem in problems}
     raise_if_any([*problems, *(problem for problem in later if problem.at not in known)])
     # without a file there are no comments
@@ -305,10 +305,10 @@ def _extended(
             "the top level of a spec must be a mapping",
             "write `key: value` lines, for example `name: my-study`",
         )
-    own = without(root, ["extends"])
+    document = without(root, ["extends"])
     reference = root.child("extends")
     if reference is None:
-        return own
+        return document
     if not isinstance(reference.value, str):
         fail(reference.at, "`extends` does not name a file", "write `extends: other.yaml`")
     if len(heirs) >= DEEPEST:
@@ -326,7 +326,7 @@ def _extended(
             f"the files extend each other in a circle: {circle}",
             "remove one `extends`",
         )
-    return merged(_extended(read_source(base), base, problems, chain), own)
+    return merged(_extended(read_source(base), base, problems, chain), document)
 
 
 def _file_at(node: Node, spelt: Callable[[str], str], folder: Path, remedy: str) -> Path:

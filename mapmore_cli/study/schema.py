@@ -58,8 +58,8 @@ def _told(section: JsonSchemaValue, of: type) -> JsonSchemaValue:
         for match in KEY.finditer(prose(vars(base).get("__doc__")))
         if match[1] in keys
     }
-    own = prose(of.__doc__)
-    about = KEY.sub(lambda match: "" if match[1] in said_of else match[0], own)
+    text = prose(of.__doc__)
+    about = KEY.sub(lambda match: "" if match[1] in said_of else match[0], text)
     for key, value in keys.items():
         unit = _unit_within(value)
         if key in said_of:
@@ -165,7 +165,7 @@ def reference() -> str:
         _section(title, section) for title, section in sections.items() if "properties" in section
     ]
     units = {name: "the target" if name in OF_TARGET else "1" for name in METRICS}
-    lower = quoted((name for name, one in MEASURES.items() if one.at_least), " and ")
+    lower = quoted((name for name, measure in MEASURES.items() if measure.at_least), " and ")
     return "\n".join([*tables, _METRICS.format(lower)]) + "".join(
         f"| `{name}` | {METRICS[name]} | {unit} |\n" for name, unit in units.items()
     )

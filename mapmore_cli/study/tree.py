@@ -153,9 +153,9 @@ def without(root: Node, loc: Loc) -> Node:
     if rest:
         return with_child(root, step, without(below, rest))
     if isinstance(root.value, dict):
-        return replace(root, value={key: one for key, one in root.value.items() if key != step})
+        return replace(root, value={key: child for key, child in root.value.items() if key != step})
     assert isinstance(root.value, list)
-    return replace(root, value=[one for place, one in enumerate(root.value) if place != step])
+    return replace(root, value=[child for place, child in enumerate(root.value) if place != step])
 
 
 def with_child(node: Node, step: str | int, child: Node) -> Node:

@@ -315,8 +315,12 @@ def unit_of(text: str, like: str | None = None) -> str | None:
     factors = [factor.partition("^")[0] for factor in re.split(r"[*/]", unit)]
     if (unit not in _KNOWN and not _KNOWN.issuperset(factors)) or unit.casefold() == "n/a":
         return None
-    meant = (one for one in (unit, _WEIGHTS.get(unit)) if one is not None)
-    return unit if like is None else next((one for one in meant if can_convert(one, like)), None)
+    meant = (unit_meant for unit_meant in (unit, _WEIGHTS.get(unit)) if unit_meant is not None)
+    return (
+        unit
+        if like is None
+        else next((unit_meant for unit_meant in meant if can_convert(unit_meant, like)), None)
+    )
 
 
 def unit_of_file(text: str, like: str) -> str | None:
@@ -356,15 +360,15 @@ def base_units(unit: str) -> BaseUnits | None:
         parsed = _pint_unit(unit)
     except SpecError:
         return None
-    zero, one = (_registry().Quantity(value, parsed).to_base_units() for value in (0.0, 1.0))
-    powers = {_BASE.get(name, name): cast(float, power) for name, power in one.unit_items()}
+    zero, unit_value = (_registry().Quantity(value, parsed).to_base_units() for value in (0.0, 1.0))
+    powers = {_BASE.get(name, name): cast(float, power) for name, power in unit_value.unit_items()}
     if not all(
         name in _BASE.values() and float(power).is_integer() for name, power in powers.items()
     ):
         return None
     offset = float(zero.magnitude)
     return BaseUnits(
-        float(f"{float(one.magnitude) - offset:.15g}"),
+        float(f"{float(unit_value.magnitude) - offset:.15g}"),
         offset,
         {name: int(power) for name, power in sorted(powers.items())},
     )

@@ -81,7 +81,7 @@ def _on_one_line(node: yaml.Node) -> int:
     """
     if not isinstance(node, yaml.CollectionNode):
         return ONE_LINE if "\n" in node.value else len(node.value) + 2
-    parts = [part for one in node.value for part in (one if isinstance(one, tuple) else (one,))]
+    parts = [part for part in node.value for part in (part if isinstance(part, tuple) else (part,))]
     size = 2 + sum(map(_on_one_line, parts))
     # `polynomial: {...}` needs no braces of its own
     is_wrapped = len(parts) == 2 and isinstance(parts[1], yaml.CollectionNode)
@@ -149,9 +149,9 @@ def dump(value: object) -> str:
     keys, and writing YAML is slower than reading it.
     """
     parts: list[object] = (
-        [{key: one} for key, one in value.items()] if isinstance(value, dict) else []
+        [{key: member} for key, member in value.items()] if isinstance(value, dict) else []
     )
-    return "".join(_dumped(_Part(repr(one), one)) for one in parts or [value])
+    return "".join(_dumped(_Part(repr(part), part)) for part in parts or [value])
 
 
 @lru_cache(maxsize=256)
@@ -358,8 +358,8 @@ def _tree_of(source: SourceText) -> tuple[Node, tuple[Mistake, ...]]:
         _explain_fault(error, source)
     except (ValueError, OverflowError):  # raised by `chr` inside PyYAML
         escape = re.search(r"\\U(?!00(?:0|10))[0-9A-Fa-f]{8}", source.text)
-        what = f"{(escape[0] if escape else 'an escape')} is not a Unicode character"
-        fail(_at(source, escape.start() if escape else 0), what, "write the character itself")
+        fault = f"{(escape[0] if escape else 'an escape')} is not a Unicode character"
+        fail(_at(source, escape.start() if escape else 0), fault, "write the character itself")
     problems: list[Mistake] = []
     tree = (
         Node(None, Position(source, 1, 1))
@@ -501,7 +501,7 @@ def _unquoted_text(lines: Iterable[str]) -> str | None:
     """Return the value in some lines that must be quoted because of a special character, for
     example `P [kPa]`; None if there is none.
     """
-    texts = (found["text"].strip() for line in lines for found in _VALUE.finditer(line))
+    texts = (match["text"].strip() for line in lines for match in _VALUE.finditer(line))
     return next((text for text in texts if any(mark in text for mark in _MARKS)), None)
 
 
@@ -522,7 +522,7 @@ def _explain_fault(error: Exception, source: SourceText) -> NoReturn:
     context = getattr(error, "context_mark", None)
     begin, end = (context or mark).line if mark else 0, at.line
     if (text := _unquoted_text(source.text.splitlines()[begin:end])) is not None:
-        marks = next(one for one in _MARKS if one in text)
+        marks = next(mark for mark in _MARKS if mark in text)
         fail(
             at,
             f"not valid YAML: `{text}` has `{marks.strip()}` in it, which means something in YAML",

@@ -105,7 +105,8 @@ def c_source(model: Model, single: bool = False) -> CSource:
         "name": name,
         "prefix": prefix,
         "places": {
-            one: code("{}_IN_{}", prefix, in_code.upper()) for one, in_code in names.items()
+            quantity: code("{}_IN_{}", prefix, in_code.upper())
+            for quantity, in_code in names.items()
         },
         "outputs": [code("{}_OUT_{}", prefix, in_code.upper()) for in_code in outputs.values()],
         "into": [code("out[{}]", i) for i in range(len(outputs))] or [code("*out")],
@@ -144,7 +145,7 @@ class CSource(NamedTuple):
             return files
         slopes = program_words(with_slopes(self.program), self.dialect, apart=False)
         inverses = list(_inverses(words))
-        ends = max([one["ends"] for one in inverses], default=0) + 2 * DIVIDED
+        ends = max([inverse["ends"] for inverse in inverses], default=0) + 2 * DIVIDED
         into = [*words["into"], *(code("slopes[{}]", i) for i in range(len(words["places"])))]
         words = {**words, **slopes, **SEARCH, "inverses": inverses, "ends": ends, "into": into}
         words |= {"function": "derivatives", "coarser": COARSER if words["single"] else 1.0}
@@ -218,9 +219,11 @@ def simulink_files(model: Model, _wanted: Wanted) -> dict[str, str]:
             "export it as fmu, which Simulink imports",
         )
     source = c_source(model)
-    used = [f"{source.name}_{one}" for one in ("eval", "valid", *names_of_inputs(model.outputs))]
+    used = [f"{source.name}_{form}" for form in ("eval", "valid", *names_of_inputs(model.outputs))]
     names = names_of_inputs(model.inputs, [source.name, *used, "out"])
     words = source.words | {"output": name_of_output(model), "names": names.values()}
     words["parameters"] = [code("double {}", name) for name in names.values()]
     forms = ("simulink.h", "simulink.c")
-    return source.files | {f"{source.name}_{one}": rendered_template(one, **words) for one in forms}
+    return source.files | {
+        f"{source.name}_{form}": rendered_template(form, **words) for form in forms
+    }

@@ -181,8 +181,8 @@ def program_words(program: Program, dialect: Dialect, apart: bool = True) -> dic
     results = body.block(program.body)
     if apart:
         ranges = Body(program, dialect)
-        inputs = [one for one in program.body.statements if isinstance(one, Let)]
-        ranges.write([one for one in inputs if one.name.startswith("input_")])
+        inputs = [statement for statement in program.body.statements if isinstance(statement, Let)]
+        ranges.write([quantity for quantity in inputs if quantity.name.startswith("input_")])
     checks = [
         {
             "inputs": limit.inputs,
@@ -195,8 +195,12 @@ def program_words(program: Program, dialect: Dialect, apart: bool = True) -> dic
         }
         for limit in program.limits
     ]
-    functions = [_function(program, dialect, one) for one in program.functions]
-    lines = [*body.lines, *ranges.lines, *(line for one in functions for line in one["lines"])]
+    functions = [_function(program, dialect, function) for function in program.functions]
+    lines = [
+        *body.lines,
+        *ranges.lines,
+        *(line for function in functions for line in function["lines"]),
+    ]
     return {
         "functions": functions,
         "helpers": dialect.helpers(*lines),
@@ -233,11 +237,11 @@ def texts_of(part: object) -> Iterator[str]:
     elif isinstance(part, Expression):
         yield from part.names
     elif isinstance(part, tuple | Mapping):
-        for one in part:
-            yield from texts_of(one)
+        for element in part:
+            yield from texts_of(element)
     elif is_dataclass(part):
-        for one in fields(part):
-            yield from texts_of(getattr(part, one.name)) if one.name != "note" else ()
+        for field in fields(part):
+            yield from texts_of(getattr(part, field.name)) if field.name != "note" else ()
 
 
 @dataclass
@@ -317,7 +321,10 @@ class Body:
             self._line(dialect.constant, names[0], text + results[-1][0])
         else:
             first, other, otherwise, end = dialect.branches
-            heads = [(first if i == 0 else other).format(one) for i, one in enumerate(conditions)]
+            heads = [
+                (first if i == 0 else other).format(condition)
+                for i, condition in enumerate(conditions)
+            ]
             if dialect.short:  # names are declared
                 self._line(dialect.several[0], names=", ".join(names))
             for head, side, values in zip([*heads, otherwise], sides, results, strict=True):

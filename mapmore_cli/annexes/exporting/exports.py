@@ -107,8 +107,8 @@ def exported(
     if to not in EXPORTERS:
         raise UsageError(f"nothing is exported to {to!r}", f"choose one of {', '.join(EXPORTERS)}")
     wanted, files = Wanted(single, grid, verify, warn), dict[str, str | bytes]()
-    for one in [model] if to in SEVERAL else model.each:
-        files |= EXPORTERS[to](one, wanted)
+    for output in [model] if to in SEVERAL else model.each:
+        files |= EXPORTERS[to](output, wanted)
     if to not in _ADDED:
         files = {
             name: with_notice(name, data) if isinstance(data, str) else data

@@ -108,7 +108,7 @@ def fmu_sources(model: Model, tool: str, standard: int = 2) -> UnitSources:
     written = c_source(model)
     wrapper = WRAPPERS[standard]
     name, compiled = written.name, (f"{written.name}.c", wrapper[-1])
-    texts = {one: source(one) for one in wrapper}
+    texts = {template: source(template) for template in wrapper}
     header = rendered_template("model.h", **written.words)
     texts = {f"{name}.h": header, f"{name}.c": functions(written.words), **texts}
     about = repr([model.name, model.inputs, model.output, tool, *texts.values()])
@@ -120,9 +120,11 @@ def fmu_sources(model: Model, tool: str, standard: int = 2) -> UnitSources:
         "guid": guid,
         "tool": tool,
         "compiled": compiled,
-        "units": {one.unit: _powers(base_units(str(one.unit))) for one in variables[:-1]},
+        "units": {
+            variable.unit: _powers(base_units(str(variable.unit))) for variable in variables[:-1]
+        },
         "variables": variables,
-        "inputs": [one for one in variables if one.causality == "input"],
+        "inputs": [variable for variable in variables if variable.causality == "input"],
     }
     texts["this-model.h"] = rendered_template("this-model.h", **words)
     if standard == 3:
@@ -135,7 +137,11 @@ def fmu_sources(model: Model, tool: str, standard: int = 2) -> UnitSources:
 def input_names(model: Model) -> list[str]:
     """Return what the inputs of a unit are called, in their order."""
     written = c_source(model)
-    return [one.name for one in _variables(written, [BITS, "time"]) if one.causality == "input"]
+    return [
+        variable.name
+        for variable in _variables(written, [BITS, "time"])
+        if variable.causality == "input"
+    ]
 
 
 def _about(written: CSource) -> str:
@@ -168,7 +174,7 @@ def _variables(written: CSource, taken: list[str]) -> Iterator[Variable]:
         Quantity(f"{name}_measured", model.output.unit) for name in written.program.kept.fed_back
     ]
     measurable, ends = (*model.inputs, *measured), training_ends(model)
-    names = identifiers([*(one.name for one in measurable), model.output.name], taken)
+    names = identifiers([*(quantity.name for quantity in measurable), model.output.name], taken)
     changes = "discrete" if memory else "continuous"
     for quantity, name in zip((*measurable, model.output), names, strict=True):
         start: float | None = 0.0
@@ -186,7 +192,9 @@ def _variables(written: CSource, taken: list[str]) -> Iterator[Variable]:
             about = f"Trained from {min(low):.6g} to {max(high):.6g} {quantity.unit}"
         about = about if name == quantity.name else f"{quantity.name}. {about}"
         yield Variable(name, about, causality, changes, quantity.unit, start)
-    bits = ", ".join(f"{1 << place} for {one.name}" for place, one in enumerate(model.inputs))
+    bits = ", ".join(
+        f"{1 << place} for {quantity.name}" for place, quantity in enumerate(model.inputs)
+    )
     summed = f"0, or the sum of {bits} outside of its training range"
     if memory:
         nothing = 1 << len(model.inputs)

@@ -49,7 +49,7 @@ def javascript_module(model: Model) -> Code:
     Raises DataError where a part of the model is no closed expression.
     """
     program = program_of(model)
-    used = [*words_of("JavaScript"), *NAMES, *(one.name for one in program.functions)]
+    used = [*words_of("JavaScript"), *NAMES, *(function.name for function in program.functions)]
     names = names_of_inputs(model.inputs, used)
     words, slopes = program_words(program, JAVASCRIPT), dict[str, Any]()
     if program.step is None:

@@ -37,7 +37,7 @@ def matlab_file(model: Model, wanted: Wanted) -> dict[str, str]:
 def matlab_function(model: Model) -> tuple[Code, str]:
     """Return name and text of the function; raises as `c_source.c_source`."""
     name, functions = identifier(model.name), program_of(model).functions
-    used = [*OWN, *(one.name for one in functions), name]
+    used = [*OWN, *(function.name for function in functions), name]
     names = names_in_matlab(model.inputs, used)
     words = words_of_module(model, MATLAB, names)
     return name, rendered_template("function.m", **words, name=name, fed_back=fed_back(model))

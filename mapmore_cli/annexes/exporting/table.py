@@ -136,7 +136,9 @@ def _places_over_range(model: Model, name: str) -> Array:
     places = np.linspace(low, high, POINTS)
     if model.level == name:
         limits = program_of(model).limits
-        levels = np.concatenate([one.levels for one in limits if one.at is not None] or [places])
+        levels = np.concatenate(
+            [limit.levels for limit in limits if limit.at is not None] or [places]
+        )
         places = np.append(places, levels[(levels >= low) & (levels <= high)])
     return np.unique(places)
 
@@ -167,7 +169,7 @@ def _combi_table(model: Model, grid: Grid) -> str:
     """
     rows, columns = grid.places.values()
     quantities = (*model.inputs, model.output)
-    lines = ["#1", *("# " + note(f"{one.name} [{one.unit}]") for one in quantities)]
+    lines = ["#1", *("# " + note(f"{quantity.name} [{quantity.unit}]") for quantity in quantities)]
     for name, values in ((name_of_output(model), grid.values), ("valid", grid.valid)):
         lines += ["", code("double {}({},{})", name, len(rows) + 1, len(columns) + 1)]
         inner = values.reshape(len(rows), len(columns))
@@ -185,7 +187,9 @@ def tex_equations(model: Model, _wanted: Wanted) -> dict[str, str]:
         f"{quantity.name} in {quantity.unit}" for quantity in (model.output, *model.inputs)
     )
     # printed from names that are identifiers
-    typeset = [(one.id, one.weight, Code(one.latex)) for one in equations(model)]
+    typeset = [
+        (equation.id, equation.weight, Code(equation.latex)) for equation in equations(model)
+    ]
     text = rendered_template(
         "equations.tex",
         about=f"{model.name}: {units}",

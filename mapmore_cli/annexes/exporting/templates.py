@@ -63,8 +63,8 @@ def code(form: str, *parts: Code | str | float) -> Code:
     return Code(
         form.format(
             *(
-                word(one) if isinstance(one, str) and not isinstance(one, Code) else one
-                for one in parts
+                word(part) if isinstance(part, str) and not isinstance(part, Code) else part
+                for part in parts
             )
         )
     )
@@ -130,10 +130,10 @@ def name_of_output(model: Model, names: Iterable[str] | None = None) -> Code:
     """Return what the output is called in code beside the `names` of the inputs, which are those of
     `names_of_inputs` by default: a function or a variable.
     """
-    own = [*(names_of_inputs(model.inputs).values() if names is None else names)]
+    input_names = [*(names_of_inputs(model.inputs).values() if names is None else names)]
     functions = [function.name for function in program_of(model).functions]
-    reserved = [*TAKEN, *OWN, *functions, identifier(model.name), *own]
-    reserved += [f"invert_{name}" for name in own]
+    reserved = [*TAKEN, *OWN, *functions, identifier(model.name), *input_names]
+    reserved += [f"invert_{name}" for name in input_names]
     return word(identifiers([model.output.name], reserved)[0].lstrip("_") or "output")
 
 
@@ -205,7 +205,7 @@ def templates(language: str) -> Environment:
     environment.filters |= {
         "word": word,
         "note": noted,
-        "listed": lambda parts: Code(", ".join(str(written(one)) for one in parts)),
+        "listed": lambda parts: Code(", ".join(str(written(part)) for part in parts)),
     }
     environment.filters["unit"] = lambda quantity: noted(f"{quantity.name} [{quantity.unit}]")
     return environment

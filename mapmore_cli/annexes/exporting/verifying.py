@@ -174,9 +174,9 @@ def _verify(model: Model, command: Sequence[str], folder: Path, close: float = C
     *values, bits = np.broadcast_to(answers, (POINTS, answers.shape[1])).T
     outside = bits.astype(int) & ((1 << count) - 1) != 0
     flags = outside != outside_range(model, columns)
-    for one, answered in zip(model.each, values, strict=True):
+    for output, answered in zip(model.each, values, strict=True):
         with np.errstate(all="ignore"):
-            expected = simulate(one, columns).values
+            expected = simulate(output, columns).values
             size = np.abs(expected[np.isfinite(expected)])
             least = 0.1 * np.median(size) if size.size else 0.0
             equal = np.abs(answered - expected) <= close * np.maximum(np.abs(expected), least)

@@ -176,7 +176,7 @@ file or its function would stand before them.
 
 def words_of(*languages: str) -> frozenset[str]:
     """Return the `KEYWORDS` of languages in lower case."""
-    return frozenset(" ".join(KEYWORDS[one] for one in languages).lower().split())
+    return frozenset(" ".join(KEYWORDS[language] for language in languages).lower().split())
 
 
 WORDS = words_of("C", "C++", "macros of C", "Python", "functions in exported code")

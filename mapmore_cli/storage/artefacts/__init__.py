@@ -202,10 +202,10 @@ class FileKind(Generic[T]):
             )
         if newer:
             return record, "is of a newer format: its checksum cannot be verified here"
-        found = _as_written[mark] if known else digest.hexdigest()
-        if root_text(file, CHECKSUM) != found:
+        checksum = _as_written[mark] if known else digest.hexdigest()
+        if root_text(file, CHECKSUM) != checksum:
             return record, _ALTERED
-        _as_written[mark] = found
+        _as_written[mark] = checksum
         return record, ""
 
 
@@ -289,8 +289,8 @@ def _opened_file(path: Path) -> Iterator[tuple[h5py.File, str, str]]:
     invalid contents, and for a file that mapmore did not write.
     """
     if not path.is_file():
-        what = "is a folder or a special file, not a file" if path.exists() else "no such file"
-        raise DataError(f"{path}: {what}", "`mapmore run CONFIG` makes it")
+        fault = "is a folder or a special file, not a file" if path.exists() else "no such file"
+        raise DataError(f"{path}: {fault}", "`mapmore run CONFIG` makes it")
     try:
         file = h5py.File(path, "r")
     except OSError as fault:

@@ -51,34 +51,36 @@ class Decoder:
         """Return the value of a type; `sizes` holds the lengths of dimensions that have occurred so
         far in the object.
         """
-        own = taken_apart(hint)
-        letters = own.letters or letters
-        if own.kind is Union:
-            if node is None and types.NoneType in own.inner:
+        form = taken_apart(hint)
+        letters = form.letters or letters
+        if form.kind is Union:
+            if node is None and types.NoneType in form.inner:
                 return None
             fitting = (
-                one
-                for one in own.inner
-                if (taken_apart(one).kind in (str, Literal)) == isinstance(node, str)
-                and (taken_apart(one).kind is range) <= isinstance(node, list)
+                inner
+                for inner in form.inner
+                if (taken_apart(inner).kind in (str, Literal)) == isinstance(node, str)
+                and (taken_apart(inner).kind is range) <= isinstance(node, list)
             )
-            return self.value(node, next(fitting, own.inner[0]), path, letters, sizes)
-        found = self._plain(node, own, path, letters, sizes)
-        for check in own.checks:
-            if wrong := wrong_with(found, check):
-                raise Invalid(path, wrong + (f": {found[:60]!r}" if isinstance(found, str) else ""))
-        return found
+            return self.value(node, next(fitting, form.inner[0]), path, letters, sizes)
+        stored = self._plain(node, form, path, letters, sizes)
+        for check in form.checks:
+            if wrong := wrong_with(stored, check):
+                raise Invalid(
+                    path, wrong + (f": {stored[:60]!r}" if isinstance(stored, str) else "")
+                )
+        return stored
 
-    def _plain(self, node: object, own: Hint, path: str, letters: Letters, sizes: Sizes) -> object:
-        kind, many = own.kind, own.inner[1:] == (...,)
+    def _plain(self, node: object, form: Hint, path: str, letters: Letters, sizes: Sizes) -> object:
+        kind, many = form.kind, form.inner[1:] == (...,)
         if path.count("/") > DEEPEST:
             raise Invalid(path, f"lies more than {DEEPEST} fields deep")
         if kind is np.ndarray and isinstance(node, dict):
-            return self._array(node, path, own.inner[0], letters, sizes)
+            return self._array(node, path, form.inner[0], letters, sizes)
         if bodies(kind) and isinstance(node, dict):
             word, inner = (
                 node.get("kind"),
-                {name: one for name, one in node.items() if name != "kind"},
+                {name: member for name, member in node.items() if name != "kind"},
             )
             if word not in (*bodies(kind),):
                 raise Invalid(
@@ -96,26 +98,27 @@ class Decoder:
             and 0 <= node[0] <= node[1] <= maxsize
         ):
             return range(*node)
-        if kind is tuple and isinstance(node, list) and (many or len(node) == len(own.inner)):
+        if kind is tuple and isinstance(node, list) and (many or len(node) == len(form.inner)):
             if many:
                 _compare_lengths(path, (len(node),), letters, sizes)
-            parts, hints = enumerate(node), hints_of_members(own, len(node))
+            parts, hints = enumerate(node), hints_of_members(form, len(node))
             return tuple(
-                self.value(one, hints[i], f"{path}/{i:03d}", (), {**sizes}) for i, one in parts
+                self.value(member, hints[i], f"{path}/{i:03d}", (), {**sizes})
+                for i, member in parts
             )
         if kind is Mapping and isinstance(node, dict):
             parts = enumerate(node.items())
             return {
-                self.value(key, own.inner[0], path, (), {}): self.value(
-                    one,
-                    own.inner[1],
+                self.value(key, form.inner[0], path, (), {}): self.value(
+                    member,
+                    form.inner[1],
                     f"{path}/{step_to(key, i)}",
                     letters,
                     sizes if letters else {},
                 )
-                for i, (key, one) in parts
+                for i, (key, member) in parts
             }
-        return _plain_value(node, own, path)
+        return _plain_value(node, form, path)
 
     def _record(self, node: dict[str, Any], type_: Any, path: str, sizes: Sizes) -> object:
         known = stored_fields(type_)
@@ -166,12 +169,12 @@ class Decoder:
         return values
 
 
-def _plain_value(node: object, own: Hint, path: str) -> object:
-    if own.kind is Literal and node not in own.inner:
-        raise Invalid(path, f"is none of {', '.join(own.inner)}")
-    if own.kind is float and (type(node) is int or node in ("nan", "inf", "-inf")):
+def _plain_value(node: object, form: Hint, path: str) -> object:
+    if form.kind is Literal and node not in form.inner:
+        raise Invalid(path, f"is none of {', '.join(form.inner)}")
+    if form.kind is float and (type(node) is int or node in ("nan", "inf", "-inf")):
         return float(node)
-    expected = str if own.kind is Literal else own.kind
+    expected = str if form.kind is Literal else form.kind
     if type(node) is not expected:
         raise Invalid(path, f"is no {expected.__name__}")
     if expected is str and not is_one_line(node):

@@ -167,12 +167,15 @@ def take_array(
     another type or shape.
     """
     with stored_at(path):
-        found = file.get(path)
-        if isinstance(found, h5py.Dataset) and (found.dtype, found.ndim) == (np.dtype(dtype), ndim):
-            if found.size < HUGE or found.chunks is not None:
-                return np.asarray(found[()])
-            place = found.id.get_offset()
-            values = mapped()[place : place + found.nbytes].view(dtype).reshape(found.shape)
+        dataset = file.get(path)
+        if isinstance(dataset, h5py.Dataset) and (dataset.dtype, dataset.ndim) == (
+            np.dtype(dtype),
+            ndim,
+        ):
+            if dataset.size < HUGE or dataset.chunks is not None:
+                return np.asarray(dataset[()])
+            place = dataset.id.get_offset()
+            values = mapped()[place : place + dataset.nbytes].view(dtype).reshape(dataset.shape)
             return np.asarray(values)
     raise Invalid(path, f"is no array of {ndim} dimensions of {np.dtype(dtype).name}")
 
@@ -184,9 +187,13 @@ def root_text(file: h5py.File, name: str) -> str | None:
     with stored_at(""):
         if name not in file.attrs:
             return None
-        found = file.attrs.get_id(name)
-        kind, value = found.get_type(), None
-        if found.shape == () and kind.get_class() == h5t.STRING and kind.get_size() <= LONGEST_WORD:
+        attribute = file.attrs.get_id(name)
+        kind, value = attribute.get_type(), None
+        if (
+            attribute.shape == ()
+            and kind.get_class() == h5t.STRING
+            and kind.get_size() <= LONGEST_WORD
+        ):
             value = file.attrs[name]
     return value.decode(errors="replace") if isinstance(value, bytes) else value
 
@@ -197,18 +204,20 @@ def take_document(file: h5py.File) -> tuple[str, Any]:
     """
     where = "document"
     with stored_at(where):
-        found = file.get(where)
-        text = isinstance(found, h5py.Dataset) and found.shape == () and found.dtype.kind == "S"
-        if not text or found.dtype.itemsize > DOCUMENT:
+        dataset = file.get(where)
+        is_text = (
+            isinstance(dataset, h5py.Dataset) and dataset.shape == () and dataset.dtype.kind == "S"
+        )
+        if not is_text or dataset.dtype.itemsize > DOCUMENT:
             raise Invalid(where, f"is no text of at most {DOCUMENT // 10**6} MB")
-        data = bytes(found[()])
+        data = bytes(dataset[()])
     no_number = dict[str, float]().__getitem__  # for NaN and infinity
     try:
-        said = data.decode()
+        text = data.decode()
         document = json.loads(
-            said, object_pairs_hook=_without_repeated_keys, parse_constant=no_number
+            text, object_pairs_hook=_without_repeated_keys, parse_constant=no_number
         )
-        return said, document
+        return text, document
     except (ValueError, KeyError, RecursionError) as fault:
         raise Invalid(where, f"is no plain JSON ({str(fault)[:100]})") from fault
 
@@ -257,16 +266,16 @@ def look_over(file: h5py.File, size: int, ratio: int = RATIO) -> None:
             )
 
 
-def _check_attributes(found: h5g.GroupID | h5d.DatasetID, where: str) -> None:
+def _check_attributes(node: h5g.GroupID | h5d.DatasetID, where: str) -> None:
     """Raise Invalid for attributes that are more than a few numbers or one text, without reading
     any.
     """
     with stored_at(where):
-        count = h5a.get_num_attrs(found)
+        count = h5a.get_num_attrs(node)
         if count > MOST_ATTRIBUTES:
             raise Invalid(where, f"has {count} attributes")
         for place in range(count):
-            attribute = h5a.open(found, index=place)
+            attribute = h5a.open(node, index=place)
             kind, width = attribute.get_type().get_class(), attribute.get_type().get_size()
             text = kind == h5t.STRING and attribute.shape == ()
             if (

@@ -32,21 +32,23 @@ def described() -> str:
 
     def form(hint: object) -> str:
         """Return the name of a type; the sections of the types inside it are written first."""
-        own = taken_apart(hint)
-        if own.kind is np.ndarray:
-            return f"`{own.inner[0].__name__}[{',' * (len(own.letters) - 1)}]`"
-        if found := bodies(own.kind):
-            return ", ".join(f"`{word}`: {form(type_)}" for word, type_ in found.items())
-        if is_dataclass(own.kind):
-            return section(own.kind)
-        if own.kind in (Union, tuple, Mapping):
-            head = {Union: "", tuple: "list of ", Mapping: "object of "}[own.kind]
+        shape = taken_apart(hint)
+        if shape.kind is np.ndarray:
+            return f"`{shape.inner[0].__name__}[{',' * (len(shape.letters) - 1)}]`"
+        if known := bodies(shape.kind):
+            return ", ".join(f"`{word}`: {form(type_)}" for word, type_ in known.items())
+        if is_dataclass(shape.kind):
+            return section(shape.kind)
+        if shape.kind in (Union, tuple, Mapping):
+            head = {Union: "", tuple: "list of ", Mapping: "object of "}[shape.kind]
             return head + " or ".join(
                 dict.fromkeys(
-                    form(one) for one in own.inner[own.kind is Mapping :] if one is not ...
+                    form(inner)
+                    for inner in shape.inner[shape.kind is Mapping :]
+                    if inner is not ...
                 )
             )
-        return f"`{WORDS.get(own.kind, own.kind.__name__)}`"
+        return f"`{WORDS.get(shape.kind, shape.kind.__name__)}`"
 
     def section(type_: Any) -> str:
         name = type_.__name__
@@ -56,13 +58,13 @@ def described() -> str:
         sections[name] = ""
         rows = ""
         for field, (hint, default) in stored_fields(type_).items():
-            own = taken_apart(hint)
+            shape = taken_apart(hint)
             unit, optional = (
-                f"`{own.unit}`" if own.unit else NO_UNIT,
+                f"`{shape.unit}`" if shape.unit else NO_UNIT,
                 "" if default is MISSING else " ?",
             )
             rows += (
-                f"| `{field}` | {form(hint)}{optional} | {unit} | {own.description or field} |\n"
+                f"| `{field}` | {form(hint)}{optional} | {unit} | {shape.description or field} |\n"
             )
         del sections[name]
         sections[name] = (

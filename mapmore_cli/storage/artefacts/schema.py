@@ -127,12 +127,12 @@ def taken_apart(hint: Any) -> Hint:
 @cache
 def stored_fields(type_: Any) -> dict[str, tuple[Any, Any]]:
     """Return the hint and the default of every stored field, by name."""
-    hints, found = get_type_hints(type_, include_extras=True), {}
+    hints, stored = get_type_hints(type_, include_extras=True), {}
     for field in fields(type_):
         if field.metadata.get("stored", True):
             made = field.default if field.default_factory is MISSING else field.default_factory()
-            found[field.name] = hints[field.name], made
-    return found
+            stored[field.name] = hints[field.name], made
+    return stored
 
 
 @cache
@@ -162,13 +162,13 @@ def shared_path(path: str) -> str:
     return re.sub(r"(?<!/others)/\d{3,}(?=/|$)", "/all", path)
 
 
-def hints_of_members(own: Hint, count: int) -> Sequence[Any]:
+def hints_of_members(hint: Hint, count: int) -> Sequence[Any]:
     """Return the hints of the members of a mapping or a tuple of this length."""
-    each = own.inner[own.kind is Mapping]
+    each = hint.inner[hint.kind is Mapping]
     return (
         [each] * count
-        if own.kind is Mapping or own.inner[1:] == (...,)
-        else [*own.inner, *[each] * count][:count]
+        if hint.kind is Mapping or hint.inner[1:] == (...,)
+        else [*hint.inner, *[each] * count][:count]
     )
 
 
@@ -201,8 +201,8 @@ def resolved(unit: str, units: Units) -> str:
 
     def known(match: re.Match[str]) -> str:
         name, power = match.groups()
-        found = units.get(name, f"[{name}]")
-        return f"({found}){power}" if power and re.search(r"[*/ ^]", found) else f"{found}{power}"
+        unit = units.get(name, f"[{name}]")
+        return f"({unit}){power}" if power and re.search(r"[*/ ^]", unit) else f"{unit}{power}"
 
     return re.sub(r"\[([^\]]*)\](\^?)", known, unit) if "[" in unit else unit
 
@@ -221,17 +221,17 @@ def encoded(
     """
     if value is None or isinstance(value, bool | int | float | str):
         return _scalar(value)
-    own = taken_apart(hint)
-    label = (own.description, own.unit) if own.description else outer
-    if own.kind is Union:
-        return encoded(value, own.inner[0], put, units, path, label)
+    form = taken_apart(hint)
+    label = (form.description, form.unit) if form.description else outer
+    if form.kind is Union:
+        return encoded(value, form.inner[0], put, units, path, label)
     if isinstance(value, np.ndarray):
         return put(path, value, label[0], resolved(label[1] or "1", units))
     if is_dataclass(value):
         known = {"target": label[1] or "[target]", **units_of(value)}
         units = {**units, **{name: resolved(unit, units) for name, unit in known.items()}}
         document: dict[object, object] = {}
-        for word in (word for word, one in bodies(own.kind).items() if one is type(value)):
+        for word in (word for word, body in bodies(form.kind).items() if body is type(value)):
             document["kind"] = word
         for name, (inner, default) in stored_fields(type(value)).items():  # type: ignore[arg-type]
             member = getattr(value, name)
@@ -244,15 +244,15 @@ def encoded(
         parts = value if isinstance(value, Mapping) else dict(enumerate(value))
         document = {
             _scalar(key): encoded(
-                one,
+                member,
                 part,
                 put,
                 units,
                 f"{path}/{step_to(key, i)}",
                 (label[0], label[1].replace("*", str(key))),
             )
-            for i, ((key, one), part) in enumerate(
-                zip(parts.items(), hints_of_members(own, len(parts)), strict=True)
+            for i, ((key, member), part) in enumerate(
+                zip(parts.items(), hints_of_members(form, len(parts)), strict=True)
             )
         }
         return document if parts is value else list(document.values())
@@ -270,6 +270,6 @@ def _scalar(value: object) -> object:
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     if isinstance(value, str) and not is_one_line(value):
-        what = f"the name {value!r} cannot be stored: it is not one line of valid text"
-        raise DataError(what, "rename the file or column that it is of")
+        fault = f"the name {value!r} cannot be stored: it is not one line of valid text"
+        raise DataError(fault, "rename the file or column that it is of")
     return value
