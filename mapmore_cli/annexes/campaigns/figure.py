@@ -13,11 +13,11 @@ from mapmore_cli.reporting.figures import panels, style
 from mapmore_cli.reporting.figures.drawing import DOUBLE, Drawing, Layout, Panel
 
 ROUNDING = 1e-10
-"""NRMSE below which an error is that of rounding; on a logarithmic axis it would leave no room for
-the others.
+"""NRMSE below which an error is rounding; on a logarithmic axis, it would leave no space for the
+others.
 """
 MOST_RUNS = 100
-"""Runs of a campaign in its figure; of more, some stand for all."""
+"""Largest number of runs in the figure of a campaign; more are thinned."""
 
 BEST_OTHER = "best of the others"
 FLOOR: dict[str, Any] = {
@@ -29,9 +29,10 @@ FLOOR: dict[str, Any] = {
 
 
 def campaign_figures(scores: CampaignScores) -> list[Drawing]:
-    """Return a line of dots for each run on a logarithmic axis: the runs' own model, the one that
-    ratios are taken to, the best of a run's others, and repeated measurements; none for a single
-    run. Of very many some are drawn, the run with the least error among them.
+    """Return the figure with a line of dots for each run on a logarithmic axis: the run's own
+    model, the reference model of the ratios, the best of its other models, and repeated
+    measurements; empty for a single run. Of very many runs, some are drawn, including the one with
+    the smallest error.
     """
     pooled = scores.pooled
     every = [*pooled]
@@ -66,7 +67,7 @@ def campaign_figures(scores: CampaignScores) -> list[Drawing]:
             look, known = looks[model], np.isfinite(errors[model])
             dots: dict[str, Any] = {"marker": look.marker, "markersize": 4.0 + look.width}
             dots |= {"color": look.colour, "markeredgewidth": 0}
-            # the own dots over the others
+            # the dots of the own model are on top
             dots = (FLOOR if model == REPEATABILITY else dots) | {"zorder": 3 - 0.1 * place}
             ax.plot(errors[model][known], rows[known], linestyle="none", label=model, **dots)
         panels.label_rows(ax, panels.told_apart(runs, 40))
