@@ -1,6 +1,6 @@
-"""What a column is called and what it is for: by its title and its unit, or as a person says.
+"""Find the names and roles of columns from their titles and units, or from what a person says.
 
-Values give facts alone: a column that never changes, a clock, a copy of another column.
+Values are only used for facts: a column that never changes, a clock, a copy of another column.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from mapmore_cli.study.units import CANONICAL, default_unit, unit_of
 _KINDS = {"pressure": "pressure", "force": "force", "load": "force"} | dict.fromkeys(
     POSITIONS, "position"
 )
-"""What columns are called where their titles say so, and what kind of quantity that is."""
+"""Names of columns whose titles identify them, and the kind of each quantity."""
 _BRACKETS = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]")
 _LETTER = re.compile(r"(?<![^\W_])[A-Za-z](?![^\W_])")
 _NUMBERED_PRESSURE = re.compile(r"p(?:ressure)?_?[A-Za-z0-9]", re.IGNORECASE)
@@ -34,27 +34,27 @@ _NO_MEASUREMENT = {
     *("simulated", "simulation", "sim", "model", "modelled", "predicted", "prediction", "fitted"),
     *("estimated", "estimate", "theoretical", "calculated", "residual"),
 }
-"""Words of titles of what somebody computed."""
+"""Words in titles of computed columns."""
 
 
 @dataclass(frozen=True)
 class TitledColumn:
-    """A column of some files, and what its title and the files say of it.
+    """A column of some files, and what its title and the files say about it.
 
     Attributes
     ----------
     column, place
-        How the spec names it, and its place in the files, from 0.
+        Its name in the spec, and its index in the files, counted from 0.
     title
-        Empty where it has none.
+        Its title; empty if it has none.
     values
         One array `(n,)` for each file; none for a column of texts.
     quantity
         The quantity that its title names; empty for none.
     plain
-        Whether nothing else stands in the title.
+        True if the title contains nothing else.
     unit, source
-        The unit that is known, and what says it; empty for none.
+        The unit, and where it is stated; empty if it is unknown.
     """
 
     column: Column
@@ -68,24 +68,26 @@ class TitledColumn:
 
     @property
     def kind(self) -> str:
-        """One word for all positions, and for forces and loads; empty for other quantities."""
+        """Kind of the column: one word for all positions, and one for forces and loads; empty for
+        other quantities.
+        """
         return _KINDS.get(self.quantity, "")
 
     @property
     def called(self) -> str:
-        """Return how messages call it."""
+        """Name in messages."""
         return self.title or (
             self.column if isinstance(self.column, str) else f"column {self.column}"
         )
 
     @property
     def described(self) -> str:
-        """Its name with its range, and its unit where that is known."""
+        """Name with range, and with unit if it is known."""
         return f"{self.called}  {range_of(self.values, self.unit or '1')}"
 
     @property
     def name(self) -> str:
-        """The name that the title gives, without its unit."""
+        """Name from the title, without the unit."""
         bare = _BRACKETS.sub(lambda match: "" if unit_of(match[1]) else match[0], self.title)
         behind = _BEHIND.search(bare)
         bare = bare[: behind.start()] if behind is not None and unit_of(behind[1]) else bare
@@ -95,17 +97,19 @@ class TitledColumn:
 
     @property
     def moves(self) -> bool:
-        """Whether its values are not all one."""
+        """True if its values are not all equal."""
         return len(self.values) > 0 and float(np.ptp(np.concatenate(self.values))) > 0
 
     @property
     def kinds(self) -> Array:
-        """The values that it takes, each once (m,)."""
+        """Its distinct values, (m,)."""
         return np.unique(np.concatenate(self.values)) if self.values else np.empty(0)
 
     @property
     def rises(self) -> bool:
-        """Whether it goes on in every file, but for a few steps back, and seldom repeats."""
+        """True if it increases in every file, except for a few steps back, and seldom repeats a
+        value.
+        """
         return self.moves and all(
             len(one) > 1
             and np.mean(np.diff(one) < 0) <= MOST_GLITCHES
@@ -115,8 +119,8 @@ class TitledColumn:
 
     @property
     def turn(self) -> float:
-        """The number at which it begins anew again and again, as 60 of the seconds of a clock; 0 if
-        it does not.
+        """Number at which it restarts again and again, for example 60 for the seconds of a clock; 0
+        if it does not.
         """
         steps = [np.diff(one) for one in self.values]
         falls = [np.flatnonzero(step < 0) for step in steps]
@@ -131,24 +135,24 @@ class TitledColumn:
 
     @property
     def counts(self) -> bool:
-        """Whether it goes up by one from row to row."""
+        """True if it increases by one from row to row."""
         return all(len(one) > 1 and (np.diff(one) == 1).all() for one in self.values)
 
     @property
     def is_time(self) -> bool:
-        """Whether title or unit say that it is the time."""
+        """True if the title or the unit says that it is the time."""
         by_unit = not self.quantity and bool(unit_of(self.unit, "s"))
         return self.quantity == "time" or by_unit
 
     @property
     def may_be_clock(self) -> bool:
-        """Whether it goes on like a clock, and no title says what it is."""
+        """True if it increases like a clock and its title does not say what it is."""
         return not self.title and self.rises and not self.turn
 
     def as_quantity(self, name: str) -> NamedColumn:
-        """Return the column as a quantity, in the unit that the title or the file says.
+        """Return the column as a quantity, in the unit from the title or the file.
 
-        A canonical quantity without a unit is in the model's, which is a question.
+        A canonical quantity without a unit gets the model's unit, which is marked as a question.
         """
         if self.unit or name not in CANONICAL:
             why = f"{self.source or 'title'}; {range_of(self.values, self.unit or '1')}"
@@ -162,14 +166,14 @@ class TitledColumn:
 
 
 TURNS = (24.0, 60.0, 1000.0, 3600.0, 86400.0)
-"""Where hours, minutes, milliseconds, and seconds of an hour and of a day begin anew."""
+"""Values at which hours, minutes, milliseconds, and seconds of an hour and of a day restart."""
 
 Table = Mapping[Column, TitledColumn]
 """All columns of some files, in their order."""
 
 
 def read_titles(layout: Preview, raw: Raw) -> Table:
-    """Return the columns of files, with what their titles and the files' own units say."""
+    """Return the columns of files, with the information in their titles and in the files."""
     texts = zip_longest(layout.columns, layout.titles, layout.units, fillvalue="")
     return {
         column: _read_title(column, place, title, raw.get(column, ()), unit)
@@ -180,8 +184,8 @@ def read_titles(layout: Preview, raw: Raw) -> Table:
 def _read_title(
     column: Column, place: int, title: str, values: Sequence[Array], line: str
 ) -> TitledColumn:
-    """Return a column whose title names no quantity where its unit is one of something else, as
-    volts of a force.
+    """Return a column. If its unit does not suit the quantity in its title, for example volts for a
+    force, the title names no quantity.
     """
     label = read_label(title)
     texts = [*_BRACKETS.findall(title), *_BEHIND.findall(title), line]
@@ -197,9 +201,9 @@ def _read_title(
 
 
 def find(table: Table, wanted: Column, option: str) -> TitledColumn:
-    """Return the column of a place, a title, or a word that one title alone has.
+    """Return the column with a place, a title, or a word that only one title has.
 
-    Raises UsageError, which lists the columns, for what is none, or several.
+    Raises UsageError with a list of the columns if there is none, or if there are several.
     """
     numbers = [one for one in table.values() if one.values]
     rules = [lambda one: one.column == wanted, lambda one: one.place == wanted]
@@ -221,7 +225,7 @@ def find(table: Table, wanted: Column, option: str) -> TitledColumn:
 
 
 def listed(table: Table, but: Iterable[Column] = ()) -> dict[int, TitledColumn]:
-    """Return the columns that move, by the numbers that lists show and people say."""
+    """Return the columns that move, by the numbers in lists with which people refer to them."""
     return {one.place: one for one in table.values() if one.moves and one.column not in {*but}}
 
 
@@ -231,9 +235,9 @@ def words(text: str) -> list[str]:
 
 
 def spelt(text: str) -> str:
-    """Return a text in the Latin alphabet: accents are taken off, and letters are spelt as Unicode
-    names them, within words by their first sounds (`θ1` is `theta1`, `Πίεση` is `piese`); signs
-    without a letter's name get their number.
+    """Return a text in the Latin alphabet: accents are removed, and letters are replaced by their
+    Unicode names, within words by the first sounds of these (`θ1` becomes `theta1`, `Πίεση` becomes
+    `piese`); other signs become their number.
     """
     plain = "".join(
         sign for sign in unicodedata.normalize("NFKD", text) if not unicodedata.combining(sign)
@@ -255,7 +259,9 @@ def _spelt_word(match: re.Match[str]) -> str:
 
 
 def unit_of_clock(values: Sequence[Array]) -> str:
-    """Return ms for whole numbers that go on by 1 to 100 a step, else s: a suggestion."""
+    """Return ms for whole numbers that increase by 1 to 100 per step, otherwise s, as a
+    suggestion.
+    """
     steps = np.diff(max(values, key=len))
     step = float(np.median(steps)) if steps.size else 0.0
     is_whole = all((one == np.round(one)).all() for one in values)
@@ -267,15 +273,16 @@ def unit_of_clock(values: Sequence[Array]) -> str:
 
 
 Known = tuple[Named, dict[Column, str]]
-"""The columns by their names, the clock first; and why others are left out."""
+"""The columns by name, the clock first, and the reasons why others are left out."""
 
 
 def known_by_titles(table: Table) -> Known:
-    """Return the columns that move, by quantity where titles name one, else by their titles.
+    """Return the columns that move, named by quantity if the title identifies one, otherwise by
+    title.
 
-    Where several titles name one quantity, each keeps its title, but for the plain one. A copy of
-    another column, what was computed by a model, and what goes on like a clock and is not the time
-    are left out.
+    If several titles identify the same quantity, each keeps its title, except the plainest one. A
+    copy of another column, a computed column, and a column that increases like a clock but is not
+    the time are left out.
     """
     parts = clock_in_parts(table)
     clock = next(
@@ -299,7 +306,7 @@ def known_by_titles(table: Table) -> Known:
 
 
 def _why_unused(one: TitledColumn, has_clock: bool) -> str:
-    """Return why a column is no quantity of the study; empty where it may be one."""
+    """Return the reason why a column is no quantity of the study; empty if it may be one."""
     if not one.values:
         return "holds no numbers"
     if not one.moves:
@@ -328,15 +335,15 @@ PARTS = {
     "ms": ("ms msec millis milli millisecond milliseconds millisekunden milisegundos", 1000),
     "us": ("us usec micros microsecond microseconds mikrosekunden", 1000),
 }
-"""Words of titles of the parts of a clock, by unit, and the number at which each begins anew."""
+"""Words in titles of the parts of a clock, by unit, and the number at which each part restarts."""
 
 
 def clock_in_parts(table: Table) -> dict[Column, str]:
-    """Return the columns of a clock in parts, as hours, minutes and seconds, and their units; none
-    where titles and values do not say so.
+    """Return the columns of a clock in parts (for example hours, minutes and seconds) and their
+    units; empty unless titles and values agree on that.
 
-    A part holds numbers below the one at which it begins anew; the finest alone may be no whole
-    numbers. The first part may be any of them, and none is left out in between.
+    A part holds numbers below the one at which it restarts. Only the finest part may have
+    fractions. The first part may be any, and no part may be missing in between.
     """
     parts: dict[str, TitledColumn] = {}
     for one in table.values():
@@ -360,7 +367,9 @@ def clock_in_parts(table: Table) -> dict[Column, str]:
 
 
 def _copies(columns: Sequence[TitledColumn]) -> dict[Column, str]:
-    """Return what is a copy of which column: the one whose title and unit say more is kept."""
+    """Return which columns are copies of which: the column whose title and unit say more is
+    kept.
+    """
     copies: dict[Column, str] = {}
     for family in same_signals([np.concatenate(one.values) for one in columns]):
         members = [columns[place] for place in family]
@@ -372,27 +381,32 @@ def _copies(columns: Sequence[TitledColumn]) -> dict[Column, str]:
 
 
 def _silence(one: TitledColumn) -> tuple[bool, bool, bool, int]:
-    """Return a key that is smaller the more a title says; of positions, strain says most."""
+    """Return a sort key that is smaller the more a title says; among positions, strain says
+    most.
+    """
     rank = POSITIONS.index(one.quantity) if one.quantity in POSITIONS else 0
     return not one.quantity, not one.unit, not one.plain, rank
 
 
 def _plain_names(columns: Sequence[TitledColumn]) -> dict[Column, str]:
-    """Return the quantity of each column whose title says it, where no other says it as plainly."""
+    """Return the quantity of each column whose title identifies it, if no other title does so as
+    plainly.
+    """
     names: dict[Column, str] = {}
     for quantity in _KINDS:
         ranks = {one.column: _plainness(one) if one.quantity == quantity else 0 for one in columns}
         best = [column for column, rank in ranks.items() if rank == max(ranks.values()) > 0]
         if len(best) == 1:
             names[best[0]] = quantity
-    if "force" not in names.values():  # testers call the force a load
+    if "force" not in names.values():  # testing machines call the force a load
         names = {one: "force" if name == "load" else name for one, name in names.items()}
     return names
 
 
 def _plainness(one: TitledColumn) -> int:
-    """Return 2 for a title that names a quantity and nothing else, 1 for one that names it among
-    other words and has a unit of it; 0 for others, as a letter among words, or an `x` without unit.
+    """Return 2 for a title that names a quantity and nothing else; 1 for a title that names it
+    among other words and has a suitable unit; 0 for others, such as a letter among words, or an `x`
+    without a unit.
     """
     if one.plain:
         return 0 if not one.unit and one.quantity in ("displacement", "length") else 2
@@ -405,10 +419,10 @@ def _plainness(one: TitledColumn) -> int:
 
 
 def named_by_person(said: Named, table: Table, option: str, known: Named) -> Named:
-    """Return the columns that a person names, by the names that they have already, by those that
-    the person gives, or by their titles.
+    """Return the columns that a person names: by known names, by names that the person gives, or by
+    titles.
 
-    A unit that was not said is that of the title, else the model's.
+    A unit that is not given is that of the title, or otherwise the model's.
     """
     columns: Named = {}
     names = {one.column: name for name, one in known.items()}
@@ -429,8 +443,8 @@ def named_by_person(said: Named, table: Table, option: str, known: Named) -> Nam
 
 
 def _each(said: Named, table: Table, option: str) -> Named:
-    """Return what a person says, with every column that `s*` or `7..70` names: of titles, and of
-    numbers of the list. The time is none of them.
+    """Return the columns named by a person, with `s*` (titles) and `7..70` (numbers in the list)
+    replaced by every column that they match. The time is never among them.
     """
     each: Named = {}
     titles = {one.column for one in table.values()} | {one.title for one in table.values()}
@@ -460,11 +474,11 @@ def _each(said: Named, table: Table, option: str) -> Named:
 
 
 def target_of(kinds: Mapping[str, str], is_driven: bool) -> str | None:
-    """Return what is to be predicted where plain titles leave no choice; None where they do.
+    """Return the quantity to predict if plain titles leave no choice, otherwise None.
 
-    It is the one force, else the one position that something drives, else the one column that
-    neither drives nor is a position. `kinds` are those of `kind_to_predict`, by name; `is_driven`
-    says that names of files tell what drives.
+    It is the only force, or else the only position if something else drives, or else the only
+    column that neither drives nor is a position. `kinds` holds the results of `kind_to_predict`, by
+    name; `is_driven` is True if names of files give an input.
     """
     of: dict[str, list[str]] = {}
     for name, kind in kinds.items():
@@ -481,10 +495,10 @@ def target_of(kinds: Mapping[str, str], is_driven: bool) -> str | None:
 
 
 def kind_to_predict(name: str, titled: TitledColumn | None) -> str:
-    """Return `force`, `position` or `drive` for a column whose title says this plainly; empty where
-    it says nothing, and `unclear` where it says more.
+    """Return `force`, `position` or `drive` for a column whose title plainly says so; an empty text
+    if the title says nothing, and `unclear` if it is ambiguous.
 
-    What takes two values was set. Without a column, the name decides: a person gave it.
+    A column with two values was set. Without a column, the name decides, because a person gave it.
     """
     if titled is None:
         label = read_label(name)
@@ -500,7 +514,9 @@ def kind_to_predict(name: str, titled: TitledColumn | None) -> str:
 
 
 def refuse_choice(table: Table, where: str, path: str) -> UsageError:
-    """Return the error for columns of which nobody says what is to be predicted: it lists them."""
+    """Return the error for columns of which none is known as the quantity to predict; it lists
+    them.
+    """
     columns = listed(table)
     clock = next((place for place, one in columns.items() if one.may_be_clock), None)
     *drive, follow = [place for place in columns if place != clock] or [0]

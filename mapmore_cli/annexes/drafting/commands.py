@@ -1,4 +1,4 @@
-"""A first spec for recordings that nobody has described yet: `mapmore init`."""
+"""Implement `mapmore init`: a first spec for recordings that nobody has described yet."""
 
 from __future__ import annotations
 
@@ -78,10 +78,11 @@ def init(
     force: Annotated[bool, Option("--force", help="Replace specs that exist.")] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Start a spec from recordings; nothing is fitted.
+    """Start a spec from recordings, without fitting a model.
 
-    Titles, units and you say what columns are: by --columns, --target, --inputs, or when asked.
-    `mapmore run` searches the structure of the model. Each layout of files is a study.
+    The meaning of the columns is taken from titles, units, the options --columns, --target and
+    --inputs, and your answers. `mapmore run` then searches the structure of the model. Files of
+    each layout become a study.
     """
     from mapmore_cli.annexes.drafting.answers import answers_of
     from mapmore_cli.annexes.drafting.outputs import as_files
@@ -136,8 +137,8 @@ def _refuse(files: Iterable[Path], force: bool) -> None:
 
 
 def _write(files: Mapping[Path, tuple[str, Draft]], force: bool, reporter: Reporter) -> None:
-    """Write the files that do not exist yet, or all with `force`, and print the paths of the
-    specs; then refuse where one was there.
+    """Write the files that do not exist yet, or all with `force`, and print the paths of the specs;
+    then raise an error if any existed.
     """
     from mapmore_cli.annexes.drafting.page import draft_page
     from mapmore_cli.study.schema import write_schema_beside
@@ -157,8 +158,8 @@ def _write(files: Mapping[Path, tuple[str, Draft]], force: bool, reporter: Repor
 
 
 def ask(question: Question) -> str:
-    """Print a question with its options, and return the first answer that can be; at the end of
-    input, none.
+    """Print a question with its options, and return the first possible answer; an empty text at the
+    end of the input.
     """
     from rich.console import Console
     from rich.markup import escape
