@@ -1,4 +1,4 @@
-"""The equations of competitors, for the page."""
+"""Write the equations of competitors for the page."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from mapmore_cli.reporting.table import title_of
 
 def competitor_equations(inputs: ReportInputs) -> dict[str, Equation]:
     """Return the equations of the competitors that are formulas or polynomials, with their numbers,
-    by title; `NAME: PART` for a formula that has parts.
+    by title; `NAME: PART` for a formula with parts.
     """
-    known = literature.names()  # of a plug-in that is gone, the formula is not known any more
+    known = literature.names()  # the formula of a plugin that was removed is unknown
     fits = {
         name: fit
         for name, fit in inputs.validation.formulas.items()

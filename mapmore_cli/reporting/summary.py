@@ -1,5 +1,5 @@
-"""The summary of a fit, as statistics programs print one: coefficients with their standard errors,
-and how much the training data say for so many parameters.
+"""Summarise a fit as statistics programs do: coefficients with their standard errors, and how well
+the training data determine the parameters.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""Axes that note what is drawn on them and write it as SVG, without Matplotlib.
+"""Record drawing calls on axes and write them as SVG, without Matplotlib.
 
-Matplotlib takes most of the processor time of a run for the figures of its page. `Sketch` knows the
-part of its axes that the figures of this package call; what it does not know raises AttributeError
-or TypeError, and the figure is then drawn by Matplotlib. Lengths are points, places are data.
+Matplotlib takes most of the processor time of a run for the figures of its page. `Sketch`
+implements the methods of its axes that the figures of this package call. Other calls raise
+AttributeError or TypeError, and Matplotlib then draws the figure. Lengths are in points, positions
+are data.
 """
 
 from __future__ import annotations
@@ -35,16 +36,16 @@ SHAPES = {
 """Outlines of markers with a radius of one; a circle is an element of its own."""
 
 MARGINS = {"x": 0.02, "y": 0.05}
-"""Share of its data by which an axis is longer at each end."""
+"""Fraction of the data's range by which an axis is longer at each end."""
 
 Side = Literal["x", "y"]
 Svg = Callable[[Callable[[Any], Array], Callable[[Any], Array]], str]
-"""Returns the element of a mark, from the functions that turn data into points."""
+"""Function that returns the element of a mark, from the functions that convert data to points."""
 
 
 @dataclass
 class Axis:
-    """One axis: the ends of its data, how long it is, and where its ticks are."""
+    """One axis: the range of its data, its length, and its ticks."""
 
     margin: float
     low: float = math.inf
@@ -56,7 +57,7 @@ class Axis:
     ticks: dict[float, str] | None = None
 
     def hold(self, values: Any) -> None:
-        """Make room for values."""
+        """Extend the range to contain values."""
         finite = np.asarray(values, dtype=np.float64)
         finite = finite[np.isfinite(finite) & ((finite > 0) | (not self.logarithmic))]
         if finite.size:
@@ -65,7 +66,7 @@ class Axis:
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Where the axis begins and ends."""
+        """Start and end of the axis."""
         if self.limits is not None:
             return self.limits
         if not self.low <= self.high:
@@ -77,7 +78,7 @@ class Axis:
         return self.low - margin, self.high + margin
 
     def scale(self, start: float, stop: float) -> Callable[[Any], Array]:
-        """Return what turns values into points between two places of the sheet."""
+        """Return a function that converts values to points between two positions of the sheet."""
         low, high = self.ends
 
         def place(values: Any) -> Array:
@@ -92,7 +93,7 @@ class Axis:
         return place
 
     def labels(self) -> dict[float, str]:
-        """Return the ticks within the axis, each with its words."""
+        """Return the ticks within the axis, each with its label."""
         low, high = sorted(self.ends)
         if self.ticks is not None:
             return {at: words for at, words in self.ticks.items() if low <= at <= high}
@@ -120,7 +121,7 @@ def nice_ticks(low: float, high: float, most: int) -> list[float]:
 
 
 def levels_of(low: float, high: float, most: int) -> list[float]:
-    """Return round numbers at even distances, about `most`, the outer ones beyond a range."""
+    """Return round numbers at even distances, about `most`, which extend just outside a range."""
     ticks = nice_ticks(low, high, most)
     step = ticks[1] - ticks[0] if len(ticks) > 1 else (high - low) or 1.0
     before = [ticks[0] - step] if ticks[0] > low else []
@@ -129,8 +130,8 @@ def levels_of(low: float, high: float, most: int) -> list[float]:
 
 @dataclass
 class Sketch:
-    """Axes as Matplotlib's `Axes` are called; `size` is that of letters on ticks, `right` the room
-    that stands beside them, `share` their relative height in their panel.
+    """Axes with the methods of Matplotlib's `Axes`. `size` is the size of letters on ticks, `right`
+    the space to the right, and `share` the relative height in the panel.
     """
 
     size: float
@@ -144,12 +145,12 @@ class Sketch:
 
     @property
     def transAxes(self) -> str:  # noqa: N802  # as Matplotlib calls it
-        """The name of the places that are shares of the axes."""
+        """Name of the coordinates that are fractions of the axes."""
         return "axes"
 
     @property
     def figure(self) -> Sketch:
-        """The sketch itself, which has a bar of colours too."""
+        """The sketch itself, which also draws colour bars."""
         return self
 
     def _add(self, svg: Svg, zorder: float, label: str = "", **look: Any) -> None:
@@ -161,7 +162,7 @@ class Sketch:
     # ----------------------------------------------------------------------------------------------
 
     def plot(self, *args: Any, scales: bool = True, zorder: float = 2.0, **look: Any) -> None:
-        """Draw a line, dots or both; axes do not grow for one that does not scale."""
+        """Draw a line, dots or both. The axes do not grow unless it `scales`."""
         values = [np.asarray(one, dtype=np.float64) for one in args if not isinstance(one, str)]
         marker = next((one for one in args if isinstance(one, str) and one in SHAPES), None)
         if marker:
@@ -192,7 +193,7 @@ class Sketch:
         label: str = "",
         **look: Any,
     ) -> None:
-        """Shade what lies between two lines."""
+        """Shade the area between two lines."""
         ends = (np.asarray(end, dtype=np.float64) for end in (low, high))
         low, high = (np.broadcast_to(end, x.shape) for end in ends)
         rows = np.flatnonzero(np.isfinite(low) & np.isfinite(high))
@@ -287,7 +288,9 @@ class Sketch:
         return shades
 
     def contourf(self, x: Array, y: Array, z: Array, *, levels: Array, cmap: str) -> Shades:
-        """Fill the cells around the places of a grid, (m, n) each, by the band that `z` is in."""
+        """Fill the cells around the points of a grid, (m, n) each, by the band that contains
+        `z`.
+        """
         self.xaxis.hold(x)
         self.yaxis.hold(y)
         shades, across_of, up_of = Shades(cmap, levels), x[0], y[:, 0]
@@ -310,7 +313,7 @@ class Sketch:
         return shades
 
     def colorbar(self, shades: Shades, *, label: str, **_look: Any) -> None:
-        """Draw what the colours mean at the right of these axes."""
+        """Draw a colour bar at the right of these axes."""
         axis = Axis(0.0, limits=(float(shades.levels[0]), float(shades.levels[-1])), most=6)
         room = max(map(len, axis.labels().values()), default=0) * 0.55 * self.size
         self.right = 14 + room + 2 * self.size
@@ -336,7 +339,7 @@ class Sketch:
         self.beside.append((0.0, svg))
 
     def text(self, x: float, y: float, words: str, *, ha: str, va: str, **_look: Any) -> None:
-        """Write at shares of the axes."""
+        """Write a text at fractions of the axes."""
 
         def svg(across: Callable[[Any], Array], up: Callable[[Any], Array]) -> str:
             (start, stop), (bottom, end) = across(self.xaxis.ends), up(self.yaxis.ends)
@@ -356,7 +359,9 @@ class Sketch:
         ha: str = "left",
         va: str = "baseline",
     ) -> None:
-        """Write so many points beside a place, whose first part may be a share of the axes."""
+        """Write a text at an offset in points from a place, whose first coordinate may be a
+        fraction of the axes.
+        """
         share = xycoords[0] != "data"
         if share:
             self.right = max(self.right, offset[0] + 0.55 * self.size * len(words))
@@ -370,8 +375,7 @@ class Sketch:
 
         self.beside.append((0.0, svg))
 
-    # How long the axes are
-    # ----------------------------------------------------------------------------------------------
+    # Length of the axes
 
     def get_xlim(self) -> tuple[float, float]:
         """Return the ends of the horizontal axis."""
@@ -394,23 +398,23 @@ class Sketch:
         _set_ticks(self.yaxis, at, names)
 
     def tick_params(self, axis: Side, length: float) -> None:
-        """Accept the length of ticks, which are short here."""
+        """Accept the length of ticks, which are always short here."""
 
 
 def is_sketch(ax: object) -> TypeGuard[Sketch]:
-    """Tell whether axes are those of a quick drawing, not Matplotlib's."""
+    """Return True for axes of a quick drawing, False for Matplotlib's."""
     return isinstance(ax, Sketch)
 
 
 @dataclass(frozen=True)
 class Shades:
-    """Colours of the bands between levels, (n,) of a map."""
+    """Colours of the bands between levels, (n,), from a map."""
 
     cmap: str
     levels: Array
 
     def of(self, values: Any) -> list[str]:
-        """Return the colours of values; nothing where one is no number."""
+        """Return the colours of values; an empty text for NaN."""
         bands = len(self.levels) - 1
         places = np.clip(np.searchsorted(self.levels, values, side="right") - 1, 0, bands - 1)
         shares = places / max(bands - 1, 1)
@@ -441,7 +445,7 @@ def _set_ticks(axis: Axis, at: Iterable[float], names: Sequence[str] | None) -> 
 
 
 def path(x: Array, y: Array) -> str:
-    """Return the data of a path through places, with a gap where one is no number."""
+    """Return the data of a path through points, with a gap at NaN."""
     commands, gap = [], True
     for left, top in zip(np.asarray(x).tolist(), np.asarray(y).tolist(), strict=True):
         if math.isfinite(left) and math.isfinite(top):
@@ -482,7 +486,7 @@ def markers(x: Array, y: Array, marker: str, colour: str, look: dict[str, Any]) 
         for left, top in zip(x.tolist(), y.tolist(), strict=True)
         if math.isfinite(left) and math.isfinite(top)
     ]
-    if not (shape or stroke):  # one path whose points are its round ends
+    if not (shape or stroke):  # a single path whose round line ends are the points
         dots = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in places)
         return (
             f'<path d="{dots}" stroke="{filled}" stroke-width="{2 * radius:g}" '
@@ -507,7 +511,7 @@ def box(left: float, top: float, right: float, bottom: float, look: str) -> str:
 
 
 def face(look: dict[str, Any]) -> str:
-    """Return how the face of a bar looks; a hatched one is pale."""
+    """Return the appearance of a bar's face; a hatched one is pale."""
     edge = hex_of(look["edgecolor"])
     inside = look["facecolor"] if look["hatch"] is None else look["edgecolor"]
     opacity = "" if look["hatch"] is None else ' fill-opacity=".18"'
@@ -517,7 +521,7 @@ def face(look: dict[str, Any]) -> str:
 def text(
     words: str, x: float, y: float, size: float, anchor: str = "start", turned: bool = False
 ) -> str:
-    """Return words at a place, each line of them; turned, they run upwards."""
+    """Return words at a position, each of their lines; if `turned`, they run upwards."""
     turn = f' transform="rotate(-90 {x:.1f} {y:.1f})"' if turned else ""
     lines = xml_text(words).split("\n")
     first = y - (len(lines) - 1) * size * 1.15 if turned else y

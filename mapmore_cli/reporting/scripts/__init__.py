@@ -1,4 +1,4 @@
-"""Scripts of pages, each with the hash by which a page allows it and no other."""
+"""Provide the scripts of pages, each with the hash by which a page allows it and no other."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ BEFORE, BEHIND = (
     ("uplot.js", "widgets.js", "joining.js", "pieces.js", "fixed.js", "running.js"),
     ("explore.js",),
 )
-"""The scripts of "Explore" before the code of the models, and behind it, in their order."""
+"""Scripts of "Explore" before and after the code of the models, in order."""
 
 
 @dataclass(frozen=True)
@@ -34,8 +34,8 @@ def text_of(name: str) -> str:
 
 
 def scripts(texts: Sequence[str]) -> tuple[Script, ...]:
-    """Return texts as scripts of a page; raises ValueError for one that would end before its
-    end.
+    """Return texts as scripts of a page. Raises ValueError for a text that would end the script
+    element early.
     """
     for text in texts:
         if "</script" in text.lower() or "<!--" in text:
@@ -44,6 +44,6 @@ def scripts(texts: Sequence[str]) -> tuple[Script, ...]:
 
 
 def json_text(value: object) -> str:
-    """Return JSON that nothing in it can end between two tags."""
+    """Return JSON in which nothing can end the element around it."""
     text = json.dumps(value, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c")
