@@ -73,12 +73,14 @@ def campaign_figures(scores: CampaignScores) -> list[Drawing]:
         panels.label_rows(ax, panels.told_apart(runs, 40))
         panels.plain_logarithm(ax, "x", (1.0, 2.0, 5.0))
 
-    caption = f"NRMSE of every run, further left is better. The {BEST_OTHER}: known afterwards."
+    caption = (
+        f"NRMSE of every run, further left is better. The {BEST_OTHER} is known only after the run."
+    )
     if exact:
-        caption += f" Without a dot, since its error is but rounding: {OWN} in {', '.join(exact)}."
+        caption += f" Not drawn, because its error is rounding only: {OWN} in {', '.join(exact)}."
     if len(runs) < len(every):
         caption += (
-            f" {len(runs)} of {len(every)} runs are drawn, the one that errs least among them."
+            f" {len(runs)} of {len(every)} runs are drawn, among them the one with the least error."
         )
     grid = Layout(0.45 + 0.21 * len(runs), width=DOUBLE)
     return [Drawing("nrmse", caption, (Panel("", on, "NRMSE (%)", ("",)),), grid)]

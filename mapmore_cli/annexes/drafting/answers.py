@@ -114,8 +114,11 @@ def read_group(text: str) -> str | None:
     """Read `specimen`, the number of a column, or `none`. Raises UsageError for anything else."""
     if not text.isdecimal() and not _QUANTITY.fullmatch(text):
         raise UsageError(
-            f"--group: {text!r} is no name of a quantity",
-            "say the number of a column, or what the names of files tell apart, as specimen",
+            f"--group: {text!r} is not a valid name of a quantity",
+            (
+                "give the number of a column, or what the names of the files distinguish, for "
+                "example specimen"
+            ),
         )
     return None if text == "none" else text
 
@@ -158,8 +161,8 @@ def read_names(option: str, text: str) -> Named:
             column = replace(column, column=shown(column.column))
         if name in columns:
             raise UsageError(
-                f"{option}: {name} is said twice",
-                "give each column a name of its own, as `p1` and `p2`",
+                f"{option}: {name} is given twice",
+                "give each column a name of its own, for example `p1` and `p2`",
             )
         if column.column == "":
             address = place if option == "--columns" else int(name) if name.isdigit() else name
@@ -195,7 +198,7 @@ def _read_entry(option: str, entry: str) -> tuple[str, NamedColumn]:
         raise UsageError(f"{option}: {name}: {fault.message}", fault.remedy or FORM) from fault
     is_quantity = equals or option in ("--columns", "--hold")
     if is_quantity and not _QUANTITY.fullmatch(name):
-        raise UsageError(f"{option}: {name[:40]!r} is no name of a quantity", FORM)
+        raise UsageError(f"{option}: {name[:40]!r} is not a valid name of a quantity", FORM)
     return name, NamedColumn(
         int(where) if where.isdigit() else where,
         match["unit"],

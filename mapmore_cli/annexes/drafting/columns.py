@@ -219,7 +219,7 @@ def find(table: Table, wanted: Column, option: str) -> TitledColumn:
         problem = "several columns are" if near else "no column of numbers is"
         several = ", ".join(one.called for one in near or numbers)
         raise UsageError(
-            f"{option}: {problem} called {wanted}", f"say one of {several}, or its place"
+            f"{option}: {problem} called {wanted}", f"give one of {several}, or its number"
         )
     return near[0]
 

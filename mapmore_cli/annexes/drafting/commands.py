@@ -27,55 +27,82 @@ def init(
             "--output",
             "-o",
             metavar="FILE",
-            help="Where to write; NAME.yaml here by default, - for stdout.",
+            help=(
+                "Where to write the spec. Default: NAME.yaml in the current folder; - for "
+                "standard output."
+            ),
         ),
     ] = None,
     name: Annotated[str | None, Option(metavar="NAME", help="Name of the study.")] = None,
     length: Annotated[
         str | None,
-        Option(metavar="LENGTH", help="Of the muscle, as 88mm: makes a strain of a displacement."),
+        Option(
+            metavar="LENGTH",
+            help="Length of the muscle, for example 88mm, to convert a displacement to strain.",
+        ),
     ] = None,
     columns: Annotated[
         str | None,
-        Option(metavar="LIST", help='What the columns are, as "time:ms,_,pressure:bar,force:N".'),
+        Option(
+            metavar="LIST",
+            help='What the columns are, for example "time:ms,_,pressure:bar,force:N".',
+        ),
     ] = None,
     target: Annotated[
-        str | None, Option(metavar="LIST", help="The column to predict; several with commas.")
+        str | None,
+        Option(metavar="LIST", help="The column to predict. Separate several with commas."),
     ] = None,
     inputs: Annotated[
         str | None,
-        Option(metavar="LIST", help="The columns that drive it; else all that move."),
+        Option(metavar="LIST", help="The columns that drive it. Default: all columns that change."),
     ] = None,
     hold: Annotated[
-        str | None, Option(metavar="NAME", help="What was held, as strain:%, or none.")
+        str | None,
+        Option(
+            metavar="NAME",
+            help="The quantity that was held constant, for example strain:%, or none.",
+        ),
     ] = None,
     validate: Annotated[
         str | None,
-        Option(metavar="NAME", help="What is held out: an input, recordings, or last."),
+        Option(
+            metavar="NAME", help="What is held out for validation: an input, recordings, or last."
+        ),
     ] = None,
     recordings: Annotated[
         str | None,
-        Option(metavar="NAME", help="The column whose value tells recordings apart, as trial."),
+        Option(
+            metavar="NAME",
+            help="The column whose value separates the recordings, for example trial.",
+        ),
     ] = None,
     sample_time: Annotated[
         str | None,
-        Option(metavar="TIME", help="Between samples, as 10ms, where no column is the clock."),
+        Option(
+            metavar="TIME",
+            help="Time between samples, for example 10ms, if no column is the clock.",
+        ),
     ] = None,
     no_clock: Annotated[bool, Option("--no-clock", help="No column is the clock.")] = False,
     group: Annotated[
         str | None,
         Option(
             metavar="NAME",
-            help="A column, or what names tell apart, as specimen: each is scored by itself.",
+            help=(
+                "A column, or what the names of the files distinguish (for example specimen), by "
+                "which scores are given separately."
+            ),
         ),
     ] = None,
     like: Annotated[
         Literal["m1", "m2"] | None,
-        Option(help="Write the settings of a paper; then `run` searches nothing."),
+        Option(help="Write the settings of a paper; `run` then does not search for a structure."),
     ] = None,
     budget: Annotated[str | None, Option(hidden=True)] = None,
-    yes: Annotated[bool, Option("--yes", "-y", help="Ask nothing: mark what is not sure.")] = False,
-    force: Annotated[bool, Option("--force", help="Replace specs that exist.")] = False,
+    yes: Annotated[
+        bool, Option("--yes", "-y", help="Ask no questions; mark in the spec what is not certain.")
+    ] = False,
+    force: Annotated[bool, Option("--force", help="Replace specs that already exist.")] = False,
     quiet: Quiet = False,
 ) -> None:
     """Start a spec from recordings, without fitting a model.
@@ -90,8 +117,11 @@ def init(
 
     if budget is not None:
         raise UsageError(
-            "--budget: `init` fits nothing any more, and takes no time for a search",
-            "leave it out; `run` searches, for as long as `model: {budget: 60 s}` in the spec says",
+            "--budget: `init` no longer fits models, so that it needs no time for a search",
+            (
+                "leave it out; `run` searches for as long as the spec allows, for example "
+                "`model: {budget: 60 s}`"
+            ),
         )
     _check_name(name)
     answers = answers_of(
@@ -108,7 +138,9 @@ def init(
         like=like,
     )
     if output == STANDARD and len(answers.target) > 1:
-        raise UsageError(f"-o -: {len(answers.target)} specs are no one text", "name a file by -o")
+        raise UsageError(
+            f"-o -: {len(answers.target)} specs cannot be written as one text", "name a file by -o"
+        )
     if output is not None:
         _refuse([output], force)
     folder = Path() if output is None or output == STANDARD else output.parent
@@ -131,8 +163,8 @@ def _refuse(files: Iterable[Path], force: bool) -> None:
     existing = [str(path) for path in files if path.exists() and not force]
     if existing:
         raise WriteError(
-            f"{', '.join(existing)}: exists already",
-            "say --force to replace it, or -o to write elsewhere",
+            f"{', '.join(existing)}: already exists",
+            "use --force to replace it, or -o to write elsewhere",
         )
 
 
@@ -152,7 +184,8 @@ def _write(files: Mapping[Path, tuple[str, Draft]], force: bool, reporter: Repor
         write_text(path, text)
         print(path)
     first = next(iter(files))
-    write_schema_beside(first)
+    if schema := write_schema_beside(first):
+        reporter.say(f"With it, an editor completes the keys of the spec: {schema}")
     _refuse(sorted(existing), force)
     reporter.say(f"Next: mapmore {'batch' if files[first][1].of else 'check'} {first}")
 
@@ -198,6 +231,6 @@ def _check_name(name: str | None) -> None:
         TypeAdapter(Name | None).validate_python(name)
     except ValidationError as fault:
         raise UsageError(
-            f"--name: {name!r} is no name for a study",
-            "use letters, digits, `.`, `_` and `-`, as bench-2",
+            f"--name: {name!r} is not a valid name for a study",
+            "use letters, digits, `.`, `_` and `-`, for example bench-2",
         ) from fault

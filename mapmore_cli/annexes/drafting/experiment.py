@@ -68,7 +68,9 @@ def find_held(
     if asked == "none":
         return None
     if asked not in (None, *inputs):
-        raise UsageError(f"--hold: no input is called {asked}", f"say {', '.join(inputs)}, or none")
+        raise UsageError(
+            f"--hold: no input is called {asked}", f"name one of {', '.join(inputs)}, or none"
+        )
     levels = {
         name: values for name in inputs if (values := _own_levels(recordings, name, conditions))
     }
@@ -261,7 +263,7 @@ def _with_split(draft: Draft, done: Experiment, wanted: str | None) -> Draft:
         held_out, why = {way: places} if places else {}, "between: inner values"
     if not held_out:
         raise UsageError(
-            f"--validate: {way} leaves nothing to hold out", f"say {LAST_SAMPLES}, or an input"
+            f"--validate: {way} leaves nothing to hold out", f"write {LAST_SAMPLES}, or an input"
         )
     return draft.with_data("split", {"validate": held_out}, f"{'you; ' if wanted else ''}{why}")
 

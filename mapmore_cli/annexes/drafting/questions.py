@@ -130,7 +130,7 @@ def _inputs(asked: Asked) -> Question | None:
         chosen = read_names("the inputs", reply.lstrip("- "))
         columns = [find(asked.table, one.column, "the inputs").column for one in chosen.values()]
         if any(column in columns for column in targets):
-            raise UsageError("the inputs: the target is no input", "leave it out")
+            raise UsageError("the target cannot be an input", "leave it out")
         if reply.startswith("-"):
             rest = {name: known.columns[name] for name in known.inputs}
             chosen = {name: one for name, one in rest.items() if one.column not in columns}
@@ -163,7 +163,7 @@ def _held_out(asked: Asked) -> Question | None:
     named = tuple(Option("", f"{one.quantity}  {one.why}") for one in known.conditions)
     whole = f" `{WHOLE}` (every third one)," if len(asked.names) > 1 else ""
     return Question(
-        "What is held out, to check the model by it?",
+        "What is held out, to test the model with it?",
         (*asked.options(others), *named),
         "Enter: what names, levels or recordings suggest; else an input (inner values of it),"
         f"{whole} or `{LAST_SAMPLES}` (the last 30 % of each recording)",

@@ -94,8 +94,10 @@ def c_source(model: Model, single: bool = False) -> CSource:
     """
     if len(model.inputs) > MOST_INPUTS:
         raise UsageError(
-            f"{model.name} has {len(model.inputs)} inputs; one bit each leaves room for "
-            f"{MOST_INPUTS}",
+            (
+                f"{model.name} has {len(model.inputs)} inputs, but the bit mask has room for "
+                f"{MOST_INPUTS}"
+            ),
             "export its parts",
         )
     name, program = identifier(model.name), program_of(model)

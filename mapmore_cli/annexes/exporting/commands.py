@@ -17,7 +17,7 @@ def export(
     model_file: console.ModelFile,
     to: Annotated[
         str,
-        typer.Option(metavar="FORM", help="What to write; see above."),
+        typer.Option(metavar="FORM", help="The format to write; the list is above."),
     ],
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the files.")
@@ -25,7 +25,8 @@ def export(
     pressure: Annotated[
         Path | None,
         typer.Option(
-            metavar="MODEL", help="A model of the pressure that the force is a function of."
+            metavar="MODEL",
+            help="Model of the pressure, which makes one actuator with the model of the force.",
         ),
     ] = None,
     single: Annotated[bool, typer.Option("--float", help="C in single precision.")] = False,
@@ -67,15 +68,15 @@ def export(
     from mapmore_cli.storage.artefacts import read_model
 
     if single and to != "c":
-        raise UsageError("--float is for C alone", "leave it out, or write --to c")
+        raise UsageError("--float works with C only", "leave it out, or choose --to c")
     if (grid is not None and to not in ("csv", "table")) or (grid is None and to == "csv"):
         raise UsageError(
-            "--grid goes with --to csv and --to table",
-            "as in: --to csv --grid pressure=0:600:25,strain=0:0.25:0.01",
+            "--grid works with --to csv and --to table only",
+            "for example: --to csv --grid pressure=0:600:25,strain=0:0.25:0.01",
         )
     if pressure is not None and to not in ("c", "fmu"):
         raise UsageError(
-            "--pressure goes with --to c and --to fmu", "export both models one by one"
+            "--pressure works with --to c and --to fmu only", "export the two models one by one"
         )
     with Reporter(quiet) as reporter:
         model = read_model(model_file, reporter.warn)

@@ -104,7 +104,7 @@ def exported(
     code gives other numbers than `predict`.
     """
     if to not in EXPORTERS:
-        raise UsageError(f"nothing is exported to {to!r}", f"choose one of {', '.join(EXPORTERS)}")
+        raise UsageError(f"there is no export to {to!r}", f"choose one of {', '.join(EXPORTERS)}")
     wanted, files = Wanted(single, grid, verify, warn), dict[str, str | bytes]()
     for one in [model] if to in SEVERAL else model.each:
         files |= EXPORTERS[to](one, wanted)

@@ -72,7 +72,7 @@ def _verify(model: Model, text: str) -> None:
     """
     node = shutil.which("node")
     if node is None:
-        raise CompilerMissing("there is no Node here")
+        raise CompilerMissing("Node is not installed")
     driver = rendered_template(
         "verify.mjs",
         memory=program_of(model).step is not None,

@@ -51,7 +51,7 @@ def _verify(model: Model, name: str, text: str) -> None:
     """
     octave = next(filter(None, map(shutil.which, ("octave-cli", "octave"))), None)
     if octave is None:
-        raise CompilerMissing("there is no Octave here")
+        raise CompilerMissing("Octave is not installed")
     count = len(model.inputs)
     driver = rendered_template("verify.m", name=word(name), count=count + len(fed_back(model)))
     files = {f"{name}.m": text, "verify_model.m": driver}

@@ -68,8 +68,8 @@ def table_files(model: Model, wanted: Wanted) -> dict[str, str | bytes]:
     grid, stem = _on_grid(model, wanted.grid), identifier(model.name)
     if short := [name for name, values in grid.places.items() if len(values) < 2]:
         raise UsageError(
-            f"--grid: {short[0]} has a single place",
-            "a lookup table needs two or more along each input",
+            f"--grid: {short[0]} has a single point",
+            "a lookup table needs two or more points along each input",
         )
     files: dict[str, str | bytes] = {
         f"{stem}.csv": _csv(model, grid, valid=grid.valid),
@@ -93,8 +93,10 @@ def lookup_table(model: Model, wanted: Wanted) -> dict[str, str]:
     if outside := np.flatnonzero(grid.valid == 0).tolist():
         first = ",".join(f"{values[outside[0]]:.12g}" for values in grid.points.values())
         raise UsageError(
-            f"--grid: {len(outside)} of {len(grid.valid)} points lie outside of the training "
-            f"range, as {first}",
+            (
+                f"--grid: {len(outside)} of {len(grid.valid)} points lie outside of the training "
+                f"range, for example {first}"
+            ),
             "keep the grid within the range, or take `--to table`, which marks such points",
         )
     return {f"{identifier(model.name)}.csv": _csv(model, grid)}
@@ -129,8 +131,8 @@ def _places_over_range(model: Model, name: str) -> Array:
     ends = [place for side in training_ends(model)[name] for place in side]
     if not ends:
         raise UsageError(
-            f"--grid: nothing says how far {name} reaches",
-            f"give its places, as --grid {name}=0:1:0.1",
+            f"--grid: the range of {name} is not known",
+            f"give its points, for example --grid {name}=0:1:0.1",
         )
     low, high = min(ends), max(ends)
     places = np.linspace(low, high, POINTS)

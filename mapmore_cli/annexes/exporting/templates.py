@@ -51,7 +51,7 @@ def word(text: str) -> Code:
     """Return a text that is an identifier. Raises DataError if it is none."""
     if not IDENTIFIER.fullmatch(text):
         problem = f"the model calls something {plain(text)[:60]!r}, which cannot be a name in code"
-        raise DataError(problem, "make the model anew with names of letters, digits and _")
+        raise DataError(problem, "make the model again with names of letters, digits and _")
     return Code(text)
 
 

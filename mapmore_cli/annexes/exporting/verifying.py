@@ -254,6 +254,9 @@ def training_ends(model: Model) -> dict[str, tuple[list[float], list[float]]]:
 
 def _unequal(model: Model, why: str) -> MapmoreError:
     return MapmoreError(
-        f"the exported code of {model.name} is not the model, and is not written: {why}",
-        "please report it; --no-verify writes it all the same",
+        (
+            f"the exported code of {model.name} gives other values than the model, so it is not "
+            f"written: {why}"
+        ),
+        "please report it; --no-verify writes the code without this check",
     )

@@ -103,7 +103,9 @@ class Bench:
             name, parts, ends = "ends of an input, as the study holds one out", beyond, True
         asked = bool(parts) and (asked or part.by_level or ends)
         if not blocks and not parts:
-            raise DataError("too few samples train: none can be left out", "keep more samples")
+            raise DataError(
+                "there are too few training samples to leave some out", "keep more samples"
+            )
         weight = 2 / 3 if asked else 1 / 2 if situation.timed else 1 / 4
         if len(parts) == 1:  # the only inner level
             weight = 1 / 2

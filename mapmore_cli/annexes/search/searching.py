@@ -237,8 +237,8 @@ def _notes_of(result: Search, bench: Bench) -> list[str]:
     least = min(boxes, key=asked, default=own)
     if asked(least) < LESS * asked(own):
         notes.append(
-            f"{least.words} errs {asked(own) / asked(least):.2g} times less on left-out {where}: "
-            "the structure lacks something"
+            f"{least.words} has an error {asked(own) / asked(least):.2g} times smaller on "
+            f"left-out {where}: the chosen structure lacks something"
         )
     return notes
 
@@ -356,11 +356,13 @@ difference that may still oscillate in the second half.
 def _refusal(model: Model, bench: Bench) -> str:
     """Return the reason why a model is refused whatever its errors are; empty if it is accepted."""
     if fed_back(model) and rings(model, bench.dataset):
-        return "goes on by itself: its start still rings late in a recording"
+        return (
+            "oscillates by itself: the transient of its start is still visible late in a recording"
+        )
     if not (bench.situation.timed and runs_over_time(model)) and astray(model, bench):
-        return "goes astray: far beyond all that was measured, at inputs of the study"
+        return "diverges at inputs of the study, far beyond all measured values"
     if exploding_curves(model, bench.dataset.curves, bench.dataset.target):
-        return "goes astray: it explodes beyond the ends of its curves"
+        return "diverges beyond the ends of its curves"
     return ""
 
 

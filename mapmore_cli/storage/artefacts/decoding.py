@@ -72,7 +72,7 @@ class Decoder:
     def _plain(self, node: object, own: Hint, path: str, letters: Letters, sizes: Sizes) -> object:
         kind, many = own.kind, own.inner[1:] == (...,)
         if path.count("/") > DEEPEST:
-            raise Invalid(path, f"lies more than {DEEPEST} fields deep")
+            raise Invalid(path, f"is nested more than {DEEPEST} fields deep")
         if kind is np.ndarray and isinstance(node, dict):
             return self._array(node, path, own.inner[0], letters, sizes)
         if bodies(kind) and isinstance(node, dict):
@@ -125,7 +125,7 @@ class Decoder:
         ):
             raise Invalid(
                 f"{path}/{name[:60]}",
-                "is missing" if name in known else "is not known to this format",
+                "is missing" if name in known else "is not known in this format",
             )
         # in the order of the document, because the checksum includes arrays in that order
         return type_(
@@ -159,7 +159,7 @@ class Decoder:
                     raise Invalid(path, f"lies beyond the end of {name}")
                 stored = stored.reshape(shape)
             case _:
-                raise Invalid(path, "is no reference to its array")
+                raise Invalid(path, "is not a reference to its array")
         values = stored.astype(number, copy=False)
         _compare_lengths(path, values.shape, letters, sizes)
         values.setflags(write=False)  # several stages may get the same array
@@ -168,12 +168,12 @@ class Decoder:
 
 def _plain_value(node: object, own: Hint, path: str) -> object:
     if own.kind is Literal and node not in own.inner:
-        raise Invalid(path, f"is none of {', '.join(own.inner)}")
+        raise Invalid(path, f"is not one of {', '.join(own.inner)}")
     if own.kind is float and (type(node) is int or node in ("nan", "inf", "-inf")):
         return float(node)
     expected = str if own.kind is Literal else own.kind
     if type(node) is not expected:
-        raise Invalid(path, f"is no {expected.__name__}")
+        raise Invalid(path, f"is not of the type {expected.__name__}")
     if expected is str and not is_one_line(node):
         raise Invalid(path, f"has control characters or line breaks: {node[:60]!r}")
     return node

@@ -354,7 +354,7 @@ def test_thousands_stand_in_groups_of_three(tmp_path, decimal, thousands, cell, 
 1 234,5     `thousands: ","` | `decimal: ","`
 20 N        a unit stands behind it | unit:
 1e5 N       a unit stands behind it
-TRUE        TRUE or FALSE stands here
+TRUE        it is TRUE or FALSE
 \uff11      digits of another script
 2026-03-01  a date stands here
 """,
