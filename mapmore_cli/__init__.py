@@ -30,12 +30,12 @@ __all__ = [
 __version__ = "1.0.0"
 
 THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-"""What libraries ask for the number of their threads when they start."""
+"""Environment variables by which libraries choose their number of threads when they start."""
 
 
 def __getattr__(name: str) -> Any:
-    """Load the interface when something of it is first asked for, so that the command line starts
-    without NumPy.
+    """Load the interface when a part of it is first needed, so that the command line starts without
+    NumPy.
     """
     if name not in __all__:
         raise AttributeError(f"module 'mapmore_cli' has no attribute '{name}'")
@@ -43,5 +43,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """Return what the interface offers, loaded or not."""
+    """Return the names in the interface, loaded or not."""
     return __all__

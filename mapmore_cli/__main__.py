@@ -1,5 +1,5 @@
-"""`python -m mapmore_cli`, and the command `mapmore`: nothing is imported before Ctrl-C is listened
-to.
+"""Run `python -m mapmore_cli` and the command `mapmore`. Nothing is imported before Ctrl-C is
+handled.
 """
 
 from __future__ import annotations
@@ -9,19 +9,21 @@ import os
 import sys
 
 YOUNG = 50_000
-"""Objects between collections: those of imports stay as long as the program, and to look through
-them again and again takes a tenth of it.
+"""Number of objects between garbage collections. Objects of imports live as long as the program,
+and scanning them again and again would take a tenth of its time.
 """
 
 
 def main() -> None:
-    """Run the command line; interrupted at any time, it ends with 130 and without a traceback."""
+    """Run the command line. If it is interrupted at any time, it ends with exit code 130 and
+    without a traceback.
+    """
     try:
         _hold_standard_streams()
         gc.set_threshold(YOUNG)
         from mapmore_cli import THREADS
 
-        # as in a stage; a process with threads cannot be copied
+        # as in a stage; a process with threads cannot be forked
         os.environ |= dict.fromkeys(THREADS, "1")
 
         from mapmore_cli.cli.app import main as run
@@ -30,13 +32,13 @@ def main() -> None:
     except (KeyboardInterrupt, SystemError) as end:
         if isinstance(end, SystemError) and not isinstance(end.__cause__, KeyboardInterrupt):
             raise
-        print("interrupted", file=sys.stderr)  # also where Ctrl-C came within a function in C
+        print("interrupted", file=sys.stderr)  # also if Ctrl-C arrived inside a C function
         sys.exit(130)
 
 
 def _hold_standard_streams() -> None:
-    """Where one is closed, no file takes its number: reading stdin and writing stdout then fail,
-    and messages go nowhere.
+    """Keep the numbers of closed standard streams occupied, so that no file gets them: reading
+    stdin and writing stdout then fail, and messages go nowhere.
     """
     for number, name, way in (
         (0, "stdin", os.O_WRONLY),

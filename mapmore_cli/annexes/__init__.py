@@ -1,1 +1,1 @@
-"""Parts that a study can do without. Each adds itself as a plug-in does."""
+"""Provide the parts without which a study can do. Each adds itself in the way of a plugin."""

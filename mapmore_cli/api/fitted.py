@@ -276,9 +276,9 @@ class Fitted(LoadedModel):
     def summary(self) -> Table:
         """Return a table of all coefficients with standard error, t value and ERR.
 
-        Its notes have the number of samples and of parameters, AIC and BIC (if all samples have the
-        same weight), and the coefficients that the training data do not determine. The property
-        `records` of the table has its rows as mappings.
+        Its notes have the model in physical units, the number of samples and of parameters, AIC and
+        BIC (if all samples have the same weight), and the coefficients that the training data do
+        not determine. The property `records` of the table has its rows as mappings.
         """
         fit = self.spec.fit
         weighed = bool(self.spec.data.uncertainty) or fit.loss != "squares"

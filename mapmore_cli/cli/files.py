@@ -102,7 +102,7 @@ def figure(
             "--out",
             "-o",
             metavar="FILE",
-            help=f"Where to: .{', .'.join(FIGURE_FILES)}. Default: FIGURE.FORMAT.",
+            help=f"Output file: .{', .'.join(FIGURE_FILES)}. Default: FIGURE.FORMAT.",
         ),
     ] = None,
     form: Annotated[

@@ -146,8 +146,9 @@ Figures = Annotated[
         "--figures",
         metavar="NAMES",
         help=(
-            "Draw these alone, as fit,error, or all, as for print and as SVG files too; or none. "
-            "Default: those of `report.figures`, drawn quickly on the page."
+            "Draw only these figures, for example fit,error. `all` draws every figure for "
+            "print, also as SVG files; `none` draws none. Default: those of "
+            "`report.figures`, on the page only."
         ),
     ),
 ]

@@ -15,26 +15,33 @@ if TYPE_CHECKING:
     from mapmore_cli.pipeline.foreign import TableOptions
 
 Delimiter = Annotated[
-    str | None, Option(metavar="MARK", help="What separates fields: a mark, tab or whitespace.")
+    str | None,
+    Option(metavar="MARK", help="What separates fields: a character, tab or whitespace."),
 ]
-Decimal = Annotated[str | None, Option(metavar="MARK", help="The decimal point, as a comma.")]
+Decimal = Annotated[
+    str | None, Option(metavar="MARK", help="The decimal point, for example a comma.")
+]
 Thousands = Annotated[
-    str | None, Option(metavar="MARK", help="What stands between thousands, as a point.")
+    str | None, Option(metavar="MARK", help="The separator of thousands, for example a point.")
 ]
 SheetTitle = Annotated[
-    str | None, Option("--sheet", metavar="TITLE", help="The sheet of a workbook.")
+    str | None, Option("--sheet", metavar="TITLE", help="The sheet to read from a workbook.")
 ]
 Columns = Annotated[
     list[str],
     Option(
         "--columns",
         metavar="NAME=TITLE",
-        help="The title or 0-based index of a column, as pressure='P [bar]'. Repeatable.",
+        help="The title or 0-based index of a column, for example pressure='P [bar]'. Repeatable.",
     ),
 ]
 Units = Annotated[
     list[str],
-    Option("--units", metavar="NAME=UNIT", help="A column's unit, as pressure=bar. Repeatable."),
+    Option(
+        "--units",
+        metavar="NAME=UNIT",
+        help="The unit of a column, for example pressure=bar. Repeatable.",
+    ),
 ]
 
 

@@ -80,11 +80,11 @@ def in_time_order(samples: Samples, repeated: str, unit: str) -> Samples:
         turned, minute = going_on(around, turns)[1], max(going_on(around, [x])[1] for x in short)
         anew = ""
         if turned:
-            anew = f"The clock begins anew at {turned:.9g} {unit}: say `unwrap: true` at `time`. "
+            anew = f"The clock restarts at {turned:.9g} {unit}: write `unwrap: true` at `time`. "
         elif minute:
             anew = (
-                f"If the clock begins anew at {minute:.9g} {unit}, say `unwrap: {minute:.9g}` at "
-                f"`time`, or as much in the unit of its column if that is not {unit}. "
+                f"If the clock restarts at {minute:.9g} {unit}, write `unwrap: {minute:.9g}` "
+                f"at `time`, converted to the unit of its column if that is not {unit}. "
             )
         raise DataError(
             f"{samples.at(at)}: time runs backwards, from {time[at - 1]:.9g} to {time[at]:.9g}",

@@ -132,7 +132,9 @@ def _data_of(path: Path, options: TableOptions, names: Sequence[str]) -> Data:
     """Return the section of a spec that reads this table."""
     named = (*options.columns, *options.units)
     if unknown := next((name for name in named if name not in names), ""):
-        raise UsageError(f"the table has no use for '{unknown}'", f"it has {', '.join(names)}")
+        raise UsageError(
+            f"a table cannot use the key '{unknown}'", f"its keys are {', '.join(names)}"
+        )
     reader, settings = reader_of(path) or READERS["csv"], dict(options.settings)
     if reader is READERS["csv"]:
         settings.setdefault("encoding", guess_encoding(path))
@@ -150,7 +152,7 @@ def _data_of(path: Path, options: TableOptions, names: Sequence[str]) -> Data:
         key = ".".join(map(str, first["loc"]))
         raise UsageError(
             f"{path.name} ({reader.name}): {key}: {first['msg']}",
-            "`mapmore predict --help` says what each option is",
+            "`mapmore predict --help` explains each option",
         ) from fault
 
 
@@ -164,5 +166,5 @@ def _refuse_titles(options: TableOptions, names: Sequence[str], units: Mapping[s
         if name not in options.units and told is not None and not is_same(told, unit):
             raise DataError(
                 f"the column '{title}' is read as {name} in {unit}, but its title says {told}",
-                f"say `unit: {told}`, or `unit: {unit}` where the title is wrong",
+                f"write `unit: {told}`, or `unit: {unit}` if the title is wrong",
             )

@@ -1,1 +1,1 @@
-"""Tables, figures and the page."""
+"""Make the tables, the figures and the page of a run."""

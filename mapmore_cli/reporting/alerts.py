@@ -1,4 +1,6 @@
-"""What speaks against the number of a verdict: one list for the page, `--json` and stderr."""
+"""Collect the sentences that warn about the number of a verdict: one list for the page, `--json`
+and stderr.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ from mapmore_cli.modelling.kinds import outside_range
 from mapmore_cli.reporting.table import title_of
 
 FEW_CURVES = 3
-"""Held-out curves below which an error says little about others, and has no standard error."""
+"""Number of held-out curves below which an error says little about other curves and has no standard
+error.
+"""
 
 
 def alerts_of(
@@ -29,8 +33,8 @@ def alerts_of(
     """Return the alerts of all outputs, the worst first.
 
     - `unconfirmed`: guesses of the spec that nobody has confirmed.
-    - `doubts`: what the rules of `check` say of the data.
-    - `search`: the structures that were tried, with what is to be known of the choice.
+    - `doubts`: findings of the rules of `check`.
+    - `search`: the structures that were tried, with notes on the choice.
     """
     outputs = list(zip(dataset.each, model.each, validation.each, strict=True))
     found: list[Alert] = []
@@ -61,7 +65,9 @@ WORST_FIRST = (
 
 
 def unconfirmed_sentence(count: int) -> str:
-    """Say how many guesses of a spec nobody has confirmed, and what to do."""
+    """Return a sentence that says how many guesses of a spec nobody has confirmed, and what to
+    do.
+    """
     guesses = "guess of the spec is" if count == 1 else "guesses of the spec are"
     return (
         f"{count} {guesses} not confirmed, and the scores mean nothing if one of them is wrong: "
@@ -93,7 +99,7 @@ def _of_residuals(test: ResidualTest) -> tuple[str, str, str]:
 
 
 def _of_held_out(dataset: Dataset, model: Model, left_out: bool) -> Iterator[tuple[str, str, str]]:
-    """Yield alerts of how many samples and curves are held out, and where they lie. Where nothing
+    """Yield alerts about the number of held-out samples and curves, and their place. Where nothing
     is held out for good, every part may have been `left_out` in turn.
     """
     held_out = [curve for curve in dataset.curves if curve.held_out.any()]
@@ -116,7 +122,9 @@ def _of_held_out(dataset: Dataset, model: Model, left_out: bool) -> Iterator[tup
 
 
 def _of_competitors(scores: Sequence[Score], unit: str) -> Iterator[tuple[str, str, str]]:
-    """Yield alerts of competitors that err less, or within one standard error as much."""
+    """Yield alerts about competitors with a smaller error, or with one that is equal within one
+    standard error.
+    """
     compared = [s for s in deciding(scores) if math.isfinite(s.rmse) and s.model != REPEATABILITY]
     ours = next((score for score in compared if score.model == OWN), None)
     if ours is None:

@@ -1,6 +1,4 @@
-"""What machines that run tests and people who read their summaries want of runs: JUnit XML, and
-Markdown.
-"""
+"""Report on runs for test servers as JUnit XML, and for people as a Markdown summary."""
 
 from __future__ import annotations
 
@@ -15,9 +13,7 @@ from mapmore_cli.reporting.table import Table, markdown_text, to_markdown
 
 @dataclass(frozen=True)
 class RunReport:
-    """How a run ended: `failure` says why it did not end well; `limits` are those that its scores
-    were held to.
-    """
+    """The end of a run: `failure` is the reason if it failed; `limits` are those for its scores."""
 
     name: str
     seconds: float = 0.0
@@ -27,13 +23,13 @@ class RunReport:
 
     @property
     def missed(self) -> tuple[Limit, ...]:
-        """The limits that its scores do not keep."""
+        """The limits that its scores miss."""
         return tuple(limit for limit in self.limits if not limit.kept)
 
 
 def to_junit(runs: Sequence[RunReport]) -> str:
-    """Return a test suite in which every run is a test case, and every limit of `validate.require`
-    another one.
+    """Return a test suite with a test case for every run, and one for every limit of
+    `validate.require`.
     """
     cases = [case for run in runs for case in _cases(run)]
     failures, errors = (
@@ -80,8 +76,8 @@ def _case(run: str, name: str, seconds: float) -> ET.Element:
 
 
 def to_summary(runs: Sequence[RunReport], tables: Sequence[Table]) -> str:
-    """Return how many runs ended well, what went wrong in the others, and the tables, in
-    Markdown.
+    """Return a Markdown text with the number of successful runs, the faults of the others, and the
+    tables.
     """
     bad = [run for run in runs if run.failure is not None or run.missed]
     lines = [f"## mapmore: {len(runs) - len(bad)} of {len(runs)} runs in order", ""]

@@ -1,6 +1,6 @@
-"""What a page needs to compute its models: their code in JavaScript, and the samples beside them.
+"""Prepare what a page needs to compute its models: their code in JavaScript, and samples.
 
-The code comes from the annex that exports models; without it, a page has no "Explore".
+The code comes from the annex that exports models; without it, a page has no section "Explore".
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from mapmore_cli.reporting.scripts import json_text
 from mapmore_cli.reporting.table import title_of
 
 MOST_SAMPLES = 4000
-"""Samples of an output that its page holds of the training data, and of the held-out data."""
+"""Largest number of training samples, and of held-out samples, of an output on its page."""
 
 PLACES = 41
-"""Levels at which a page holds the width of intervals."""
+"""Number of levels at which a page holds the width of intervals."""
 
 _EXPORTED = re.compile(r"\nexport \{ (.*) \};\n$")
 
@@ -36,9 +36,9 @@ _EXPORTED = re.compile(r"\nexport \{ (.*) \};\n$")
 class Explored:
     """The section "Explore" of a page.
 
-    - `outputs`: what its script knows of each output, ready for JSON; None where the model of the
-      output has no closed expression.
-    - `code`: a script that puts every model into `mapmore.models`, by the names in `outputs`.
+    - `outputs`: data of each output for its script, ready for JSON; None if the model of the output
+      has no closed expression.
+    - `code`: a script that stores every model in `mapmore.models`, by the names in `outputs`.
     """
 
     outputs: tuple[dict[str, Any] | None, ...]
@@ -46,8 +46,8 @@ class Explored:
 
 
 def explored(every: Sequence[ReportInputs]) -> Explored | None:
-    """Return what the pages of these outputs need; None where nothing can be computed, or nothing
-    is exported here.
+    """Return the data for the pages of these outputs; None if nothing can be computed, or if the
+    exporting annex is missing.
     """
     try:
         plugins.load("python", "export")
@@ -56,10 +56,10 @@ def explored(every: Sequence[ReportInputs]) -> Explored | None:
     code: dict[str, str] = {}
 
     def module(key: str, model: Model, more: str = "") -> bool:
-        """Keep the code of a model; tell whether there is any."""
+        """Store the code of a model; return True if there is any."""
         try:
             code[key] = wrapped(key, model, more)
-        except MapmoreError:  # a part of it is no closed expression
+        except MapmoreError:  # a part of it has no closed expression
             return False
         return True
 
@@ -88,10 +88,10 @@ def explored(every: Sequence[ReportInputs]) -> Explored | None:
 
 
 def wrapped(key: str, model: Model, more: str = "") -> str:
-    """Return the exported module of a model as a function that is called at once, for a page cannot
-    import; its result is `mapmore.models[key]`, and has `more` than the module exports.
+    """Return the exported module of a model as a function that is called at once, because a page
+    cannot import modules. Its result is `mapmore.models[key]`, which also holds `more`.
 
-    Raises DataError where a part of the model is no closed expression.
+    Raises DataError if a part of the model has no closed expression.
     """
     (text,) = plugins.load("python", "export")(model, "js", verify=False).values()
     inside = _EXPORTED.sub(rf"\nreturn {{ \1{more} }};\n", text.decode())
@@ -120,7 +120,7 @@ def _steps(model: Model) -> set[float]:
 
 
 def _known(inputs: ReportInputs, key: str) -> dict[str, Any]:
-    """Return what the script knows of any model."""
+    """Return the data that the script needs for any model."""
     model, timed = inputs.model, inputs.has_memory
     curves = inputs.dataset.curves
     names = [quantity.name for quantity in model.inputs]
@@ -144,7 +144,7 @@ def _known(inputs: ReportInputs, key: str) -> dict[str, Any]:
 
 
 def _span(curves: Sequence[Curve], name: str) -> tuple[float, float]:
-    """Return least and greatest value of a quantity; from 0 to 1 where it has none."""
+    """Return the smallest and largest value of a quantity; 0 and 1 if it has none."""
     values = np.concatenate([curve.columns[name] for curve in curves])
     values = values[np.isfinite(values)]
     return (values.min(), values.max()) if values.size else (0.0, 1.0)
@@ -155,13 +155,13 @@ def _quantity(one: Quantity) -> dict[str, str]:
 
 
 def _numbers(values: Array) -> list[float | None]:
-    """Return numbers of seven digits; null where there is none."""
+    """Return numbers with seven digits; null for a missing number."""
     return [float(f"{one:.7g}") if np.isfinite(one) else None for one in values.tolist()]
 
 
 def _samples(inputs: ReportInputs, curves: Sequence[Curve], names: Sequence[str]) -> dict[str, Any]:
     """Return columns of samples, evenly thinned to `MOST_SAMPLES` of each part, the names of their
-    curves, and how many there are.
+    curves, and the original number.
     """
     held = inputs.pooled_held_out
     parts = [np.flatnonzero(held == part) for part in (False, True)]
@@ -178,7 +178,7 @@ def _samples(inputs: ReportInputs, curves: Sequence[Curve], names: Sequence[str]
 
 
 def _recording(curves: Sequence[Curve], names: Sequence[str]) -> dict[str, Any]:
-    """Return the beginning of one recording, a held-out one where there is one."""
+    """Return the beginning of one recording, if possible a held-out one."""
     curve = next((one for one in curves if one.held_out.any()), curves[0])
     start = int(np.argmax(curve.held_out)) if curve.held_out.any() else 0
     rows = slice(start, start + MOST_SAMPLES)
@@ -190,7 +190,7 @@ def _recording(curves: Sequence[Curve], names: Sequence[str]) -> dict[str, Any]:
 
 
 def _interval(inputs: ReportInputs) -> dict[str, Any] | None:
-    """Return half of the width of intervals at levels; None where the study has none."""
+    """Return half the width of intervals at levels; None if the study has no intervals."""
     if inputs.left_out is None:
         return None
     level = inputs.model.level
@@ -216,10 +216,10 @@ def _no_interval(inputs: ReportInputs) -> str:
 
 
 def bare_of(model: Model) -> tuple[Model, str]:
-    """Return a model of pieces whose segment functions are held nowhere, and code that gives away
-    its curves and segments with their slopes: the page joins them in other ways.
+    """Return a model of pieces whose segment functions are held nowhere, and code that gives access
+    to its curves and segments with their slopes, so that the page can join them in other ways.
 
-    `rejoin` puts other functions in the place of the curves.
+    `rejoin` replaces the functions of the curves.
     """
     body = model.body_of(Pieces)
     free = [one.name for one in model.inputs if one.name != body.level]
@@ -238,8 +238,8 @@ def bare_of(model: Model) -> tuple[Model, str]:
 
 
 def pieces_of(body: Pieces, equations: Mapping[str, str]) -> dict[str, Any]:
-    """Return how the pieces are joined, where each of them was fitted, and its equation by its
-    id.
+    """Return how the pieces are joined, the range to which each was fitted, and its equation, by
+    its id.
     """
     fusion = body.fusion
     return {

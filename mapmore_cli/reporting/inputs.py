@@ -1,4 +1,4 @@
-"""What a report is made of: the results of the earlier stages, in one frozen bundle."""
+"""Bundle everything from which a report is made: the results of the earlier stages."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from mapmore_cli.modelling.validation.shown import in_time, is_turned
 from mapmore_cli.reporting.alerts import alerts_of
 
 MOST_LINES = 7
-"""Lines that can be told apart in one panel."""
+"""Largest number of lines that can be distinguished in one panel."""
 
 FAR_OFF = 10.0
-"""Times the error of the run's own model, from which on a model does not set the scale of a
+"""Ratio to the error of the run's own model from which on a model does not affect the scale of a
 figure.
 """
 
@@ -37,13 +37,14 @@ SINGLE = 3.5
 
 @dataclass(frozen=True)
 class FigureStyle:
-    """How figures look.
+    """Appearance of figures.
 
-    - `width`: inches of a panel that stands by itself.
+    - `width`: width of a single panel, inches.
     - `font`, `size`: name of the font (None: the sans-serif one of the machine), and points of the
       axis labels.
-    - `labels`: axis labels by quantity, unit included; formulas may stand between dollars.
-    - `palette`: colours of the models, that of the run's own first.
+    - `labels`: axis labels by quantity, including the unit; formulas may stand between dollar
+      signs.
+    - `palette`: colours of the models; the first is that of the run's own model.
     """
 
     width: float = SINGLE
@@ -53,8 +54,8 @@ class FigureStyle:
     palette: tuple[str, ...] = ()
 
     def axis_label(self, quantity: Quantity, prefix: str = "") -> str:
-        """Return `Pressure (kPa)`; `(–)` where there is no dimension; the user's own words where
-        there are any.
+        """Return `Pressure (kPa)`, with `(–)` for a quantity without unit; or the user's own
+        label.
         """
         if quantity.name in self.labels:
             return f"{prefix} {self.labels[quantity.name]}".strip()
@@ -65,34 +66,34 @@ class FigureStyle:
         )
 
     def is_own_label(self, label: str) -> bool:
-        """Tell whether a label has the user's own words, in which formulas may stand between
-        dollars.
+        """Return True if a label is the user's own, in which formulas may stand between dollar
+        signs.
         """
         return any(label.endswith(own) for own in self.labels.values())
 
 
 @dataclass(frozen=True)
 class ReportInputs:
-    """Everything that the report shows; no number is computed from it that is not a summary of what
-    is here.
+    """Everything that the report shows. Numbers of the report are either here or summaries of
+    numbers here.
 
     - `muscle`: labels of the muscle as the spec gives them (`name`, `kind`, `length`, ...), ready
       to print.
-    - `whole`: the dataset, of which tables need counts alone.
+    - `whole`: the dataset, of which tables need only counts.
     - `spec_text`: the resolved spec.
     - `provenance`: versions, hashes and the like, in the order in which to print them.
-    - `command`: makes the run again; empty where its spec is not known.
-    - `other_equations`: the equations in other units, by the words that name these.
-    - `style`: how its figures look.
+    - `command`: command that repeats the run; empty if its spec is unknown.
+    - `other_equations`: the equations in other units, by the description of these.
+    - `style`: appearance of its figures.
     - `unconfirmed`: guesses of the spec that nobody has confirmed.
-    - `doubts`: what the rules of `check` say of the data.
-    - `asked`: ids of the curves and recordings that alone are to be drawn; empty for some that
-      stand for all.
-    - `search`: the structures that were tried, where the spec left the structure to a search.
-    - `as_recorded`: whether recordings are drawn over time, whatever the model.
-    - `violations`: of the shape that the spec asks for, or the kind of muscle implies.
-    - `explore`: whether the page computes the model in the browser.
-    - `prefix`: how names of files and sections begin, where the run has several outputs.
+    - `doubts`: findings of the rules of `check`.
+    - `asked`: ids of the curves and recordings that are drawn; if it is empty, some are chosen.
+    - `search`: the structures that were tried, if the structure was searched.
+    - `as_recorded`: True if recordings are drawn over time for every model.
+    - `violations`: violations of the shape that the spec asks for, or that the kind of muscle
+      implies.
+    - `explore`: True if the page computes the model in the browser.
+    - `prefix`: prefix of names of files and sections, if the run has several outputs.
     """
 
     name: str
@@ -121,7 +122,7 @@ class ReportInputs:
 
     @property
     def alerts(self) -> tuple[Alert, ...]:
-        """Alerts that speak against the verdict of this output, the worst first."""
+        """Alerts about the verdict of this output, the worst first."""
         return alerts_of(
             *(self.whole, self.model, self.validation),
             *(self.unconfirmed, self.doubts, self.search),
@@ -129,7 +130,7 @@ class ReportInputs:
 
     @property
     def dataset(self) -> Dataset:
-        """The samples that are shown: those that `validate` chose of long curves."""
+        """The samples that are shown; `validate` has chosen those of long curves."""
         return self.validation.shown or self.whole
 
     @property
@@ -138,7 +139,7 @@ class ReportInputs:
         return self.dataset.quantities[self.dataset.target]
 
     def axis_label(self, quantity: Quantity, prefix: str = "") -> str:
-        """Return what stands at an axis."""
+        """Return the label of an axis."""
         return self.style.axis_label(quantity, prefix)
 
     @property
@@ -152,21 +153,21 @@ class ReportInputs:
         return self.models[0]
 
     def pooled(self, name: str) -> Array:
-        """Return a column of all curves that are shown, one after the other, (n,)."""
+        """Return a column of all shown curves, one after the other, (n,)."""
         return np.concatenate([curve.columns[name] for curve in self.dataset.curves])
 
     @property
     def pooled_held_out(self) -> BoolArray:
-        """Which samples of all curves are held out, (n,)."""
+        """True for held-out samples, over all curves, (n,)."""
         return np.concatenate([curve.held_out for curve in self.dataset.curves])
 
     def errors_of(self, model: str) -> Array:
-        """Return predicted less measured output of all curves, (n,)."""
+        """Return predicted minus measured output over all curves, (n,)."""
         return np.concatenate(self.validation.predictions[model]) - self.pooled(self.dataset.target)
 
     def beside(self, names: Sequence[str]) -> ReportInputs:
-        """Return the inputs with these models beside the run's own, in this order. Raises
-        UsageError for one that the run has not.
+        """Return the inputs with only these models beside the run's own, in this order. Raises
+        UsageError for a model that the run does not have.
         """
         if unknown := [name for name in names if name not in self.models]:
             raise UsageError(
@@ -181,12 +182,12 @@ class ReportInputs:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """The models that figures draw lines of."""
+        """The models whose lines figures draw."""
         return self.best(MOST_LINES)
 
     def best(self, most: int) -> tuple[str, ...]:
-        """Return the models that figures show, or the run's own and the best of the others where
-        they are more than so many.
+        """Return the models that figures show; if they are more than `most`, the run's own and the
+        best of the others.
         """
         errors = self.pooled_errors
         others = sorted(self.shown[1:], key=lambda model: errors.get(model, math.inf))
@@ -195,7 +196,7 @@ class ReportInputs:
 
     @property
     def shown(self) -> tuple[str, ...]:
-        """The models that figures show: of the simple competitors, the best alone."""
+        """The models that figures show; of the simple competitors, only the best."""
         errors = self.pooled_errors
         best = min(
             (model for model in self.models if model in SIMPLE),
@@ -206,8 +207,8 @@ class ReportInputs:
 
     @property
     def far_off(self) -> tuple[str, ...]:
-        """The models beside which the run's own could not be seen, if figures were scaled to hold
-        them.
+        """Competitors with errors so large that they would make the run's own model invisible on a
+        common axis.
         """
         errors = self.pooled_errors
         limit = FAR_OFF * errors.get(self.own, math.inf)
@@ -215,7 +216,7 @@ class ReportInputs:
 
     @property
     def pooled_errors(self) -> dict[str, float]:
-        """RMSE of every model that has one, of the held-out data where there are any."""
+        """RMSE of every model that has one, for the held-out data if there are any."""
         return {
             score.model: score.rmse
             for score in deciding(self.validation.scores)
@@ -224,47 +225,45 @@ class ReportInputs:
 
     @property
     def failed(self) -> tuple[str, ...]:
-        """Names of the competitors that could not be fitted: they have no predictions and no
-        scores.
-        """
+        """Names of the competitors whose fit failed, which have no predictions and no scores."""
         scored = {row.model for row in self.validation.scores}
         return tuple(name for name in self.models if name not in scored)
 
     @property
     def has_pieces(self) -> bool:
-        """False where the model is a formula alone."""
+        """False if the model is a formula only."""
         return self.model.pieces is not None and bool(self.model.pieces.segments)
 
     @property
     def over_time(self) -> bool:
-        """True where curves are recordings of motion, to be drawn over time: step responses."""
+        """True if curves are recordings of motion (step responses), which are drawn over time."""
         return any(curve.at_rest is not None for curve in self.dataset.curves)
 
     @property
     def has_memory(self) -> bool:
-        """True where the model runs along recordings, by itself or as a part of a sum."""
+        """True if the model, or a part of it in a sum, runs along recordings."""
         return runs_over_time(self.model)
 
     @property
     def timed(self) -> bool:
-        """True where curves are drawn over time."""
+        """True if curves are drawn over time."""
         return self.as_recorded or in_time(self.model, self.dataset)
 
     @property
     def holds_out(self) -> bool:
-        """True where some samples are held out."""
+        """True if some samples are held out."""
         return any(curve.held_out.any() for curve in self.dataset.curves)
 
     @property
     def left_out(self) -> LeftOut | None:
-        """What intervals are made of; None where there are none, or where the model is shown as one
-        of another quantity than its output.
+        """Data from which intervals are computed; None if there are none, or if another quantity
+        than the model's output is shown.
         """
         return self.model.left_out if self.target == self.model.output else None
 
     def interval(self, number: int) -> tuple[Array, Array] | None:
-        """Return ends of the run's own intervals along a curve of the dataset, (n,) each; None
-        where the model has none.
+        """Return the ends of the run's own intervals along a curve of the dataset, (n,) each; None
+        if the model has none.
         """
         if self.left_out is None:
             return None
@@ -281,31 +280,31 @@ class ReportInputs:
 
     @property
     def turned(self) -> bool:
-        """True where the model is inverted to be scored."""
+        """True if the model is inverted to be scored."""
         return is_turned(self.model, self.dataset)
 
     @property
     def fitted(self) -> str:
-        """Name of the quantity that the segments are fitted to."""
+        """Name of the quantity to which the segments are fitted."""
         return self.model.output.name if self.turned else self.dataset.target
 
     @property
     def in_curve(self) -> Quantity:
-        """The quantity that the target is drawn over: what the model goes along, but its output
-        where it is inverted.
+        """Quantity over which the target is drawn: the quantity along which the model runs, or its
+        output if it is inverted.
         """
         return self.model.output if self.turned else self.along
 
     @property
     def along(self) -> Quantity:
-        """The quantity of the model that varies within a curve; of a model without inputs, any
+        """Quantity of the model that varies within a curve; for a model without inputs, any
         measured quantity.
         """
         return self.dataset.quantities[self.validation.along]
 
     @property
     def rules(self) -> tuple[str, ...]:
-        """How the equations of the model are put together."""
+        """How the equations of the model are combined, in sentences."""
         return rules(self.model)
 
     @property
@@ -316,8 +315,8 @@ class ReportInputs:
         )
 
     def ids_of(self, words: str) -> frozenset[str]:
-        """Return ids of the curve or the recordings that a user calls so: by id, level (`250`, `250
-        kPa`), or the log that was cut into pieces.
+        """Return the ids of the curve or the recordings that a user means: by id, by level (`250`,
+        `250 kPa`), or by the log that was cut into pieces.
         """
         curves = [
             curve.id
@@ -328,8 +327,8 @@ class ReportInputs:
         return frozenset((*curves, *logs))
 
     def curve_label(self, curve: Curve) -> str:
-        """Return short name of a curve: its level with the unit (`150 kPa`, `strain 0.04`), else
-        its id.
+        """Return the short name of a curve: its level with the unit (`150 kPa`, `strain 0.04`),
+        otherwise its id.
         """
         level = self.dataset.level
         if curve.level is None or level is None:

@@ -1,4 +1,4 @@
-"""What the report says in numbers about models with memory: states, numbers and sizes."""
+"""Make the tables about models with memory: states, parameters and sizes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from mapmore_cli.reporting.table import Cell, Table
 
 
 def states_table(states: StateSet) -> Table:
-    """Return everything that training found out about the states: the oscillators, the ranges of
+    """Return everything that training estimated about the states: the oscillators, the ranges of
     operators, the scales.
     """
     rows: list[tuple[Cell, ...]] = []
@@ -28,8 +28,8 @@ def states_table(states: StateSet) -> Table:
 
 
 def identified_table(fit: MemoryFit) -> Table:
-    """Return the numbers of operators that training found; no rows where the dictionary left none
-    open.
+    """Return the operator parameters that training estimated; without rows if the dictionary left
+    none free.
     """
     rows: list[tuple[Cell, ...]] = []
     if (numbers := fit.identified) is not None:
@@ -45,8 +45,8 @@ def identified_table(fit: MemoryFit) -> Table:
 
 
 def sizes_table(fit: MemoryFit) -> Table:
-    """Return the error in free run of models of 1, 2, ... terms over training samples held out for
-    that; no rows where none were.
+    """Return the free-run error of models with 1, 2, ... terms on training samples that were held
+    out for that purpose; without rows if there were none.
     """
     rows = enumerate([] if fit.held_out is None else fit.held_out.tolist(), 1)
     title = "How many terms: error over the last quarter of the training samples"

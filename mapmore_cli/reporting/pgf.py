@@ -1,4 +1,4 @@
-"""Figures as LaTeX draws them, in the fonts of its document."""
+"""Write figures for LaTeX, in the fonts of its document."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from mapmore_cli.domain.foreign import tex_label, tex_text
 
 
 class _Renderer(RendererPgf):
-    """Needs no TeX: letters are measured by the fonts of the other formats. Names are escaped, so
-    that TeX obeys none of them.
+    """Renderer that needs no TeX: letters are measured in the fonts of the other formats. Names are
+    escaped, so that TeX executes none of them.
     """
 
     def get_text_width_height_descent(self, s, prop, ismath):  # type: ignore[no-untyped-def]
@@ -27,9 +27,7 @@ class _Renderer(RendererPgf):
 
 
 def to_pgf(figure: Figure) -> str:
-    """Return a `pgfpicture` to be read with `\\input`; its letters are set in the fonts of the
-    document.
-    """
+    """Return a `pgfpicture` for `\\input`; its letters are set in the fonts of the document."""
     text = io.StringIO()
     width, height = figure.get_size_inches()
     text.write("% \\usepackage{pgf} in the preamble, then \\input this file\n")

@@ -1,4 +1,4 @@
-"""Writes a report: figures, tables, and one self-contained HTML page that asks no network."""
+"""Write a report: figures, tables, and one self-contained HTML page that needs no network."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ from mapmore_cli.reporting.table import (
 from mapmore_cli.reporting.tables import training_rmse
 
 TABLE_FILES: Mapping[str, Callable[[Table], str]] = {"csv": to_csv, "tex": to_latex}
-"""What is written of a table, by format."""
+"""Function that writes a table, by format."""
 
 MOST_ROWS = 400
-"""Rows of a table on the page."""
+"""Largest number of rows of a table on the page."""
 
 
 Figures = Mapping[str, Sequence[RenderedFigure]]
@@ -56,12 +56,12 @@ Figures = Mapping[str, Sequence[RenderedFigure]]
 def render_page(
     inputs: ReportInputs, figures: Figures, others: Sequence[tuple[ReportInputs, Figures]] = ()
 ) -> str:
-    """Return the page, from the template `templates/page.html`, with `figures` by section, and
-    those of other outputs behind them; every text of the user's is escaped.
+    """Return the page, from the template `templates/page.html`, with `figures` by section, followed
+    by those of other outputs. All texts of the user are escaped.
     """
     pages = ((inputs, figures), *others)
     outputs = [_words_of(*own) for own in pages]
-    for output in outputs[1:]:  # what is said of the whole run stands at the first output
+    for output in outputs[1:]:  # texts about the whole run are shown at the first output
         output["alerts"] = [one for one in output["alerts"] if one not in outputs[0]["alerts"]]
     known = explored([own for own, _ in pages]) if inputs.explore else None
     texts, words = [*map(text_of, EVERYWHERE)], {"data": "", "uplot_css": ""}
@@ -81,7 +81,7 @@ def render_page(
 
 
 def _words_of(inputs: ReportInputs, figures: Figures) -> dict[str, Any]:
-    """Return what the template knows of an output."""
+    """Return the words of an output for the template."""
     scores, table = inputs.validation.scores, inputs.validation.each[0].table
     known = (inputs.own, scored(table, inputs.dataset), inputs.failed, table.alert)
     return {
@@ -107,7 +107,7 @@ def write_report(
 ) -> None:
     """Write the report into the folder `out`, byte for byte the same for the same inputs.
 
-    - `figures`: names out of `reporting.order.FIGURES`.
+    - `figures`: names from `reporting.order.FIGURES`.
     - `formats`: `html`: index.html, with the figures in it as quick drawings; `svg`: a file for
       each figure, drawn by Matplotlib, and the same on the page; `csv`, `tex`: tables/*; `pdf`,
       `png`, `pgf`: panels/*, every panel of every figure in these formats (and as SVG where that is
@@ -123,10 +123,10 @@ def write_report(
 def _write_files(
     inputs: ReportInputs, out: Path, figures: Sequence[str], formats: Sequence[str]
 ) -> Figures:
-    """Write the files of one output beside the page; return its figures."""
+    """Write the files of one output beside the page, and return its figures."""
     for suffix, written in TABLE_FILES.items():
         for table in all_tables(inputs) if suffix in formats else ():
-            if suffix == "csv" or table.rows:  # a document does not want a table of nothing
+            if suffix == "csv" or table.rows:  # a document needs no empty table
                 path = out / "tables" / f"{inputs.prefix}{table.name}.{suffix}"
                 _write_file(path, written(table))
     sections: dict[str, list[RenderedFigure]] = {}
@@ -159,17 +159,17 @@ def _write_panels(
     suffixes: Sequence[str],
     inputs: ReportInputs,
 ) -> None:
-    """Write every panel as a file of its own in every format of figures that is asked for, and the
-    numbers behind it.
+    """Write every panel to a separate file in every requested format of figures, with its
+    numbers.
     """
     folder.mkdir(exist_ok=True)
     stems: set[str] = set()
     for drawing, panel in panels:
-        # letters that any system takes
+        # letters that all systems accept
         words = re.sub(r"[^A-Za-z0-9=+-]+", "_", panel.key).strip("_")[:80]
         name = stem = f"{drawing.name}.{words}" if words else drawing.name
         number = 1
-        while stem.lower() in stems:  # some file systems know no capitals
+        while stem.lower() in stems:  # some file systems ignore capitals
             number += 1
             stem = f"{name}.{number}"
         stems.add(stem.lower())
@@ -182,20 +182,20 @@ def _write_panels(
 
 
 def data_csv(data: Mapping[str, Values]) -> str:
-    """Return what a panel was drawn from, a column for each heading; 12 significant digits, an
-    empty field where there is no number.
+    """Return the data from which a panel was drawn, with a column for each heading; 12 significant
+    digits, and an empty field for a missing number.
     """
     columns = (np.asarray(values, dtype=object) for values in data.values())
     return rows_to_csv(data, zip(*(map(number_text, cells) for cells in columns), strict=True))
 
 
 MOST_NUMBERS = 400
-"""Samples of a panel that a page has as numbers; files have all of them."""
+"""Largest number of samples of a panel that a page holds as numbers; files have all of them."""
 
 
 def numbers_of(drawing: Drawing) -> str:
-    """Return what the panels of a figure were drawn from as CSV, evenly thinned, six significant
-    digits: a block for each panel.
+    """Return the data from which the panels of a figure were drawn as CSV, with a block for each
+    panel, evenly thinned, with six significant digits.
     """
     blocks = []
     for panel in (one for one in drawing.panels if one.data):

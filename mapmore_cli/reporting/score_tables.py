@@ -1,4 +1,4 @@
-"""Scores as tables: what a run ends with, also where nothing had to be done."""
+"""Show scores as tables: the result of a run, also if nothing had to be done."""
 
 from __future__ import annotations
 
@@ -46,10 +46,11 @@ def score_table(
     published: Published | None = None,
     failed: Sequence[str] = (),
 ) -> Table:
-    """Return pooled scores, the held-out data first, every model in the order given.
+    """Return the pooled scores, those of held-out data first, with the models in the given order.
 
-    `units` has the unit of every target. A publication's numbers stand beside the validation rows,
-    which alone are comparable. Models in `failed` have no scores; they get a row that says so.
+    `units` holds the unit of every target. A publication's numbers are shown beside the validation
+    rows, because only these are comparable. Models in `failed` have no scores; they get a row that
+    says so.
     """
     pooled = sorted((s for s in scores if s.curve == "all"), key=lambda s: s.split != "validate")
     unit = units.get(pooled[0].target, "") if pooled else ""
@@ -80,13 +81,13 @@ def score_table(
 
 
 def full_scale(pooled: Sequence[Score], unit: str) -> str:
-    """Return what errors are divided by, in a sentence."""
+    """Return a sentence about the normaliser of errors."""
     scale = f"FS = {pooled[0].normaliser_name} = {pooled[0].normaliser:.4g} {unit}".rstrip()
     return f"NRMSE: RMSE / FS, for all rows {scale}."
 
 
 def curve_scores_table(scores: Sequence[Score], units: Mapping[str, str]) -> Table:
-    """Return scores of every curve by itself, the models beside each other."""
+    """Return the scores of each curve, with the models side by side."""
     order: dict[str, int] = {}
     for score in scores:
         order.setdefault(score.curve, len(order))
@@ -100,9 +101,7 @@ def curve_scores_table(scores: Sequence[Score], units: Mapping[str, str]) -> Tab
 def _metrics(
     scores: Sequence[Score], unit: str
 ) -> tuple[list[Column | str], list[tuple[Cell, ...]]]:
-    """Return the columns of scores and their rows, those columns alone that have something to
-    say.
-    """
+    """Return the columns and rows of scores; only columns with a value."""
     shown = {
         one.heading.replace("UNIT", unit): name
         for name, one in MEASURES.items()
@@ -117,7 +116,7 @@ EQUAL_WITHIN = 0.01
 
 
 def scored(table: ScoreTable, dataset: Dataset) -> Quantity:
-    """Return the quantity that the rows are of, which may be an input of an inverted model."""
+    """Return the quantity of the rows, which may be an input of an inverted model."""
     name = next(iter(table.units), dataset.target)
     return dataset.quantities[name if name in dataset.quantities else dataset.target]
 
@@ -133,10 +132,10 @@ def verdict_sentence(
     """Compare the pooled error of the model `own` with the best of the others, on held-out data
     where there are any.
 
-    `target` is what was scored; `failed` names the competitors that have no scores, because their
-    fit failed. That one of the `warnings` which says that held-out data chose the structure comes
-    first, then an `alert`. Competitors that were trained on held-out data are named, and not
-    compared.
+    `target` is the scored quantity. `failed` names the competitors without scores, because their
+    fit failed. If one of the `warnings` says that held-out data chose the structure, it comes
+    first, followed by an `alert`. Competitors that were trained with held-out data are named but
+    not compared.
     """
     head = f"Alert: {alert}. " if alert else ""
     compared = deciding(scores)
@@ -174,7 +173,7 @@ def verdict_sentence(
 
 
 def _known_score(scores: Sequence[Score], model: str) -> Score | None:
-    """Return the row of a model; None where it has none with a number."""
+    """Return the row of a model; None if it has no finite error."""
     return next((s for s in scores if s.model == model and math.isfinite(s.nrmse)), None)
 
 
@@ -182,7 +181,7 @@ TRAINED = "was trained on held-out samples, and is"
 
 
 def short_verdict(table: ScoreTable, own: str) -> str:
-    """Say in a line how the model `own` stands beside the best of the others, with both errors."""
+    """Return a line that compares the model `own` with the best of the others, with both errors."""
     compared, unit = deciding(table.scores), next(iter(table.units.values()), "")
     ours = _known_score(compared, own)
     if ours is None:
@@ -197,23 +196,23 @@ def short_verdict(table: ScoreTable, own: str) -> str:
 
 
 def _error(score: Score, unit: str) -> str:
-    """Return an error as a person would write it."""
+    """Return an error as readable text."""
     return f"{score.rmse:.3g}{_of(unit)} ({_percent(score.nrmse)})"
 
 
 def _of(unit: str) -> str:
-    """Return a unit behind a number."""
+    """Return a unit as it follows a number."""
     return "" if unit in ("", "1") else f" {unit}"
 
 
 def _best(others: Sequence[Score]) -> Score | None:
-    """Return the score with the least error; None where there is none that is a number."""
+    """Return the score with the smallest error; None if no error is finite."""
     usable = [s for s in others if math.isfinite(s.nrmse)]
     return min(usable, key=lambda s: s.nrmse, default=None)
 
 
 def _word(ours: Score, best: Score) -> str:
-    """Return how an error stands beside the best of the others."""
+    """Return the word that compares an error with the best of the others."""
     if ours.rmse == best.rmse:
         return "an exact tie"
     if abs(ours.rmse - best.rmse) <= EQUAL_WITHIN * max(ours.rmse, best.rmse):
@@ -236,8 +235,8 @@ def _comparison(ours: Score, others: Sequence[Score], failed: Sequence[str]) -> 
 
 
 def pieces_sentence(scores: Sequence[Score], own: str, backbone: str) -> str:
-    """Compare the pooled error of the model `own` with that of its `backbone` alone; return an
-    empty text where one of them has no score.
+    """Compare the pooled error of the model `own` with that of its `backbone`; return an empty text
+    if one of them has no score.
     """
     errors = {score.model: score.rmse for score in deciding(scores)}
     alone = errors.get(backbone, errors.get("backbone", math.nan))
@@ -255,8 +254,8 @@ def _percent(fraction: float) -> str:
 
 
 def changes_table(comparison: Comparison) -> Table:
-    """Return every curve that both models have, by the size of the change: the factor between them,
-    its weight, and the difference.
+    """Return a table of every curve that both models have, sorted by the size of the change: the
+    factor between them, its weight, and the difference.
     """
     unit = comparison.unit
     columns = {
@@ -289,7 +288,7 @@ def changes_table(comparison: Comparison) -> Table:
 
 
 def drift_table(names: Sequence[str], results: Sequence[Comparison]) -> Table:
-    """Return every later model against the first."""
+    """Return a table that compares every later model with the first."""
     later = zip(names[1:], results, strict=True)
     rows = ((name, one.ratio, *one.interval, one.answer) for name, one in later)
     columns = (MODEL, "ratio .4f", "from .4f", "to .4f", "answer")
@@ -297,8 +296,8 @@ def drift_table(names: Sequence[str], results: Sequence[Comparison]) -> Table:
 
 
 def search_table(search: Search) -> Table:
-    """Return a row for every structure, the least error first; the best and the one that was taken
-    are marked.
+    """Return a row for every structure, the smallest error first; the best and the chosen one are
+    marked.
     """
     columns = {
         "structure": "words",

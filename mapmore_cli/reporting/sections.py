@@ -1,7 +1,7 @@
-"""The sections of a page, in its order: who adds one adds a row here, with its tables.
+"""List the sections of a page in order. To add one, add a row here, with its tables.
 
-A section shows what `templates/sections/ID.html` says, where there is such a file; then its figures
-(`reporting.order.FIGURES` says which); then its tables.
+A section shows the template `templates/sections/ID.html` if there is one, then its figures (see
+`reporting.order.FIGURES`), then its tables.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from mapmore_cli.reporting.table import Table
 class Section:
     """One section of a page.
 
-    - `id`: its anchor on the page, and the word that its figures and its template name it by.
-    - `tables`: what it says of a run in numbers.
-    - `folded`: whether a reader opens it.
+    - `id`: its anchor on the page, and its name for figures and templates.
+    - `tables`: function that returns its tables for a run.
+    - `folded`: True if it is closed until a reader opens it.
     """
 
     id: str
@@ -35,31 +35,29 @@ class Section:
 
 @runtime_checkable
 class Paged(Protocol):
-    """A kind that adds itself, whose fits have a section on pages."""
+    """A kind of a plugin whose fits have a section on pages."""
 
     def section(self) -> Section:
-        """Return the section; it has no tables where a run has no such fit."""
+        """Return the section; it has no tables if a run has no such fit."""
 
     def show_fit(self, fit: Fit) -> tuple[dict[str, object], tuple[Table, ...]]:
         """Return a fit as members of a JSON document and as tables."""
 
 
 def shown_by(fit: Fit | None) -> Paged | None:
-    """Return the kind that shows a fit in a section of its own; None where there is none."""
+    """Return the kind that shows a fit in its own section; None if there is none."""
     kind = kind_of_fit(fit)
     return kind if isinstance(kind, Paged) else None
 
 
 def sections_of(inputs: ReportInputs) -> tuple[Section, ...]:
-    """Return the sections of a run's page; kinds that have tables of their own have one each."""
+    """Return the sections of a run's page; kinds with their own tables have one each."""
     kinds = dict.fromkeys(filter(None, map(shown_by, inputs.fits.values())))
     return (*SECTIONS[:3], *(kind.section() for kind in kinds), *SECTIONS[3:])
 
 
 def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
-    """Return every table of the report, in the order of the page; equations stand there by
-    themselves.
-    """
+    """Return every table of the report in the order of the page, without the equations."""
     shown = [table for section in sections_of(inputs) for table in section.tables(inputs)]
     return (*shown, tables.equations_table(inputs.equations, inputs.other_equations))
 

@@ -1,5 +1,5 @@
-"""The summary of a fit, as statistics programs print one: coefficients with their standard errors,
-and how much the training data say for so many parameters.
+"""Summarise a fit as statistics programs do: coefficients with their standard errors, and how well
+the training data determine the parameters.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.domain.scores import OWN, ScoreTable
-from mapmore_cli.modelling.kinds import parameters
+from mapmore_cli.modelling.kinds import equations, parameters
 from mapmore_cli.modelling.literature.linear import half_width
 from mapmore_cli.modelling.validation.metrics import information_criteria
 from mapmore_cli.reporting.table import Cell, Table
@@ -18,6 +18,7 @@ from mapmore_cli.reporting.tables import coefficient_rows
 
 COLUMNS = ("part", "term", "coefficient #.6g", "standard error .3g", "t .3g", "ERR [%] .4f")
 
+MOST_EQUATIONS = 4
 
 NO_CRITERIA = (
     "AIC and BIC are left out: samples were weighed, or a robust loss was minimised, and theirs is "
@@ -30,8 +31,9 @@ def summary_table(fit: FitResult, model: Model, scores: ScoreTable, weighed: boo
     memory; `weighed` says that samples did not count alike in the fit.
 
     Coefficients of terms are of scaled coordinates, those of formulas in their own units. The notes
-    have n, the number of parameters, AIC and BIC of plain least squares; what standard errors take
-    residuals to be; and the coefficients whose 95 % interval includes zero.
+    have n, the number of parameters, AIC and BIC of plain least squares; the first equations of the
+    model in physical units; the assumptions of the standard errors; and the coefficients whose 95 %
+    interval includes zero.
     """
     rows, unclear = list[tuple[Cell, ...]](), list[str]()
     notes, sizes = list[str](), list[str]()
@@ -55,7 +57,24 @@ def summary_table(fit: FitResult, model: Model, scores: ScoreTable, weighed: boo
                 sizes.insert(0, f"{prefix}{size} {unit}{criteria}")
     if unclear:
         notes.append(f"Not told from zero by the training data (95 %): {', '.join(unclear)}.")
-    return Table.of("summary", f"Summary of {model.name}", COLUMNS, rows, *sizes, *notes)
+    return Table.of(
+        "summary",
+        f"Summary of {model.name}",
+        COLUMNS,
+        rows,
+        *sizes,
+        *_in_physical_units(model),
+        *notes,
+    )
+
+
+def _in_physical_units(model: Model) -> Iterator[str]:
+    """Yield the equations of the model in physical units, at most `MOST_EQUATIONS` of them."""
+    lines = equations(model)
+    for line in lines[:MOST_EQUATIONS]:
+        yield f"In physical units: {line.id} = {line.text}"
+    if len(lines) > MOST_EQUATIONS:
+        yield f"The model has {len(lines)} equations in all; its `equations` lists them."
 
 
 def _fitted_numbers(

@@ -1,5 +1,5 @@
-"""A table as data, its renderings (CSV, text, Markdown, LaTeX, HTML), and what all pages share:
-templates, names of models for people.
+"""Represent a table as data, render it (CSV, text, Markdown, LaTeX, HTML), and provide what all
+pages share: templates, and names of models for people.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 Cell = str | int | float | None
-"""What stands in a table; None (and NaN) is a number that there is not."""
+"""Contents of a cell; None and NaN mean a missing number."""
 
 MISSING = "–"
 EQUATION = r"{{\raggedright\strut ${}$\strut\par}}"
@@ -32,10 +32,11 @@ WRITTEN = re.compile(r"(.*?)(?: \[(.*?)\])?(?: (#?\.\d+\w))?", re.DOTALL)
 
 @dataclass(frozen=True)
 class Column:
-    """A column: `unit` is empty where there is none to name, `spec` formats its floats for people.
+    """A column of a table. `unit` is empty if there is none to show; `spec` formats its floats for
+    people.
 
-    Equations have two forms: as `text`, which LaTeX leaves out, and as LaTeX `source`, which LaTeX
-    sets. A `model` is the name of one.
+    Equations have two forms: `text`, which LaTeX leaves out, and LaTeX `source`, which LaTeX
+    typesets. A column `model` holds names of models.
     """
 
     name: str
@@ -45,8 +46,8 @@ class Column:
 
     @classmethod
     def of(cls, text: str) -> Column:
-        """Return the column that is written as `RMSE [N] .3g`: its name, its unit and its format,
-        of which both may be left out.
+        """Return the column written as `RMSE [N] .3g`: its name, its unit and its format; the last
+        two are optional.
         """
         parts = WRITTEN.fullmatch(text)
         assert parts is not None
@@ -60,7 +61,7 @@ class Column:
 
 
 Columns = Iterable[Column | str]
-"""Columns of a table; `RMSE [N] .3g` stands for the one that `Column.of` makes of it."""
+"""Columns of a table; a text such as `RMSE [N] .3g` is converted by `Column.of`."""
 
 MODEL = Column("model", form="model")
 
@@ -69,9 +70,9 @@ MODEL = Column("model", form="model")
 class Table:
     """Rows under named columns; prints as text, and in notebooks as HTML.
 
-    - `name`: stem of its file, as `scores`.
+    - `name`: stem of its file name, for example `scores`.
     - `rows`: one tuple a row, as long as `columns`.
-    - `notes`: what a reader has to know, one sentence each.
+    - `notes`: what a reader must know, one sentence each.
     """
 
     name: str
@@ -84,7 +85,9 @@ class Table:
     def of(
         cls, name: str, title: str, columns: Columns, rows: Iterable[Sequence[Cell]], *notes: str
     ) -> Table:
-        """Return a table; what users name is given as a column, not as the text of one."""
+        """Return a table. A column whose name comes from the user must be passed as a Column, not
+        as text.
+        """
         heads = tuple(
             Column.of(column) if isinstance(column, str) else column for column in columns
         )
@@ -104,7 +107,7 @@ class Table:
 
     @property
     def records(self) -> list[dict[str, Cell]]:
-        """The rows, each by the headings."""
+        """The rows as mappings by heading."""
         return [dict(zip(self.headings, row, strict=True)) for row in self.rows]
 
     @property
@@ -121,7 +124,7 @@ class Table:
 
     @cached_property
     def numeric(self) -> tuple[bool, ...]:
-        """Which columns hold numbers, and are aligned to the right."""
+        """True for columns of numbers, which are aligned to the right."""
         return tuple(
             any(isinstance(row[j], int | float) for row in self.rows)
             for j in range(len(self.columns))
@@ -129,7 +132,7 @@ class Table:
 
     @property
     def shown(self) -> tuple[tuple[str, ...], ...]:
-        """Cells as people read them, row for row."""
+        """Cells as shown to people, row by row."""
         return tuple(
             tuple(_show(cell, column) for cell, column in zip(row, self.columns, strict=True))
             for row in self.rows
@@ -137,13 +140,13 @@ class Table:
 
 
 def is_missing(cell: Cell) -> bool:
-    """Tell whether there is no number."""
+    """Return True if a number is missing."""
     return cell is None or (isinstance(cell, float) and math.isnan(cell))
 
 
 def cells_of(record: object, columns: Mapping[str, str]) -> tuple[Any, ...]:
-    """Return attributes of a record by the headings of their columns: `{"weight [%]": "weight"}`.
-    A share becomes per cent where the heading says so.
+    """Return attributes of a record by the headings of their columns: `{"weight [%]": "weight"}`. A
+    fraction is converted to per cent if the heading says so.
     """
     numbers = attrgetter(*columns.values())(record)
     return tuple(
@@ -158,8 +161,8 @@ def _show(cell: Cell, column: Column) -> str:
 
 
 def to_csv(table: Table) -> str:
-    """Return comma-separated, units in the header, 12 significant digits, an empty field where
-    there is no number.
+    """Return the table as comma-separated text, with units in the header, 12 significant digits,
+    and an empty field for a missing number.
     """
     return rows_to_csv(
         map(csv_cell, table.headings), ([number_text(cell) for cell in row] for row in table.rows)
@@ -167,14 +170,16 @@ def to_csv(table: Table) -> str:
 
 
 def rows_to_csv(headings: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    """Return headings and rows as comma-separated text, each line ended as on Unix."""
+    """Return headings and rows as comma-separated text with Unix line ends."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([headings, *rows])
     return text.getvalue()
 
 
 def number_text(cell: Cell) -> str:
-    """Return a cell for CSV: numbers with 12 significant digits, nothing where there is none."""
+    """Return a cell for CSV: numbers with 12 significant digits, an empty text for a missing
+    one.
+    """
     if is_missing(cell):
         return ""
     if isinstance(cell, str):
@@ -196,8 +201,8 @@ def to_text(table: Table) -> str:
 
 _MARKUP = re.compile(
     r"[\\`*|~$]"
-    r"|(?<![A-Za-z0-9])_|_(?![A-Za-z0-9])"  # within a word it is itself
-    r"|\](?=[(\[:])"  # the end of a link's or a picture's text
+    r"|(?<![A-Za-z0-9])_|_(?![A-Za-z0-9])"  # within a word it has no special meaning
+    r"|\](?=[(\[:])"  # end of the text of a link or a picture
     r"|(?<=:)/(?=/)|(?<=www)\."  # addresses become links
     # headings, lists, quotations and rules
     r"|^(?:>|[-+](?=\s|$)|[#=-]+(?=\s|$))"
@@ -205,13 +210,13 @@ _MARKUP = re.compile(
 
 
 def markdown_text(text: str) -> str:
-    """Return the text as Markdown that prints it, on one line, and does nothing else."""
+    """Return the text on one line, escaped so that Markdown prints it unchanged."""
     text = printable(" ".join(text.split())).replace("&", "&amp;").replace("<", "&lt;")
     return re.sub(r"^(\d+)([.)])(?=\s|$)", r"\1\\\2", _MARKUP.sub(r"\\\g<0>", text))
 
 
 def to_markdown(table: Table, text: Callable[[str], str] = markdown_text) -> str:
-    """Return a pipe table with its title in bold and its notes below; `text` writes each of their
+    """Return a pipe table with its title in bold and its notes below; `text` escapes each of their
     texts.
     """
     rule = tuple("---:" if number else "---" for number in table.numeric)
@@ -226,8 +231,8 @@ def to_markdown(table: Table, text: Callable[[str], str] = markdown_text) -> str
 
 
 def to_latex(table: Table) -> str:
-    """Return a `tabular` with booktabs rules, title and notes as comments, equations set; it needs
-    `\\usepackage{booktabs}`.
+    """Return a `tabular` with booktabs rules, title and notes as comments, and typeset equations;
+    it needs `\\usepackage{booktabs}`.
     """
     kept = [j for j, column in enumerate(table.columns) if column.form != "text"]
     sources = [j for j in kept if table.columns[j].form == "source"]
@@ -256,7 +261,7 @@ def to_latex(table: Table) -> str:
 def to_html(table: Table) -> str:
     """Return a `<table>` with its title as caption; the first cell of a row is the row's heading.
 
-    Names of models, and those among the headings, stand as people write them.
+    Names of models are shown as people write them, also in headings.
     """
     return environment().get_template("table.html").render(table=table, title_of=title_of).strip()
 
@@ -266,10 +271,11 @@ OTHERS = {**{name: learner.title for name, learner in LEARNERS.items()}, **SIMPL
 
 @lru_cache(maxsize=10_000)
 def title_of(text: str) -> str:
-    """Return the title of the model or of the sum of models that a text names, `sarosi_hinged` as
-    `Sárosi, hinged`; else the text.
+    """Return the title of the model, or of the sum of models, that a text names (`Sárosi, hinged`
+    for `sarosi_hinged`); otherwise the text.
     """
-    from mapmore_cli.modelling import literature  # a table by itself needs no formulas
+    # imported here because a single table needs no formulas
+    from mapmore_cli.modelling import literature
 
     names = text.split("+")
     titles = [
@@ -282,7 +288,7 @@ def title_of(text: str) -> str:
 @cache
 def environment() -> Environment:
     """Return the templates of the package, with tables and figures as filters."""
-    # tables and figures need none of it
+    # imported here because tables and figures need none of it
     from jinja2 import (
         Environment,
         PackageLoader,

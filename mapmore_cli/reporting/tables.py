@@ -1,4 +1,4 @@
-"""Tables of the report about the data and the scores."""
+"""Make the tables of the report about the data and the scores."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def bands_table(sizes: Sequence[ErrorBand], unit: str) -> Table:
 
 
 def recordings_table(dataset: Dataset) -> Table:
-    """Return rows read, kept and dropped by reason, of every file."""
+    """Return the rows read, kept and dropped (by reason) of every file."""
     reasons = list(dict.fromkeys(reason for one in dataset.recordings for reason in one.dropped))
     columns = ("recording", "file", "read", "kept")
     dropped = [Column(f"dropped: {reason}") for reason in reasons]
@@ -69,10 +69,11 @@ SINGLE_VALUED_NOTE = (
 
 
 def levels_table(dataset: Dataset, along: str | None = None, whole: Dataset | None = None) -> Table:
-    """Return the curves found, with the samples of the `whole` that train and that validate.
+    """Return the curves, with their numbers of training and validation samples in the `whole`
+    dataset.
 
-    `along` is the quantity over which a static model has one value: where curves are not
-    single-valued, it says by how much.
+    `along` is the quantity over which a static model has one value; if curves are not
+    single-valued, the table says by how much.
     """
     level = f"level [{dataset.unit(dataset.level)}] .6g" if dataset.level else "level"
     columns = ["curve", level, "train", "validate", "recordings"]
@@ -91,8 +92,8 @@ def levels_table(dataset: Dataset, along: str | None = None, whole: Dataset | No
 
 
 def _single_valued(dataset: Dataset, along: str | None) -> list[float]:
-    """Of each level, the error of its best single-valued curve as a part of the largest target;
-    nothing where none is worth a word.
+    """Return for each level the error of its best single-valued curve as a fraction of the largest
+    target; empty if none is worth mentioning.
     """
     if along is None or dataset.level is None or along == dataset.level:
         return []
@@ -102,8 +103,8 @@ def _single_valued(dataset: Dataset, along: str | None) -> list[float]:
 
 
 def segments_table(inputs: ReportInputs) -> Table:
-    """Say where every segment lies, how it was scaled, and how well its own function fits it
-    (training RMSE, before fusion).
+    """Return the place of every segment, its scaling, and the training RMSE of its own function
+    before fusion.
     """
     places = {
         segment.id: segment_ends(curve, segment)
@@ -129,7 +130,7 @@ def segments_table(inputs: ReportInputs) -> Table:
 
 
 def training_rmse(fit: SegmentFit) -> float:
-    """Return the error of a segment's own function, before fusion, in the unit of the target."""
+    """Return the RMSE of a segment's own function before fusion, in the unit of the target."""
     mean_square = max(fit.selection.sse, 0.0) / fit.selection.samples
     return math.sqrt(mean_square) * abs(fit.scaling.y_slope)
 
@@ -138,14 +139,14 @@ FROM_TO = ("from", "to")
 
 
 def segment_ends(curve: SegmentedCurve, segment: Segment) -> list[float]:
-    """Return where a segment begins and ends along each variable of its curve."""
+    """Return the start and end of a segment along each variable of its curve."""
     cuts = zip(curve.boundaries, segment.cell, strict=True)
     return [float(end) for places, cell in cuts for end in places[cell - 1 : cell + 1]]
 
 
 def terms_table(fit: FitResult) -> Table:
-    """Return terms in the order of selection: error reduction ratio, running sum, runner-up and the
-    margin over it.
+    """Return the terms in the order of selection, with error reduction ratio, running sum,
+    runner-up and the margin over it.
     """
     columns = (
         *("segment", "step", "term", "ERR [%] .4f", "sum of ERR [%] .4f", "runner-up"),
@@ -181,10 +182,10 @@ def _term_rows(segment: SegmentFit) -> Iterator[tuple[Cell, ...]]:
 def coefficient_rows(
     fit: FitResult, model: Model | None = None
 ) -> Iterator[tuple[SegmentFit, dict[str, Any]]]:
-    """Yield each segment, or the model with memory, with a row for each of its terms: that of
+    """Yield each segment, or the model with memory, with a row for each of its terms: the row of
     `Selection.table`, and half the `width` of its 95 % interval.
 
-    Coefficients of a `model` that keeps a shape stand for those of the fit.
+    If a `model` is given, which keeps a shape, its coefficients replace those of the fit.
     """
     kept: dict[str, SegmentFunction | MemoryModel] = {}
     if model is not None and model.shape is not None:
@@ -200,8 +201,9 @@ def coefficient_rows(
 
 
 def coefficients_table(fit: FitResult, unit: str, model: Model | None = None) -> Table:
-    """Return coefficients of every segment with standard errors and 95 % confidence intervals, in
-    scaled coordinates and in the target's unit; what the data do not tell is named.
+    """Return the coefficients of every segment with standard errors and 95 % confidence intervals,
+    in scaled coordinates and in the target's unit; a note names those that the data do not
+    determine.
     """
     columns = (
         *("segment", "term", "theta", "standard error .3g", "t .3g", "± 95 % .3g"),
@@ -222,7 +224,7 @@ def coefficients_table(fit: FitResult, unit: str, model: Model | None = None) ->
     return Table.of("coefficients", title, columns, rows, *notes)
 
 
-MOST_NAMED = 12  # terms in a sentence
+MOST_NAMED = 12  # terms named in a sentence
 
 
 def outliers_table(outliers: Sequence[Outlier], unit: str) -> Table:
@@ -234,7 +236,7 @@ def outliers_table(outliers: Sequence[Outlier], unit: str) -> Table:
 
 
 def pieces_table(equations: Sequence[Equation], title: str) -> Table:
-    """Return the model as it can be computed by hand: every piece, where it counts, and its
+    """Return the model in a form that can be computed by hand: every piece, its range, and its
     equation.
     """
     rows = [(one.id, one.weight or None, one.text) for one in equations]
@@ -244,8 +246,8 @@ def pieces_table(equations: Sequence[Equation], title: str) -> Table:
 
 
 def limits_tables(model: Model) -> Iterator[Table]:
-    """Yield the training range of each input, within each curve, of a model and of all that it is
-    made of; several outputs share it.
+    """Yield tables of the training range of each input within each curve, for a model and all
+    models that it contains; several outputs share them.
     """
     several = len(model.each) > 1
     for number, one in enumerate(model.each[:1] if several else model.every):
@@ -272,8 +274,8 @@ def limits_tables(model: Model) -> Iterator[Table]:
 
 
 def shape_table(inputs: ReportInputs) -> Table:
-    """Return by how much the model violates what is known of its output along inputs, and where
-    that decided about its coefficients.
+    """Return by how much the model violates the known shape of its output along inputs, and where
+    the shape determined its coefficients.
     """
     unit, shape = inputs.model.output.unit, inputs.model.shape
     known = {(one.quantity, one.word): one for one in (shape.kept if shape else ())}
@@ -307,8 +309,8 @@ VIOLATED = (
 def equations_table(
     equations: Sequence[Equation], others: Mapping[str, Sequence[Equation]]
 ) -> Table:
-    """Return the model in physical units, and in `others`, as text and as LaTeX source: a column
-    for each.
+    """Return the model in physical units, and in `others`, as text and as LaTeX source, with a
+    column for each.
     """
     with_units = [f"with {units}" for units in others]
     texts = [Column(name, form="text") for name in ("equation", *with_units)]
@@ -332,8 +334,8 @@ def equations_table(
 
 
 def formulas_table(inputs: ReportInputs) -> Table:
-    """Return parameters ± standard error of every fitted formula; a failed fit has one row, and no
-    number.
+    """Return parameters ± standard error of every fitted formula; a failed fit has one row without
+    numbers.
     """
     own, formulas = inputs.fit.formula, inputs.validation.formulas
     fitted = [(name, "competitor", formula) for name, formula in formulas.items()]
@@ -367,11 +369,11 @@ def _formula_rows(name: str, role: str, formula: FormulaFit) -> Iterator[tuple[C
 
 
 def same_models(fitted: Sequence[tuple[str, FormulaFit]]) -> tuple[str, ...]:
-    """Return a sentence for every pair of different formulas that are one model here: what one of
-    them can say, the other can.
+    """Return a sentence for every pair of different formulas that are the same model here.
 
-    That is so where the same samples are fitted with the same sum of squares (tondu_lopez with its
-    area fitted is chou_hannaford in other parameters wherever that describes a braid).
+    They are the same if the same samples are fitted with the same sum of squares. For example,
+    tondu_lopez with a fitted area is chou_hannaford in other parameters, whenever that describes a
+    braid.
     """
     known = [(name, fit) for name, fit in fitted if not fit.failed and fit.sse > 0.0]
     return tuple(
@@ -386,8 +388,8 @@ def same_models(fitted: Sequence[tuple[str, FormulaFit]]) -> tuple[str, ...]:
 
 
 def rival_minima(name: str, formula: FormulaFit) -> Iterator[str]:
-    """Yield other minima of a formula's error that training data hardly tell from the one taken,
-    each as a sentence.
+    """Yield other minima of a formula's error that the training data hardly distinguish from the
+    chosen one, each as a sentence.
     """
     for rival in formula.rivals:
         ratio = math.sqrt(rival.sse / formula.sse)
@@ -396,8 +398,8 @@ def rival_minima(name: str, formula: FormulaFit) -> Iterator[str]:
 
 
 def folds_table(choices: Sequence[FoldError], unit: str) -> Table:
-    """Return cross-validation errors behind the decision between the formula alone and the formula
-    with segments.
+    """Return the cross-validation errors behind the decision between the formula alone and the
+    formula with segments.
     """
     best = min((choice.rmse for choice in choices), default=math.nan)
     columns = ("choice", f"RMSE of left-out samples [{unit}]", "folds", "least error")

@@ -125,7 +125,10 @@ def run_lock(run_dir: Path, patient: bool = False) -> Iterator[None]:
     lock = FileLock(run_dir / LOCK, timeout=-1 if patient else 0)
     if (run_dir / LOCK).is_dir() or (run_dir / LOCK).is_symlink():
         raise WriteError(
-            f"{run_dir / LOCK}: is a folder or a link, where the lock of the run belongs",
+            (
+                f"{run_dir / LOCK}: is a folder or a link, but this is the place of the lock file "
+                "of the run"
+            ),
             "move it away",
         )
     try:

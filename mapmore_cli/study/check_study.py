@@ -169,7 +169,7 @@ def recordings_apart(spec: ExperimentSpec) -> Iterator[Finding]:
         (
             bool(missing),
             "data.recordings.of",
-            "no column holds `{name}`, whose value tells recordings apart",
+            "no column is called `{name}`; its value would separate the recordings",
             "add it to `columns`, as `{name}: {{column: ...}}`",
         ),
         name=", ".join(missing),

@@ -91,7 +91,7 @@ def _whole_schema() -> JsonSchemaValue:
     schema = ExperimentSpec.model_json_schema(schema_generator=_Documented)
     extends = {
         "type": "string",
-        "description": "Another spec, from which this one inherits what it does not say itself.",
+        "description": "Another spec. Keys that are not set here are taken from it.",
         "examples": ["base.yaml"],
     }
     schema["properties"] = {"extends": extends, **schema["properties"]}
@@ -119,11 +119,15 @@ def json_schema() -> JsonSchemaValue:
     }
 
 
-def write_schema_beside(spec: Path) -> None:
-    """Write the schema file that the first line of a spec names, unless it exists."""
+def write_schema_beside(spec: Path) -> Path | None:
+    """Write the schema file that the first line of a spec names, and return its path; return None
+    if it exists.
+    """
     path = spec.with_name(SCHEMA)
-    if not path.exists():
-        write_text(path, json.dumps(json_schema(), indent=2) + "\n")
+    if path.exists():
+        return None
+    write_text(path, json.dumps(json_schema(), indent=2) + "\n")
+    return path
 
 
 def _sections_within(

@@ -292,6 +292,8 @@ def test_a_summary_has_what_a_regression_table_has():
     assert f"AIC {aic:.6g}, BIC {bic:.6g}" in repr(summary)
     assert repr(summary).count("n = 40 training samples") == repr(summary).count("AIC") == 1
     assert "<table " in summary._repr_html_()
+    (equation,) = [note for note in summary.notes if note.startswith("In physical units")]
+    assert equation.endswith(model.equations[0].text)
     flat = mm.fit({"x": x, "y": y - 3 * x}, **model.study.document | {"data": {}})
     assert any("Not told from zero" in note and "x of" in note for note in flat.summary().notes)
     falling = mm.fit({"x": x, "y": y - 6 * x}, **model.study.document | {"data": {}})

@@ -91,7 +91,7 @@ def test_without_node_it_is_written_with_a_warning(monkeypatch):
     monkeypatch.setenv("PATH", "")
     warnings = []
     assert [*exported(pieces(), "js", warn=warnings.append)] == ["dmsp_20.mjs"]
-    assert "there is no Node here" in warnings[0]
+    assert "Node is not installed" in warnings[0]
 
 
 @needs_node

@@ -204,13 +204,13 @@ def _million_links(file):
             "takes its values from other files",
         ),
         (_virtual_dataset, "takes its values from other files"),
-        (_external_link, "body, is a link to somewhere else"),
+        (_external_link, "body, is a link to another place"),
         (
             lambda file: file.__setitem__("body/again", h5py.SoftLink("/body")),
-            "again, is a link to somewhere else",
+            "again, is a link to another place",
         ),
-        (lambda file: file.__setitem__("body/again", file["body"]), "is linked too often"),
-        (_million_links, "is linked too often"),
+        (lambda file: file.__setitem__("body/again", file["body"]), "is linked too many times"),
+        (_million_links, "is linked too many times"),
         (put(THETA, data=np.zeros(2), compression="lzf"), "a filter other than gzip"),
         (
             put(THETA, shape=(10**9,), dtype="<f8", chunks=(1000,), compression="gzip"),

@@ -1,1 +1,1 @@
-"""Many runs at once."""
+"""Do many runs at once."""

@@ -1,8 +1,7 @@
-"""Workers of a Dask cluster that is running: they are sent paths, and find the files on a file
-system that all of them share.
+"""Use the workers of a running Dask cluster: they receive paths, and find the files on a shared
+file system.
 
-Nothing but names of files, settings and scores goes over the network. `distributed` is imported
-only here.
+Only names of files, settings and scores go over the network. `distributed` is imported only here.
 """
 
 from __future__ import annotations
@@ -29,16 +28,18 @@ if TYPE_CHECKING:
     from distributed import Client
 
 CONNECT = "10s"
-"""How long a scheduler may take to answer."""
+"""Time within which a scheduler must answer."""
 
 _one_at_a_time = Lock()
-"""In a worker process: neither BLAS threads nor environment variables are a thread's own."""
+"""Lock of a worker process, because BLAS threads and environment variables belong to the whole
+process.
+"""
 
 
 @dataclass(frozen=True)
 class Shared:
-    """A worker needs these besides its job: a file that shows whether it sees the folder of runs,
-    the version of mapmore, and variables that specs may name.
+    """What a worker needs besides its job: a file that shows whether it sees the folder of runs,
+    the version of mapmore, and the variables that specs may use.
     """
 
     token: Path
@@ -46,8 +47,8 @@ class Shared:
     environment: Mapping[str, str]
 
     def check(self) -> None:
-        """Raise WriteError if this process does not see what the client wrote, UsageError if
-        it has another version.
+        """Raise WriteError if this process does not see the client's file, UsageError if it has
+        another version.
         """
         if tool_versions()["mapmore"] != self.version:
             raise UsageError(
@@ -66,8 +67,8 @@ class Shared:
 
 @contextmanager
 def shared_folder(runs: Path) -> Iterator[Shared]:
-    """Write the file by which workers see that they share the folder of runs; without it, no job
-    begins any more.
+    """Write the file by which workers see that they share the folder of runs. After it is removed,
+    no further job begins.
     """
     token = runs.absolute() / f"{TEMPORARY}{token_hex(6)}-shared"
     with refusals_told(runs):
@@ -87,12 +88,12 @@ def run_on_cluster(
     tell: Callable[[int, str], None],
     say: Callable[[str], None],
 ) -> Generator[tuple[int, Finished | BaseException], None, None]:
-    """Do numbered jobs on the workers of a scheduler, by its address or the file that says where it
-    is; yield as `processors.ended`.
+    """Do numbered jobs on the workers of a scheduler, given by its address or by the file that it
+    wrote; yield like `workers.ended`.
 
-    A worker that dies costs its job another start, by the scheduler, at most as often as its
-    setting `allowed-failures` says (3): `tell` is told with the job's number. `say` is told what
-    happens meanwhile.
+    If a worker dies, the scheduler starts its job again, at most as often as its setting
+    `allowed-failures` says (3); `tell` is called with the number of the job. `say` is called with
+    further messages.
     """
     begun = Counter[int]()
 
@@ -107,8 +108,8 @@ def run_on_cluster(
             say(f"{scheduler}: waiting for a worker")
             client.wait_for_workers(1)
         say(f"{scheduler}: {_checked_workers(client, shared)} workers, which share {runs}")
-        # A job is no pure function, whose result might be kept, and one that raises would raise
-        # again.
+        # A job is not a pure function whose result could be cached, and a job that raised an error
+        # would raise it again.
         executor = client.get_executor(pure=False, retries=0)
         futures = {
             executor.submit(_work, job.elsewhere(), shared, number): number
@@ -122,14 +123,14 @@ def run_on_cluster(
 
 
 def _checked_workers(client: Client, shared: Shared) -> int:
-    """Return how many workers there are; raises UsageError if they cannot run the jobs,
-    WriteError if they do not see the folder of runs.
+    """Return the number of workers. Raises UsageError if they cannot run the jobs, WriteError if
+    they do not see the folder of runs.
     """
     try:
         return len(client.run(shared.check))
     except MapmoreError:
         raise
-    except Exception as fault:  # workers on which the program does not run are the user's to mend
+    except Exception as fault:  # the user must repair workers on which the program does not run
         why = f"{type(fault).__name__}: {fault}".split("\n")[0]
         raise UsageError(
             f"the workers of the cluster cannot run mapmore ({why})",
@@ -139,7 +140,7 @@ def _checked_workers(client: Client, shared: Shared) -> int:
 
 
 def _connected(scheduler: str | Path) -> Client:
-    """Return a client; UsageError if there is no library for it, or no scheduler."""
+    """Return a client. Raises UsageError if the library or the scheduler is missing."""
     try:
         from distributed import Client
     except ImportError:
@@ -150,7 +151,7 @@ def _connected(scheduler: str | Path) -> Client:
     where = {"address": scheduler}
     if isinstance(scheduler, Path):
         where = {"scheduler_file": str(scheduler)}
-        if not scheduler.is_file():  # the client would wait for it
+        if not scheduler.is_file():  # the client would wait for the file
             raise UsageError(
                 f"{scheduler}: this scheduler file does not exist",
                 "start one with `dask scheduler --scheduler-file FILE`",
@@ -165,7 +166,7 @@ def _connected(scheduler: str | Path) -> Client:
 
 
 def _work(job: Job, shared: Shared, number: int) -> Finished:
-    """Do a job, on a worker."""
+    """Do a job on a worker."""
     from distributed import get_worker
 
     get_worker().log_event(shared.token.name, number)

@@ -1,4 +1,4 @@
-"""Many runs at once: `mapmore batch`, with one table of their scores."""
+"""Implement `mapmore batch`: many runs at once, with one table of their scores."""
 
 from __future__ import annotations
 
@@ -83,10 +83,10 @@ def batch(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Run several specs, or the runs of campaigns, at a time.
+    """Run several specs, or the runs of campaigns, at the same time.
 
-    One that fails does not stop the rest; the exit code is the highest of all. A campaign gets a
-    page of its own.
+    A failed run does not stop the others; the exit code is the highest of all runs. Each campaign
+    gets its own page.
     """
     from mapmore_cli.annexes.campaigns import workers
     from mapmore_cli.annexes.campaigns.cluster import run_on_cluster
@@ -118,7 +118,7 @@ def batch(
         if (known := known_by_seal(todo[number], entry.called)) is not None
     }
     names = run_names(entries, campaigns, {number: entries[number].called for number in results})
-    for campaign in campaigns:  # better before its runs are done
+    for campaign in campaigns:  # refused before its runs are done
         refuse_foreign(runs / campaign.campaign.campaign, CAMPAIGN_RECORD)
     waiting = {number: job for number, job in todo.items() if number not in results}
     scheduler = cluster or cluster_file
@@ -187,7 +187,7 @@ def _tell(reporter: Reporter, name: str, result: Result, count: str) -> None:
 
 
 def _ends(name: str, result: Result) -> list[str]:
-    """Return a line for each output on how a run ended."""
+    """Return a line for each output that says how a run ended."""
     from mapmore_cli.domain.scores import OWN
     from mapmore_cli.reporting.score_tables import short_verdict
 

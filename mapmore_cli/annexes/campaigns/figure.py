@@ -13,11 +13,11 @@ from mapmore_cli.reporting.figures import panels, style
 from mapmore_cli.reporting.figures.drawing import DOUBLE, Drawing, Layout, Panel
 
 ROUNDING = 1e-10
-"""NRMSE below which an error is that of rounding; on a logarithmic axis it would leave no room for
-the others.
+"""NRMSE below which an error is rounding; on a logarithmic axis, it would leave no space for the
+others.
 """
 MOST_RUNS = 100
-"""Runs of a campaign in its figure; of more, some stand for all."""
+"""Largest number of runs in the figure of a campaign; more are thinned."""
 
 BEST_OTHER = "best of the others"
 FLOOR: dict[str, Any] = {
@@ -29,9 +29,10 @@ FLOOR: dict[str, Any] = {
 
 
 def campaign_figures(scores: CampaignScores) -> list[Drawing]:
-    """Return a line of dots for each run on a logarithmic axis: the runs' own model, the one that
-    ratios are taken to, the best of a run's others, and repeated measurements; none for a single
-    run. Of very many some are drawn, the run with the least error among them.
+    """Return the figure with a line of dots for each run on a logarithmic axis: the run's own
+    model, the reference model of the ratios, the best of its other models, and repeated
+    measurements; empty for a single run. Of very many runs, some are drawn, including the one with
+    the smallest error.
     """
     pooled = scores.pooled
     every = [*pooled]
@@ -66,18 +67,20 @@ def campaign_figures(scores: CampaignScores) -> list[Drawing]:
             look, known = looks[model], np.isfinite(errors[model])
             dots: dict[str, Any] = {"marker": look.marker, "markersize": 4.0 + look.width}
             dots |= {"color": look.colour, "markeredgewidth": 0}
-            # the own dots over the others
+            # the dots of the own model are on top
             dots = (FLOOR if model == REPEATABILITY else dots) | {"zorder": 3 - 0.1 * place}
             ax.plot(errors[model][known], rows[known], linestyle="none", label=model, **dots)
         panels.label_rows(ax, panels.told_apart(runs, 40))
         panels.plain_logarithm(ax, "x", (1.0, 2.0, 5.0))
 
-    caption = f"NRMSE of every run, further left is better. The {BEST_OTHER}: known afterwards."
+    caption = (
+        f"NRMSE of every run, further left is better. The {BEST_OTHER} is known only after the run."
+    )
     if exact:
-        caption += f" Without a dot, since its error is but rounding: {OWN} in {', '.join(exact)}."
+        caption += f" Not drawn, because its error is rounding only: {OWN} in {', '.join(exact)}."
     if len(runs) < len(every):
         caption += (
-            f" {len(runs)} of {len(every)} runs are drawn, the one that errs least among them."
+            f" {len(runs)} of {len(every)} runs are drawn, among them the one with the least error."
         )
     grid = Layout(0.45 + 0.21 * len(runs), width=DOUBLE)
     return [Drawing("nrmse", caption, (Panel("", on, "NRMSE (%)", ("",)),), grid)]

@@ -1,4 +1,4 @@
-"""Campaigns: which runs they stand for, and the page over all of them."""
+"""Write the page over all runs of a campaign, and find the names of its runs."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ def write_page(
     runs: Path,
     warn: Callable[[str], None] = lambda _message: None,
 ) -> tuple[Path, tuple[Table, ...]]:
-    """Write `RUNS/CAMPAIGN/index.html` with its figures and tables; `results` are those of its runs
-    by name, in their order. `warn` is told of files there that somebody changed.
+    """Write `RUNS/CAMPAIGN/index.html` with its figures and tables. `results` holds the results of
+    its runs by name, in order. `warn` is called for files there that somebody changed.
 
     Returns the path of the page, and the tables on it.
     """
@@ -77,10 +77,11 @@ def write_page(
 def _ways_made(
     folder: Path, texts: Mapping[str, str], warn: Callable[[str], None]
 ) -> dict[str, list[str]]:
-    """Move the files that somebody changed since the last page to the trash; the hashes of what may
-    stand there from now on, be it the last page or this one.
+    """Move the files that somebody changed since the last page to the trash. Return the hashes of
+    the files that may exist from now on, whether from the last page or from this one.
 
-    The record of an older version lists no files: whatever stands there then counts as written.
+    The record of an older version lists no files; every existing file then counts as written by
+    mapmore.
     """
     known: object = None
     with suppress(OSError, ValueError, AttributeError):
@@ -90,7 +91,7 @@ def _ways_made(
         files[name] = [sha256(text.encode()).hexdigest()]
         place = folder / name
         if place.is_symlink() or not place.is_file():
-            continue  # a link is refused where it would be written
+            continue  # a link is refused when it would be written
         there = sha256(place.read_bytes()).hexdigest()
         if not isinstance(known, dict) or there in (*files[name], *known.get(name, ())):
             files[name].append(there)
@@ -103,8 +104,8 @@ def _ways_made(
 def scores_of(
     results: Mapping[str, Finished | BaseException], campaign: Campaign | None = None
 ) -> CampaignScores:
-    """Return what tables of several runs are made of: their results by name, of a campaign one for
-    each of its runs.
+    """Return the scores from which tables of several runs are made: from their results by name, and
+    for a campaign with one entry for each of its runs.
     """
     from mapmore_cli.annexes.campaigns.tables import CampaignScores
 
@@ -139,7 +140,7 @@ def render_campaign(
     pages: Mapping[str, str],
     failed: Mapping[str, str],
 ) -> str:
-    """Return the page: `pages` are links by run, `failed` the messages of runs that did not end."""
+    """Return the page. `pages` holds links by run, and `failed` the messages of failed runs."""
     from mapmore_cli.reporting.report import MOST_ROWS
 
     template = environment().get_template("campaign.html")
@@ -161,8 +162,8 @@ def run_names(
     known: Mapping[int, str] = MappingProxyType({}),
 ) -> list[str]:
     """Return the name of every run. A run whose spec has an error gets the name that messages use
-    for it; the run itself reports the error. The `known` names, by the numbers of their entries,
-    are taken without reading a spec.
+    for it; the run itself reports the error. The `known` names, by the index of the entry, are used
+    without reading a spec.
 
     Raises UsageError if two of the runs, their variations and the campaigns have the same name,
     because they would be written into the same folder.
@@ -189,7 +190,7 @@ def run_names(
         ]
     owners: dict[str, str] = {}
     for folder, owner in claims:
-        # one folder, where capitals do not count in names of files
+        # one folder on file systems that ignore capitals
         first = owners.setdefault(folder.lower(), owner)
         if first is not owner:
             raise UsageError(

@@ -1,7 +1,7 @@
-"""Runs of a campaign that are known to be up to date by their seals, without being planned.
+"""Recognise runs of a campaign that are up to date by their seals, without planning them.
 
-A seal is no proof against changes that keep size and time of a file, as a plan is none; `--rehash`
-asks for both again. Runs whose structure is searched, and those that need other runs, have none.
+Like a plan, a seal does not notice changes that keep the size and the time of a file; `--rehash`
+reads the files again. Runs with a searched structure, and runs that need other runs, have no seal.
 """
 
 from __future__ import annotations
@@ -49,13 +49,13 @@ _ALERTS = TypeAdapter(tuple[Alert, ...])
 
 
 def known_by_seal(job: Job, name: str) -> Finished | None:
-    """Return what is known of a run of this name if its seal answers the job; None otherwise."""
+    """Return the result of a run with this name if its seal answers the job; None otherwise."""
     started, run_dir = time.perf_counter(), job.runs / name
     sealed = None if job.options.force or job.options.rehash else read_seal(run_dir)
     if sealed is None or sealed["question"] != _question(job, run_dir):
         return None
     answer = sealed["answer"]
-    with suppress(OSError, DataError):  # a source is gone, or a pattern finds nothing
+    with suppress(OSError, DataError):  # a source is missing, or a pattern matches nothing
         if (
             not still_holds(run_dir, sealed)
             or not is_tidy(run_dir)
@@ -78,7 +78,7 @@ def known_by_seal(job: Job, name: str) -> Finished | None:
 
 
 def run_and_seal(job: Job) -> Finished:
-    """Bring one run up to date as `run_one`, and seal it if nothing changed meanwhile."""
+    """Bring one run up to date like `run_one`, and seal it if nothing changed meanwhile."""
     with files_read() as paths:
         loaded = load(job.config, job.overrides)
     run_dir = job.runs / loaded.spec.name
@@ -86,7 +86,7 @@ def run_and_seal(job: Job) -> Finished:
     texts = _hashes_now(run_dir, specs)
     finished = run_one(job)
     if _can_be_sealed(loaded) and texts and _hashes_now(run_dir, specs) == texts:
-        with suppress(OSError, DataError):  # the next campaign plans it
+        with suppress(OSError, DataError):  # the next campaign will plan it
             sealed = _sealed(job, loaded, finished, texts)
             if sealed is not None:
                 write_seal(run_dir, sealed)
@@ -94,14 +94,14 @@ def run_and_seal(job: Job) -> Finished:
 
 
 def _hashes_now(run_dir: Path, specs: list[str]) -> dict[str, str]:
-    """Return the hashes of the specs; none if one of them went away."""
+    """Return the hashes of the specs; empty if one of them has disappeared."""
     with suppress(OSError):
         return hashes_of(run_dir, specs)
     return {}
 
 
 def _can_be_sealed(loaded: LoadedSpec) -> bool:
-    """Return whether what is asked of a run depends on its own spec and sources alone."""
+    """Return True if the result of a run depends only on its own spec and sources."""
     return loaded.spec.model.type != AUTO and not any(
         needed_runs(stage, loaded) for stage in pipeline()
     )
@@ -110,7 +110,7 @@ def _can_be_sealed(loaded: LoadedSpec) -> bool:
 def _sealed(
     job: Job, loaded: LoadedSpec, finished: Finished, texts: dict[str, str]
 ) -> Sealed | None:
-    """Return the seal of a run that is up to date; None if a file is not as its record lists it."""
+    """Return the seal of a run that is up to date; None if a file differs from its record."""
     run_dir, spec = finished.run_dir, loaded.spec
     folder = os.path.relpath(loaded.folder, run_dir)
     records = known_records(run_dir).values()
@@ -148,12 +148,12 @@ def _sealed(
 
 
 def _named_by(patterns: list[str], folder: Path) -> list[str]:
-    """Return the recordings that patterns name now, by path from the folder of the spec."""
+    """Return the recordings that patterns match now, by path relative to the folder of the spec."""
     return [relative_name(path, folder) for pattern in patterns for path in expand(pattern, folder)]
 
 
 def _question(job: Job, run_dir: Path) -> object:
-    """Return what a job asks for, and by which program, as JSON values."""
+    """Return the request of a job and the version of the program, as JSON values."""
     campaign = job.options.campaign
     return [
         job.until,
@@ -168,7 +168,7 @@ def _question(job: Job, run_dir: Path) -> object:
 
 @cache
 def _program() -> Mapping[str, object]:
-    """Return what decides about numbers besides specs and sources."""
+    """Return everything besides specs and sources on which numbers depend."""
     return {
         **tool_versions(),
         "stages": {stage.name: stage.revision for stage in pipeline()},

@@ -1,4 +1,4 @@
-"""The page of a campaign: tables over all runs, and the way to the page of each."""
+"""Make the tables over all runs of a campaign, with links to the page of each run."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from mapmore_cli.domain.scores import (
 from mapmore_cli.reporting.table import MODEL, Cell, Column, Columns, Table
 
 Pooled = Mapping[str, Score]
-"""The scores of a run that count, by model: all curves pooled, of the held-out rows where there are
+"""The decisive scores of a run, by model: all curves pooled, for the held-out rows if there are
 any.
 """
 
@@ -34,8 +34,8 @@ class CampaignScores:
     - `units`: the unit of the modelled quantity, by run.
     - `published`: numbers of publications, by run.
     - `relative_to`: the model that ratios are taken to.
-    - `best_of`: models of which the best in each run, picked afterwards, is compared with.
-    - `groups`: what runs are summarised together, by run.
+    - `best_of`: models whose best one in each run, chosen afterwards, is a competitor.
+    - `groups`: group of each run; the runs of a group are summarised together.
     - `failed`: the runs that have no scores.
     """
 
@@ -49,7 +49,7 @@ class CampaignScores:
 
     @cached_property
     def pooled(self) -> dict[str, Pooled]:
-        """The scores that count, by run."""
+        """The decisive scores, by run."""
         return {
             name: {score.model: score for score in deciding(scores)}
             for name, scores in self.runs.items()
@@ -57,38 +57,38 @@ class CampaignScores:
 
     @property
     def models(self) -> tuple[str, ...]:
-        """Every model of any run, what is no model last."""
+        """Every model of any run; rows that are no models come last."""
         names = dict.fromkeys(model for scores in self.pooled.values() for model in scores)
         return tuple(sorted(names, key=lambda name: name == REPEATABILITY))
 
     @property
     def sparse(self) -> bool:
-        """Whether most models are those of a few runs."""
+        """True if most models occur in a few runs only."""
         return sum(map(len, self.pooled.values())) < SPARSE * len(self.runs) * len(self.models)
 
     @property
     def normalisers(self) -> str:
-        """Names of the normalisers by which errors are divided."""
+        """Names of the normalisers of errors."""
         rows = [score for run in self.pooled.values() for score in run.values()]
         return " and ".join(dict.fromkeys(score.normaliser_name for score in rows))
 
 
 def campaign_tables(scores: CampaignScores) -> tuple[Table, ...]:
-    """Return every table of the page; those without rows are left out. Runs that have few models in
-    common are listed one after the other.
+    """Return every table of the page that has rows. Runs with few common models are listed one
+    after the other.
     """
     first = models_table if scores.sparse else nrmse_table
     return tuple(table for table in (first(scores), published_table(scores)) if table.rows)
 
 
 def nrmse_table(scores: CampaignScores) -> Table:
-    """Return validation NRMSE of every model (columns) in every run (rows); training rows where a
-    run holds nothing out.
+    """Return the table of the validation NRMSE of every model (columns) in every run (rows); of the
+    training NRMSE if a run holds nothing out.
 
-    Closing rows give the median and the worst of each group, over the runs that have the model; the
-    geometric mean, the worst and the number of wins of each model's RMSE in ratio to that of
-    `relative_to`, over the runs that have both; and in how many runs it lies below the best of
-    `best_of`.
+    The last rows give the median and the worst of each group, over the runs that have the model;
+    the geometric mean, the worst and the number of wins for the ratio of each model's RMSE to that
+    of `relative_to`, over the runs that have both; and the number of runs in which it is below the
+    best of `best_of`.
     """
     models, runs = scores.models, scores.pooled
     rows: list[tuple[Cell, ...]] = [
@@ -115,16 +115,16 @@ def nrmse_table(scores: CampaignScores) -> Table:
     if {*scores.best_of} & {*models}:
         rows.append(("below the best formula", *(_wins(scores, model) for model in models)))
         notes.append(
-            f"The best formula of {', '.join(scores.best_of)}: which of them it is in a run, "
-            "one knows afterwards only."
+            f"The best formula of {', '.join(scores.best_of)}: which of them is best in a run "
+            "is known only after the run."
         )
     columns: Columns = ("run", *(Column(model, "", ".3g") for model in models))
     return Table.of("nrmse", "NRMSE of every run and model", columns, rows, *notes)
 
 
 def models_table(scores: CampaignScores) -> Table:
-    """Return validation NRMSE of every model of every run, a row each: the run's own model first,
-    then from the least error up.
+    """Return the table of the validation NRMSE of every model of every run, one row each: first the
+    run's own model, then the others by increasing error.
     """
 
     def place(score: Score) -> tuple[bool, bool, float]:
@@ -144,13 +144,16 @@ def models_table(scores: CampaignScores) -> Table:
 
 
 def _known(error: float) -> float:
-    """Return the error; a run that diverged has none, which is worse than any."""
+    """Return the error; NaN, for a run that diverged, becomes infinite, which is worse than any
+    other.
+    """
     return math.inf if math.isnan(error) else error
 
 
 def _ratios(scores: CampaignScores, model: str, relative_to: str) -> tuple[Cell, Cell, Cell]:
-    """Return what is said of a model's RMSE in ratio to that of another, over the runs that have
-    both: geometric mean, worst, and in how many it is better; the floor wins nothing.
+    """Return the summary of the ratio of a model's RMSE to that of another, over the runs that have
+    both: geometric mean, worst, and the number of runs in which it is better. The repeatability has
+    no wins.
     """
     both = [run for run in scores.pooled.values() if {model, relative_to} <= run.keys()]
     pairs = [(_known(run[model].rmse), run[relative_to].rmse) for run in both]
@@ -163,15 +166,15 @@ def _ratios(scores: CampaignScores, model: str, relative_to: str) -> tuple[Cell,
 
 
 def _won(won: int, count: int, tied: int) -> str:
-    """Return `3 of 5, 1 tied`: the runs in which a model is strictly better, and in which it is
-    exactly as good.
+    """Return a text such as `3 of 5, 1 tied`: the number of runs in which a model is strictly
+    better, and in which it is exactly equal.
     """
     return f"{won} of {count}{f', {tied} tied' if tied else ''}"
 
 
 def _wins(scores: CampaignScores, model: str) -> Cell:
-    """Return in how many runs a model lies below the best of `best_of`, and in how many it is
-    exactly as good.
+    """Return in how many runs a model is below the best of `best_of`, and in how many it is exactly
+    equal.
     """
     if model == REPEATABILITY:
         return None
@@ -186,8 +189,8 @@ def _wins(scores: CampaignScores, model: str) -> Cell:
 
 
 def published_table(scores: CampaignScores) -> Table:
-    """Return RMSE and NRMSE of held-out data, of every model that a publication reports, beside its
-    numbers; columns without any are left out.
+    """Return the table of RMSE and NRMSE for held-out data of every model in a publication, beside
+    the printed numbers; columns without numbers are left out.
     """
     rows: list[tuple[Cell, ...]] = []
     for name, paper in scores.published.items():

@@ -15,7 +15,7 @@ from mapmore_cli.pipeline.processors import R, T, deaf_to_interrupts, processes
 
 
 def ended(futures: Mapping[Future[R], int]) -> Iterator[tuple[int, R | BaseException]]:
-    """Yield the number of each job with its result or its error, as they end."""
+    """Yield the number of each job with its result or its error, in the order in which they end."""
     for future in as_completed(futures):
         try:
             yield futures[future], future.exception() or future.result()
@@ -35,16 +35,17 @@ def in_processes(
     *,
     again: bool = False,
 ) -> Generator[tuple[int, R | BaseException], None, None]:
-    """Do numbered jobs in `count` processes that are started again; yield as `ended`.
+    """Do numbered jobs in `count` new processes; yield like `ended`.
 
-    Where a worker dies, the jobs that are at work end with it. They begin once more, one at a time,
-    which `tell` is told with their numbers: another program may have filled the memory. Then the
-    others go on.
+    If a worker dies, the jobs that are running end with it. They are started again, one at a time,
+    because memory may have been short; `tell` is called with their numbers. Then the other jobs
+    continue.
     """
     if not jobs:  # a pool of no processes is refused
         return
     left = dict(jobs)
-    # Spawned, not forked: a fork of a process with BLAS threads or an open HDF5 file may hang.
+    # Spawned instead of forked, because a fork of a process with BLAS threads or an open HDF5 file
+    # may hang.
     with processes(min(count, len(jobs)), "spawn") as pool:
         with deaf_to_interrupts():
             futures = {pool.submit(work, job): number for number, job in jobs.items()}
@@ -64,7 +65,7 @@ def in_processes(
 
 
 def worker_died(times: int) -> MapmoreError:
-    """Return what came of a job that no worker survived."""
+    """Return the error of a job that killed every worker."""
     remedy = (
         "check whether the system ended it because memory was short; use fewer runs at a time "
         "(--jobs)"
@@ -74,8 +75,8 @@ def worker_died(times: int) -> MapmoreError:
 
 @contextmanager
 def stoppable() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP raise `Stopped`, so that what has begun is ended; a signal that is
-    ignored, as under `nohup`, stays so.
+    """Let SIGTERM and SIGHUP raise `Stopped`, so that running work is ended properly. A signal that
+    is ignored, for example under `nohup`, stays ignored.
     """
 
     def stop(number: int, _frame: FrameType | None) -> NoReturn:

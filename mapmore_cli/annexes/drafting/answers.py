@@ -1,4 +1,6 @@
-"""What a person says of a folder on the line: `--columns`, `--target`, `--inputs`, `--hold` ..."""
+"""Read what a person says about a folder on the command line: `--columns`, `--target`, `--inputs`,
+`--hold` ...
+"""
 
 from __future__ import annotations
 
@@ -17,11 +19,11 @@ FORM = (
     'write `--columns "time:ms,_,pressure:bar,force:N"` by place, or `name=title:unit`; `_` '
     "leaves a column out"
 )
-# columns of arrays have a comma and a colon in brackets: `tip[:,0]:mm`
+# columns of arrays contain a comma and a colon in brackets: `tip[:,0]:mm`
 _COMMA = re.compile(r",(?![^\[(]*[\])])")
-# a title in quotes, which may hold what else separates: `"Kraft, z=1":N`
+# a title in quotes, which may contain separators: `"Kraft, z=1":N`
 _QUOTED = re.compile(r"""(?<![^,=\s])(["'])(.+?)\1(?=\s*(?:[,:=]|$))""")
-_HIDDEN = 0xF0000  # private characters that stand for what is in quotes
+_HIDDEN = 0xF0000  # private characters that replace the separators in quotes
 _ENTRY = re.compile(r"(.*?):([^:\]]*)", re.DOTALL)
 _QUANTITY = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 _NUMBER = r"\d+(?:\.\d+)?(?:[eE][+-]?\d+)?"
@@ -31,8 +33,8 @@ _UNIT = re.compile(
 
 
 class Hold(NamedTuple):
-    """The quantity that was held, the word of its numbers in names, and their unit; `none` says
-    that nothing was held.
+    """The quantity that was held constant, the word of its numbers in names, and their unit; `none`
+    means that nothing was held.
     """
 
     name: str
@@ -42,33 +44,33 @@ class Hold(NamedTuple):
 
 @dataclass(frozen=True)
 class Answers:
-    """Keep what a person has said; a field is None or empty where nothing is said.
+    """Answers of a person; a field without an answer is None or empty.
 
     Attributes
     ----------
     columns
-        All columns that are used, by quantity. Where some are named, no other is used.
+        All columns to use, by quantity. If any are named, no others are used.
     target
-        What is to be predicted. The keys are names of columns, titles or words of these, unless the
-        person gives a name to a column.
+        Columns to predict. The keys are names of columns, titles, or words of titles, unless the
+        person names a column.
     inputs
-        What drives, in the same way; None for all that moves.
+        Inputs, in the same form; None for all columns that move.
     hold
         The quantity that was held.
     validate
-        What is held out: an input, `recordings`, or `last` for the last samples of each.
+        Held-out data: an input, `recordings`, or `last` for the last samples of each recording.
     recordings
-        The columns whose values tell recordings of one file apart.
+        The columns whose values distinguish the recordings of one file.
     sample_time
-        Between samples, s: no column is the clock.
+        Time between samples, s, if no column is the clock.
     no_clock
-        Whether no column is the clock.
+        True if no column is the clock.
     group
-        The column that tells groups apart, else what words of names tell apart.
+        The column that distinguishes groups, or a word for groups that names distinguish.
     length
-        Of the muscle, m.
+        Length of the muscle, m.
     like
-        The paper whose settings are taken.
+        The paper whose settings are used.
     """
 
     columns: Named = field(default_factory=dict)
@@ -85,14 +87,14 @@ class Answers:
 
     @property
     def has_places(self) -> bool:
-        """Whether a column is named by its number in the list of one layout."""
+        """True if a column is named by its number in the list of one layout."""
         named = [*self.columns.values(), *self.target.values(), *(self.inputs or {}).values()]
         said = [str(one.column) for one in named] + [*self.recordings, self.group or ""]
         return any(re.fullmatch(r"\d+(\.\.\d+)?", text) for text in said)
 
 
 def answers_of(**options: str | bool | None) -> Answers:
-    """Return what the options say, by their names; UsageError for what cannot be."""
+    """Return the answers in the options, by name. Raises UsageError for an impossible answer."""
     readers: dict[str, Callable[[Any], Any]] = {
         **{name: partial(read_names, f"--{name}") for name in ("columns", "target", "inputs")},
         "hold": read_hold,
@@ -109,17 +111,20 @@ def answers_of(**options: str | bool | None) -> Answers:
 
 
 def read_group(text: str) -> str | None:
-    """Read `specimen`, the number of a column, or `none`; UsageError for what is no such name."""
+    """Read `specimen`, the number of a column, or `none`. Raises UsageError for anything else."""
     if not text.isdecimal() and not _QUANTITY.fullmatch(text):
         raise UsageError(
-            f"--group: {text!r} is no name of a quantity",
-            "say the number of a column, or what the names of files tell apart, as specimen",
+            f"--group: {text!r} is not a valid name of a quantity",
+            (
+                "give the number of a column, or what the names of the files distinguish, for "
+                "example specimen"
+            ),
         )
     return None if text == "none" else text
 
 
 def read_positive(option: str, unit: str, example: str, text: str) -> float:
-    """Return a positive quantity in a unit; UsageError for anything else."""
+    """Return a positive quantity in a unit. Raises UsageError for anything else."""
     remedy = f"write it as {example}"
     try:
         value = parse_quantity(text, unit)
@@ -133,9 +138,9 @@ def read_positive(option: str, unit: str, example: str, text: str) -> float:
 def read_names(option: str, text: str) -> Named:
     """Read `tip`, `Tip z:mm`, `7` or `tip=Tip z:mm`: columns by their names, titles or places.
 
-    Of `--columns`, as `time:ms,_,force:N`, a name without a column is that of the column at its
-    place in the text. What stands in quotes is one title, whatever it holds. Raises UsageError for
-    what is neither.
+    In `--columns`, for example `time:ms,_,force:N`, a name without a column belongs to the column
+    at its place in the text. A text in quotes is one title, whatever it contains. Raises UsageError
+    for any other form.
     """
     columns: Named = {}
     titles: list[str] = []
@@ -156,8 +161,8 @@ def read_names(option: str, text: str) -> Named:
             column = replace(column, column=shown(column.column))
         if name in columns:
             raise UsageError(
-                f"{option}: {name} is said twice",
-                "give each column a name of its own, as `p1` and `p2`",
+                f"{option}: {name} is given twice",
+                "give each column a name of its own, for example `p1` and `p2`",
             )
         if column.column == "":
             address = place if option == "--columns" else int(name) if name.isdigit() else name
@@ -169,17 +174,16 @@ def read_names(option: str, text: str) -> Named:
 
 
 def read_hold(text: str) -> Hold:
-    """Read `strain`, `strain:%`, `strain=kinked:%` or `none`; UsageError for what is no quantity
-    with a unit.
+    """Read `strain`, `strain:%`, `strain=kinked:%` or `none`. Raises UsageError for anything
+    else.
     """
     name, held = _read_entry("--hold", text)
     return Hold(name, str(held.column), held.unit)
 
 
 def _read_entry(option: str, entry: str) -> tuple[str, NamedColumn]:
-    """Return the name and the column of `name=column:unit`; the column is empty where it is not
-    said. Raises UsageError for a unit that cannot be, and for a name that is no quantity's where it
-    has to be one.
+    """Return the name and the column of `name=column:unit`; the column is empty if it is not given.
+    Raises UsageError for an unknown unit, and for an invalid name of a quantity if one is required.
     """
     parts = _ENTRY.fullmatch(entry)
     written, unit = (entry, "") if parts is None else parts.groups()
@@ -194,7 +198,7 @@ def _read_entry(option: str, entry: str) -> tuple[str, NamedColumn]:
         raise UsageError(f"{option}: {name}: {fault.message}", fault.remedy or FORM) from fault
     is_quantity = equals or option in ("--columns", "--hold")
     if is_quantity and not _QUANTITY.fullmatch(name):
-        raise UsageError(f"{option}: {name[:40]!r} is no name of a quantity", FORM)
+        raise UsageError(f"{option}: {name[:40]!r} is not a valid name of a quantity", FORM)
     return name, NamedColumn(
         int(where) if where.isdigit() else where,
         match["unit"],

@@ -13,10 +13,10 @@ from mapmore_cli.study.units import CANONICAL
 
 
 def named_by_person(said: Named, table: Table, option: str, known: Named) -> Named:
-    """Return the columns that a person names, by the names that they have already, by those that
-    the person gives, or by their titles.
+    """Return the columns that a person names: by known names, by names that the person gives, or by
+    titles.
 
-    A unit that was not said is that of the title, else the model's.
+    A unit that is not given is that of the title, or otherwise the model's.
     """
     columns: Named = {}
     names = {one.column: name for name, one in known.items()}
@@ -38,8 +38,8 @@ def named_by_person(said: Named, table: Table, option: str, known: Named) -> Nam
 
 
 def _each(said: Named, table: Table, option: str) -> Named:
-    """Return what a person says, with every column that `s*` or `7..70` names: of titles, and of
-    numbers of the list. The time is none of them.
+    """Return the columns named by a person, with `s*` (titles) and `7..70` (numbers in the list)
+    replaced by every column that they match. The time is never among them.
     """
     each: Named = {}
     titles = {one.column for one in table.values()} | {one.title for one in table.values()}
@@ -69,7 +69,9 @@ def _each(said: Named, table: Table, option: str) -> Named:
 
 
 def refuse_choice(table: Table, where: str, path: str) -> UsageError:
-    """Return the error for columns of which nobody says what is to be predicted: it lists them."""
+    """Return the error for columns of which none is known as the quantity to predict; it lists
+    them.
+    """
     columns = listed(table)
     clock = next((place for place, one in columns.items() if one.may_be_clock), None)
     *drive, follow = [place for place in columns if place != clock] or [0]

@@ -27,11 +27,12 @@ Known = tuple[Named, dict[Column, str]]
 
 
 def known_by_titles(table: Table) -> Known:
-    """Return the columns that move, by quantity where titles name one, else by their titles.
+    """Return the columns that move, named by quantity if the title identifies one, otherwise by
+    title.
 
-    Where several titles name one quantity, each keeps its title, but for the plain one. A copy of
-    another column, what was computed by a model, and what goes on like a clock and is not the time
-    are left out.
+    If several titles identify the same quantity, each keeps its title, except the plainest one. A
+    copy of another column, a computed column, and a column that increases like a clock but is not
+    the time are left out.
     """
     parts = clock_in_parts(table)
     clock = next(
@@ -55,7 +56,7 @@ def known_by_titles(table: Table) -> Known:
 
 
 def _why_unused(one: TitledColumn, has_clock: bool) -> str:
-    """Return why a column is no quantity of the study; empty where it may be one."""
+    """Return the reason why a column is no quantity of the study; empty if it may be one."""
     if not one.values:
         return "holds no numbers"
     if not one.moves:
@@ -90,11 +91,11 @@ PARTS = {
 
 
 def clock_in_parts(table: Table) -> dict[Column, str]:
-    """Return the columns of a clock in parts, as hours, minutes and seconds, and their units; none
-    where titles and values do not say so.
+    """Return the columns of a clock in parts (for example hours, minutes and seconds) and their
+    units; empty unless titles and values agree on that.
 
-    A part holds numbers below the one at which it begins anew; the finest alone may be no whole
-    numbers. The first part may be any of them, and none is left out in between.
+    A part holds numbers below the one at which it restarts. Only the finest part may have
+    fractions. The first part may be any, and no part may be missing in between.
     """
     parts: dict[str, TitledColumn] = {}
     for one in table.values():
@@ -118,7 +119,9 @@ def clock_in_parts(table: Table) -> dict[Column, str]:
 
 
 def _copies(columns: Sequence[TitledColumn]) -> dict[Column, str]:
-    """Return what is a copy of which column: the one whose title and unit say more is kept."""
+    """Return which columns are copies of which: the column whose title and unit say more is
+    kept.
+    """
     copies: dict[Column, str] = {}
     for family in same_signals([np.concatenate(one.values) for one in columns]):
         members = [columns[place] for place in family]
@@ -130,13 +133,17 @@ def _copies(columns: Sequence[TitledColumn]) -> dict[Column, str]:
 
 
 def _silence(one: TitledColumn) -> tuple[bool, bool, bool, int]:
-    """Return a key that is smaller the more a title says; of positions, strain says most."""
+    """Return a sort key that is smaller the more a title says; among positions, strain says
+    most.
+    """
     rank = POSITIONS.index(one.quantity) if one.quantity in POSITIONS else 0
     return not one.quantity, not one.unit, not one.plain, rank
 
 
 def _plain_names(columns: Sequence[TitledColumn]) -> dict[Column, str]:
-    """Return the quantity of each column whose title says it, where no other says it as plainly."""
+    """Return the quantity of each column whose title identifies it, if no other title does so as
+    plainly.
+    """
     names: dict[Column, str] = {}
     for quantity in KINDS:
         ranks = {one.column: _plainness(one) if one.quantity == quantity else 0 for one in columns}
@@ -149,8 +156,9 @@ def _plain_names(columns: Sequence[TitledColumn]) -> dict[Column, str]:
 
 
 def _plainness(one: TitledColumn) -> int:
-    """Return 2 for a title that names a quantity and nothing else, 1 for one that names it among
-    other words and has a unit of it; 0 for others, as a letter among words, or an `x` without unit.
+    """Return 2 for a title that names a quantity and nothing else; 1 for a title that names it
+    among other words and has a suitable unit; 0 for others, such as a letter among words, or an `x`
+    without a unit.
     """
     if one.plain:
         return 0 if not one.unit and one.quantity in ("displacement", "length") else 2
@@ -159,11 +167,11 @@ def _plainness(one: TitledColumn) -> int:
 
 
 def target_of(kinds: Mapping[str, str], is_driven: bool) -> str | None:
-    """Return what is to be predicted where plain titles leave no choice; None where they do.
+    """Return the quantity to predict if plain titles leave no choice, otherwise None.
 
-    It is the one force, else the one position that something drives, else the one column that
-    neither drives nor is a position. `kinds` are those of `kind_to_predict`, by name; `is_driven`
-    says that names of files tell what drives.
+    It is the only force, or else the only position if something else drives, or else the only
+    column that neither drives nor is a position. `kinds` holds the results of `kind_to_predict`, by
+    name; `is_driven` is True if names of files give an input.
     """
     of: dict[str, list[str]] = {}
     for name, kind in kinds.items():
@@ -180,10 +188,10 @@ def target_of(kinds: Mapping[str, str], is_driven: bool) -> str | None:
 
 
 def kind_to_predict(name: str, titled: TitledColumn | None) -> str:
-    """Return `force`, `position` or `drive` for a column whose title says this plainly; empty where
-    it says nothing, and `unclear` where it says more.
+    """Return `force`, `position` or `drive` for a column whose title plainly says so; an empty text
+    if the title says nothing, and `unclear` if it is ambiguous.
 
-    What takes two values was set. Without a column, the name decides: a person gave it.
+    A column with two values was set. Without a column, the name decides, because a person gave it.
     """
     if titled is None:
         label = read_label(name)

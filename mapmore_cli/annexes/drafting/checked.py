@@ -1,4 +1,4 @@
-"""A draft is tried by the rules of `check` before it is written: nothing is fitted."""
+"""Try a draft with the rules of `check` before it is written; no model is fitted."""
 
 from __future__ import annotations
 
@@ -19,10 +19,12 @@ from mapmore_cli.study.yaml_loader import dump
 
 
 def checked(draft: Draft, plainer: Sequence[Draft], folder: Path) -> Draft:
-    """Return the draft if nothing is wrong with it, else the first of the `plainer` ones of which
-    that is true, else the draft with the error, which the spec can mend, beside its target.
+    """Return the draft if nothing is wrong with it; otherwise the first of the `plainer` drafts
+    without an error; otherwise the draft with the error, which the user can correct in the spec,
+    noted beside its target.
 
-    Paths of all start at `folder`. Raises DataError for an error that only other data can mend.
+    Paths of all drafts start at `folder`. Raises DataError for an error that only other data can
+    correct.
     """
     fault = _fault(draft, folder)
     if fault is None:
@@ -38,7 +40,9 @@ def checked(draft: Draft, plainer: Sequence[Draft], folder: Path) -> Draft:
 
 
 def _fault(draft: Draft, folder: Path) -> SpecError | DataError | None:
-    """Return what ends `check` or the search of a structure: errors, or too few samples."""
+    """Return the error that would end `check` or the search for a structure: findings of the rules,
+    or too few samples.
+    """
     try:
         loaded = load_text(dump(draft.spec), "draft.yaml", folder)
         dataset = build_dataset(slice_of(loaded.spec), folder)

@@ -1,6 +1,6 @@
 """A column of some files, and what its title, its unit and its values say of it.
 
-Values give facts alone: a column that never changes, a clock, a copy of another column.
+Values are only used for facts: a column that never changes, a clock, a copy of another column.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from mapmore_cli.study.units import CANONICAL, default_unit, unit_of
 KINDS = {"pressure": "pressure", "force": "force", "load": "force"} | dict.fromkeys(
     POSITIONS, "position"
 )
-"""What columns are called where their titles say so, and what kind of quantity that is."""
+"""Names of columns whose titles identify them, and the kind of each quantity."""
 _BRACKETS = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]")
 _BEHIND = re.compile(r"(?:[_,/]|\bin)\s*([^\s_,/]+)$")
 
 
 @dataclass(frozen=True)
 class TitledColumn:
-    """A column of some files, and what its title and the files say of it.
+    """A column of some files, and what its title and the files say about it.
 
     Attributes
     ----------
     column, place
-        How the spec names it, and its place in the files, from 0.
+        Its name in the spec, and its index in the files, counted from 0.
     title
-        Empty where it has none.
+        Its title; empty if it has none.
     values
         One array `(n,)` for each file; none for a column of texts.
     texts, numbered
@@ -48,9 +48,9 @@ class TitledColumn:
     quantity
         The quantity that its title names; empty for none.
     plain
-        Whether nothing else stands in the title.
+        True if the title contains nothing else.
     unit, source
-        The unit that is known, and what says it; empty for none.
+        The unit, and where it is stated; empty if it is unknown.
     """
 
     column: Column
@@ -66,12 +66,14 @@ class TitledColumn:
 
     @property
     def kind(self) -> str:
-        """One word for all positions, and for forces and loads; empty for other quantities."""
+        """Kind of the column: one word for all positions, and one for forces and loads; empty for
+        other quantities.
+        """
         return KINDS.get(self.quantity, "")
 
     @property
     def called(self) -> str:
-        """Return how messages call it."""
+        """Name in messages."""
         return self.title or (
             self.column if isinstance(self.column, str) else f"column {self.column}"
         )
@@ -90,7 +92,7 @@ class TitledColumn:
 
     @property
     def name(self) -> str:
-        """The name that the title gives, without its unit."""
+        """Name from the title, without the unit."""
         bare = _BRACKETS.sub(lambda match: "" if unit_of(match[1]) else match[0], self.title)
         behind = _BEHIND.search(bare)
         bare = bare[: behind.start()] if behind is not None and unit_of(behind[1]) else bare
@@ -100,17 +102,19 @@ class TitledColumn:
 
     @property
     def moves(self) -> bool:
-        """Whether its values are not all one."""
+        """True if its values are not all equal."""
         return len(self.values) > 0 and float(np.ptp(np.concatenate(self.values))) > 0
 
     @property
     def kinds(self) -> Array:
-        """The values that it takes, each once (m,)."""
+        """Its distinct values, (m,)."""
         return np.unique(np.concatenate(self.values)) if self.values else np.empty(0)
 
     @property
     def rises(self) -> bool:
-        """Whether it goes on in every file, but for a few steps back, and seldom repeats."""
+        """True if it increases in every file, except for a few steps back, and seldom repeats a
+        value.
+        """
         return self.moves and all(
             len(one) > 1
             and np.mean(np.diff(one) < 0) <= MOST_GLITCHES
@@ -120,8 +124,8 @@ class TitledColumn:
 
     @property
     def turn(self) -> float:
-        """The number at which it begins anew again and again, as 60 of the seconds of a clock; 0 if
-        it does not.
+        """Number at which it restarts again and again, for example 60 for the seconds of a clock; 0
+        if it does not.
         """
         steps = [np.diff(one) for one in self.values]
         falls = [np.flatnonzero(step < 0) for step in steps]
@@ -136,7 +140,7 @@ class TitledColumn:
 
     @property
     def counts(self) -> bool:
-        """Whether it goes up by one from row to row."""
+        """True if it increases by one from row to row."""
         return all(len(one) > 1 and (np.diff(one) == 1).all() for one in self.values)
 
     @property
@@ -155,19 +159,19 @@ class TitledColumn:
 
     @property
     def is_time(self) -> bool:
-        """Whether title or unit say that it is the time."""
+        """True if the title or the unit says that it is the time."""
         by_unit = not self.quantity and bool(unit_of(self.unit, "s"))
         return self.quantity == "time" or by_unit
 
     @property
     def may_be_clock(self) -> bool:
-        """Whether it goes on like a clock, and no title says what it is."""
+        """True if it increases like a clock and its title does not say what it is."""
         return not self.title and self.rises and not self.turn
 
     def as_quantity(self, name: str) -> NamedColumn:
-        """Return the column as a quantity, in the unit that the title or the file says.
+        """Return the column as a quantity, in the unit from the title or the file.
 
-        A canonical quantity without a unit is in the model's, which is a question.
+        A canonical quantity without a unit gets the model's unit, which is marked as a question.
         """
         if self.texts:
             return NamedColumn(self.column, "1", "you; texts are numbered", texts=True)
@@ -183,7 +187,7 @@ class TitledColumn:
 
 
 TURNS = (24.0, 60.0, 1000.0, 3600.0, 86400.0)
-"""Where hours, minutes, milliseconds, and seconds of an hour and of a day begin anew."""
+"""Values at which hours, minutes, milliseconds, and seconds of an hour and of a day restart."""
 
 FEWEST_ROWS = 5
 """Rows of a recording, on the average, that a column tells apart."""
@@ -212,8 +216,8 @@ def read_titles(layout: Preview, raw: Raw, texts: Mapping[Column, Texts] | None 
 def _read_title(
     column: Column, place: int, title: str, values: Sequence[Array], line: str
 ) -> TitledColumn:
-    """Return a column whose title names no quantity where its unit is one of something else, as
-    volts of a force.
+    """Return a column. If its unit does not suit the quantity in its title, for example volts for a
+    force, the title names no quantity.
     """
     label = read_label(title)
     is_ratio = line == "1"  # of cells that are shown in per cent, whatever the title says
@@ -235,7 +239,7 @@ def find(table: Table, wanted: Column, option: str, texts: bool = False) -> Titl
     """Return the column of a place, a title, or a word that one title alone has; with `texts` also
     one of texts.
 
-    Raises UsageError, which lists the columns, for what is none, or several.
+    Raises UsageError with a list of the columns if there is none, or if there are several.
     """
     numbers = [one for one in table.values() if one.values or (texts and one.texts)]
     rules = [lambda one: one.column == wanted, lambda one: one.place == wanted]
@@ -252,18 +256,20 @@ def find(table: Table, wanted: Column, option: str, texts: bool = False) -> Titl
         problem = "several columns are" if near else f"no column{kind} is"
         several = ", ".join(one.called for one in near or numbers)
         raise UsageError(
-            f"{option}: {problem} called {wanted}", f"say one of {several}, or its place"
+            f"{option}: {problem} called {wanted}", f"give one of {several}, or its number"
         )
     return near[0]
 
 
 def listed(table: Table, but: Iterable[Column] = ()) -> dict[int, TitledColumn]:
-    """Return the columns that move, by the numbers that lists show and people say."""
+    """Return the columns that move, by the numbers in lists with which people refer to them."""
     return {one.place: one for one in table.values() if one.moves and one.column not in {*but}}
 
 
 def unit_of_clock(values: Sequence[Array]) -> str:
-    """Return ms for whole numbers that go on by 1 to 100 a step, else s: a suggestion."""
+    """Return ms for whole numbers that increase by 1 to 100 per step, otherwise s, as a
+    suggestion.
+    """
     steps = np.diff(max(values, key=len))
     step = float(np.median(steps)) if steps.size else 0.0
     is_whole = all((one == np.round(one)).all() for one in values)

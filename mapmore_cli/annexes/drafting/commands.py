@@ -1,4 +1,4 @@
-"""A first spec for recordings that nobody has described yet: `mapmore init`."""
+"""Implement `mapmore init`: a first spec for recordings that nobody has described yet."""
 
 from __future__ import annotations
 
@@ -27,60 +27,86 @@ def init(
             "--output",
             "-o",
             metavar="FILE",
-            help="Where to write; NAME.yaml here by default, - for stdout.",
+            help=(
+                "Where to write the spec. Default: NAME.yaml in the current folder; - for "
+                "standard output."
+            ),
         ),
     ] = None,
     name: Annotated[str | None, Option(metavar="NAME", help="Name of the study.")] = None,
     length: Annotated[
         str | None,
-        Option(metavar="LENGTH", help="Of the muscle, as 88mm: makes a strain of a displacement."),
+        Option(
+            metavar="LENGTH",
+            help="Length of the muscle, for example 88mm, to convert a displacement to strain.",
+        ),
     ] = None,
     columns: Annotated[
         str | None,
-        Option(metavar="LIST", help='What the columns are, as "time:ms,_,pressure:bar,force:N".'),
+        Option(
+            metavar="LIST",
+            help='What the columns are, for example "time:ms,_,pressure:bar,force:N".',
+        ),
     ] = None,
     target: Annotated[
-        str | None, Option(metavar="LIST", help="The column to predict; several with commas.")
+        str | None,
+        Option(metavar="LIST", help="The column to predict. Separate several with commas."),
     ] = None,
     inputs: Annotated[
         str | None,
-        Option(metavar="LIST", help="The columns that drive it; else all that move."),
+        Option(metavar="LIST", help="The columns that drive it. Default: all columns that change."),
     ] = None,
     hold: Annotated[
-        str | None, Option(metavar="NAME", help="What was held, as strain:%, or none.")
+        str | None,
+        Option(
+            metavar="NAME",
+            help="The quantity that was held constant, for example strain:%, or none.",
+        ),
     ] = None,
     validate: Annotated[
         str | None,
-        Option(metavar="NAME", help="What is held out: an input, recordings, or last."),
+        Option(
+            metavar="NAME", help="What is held out for validation: an input, recordings, or last."
+        ),
     ] = None,
     recordings: Annotated[
         str | None,
-        Option(metavar="NAME", help="The column whose value tells recordings apart, as trial."),
+        Option(
+            metavar="NAME",
+            help="The column whose value separates the recordings, for example trial.",
+        ),
     ] = None,
     sample_time: Annotated[
         str | None,
-        Option(metavar="TIME", help="Between samples, as 10ms, where no column is the clock."),
+        Option(
+            metavar="TIME",
+            help="Time between samples, for example 10ms, if no column is the clock.",
+        ),
     ] = None,
     no_clock: Annotated[bool, Option("--no-clock", help="No column is the clock.")] = False,
     group: Annotated[
         str | None,
         Option(
             metavar="NAME",
-            help="A column, or what names tell apart, as specimen: each is scored by itself.",
+            help=(
+                "A column, or what the names of the files distinguish (for example specimen), by "
+                "which scores are given separately."
+            ),
         ),
     ] = None,
     like: Annotated[
         Literal["m1", "m2"] | None,
-        Option(help="Write the settings of a paper; then `run` searches nothing."),
+        Option(help="Write the settings of a paper; `run` then does not search for a structure."),
     ] = None,
     yes: Annotated[bool, Option("--yes", "-y", help="Ask nothing: mark what is not sure.")] = False,
     force: Annotated[bool, Option("--force", help="Replace specs that exist.")] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Start a spec from recordings; nothing is fitted.
+    """Start a spec from recordings, without fitting a model.
 
-    Titles, units and you say what columns are: by --columns, --target, --inputs, or when asked.
-    `mapmore run` searches the structure of the model. Each layout of files is a study.
+    The meaning of the columns is taken from titles, units, the options --columns, --target and
+    --inputs, and your answers. `mapmore run` then searches the structure of the model. Files of
+    each layout become a study.
     """
     from mapmore_cli.annexes.drafting.answers import answers_of
     from mapmore_cli.annexes.drafting.outputs import as_files
@@ -101,7 +127,9 @@ def init(
         like=like,
     )
     if output == STANDARD and len(answers.target) > 1:
-        raise UsageError(f"-o -: {len(answers.target)} specs are no one text", "name a file by -o")
+        raise UsageError(
+            f"-o -: {len(answers.target)} specs cannot be written as one text", "name a file by -o"
+        )
     if output is not None:
         _refuse([output], force)
     folder = Path() if output is None or output == STANDARD else output.parent
@@ -126,14 +154,14 @@ def _refuse(files: Iterable[Path], force: bool) -> None:
     existing = [str(path) for path in files if path.exists() and not force]
     if existing:
         raise WriteError(
-            f"{', '.join(existing)}: exists already",
-            "say --force to replace it, or -o to write elsewhere",
+            f"{', '.join(existing)}: already exists",
+            "use --force to replace it, or -o to write elsewhere",
         )
 
 
 def _write(files: Mapping[Path, tuple[str, Draft]], force: bool, reporter: Reporter) -> None:
-    """Write the files that do not exist yet, or all with `force`, and print the paths of the
-    specs; then refuse where one was there.
+    """Write the files that do not exist yet, or all with `force`, and print the paths of the specs;
+    then raise an error if any existed.
     """
     from mapmore_cli.annexes.drafting.page import draft_page
     from mapmore_cli.study.schema import write_schema_beside
@@ -147,14 +175,15 @@ def _write(files: Mapping[Path, tuple[str, Draft]], force: bool, reporter: Repor
         write_text(path, text)
         print(path)
     first = next(iter(files))
-    write_schema_beside(first)
+    if schema := write_schema_beside(first):
+        reporter.say(f"With it, an editor completes the keys of the spec: {schema}")
     _refuse(sorted(existing), force)
     reporter.say(f"Next: mapmore {'batch' if files[first][1].of else 'check'} {first}")
 
 
 def ask(question: Question) -> str:
-    """Print a question with its options, and return the first answer that can be; at the end of
-    input, none.
+    """Print a question with its options, and return the first possible answer; an empty text at the
+    end of the input.
     """
     from rich.console import Console
     from rich.markup import escape
@@ -193,6 +222,6 @@ def _check_name(name: str | None) -> None:
         TypeAdapter(Name | None).validate_python(name)
     except ValidationError as fault:
         raise UsageError(
-            f"--name: {name!r} is no name for a study",
-            "use letters, digits, `.`, `_` and `-`, as bench-2",
+            f"--name: {name!r} is not a valid name for a study",
+            "use letters, digits, `.`, `_` and `-`, for example bench-2",
         ) from fault

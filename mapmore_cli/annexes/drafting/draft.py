@@ -1,4 +1,6 @@
-"""A spec under way, and how it is shown: as YAML whose comments say what decided, and as a page."""
+"""Represent a spec that is being drafted, and write it as YAML with comments that give the
+reasons.
+"""
 
 from __future__ import annotations
 
@@ -23,22 +25,22 @@ _BLOCKS = {("data",), ("data", "columns")}
 _ORDER = ("extends", "schema_version", "name", "muscle", "data", "units", "target")
 
 Column = str | int
-"""How a spec names a column: by its title or address, or by its place."""
+"""Name of a column in a spec: its title, its address, or its index."""
 
 Raw = Mapping[Column, Sequence[Array]]
 """Values of every column, one array `(n,)` for each file."""
 
 Conditions = Mapping[str, Sequence[float]]
-"""Values of quantities that names of files tell, one for each recording."""
+"""Values of quantities in the names of files, one for each recording."""
 
 Loc = tuple[str | int, ...]
 Section = dict[str, Any]
-"""A spec, or a section of it, as YAML will hold it."""
+"""A spec or a section of it, as in YAML."""
 
 
 @dataclass(frozen=True)
 class NamedColumn:
-    """The column of a quantity, its unit, and what decided this: a title, or a person.
+    """The column of a quantity, its unit, and the reason for the choice: a title, or a person.
 
     The quantity is `value * scale + offset` in `unit`, which is empty where a person said none.
     `is_called` says that a person gave it its name. `parts` are the columns of a clock in parts,
@@ -56,16 +58,16 @@ class NamedColumn:
     texts: bool = False
 
     def refers_to(self, name: str) -> bool:
-        """Return True for a column that a person called by its name or place alone."""
+        """Return True if a person named the column only by its name or index."""
         return not self.is_called and self.column in (name, int(name) if name.isdigit() else name)
 
     @property
     def places(self) -> set[Column]:
-        """The columns of the file."""
+        """Columns of the file."""
         return {*self.parts} or {self.column}
 
     def as_spec(self) -> Section:
-        """Return the column as the spec describes it."""
+        """Return the column in the form of the spec."""
         if self.parts:
             return {"columns": [*self.parts], "format": " ".join(self.parts.values())}
         # a title in per cent says another unit, where its cells are shown so and hold fractions
@@ -88,14 +90,14 @@ class Note:
     sure: bool = True
 
     def __str__(self) -> str:
-        why = " ".join(printable(self.why).split())  # titles of columns hold whatever a file does
+        why = " ".join(printable(self.why).split())  # titles of columns may contain anything
         return f"# {'' if self.sure else 'CHECK: '}{why}"
 
 
 @dataclass(frozen=True)
 class Draft:
-    """Sections as the YAML will hold them, with numbers in the model's units, and why they were
-    chosen.
+    """Sections in the form of the YAML file, with numbers in the model's units, and the reasons for
+    the choices.
 
     `files` counts the recordings' files, and `raw` has the values of all columns of some of them.
     `of` is the study of which this is one of several outputs. `tips` are what a person may say
@@ -128,12 +130,12 @@ class Draft:
 
     @property
     def open(self) -> dict[Loc, Note]:
-        """Entries of the draft that are not sure."""
+        """Entries of the draft that are not certain."""
         return {loc: note for loc, note in self.notes.items() if not note.sure}
 
     @property
     def bad_files(self) -> str:
-        """Which files are left out, and why; empty for none."""
+        """Files that are left out, with the reasons; empty if there are none."""
         note = self.notes.get(("data", "skip_bad_files"))
         return "" if note is None or note.sure else note.why
 
@@ -150,13 +152,13 @@ class Draft:
         return replace(self, spec={**self.spec, key: value}).noted((key,), why)
 
     def without_data(self, key: str) -> Draft:
-        """Return the draft without a key of `data`, and without what was said about it."""
+        """Return the draft without a key of `data`, and without its note."""
         data = {name: value for name, value in self.data.items() if name != key}
         notes = {loc: note for loc, note in self.notes.items() if loc[:2] != ("data", key)}
         return replace(self, spec={**self.spec, "data": data}, notes=notes)
 
     def noted(self, loc: Loc, why: str | None, sure: bool = True) -> Draft:
-        """Return the draft with a note about one of its places; none for None."""
+        """Return the draft with a note about one of its places; unchanged for None."""
         return self if why is None else replace(self, notes={**self.notes, loc: Note(why, sure)})
 
     def text(self) -> str:
@@ -173,7 +175,9 @@ def yaml_text(spec: Mapping[str, Any], notes: Mapping[Loc, Note], head: str) -> 
 
 
 def _ten_digits(value: object) -> object:
-    """Return a value with numbers of ten digits at most, and whole ones without a point."""
+    """Return a value with numbers of at most ten digits, and whole numbers without a decimal
+    point.
+    """
     match value:
         case dict():
             return {key: _ten_digits(one) for key, one in value.items()}
@@ -186,7 +190,7 @@ def _ten_digits(value: object) -> object:
 
 
 def _yaml_lines(section: Mapping[str, Any], loc: Loc, notes: Mapping[Loc, Note]) -> Iterator[str]:
-    """Yield the lines of a section; those of `data` and its columns have notes on each key."""
+    """Yield the lines of a section. In `data` and its columns, each key can have a note."""
     margin = "  " * len(loc)
     for key, value in section.items():
         here = (*loc, key)
@@ -197,7 +201,7 @@ def _yaml_lines(section: Mapping[str, Any], loc: Loc, notes: Mapping[Loc, Note])
 
 
 def _noted(line: str, note: Note | None) -> list[str]:
-    """Return the line with its note behind it, or above it where both do not fit."""
+    """Return the line with its note after it, or above it if both do not fit."""
     if note is None:
         return [line]
     if len(line) + len(str(note)) + 2 <= WIDEST:
@@ -211,11 +215,11 @@ def _wrapped(note: Note, margin: str) -> list[str]:
 
 
 def range_of(values: Sequence[Array], unit: str = "1") -> str:
-    """Return from where to where values go, in words."""
+    """Return the range of values in words."""
     low, high = min(one.min() for one in values), max(one.max() for one in values)
     return f"{low:.4g} to {high:.4g}{'' if unit == '1' else f' {unit}'}"
 
 
 def scaled(values: Array) -> Array:
-    """Return values from 0 to 1; all 0 where they are one."""
+    """Return values scaled to 0 to 1; zero for constant values."""
     return np.asarray((values - values.min()) / (float(np.ptp(values)) or 1.0))

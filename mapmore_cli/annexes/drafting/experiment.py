@@ -1,4 +1,6 @@
-"""What was done: what was held, which samples are static, and what is held out."""
+"""Find out how the experiment was done: which quantity was held constant, which samples are static,
+and which data are held out.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ from mapmore_cli.modelling.signals.cycles import split_cycles
 from mapmore_cli.modelling.signals.plateau import default_within, find_levels, match_levels
 from mapmore_cli.study.units import default_unit
 
-NEAR = 0.1  # of the distance of levels, that samples of one lie within where it was gone between
+# fraction of the distance of levels within which samples belong to a level, if there are samples
+# between levels
+NEAR = 0.1
 FEWEST = 200  # samples of a record with memory, and of a branch of a cycle
 MOST = 6_000  # samples of a record with memory, at first
 SHARE = 0.2  # of the samples, drawn where the last ones lie beyond the others
@@ -30,8 +34,8 @@ COMPETITORS = ("sarosi", "polynomial_2", "polynomial_5", "muscle_like", "polynom
 
 @dataclass(frozen=True)
 class Held:
-    """The held quantity `of`, its levels `at`, `within` where samples between levels have to be
-    kept out, the quantity that was `swept`, and `why`.
+    """The quantity `of` that was held constant, its levels `at`, `within` if samples between levels
+    must be left out, the quantity that was `swept`, and the reason `why`.
     """
 
     of: str
@@ -47,22 +51,25 @@ def find_held(
     hold: Hold | None,
     conditions: Conditions,
 ) -> Held | None:
-    """Return what was held while another input moved: what a person says; else the one quantity
-    that names tell, or that stays at a value of its own in each recording; else, in a table without
-    a clock, the one that takes few values again and again.
+    """Return the quantity that was held constant while another input moved: the one that a person
+    names; otherwise the only one whose values are in names, or that stays at one value in each
+    recording; otherwise, in a table without a clock, the one that takes few values repeatedly.
 
-    None where nothing was held, or at a single level. `conditions` are values that names tell.
+    The result is None if nothing was held constant, or at a single level. `conditions` are values
+    from names.
 
     Raises
     ------
     UsageError
-        Where what a person says is no input.
+        If the quantity that a person names is no input.
     """
     asked = None if hold is None else hold.name
     if asked == "none":
         return None
     if asked not in (None, *inputs):
-        raise UsageError(f"--hold: no input is called {asked}", f"say {', '.join(inputs)}, or none")
+        raise UsageError(
+            f"--hold: no input is called {asked}", f"name one of {', '.join(inputs)}, or none"
+        )
     levels = {
         name: values for name in inputs if (values := _own_levels(recordings, name, conditions))
     }
@@ -88,8 +95,9 @@ def find_held(
 def _own_levels(
     recordings: Sequence[Recording], name: str, conditions: Conditions
 ) -> list[float] | None:
-    """Return the values of a quantity that stays near one in each recording: twice the gap between
-    two is more than it moves at any. None where it moves more, or is one everywhere.
+    """Return the values of a quantity that stays near one value in each recording: the gap between
+    two values is more than twice its movement at any of them. None if it moves more, or has one
+    value everywhere.
     """
     if name in conditions:
         levels = sorted(set(conditions[name]))
@@ -113,8 +121,8 @@ def _neat(middle: float, scatter: float) -> float:
 
 
 def _set_values(recordings: Sequence[Recording], name: str) -> list[float]:
-    """Return the values that a quantity takes three times or more on the average; none where they
-    are two, as of a switch.
+    """Return the values that a quantity takes at least three times on average; empty if there are
+    only two, as for a switch.
     """
     values, counts = np.unique(
         np.concatenate([one.columns[name] for one in recordings]), return_counts=True
@@ -123,9 +131,7 @@ def _set_values(recordings: Sequence[Recording], name: str) -> list[float]:
 
 
 def goes_in_cycles(recordings: Sequence[Recording], held: Held) -> bool:
-    """Return True where the swept quantity goes there and back at every level of every
-    recording.
-    """
+    """Return True if the swept quantity moves there and back at every level of every recording."""
     at = np.array(held.at)
     within = held.within or default_within(at)
     for recording in recordings:
@@ -140,8 +146,8 @@ def goes_in_cycles(recordings: Sequence[Recording], held: Held) -> bool:
 
 @dataclass(frozen=True)
 class Experiment:
-    """The recordings of a study, the names of its inputs and its target, what was held, the values
-    that names tell, and the quantities that tell recordings `apart` in a file.
+    """The recordings of a study, the names of its inputs and its target, the held quantity, the
+    values from names, and the quantities that distinguish recordings (`apart`) in a file.
     """
 
     recordings: Sequence[Recording]
@@ -153,7 +159,7 @@ class Experiment:
 
     @property
     def is_timed(self) -> bool:
-        """Whether the samples have a clock."""
+        """True if the samples have a clock."""
         return "time" in self.recordings[0].columns
 
 
@@ -163,12 +169,12 @@ def with_experiment(
     held_out: str | None,
     read: Callable[[Draft], Sequence[Recording]],
 ) -> Draft:
-    """Return the draft with its target, static samples and levels, and what is held out: static
-    where a person says what was held, or it is the force at what was held, or no clock is known;
-    else with memory.
+    """Return the draft with its target, static samples, levels and held-out data. The study is
+    static if a person names the held quantity, if the target is a force at a held quantity, or if
+    there is no clock; otherwise it has memory.
 
-    `held_out` is what a person says of it; `read` returns the recordings of a draft. Raises
-    UsageError where that cannot be held out.
+    `held_out` is the answer of a person about held-out data; `read` returns the recordings of a
+    draft. Raises UsageError if these data cannot be held out.
     """
     held, target, recordings = done.held, done.target, done.recordings
     samples = sum(one.rows_kept for one in recordings)
@@ -176,7 +182,7 @@ def with_experiment(
     is_static = is_static or (held is None and _is_at_rest(done))
     if not is_static and done.is_timed and samples >= FEWEST:
         draft = _as_memory_study(draft, recordings).with_section("target", target)
-        if "gaps" in draft.data:  # pieces of a recording have ids of their own
+        if "gaps" in draft.data:  # pieces of a recording have their own ids
             done = replace(done, recordings=read(draft))
         return _with_split(draft, done, held_out)
     if held is not None:
@@ -252,9 +258,10 @@ def _with_levels(draft: Draft, held: Held) -> Draft:
 
 
 def _with_split(draft: Draft, done: Experiment, wanted: str | None) -> Draft:
-    """Return the draft with something held out: what a person said; else inner levels; without
-    levels inner values that names tell, else recordings; else the last samples of each, unless
-    these lie beyond the others. The note says whether that is between or beyond what trains.
+    """Return the draft with held-out data: those that a person names; otherwise inner levels;
+    without levels, inner values from names, or recordings; otherwise the last samples of each
+    recording, unless these lie outside the others. The note says whether the held-out data lie
+    between or outside the training data.
 
     Raises UsageError if nothing of what a person said can be held out.
     """
@@ -274,14 +281,15 @@ def _with_split(draft: Draft, done: Experiment, wanted: str | None) -> Draft:
         held_out, why = {way: places} if places else {}, "between: inner values"
     if not held_out:
         raise UsageError(
-            f"--validate: {way} leaves nothing to hold out", f"say {LAST_SAMPLES}, or an input"
+            f"--validate: {way} leaves nothing to hold out", f"write {LAST_SAMPLES}, or an input"
         )
     return draft.with_data("split", {"validate": held_out}, f"{'you; ' if wanted else ''}{why}")
 
 
 def _last_or_between(done: Experiment, is_free: bool) -> tuple[Section, str]:
-    """Return the last samples of every recording. Where one is `is_free` to choose, and they lie
-    beyond the others, inner values of what goes on in order, else a share of the samples.
+    """Return the last samples of every recording. If the program `is_free` to choose and these lie
+    outside the others, return inner values of a quantity that moves steadily, or otherwise a random
+    share of the samples.
     """
     names = _beyond(done)
     if not names:
@@ -297,8 +305,8 @@ def _last_or_between(done: Experiment, is_free: bool) -> tuple[Section, str]:
 
 
 def _whole_recordings(done: Experiment, logs: Sequence[str]) -> Section:
-    """Return every third of the logs, with all pieces of each that was cut: those inside, if there
-    are any. Recordings that one quantity tells apart are named by its values.
+    """Return every third of the logs, with all pieces of each that was cut; inner ones if there are
+    any. Recordings that one quantity distinguishes are named by its values.
     """
     held = logs[1:-1:3] or logs[1:]
     if len(done.apart) == 1:
@@ -311,8 +319,8 @@ def _whole_recordings(done: Experiment, logs: Sequence[str]) -> Section:
 
 
 def _beyond(done: Experiment) -> list[str]:
-    """Return the inputs of which more than half of the last samples of all recordings lie outside
-    the values of the samples before.
+    """Return the inputs for which more than half of the last samples of all recordings lie outside
+    the values of the earlier samples.
     """
     names: list[str] = []
     for name in done.inputs:
@@ -328,8 +336,8 @@ def _beyond(done: Experiment) -> list[str]:
 
 
 def _band(name: str, recordings: Sequence[Recording], values: Conditions) -> Section:
-    """Return the middle fifth of the samples of an input that moves on; nothing for one that has
-    too few values.
+    """Return the middle fifth of the samples of an input that moves steadily; nothing for an input
+    with too few values.
     """
     if name in values:
         return {}
@@ -339,7 +347,7 @@ def _band(name: str, recordings: Sequence[Recording], values: Conditions) -> Sec
 
 
 def _as_memory_study(draft: Draft, recordings: Sequence[Recording]) -> Draft:
-    """Return the draft with even steps, and gaps at which memory begins anew."""
+    """Return the draft with equal time steps, and gaps at which memory restarts."""
     times = [one.columns["time"] for one in recordings if one.rows_kept > 1]
     usual = float(np.median(np.concatenate([np.diff(time) for time in times])))
     step = two_digits(max(usual, sum(float(np.ptp(time)) for time in times) / MOST))

@@ -9,7 +9,7 @@ from mapmore_cli.annexes.drafting.experiment import Held
 from mapmore_cli.domain.errors import UsageError
 
 Settings = dict[str, tuple[Any, str]]
-"""A section of the spec and what is said of it."""
+"""A section of the spec, and the note about it."""
 
 
 def settings(paper: str, swept: str) -> Settings:
@@ -46,11 +46,13 @@ def settings(paper: str, swept: str) -> Settings:
 
 
 def with_paper(draft: Draft, paper: str, held: Held | None) -> Draft:
-    """Return the draft with a paper's settings; UsageError where nothing was held."""
+    """Return the draft with a paper's settings. Raises UsageError if no quantity was held
+    constant.
+    """
     if held is None:
         raise UsageError(
             f"--like {paper}: its study needs a quantity that was held",
-            "name it, as `--hold pressure`",
+            "name it, for example `--hold pressure`",
         )
     for key, (value, why) in settings(paper, held.swept).items():
         draft = draft.with_section(key, value, why)

@@ -1,4 +1,4 @@
-"""What names of files, folders and sheets say: numbers with a unit or a word beside them."""
+"""Read names of files, folders and sheets: numbers with a unit or a word beside them."""
 
 from __future__ import annotations
 
@@ -27,13 +27,14 @@ _WRITTEN = {
     "length": ("m", "mm cm um"),
     "percent": ("%", "% pct percent"),
 }
-"""Units that are read in names, by the quantity that they tell and one unit of it."""
+"""Units that are recognised in names, by quantity, and one unit of each quantity."""
 _UNITS = {
     word.casefold(): (quantity, str(unit_of(word, like)))
     for quantity, (like, words_of_units) in _WRITTEN.items()
     for word in words_of_units.split()
 }
-_BY_WORD = ("length", "percent")  # quantities of which the word beside the number tells more
+# quantities for which the word beside the number is more specific than the unit
+_BY_WORD = ("length", "percent")
 _RUNS = (
     "test|run|rep|repeat|trial|take|try|no|nr|num|cycle|loop|log|file|data|set|exp|experiment|part"
     "|rec|record|recording|meas|measurement|messung|versuch|v|version|sheet|step|id|trace"
@@ -53,9 +54,9 @@ _TESTS = {"test", "testing", "val", "valid", "validation"}
 
 
 class Number(NamedTuple):
-    """A number in a name, with the word before it and its unit; empty where it has none.
+    """A number in a name, with the word before it and its unit; empty if there is none.
 
-    `is_set` says that an equals sign stands before it.
+    `is_set` is True if an equals sign precedes it.
     """
 
     word: str
@@ -65,7 +66,9 @@ class Number(NamedTuple):
 
     @property
     def quantity(self) -> str:
-        """What it is a number of: by its word where that names a quantity, else by its unit."""
+        """Quantity of the number: from its word if that names a quantity, otherwise from its
+        unit.
+        """
         label = read_label(self.word)
         by_unit = _UNITS[self.unit][0] if self.unit else ""
         if label is not None and label.quantity not in ("input", "time") and len(self.word) > 1:
@@ -79,19 +82,19 @@ class Number(NamedTuple):
 
     @property
     def shown(self) -> str:
-        """The number as it stands in the name."""
+        """The number as written in the name."""
         return f"{self.word}{' ' if self.word else ''}{self.value:g}{self.unit}"
 
 
 Series = dict[int, Number]
-"""Numbers with one word and one unit, by the places of their names."""
+"""Numbers with the same word and unit, by the index of their names."""
 
 
 @dataclass(frozen=True)
 class Condition:
-    """A quantity that names tell of every recording: its unit and its values.
+    """A quantity with a value for every recording in the names: its unit and its values.
 
-    `why` says how it stands in the names; it is not `sure` where a name without a number stands for
+    `why` says how it is written in the names. It is not `sure` if a name without a number means
     zero.
     """
 
@@ -118,7 +121,7 @@ def is_repeat(word: str) -> bool:
 
 
 def stem_of(name: str) -> str:
-    """Return a file's name, with folders before it, without the suffixes of its format."""
+    """Return the name of a file with its folders, without the suffixes of its format."""
     stem = name_of_packed(name)
     return stem[: len(stem) - len(suffix_of(Path(name)))]
 
@@ -139,16 +142,16 @@ def numbers_in(name: str) -> list[Number]:
 def told_by_names(
     names: Sequence[str], hold: Hold | None = None, known: Sequence[str] = ()
 ) -> tuple[list[Condition], list[str]]:
-    """Return the quantities that vary from name to name, and a word on every number that was taken
-    for a repeat.
+    """Return the quantities that vary from name to name, and a remark on every number that was
+    taken as a repeat.
 
-    `known` are quantities that a column holds: those are not set again. Numbers without a unit that
-    count by ones are repeats, unless a person names them by `hold`.
+    `known` are quantities in columns, which are not set again. Numbers without a unit that count by
+    ones are repeats, unless a person names them with `hold`.
 
     Raises
     ------
     UsageError
-        Where nothing in the names, and no column, answers `hold`.
+        If neither names nor columns contain what `hold` asks for.
     """
     every = _series_of(names)
     asked = None
@@ -201,10 +204,10 @@ def _is_count(numbers: Series) -> bool:
 
 
 def _series_of(names: Sequence[str]) -> list[Series]:
-    """Return the numbers with one word and one unit, by the places of their names: of several in a
-    name, the first ones are a series, then the second ones.
+    """Return the numbers with the same word and unit, by the index of their names. If a name has
+    several, the first ones form a series, then the second ones.
 
-    Numbers that are one in all names are left out.
+    Numbers that are equal in all names are left out.
     """
     series: dict[tuple[str, str, int], Series] = {}
     for place, name in enumerate(names):
@@ -221,7 +224,7 @@ def _series_of(names: Sequence[str]) -> list[Series]:
 
 
 def _told_quantity(quantity: str, unit: str, numbers: Series, names: Sequence[str]) -> Condition:
-    """Return numbers as a quantity; a name without one stands for zero."""
+    """Return numbers as a quantity; a name without a number means zero."""
     written = next(iter(numbers.values())).unit
     unit = _UNITS[written][1] if written else unit
     values = tuple(numbers[place].value if place in numbers else 0.0 for place in range(len(names)))
@@ -232,7 +235,9 @@ def _told_quantity(quantity: str, unit: str, numbers: Series, names: Sequence[st
 
 
 def _asked_for(hold: Hold, series: Sequence[Series]) -> Series:
-    """Return the numbers that a person names; UsageError, which lists the numbers, for none."""
+    """Return the numbers that a person names. Raises UsageError with a list of the numbers if there
+    are none.
+    """
     asked = next(
         (numbers for numbers in series if _is_named_by(hold, next(iter(numbers.values())))), None
     )
@@ -247,7 +252,7 @@ def _asked_for(hold: Hold, series: Sequence[Series]) -> Series:
 
 
 def _is_named_by(hold: Hold, number: Number) -> bool:
-    """Return True for a number that a person names: by its word, its quantity, or its unit."""
+    """Return True if a person names a number by its word, its quantity, or its unit."""
     word, name = number.word.casefold(), hold.name.casefold()
     if hold.word:
         return word.endswith(hold.word.casefold())
@@ -257,7 +262,7 @@ def _is_named_by(hold: Hold, number: Number) -> bool:
 
 
 def numbered_groups(names: Sequence[str], group: str) -> Condition:
-    """Return numbers of the groups, as a quantity that names tell."""
+    """Return the numbers of the groups as a quantity from names."""
     groups = group_words(names, group)
     apart = sorted({*groups})
     values = tuple(apart.index(word) + 1.0 for word in groups)
@@ -265,8 +270,9 @@ def numbered_groups(names: Sequence[str], group: str) -> Condition:
 
 
 def group_words(names: Sequence[str], group: str) -> list[str]:
-    """Return what tells groups apart in each name: the number or letter behind that word; else the
-    words, with specimens and sizes as `10cm`, and without other numbers; else the name.
+    """Return the text that distinguishes groups in each name: the number or letter after that word;
+    otherwise the words, with specimens and sizes such as `10cm`, but without other numbers;
+    otherwise the name.
     """
     behind = re.compile(
         rf"{re.escape(group)}\w*?[\s_#=.-]*(\d+|[A-Za-z])(?![^\W\d_])", re.IGNORECASE
@@ -278,7 +284,7 @@ def group_words(names: Sequence[str], group: str) -> list[str]:
 
 
 def _without_number(match: re.Match[str]) -> str:
-    """Return a word without its number, nothing of a repeat, and a specimen or a size as it is."""
+    """Return a word without its number; nothing for a repeat; a specimen or a size unchanged."""
     word, unit = match["word"] or "", (match["unit"] or "").casefold()
     if unit:
         return match[0] if _UNITS[unit][0] in _BY_WORD else word
@@ -286,7 +292,9 @@ def _without_number(match: re.Match[str]) -> str:
 
 
 def tests_of(files: Sequence[Path]) -> list[str]:
-    """Return the names of files that say `test` or `validation`, where all others say `train`."""
+    """Return the names of files that contain `test` or `validation`, if all others contain
+    `train`.
+    """
     tests, trains = (
         {file for file in files if marks & {*words(file.stem)}} for marks in (_TESTS, _TRAINS)
     )

@@ -1,4 +1,6 @@
-"""Several outputs of one study: what their specs share, and the campaign that runs them."""
+"""Write several outputs of one study: the part that their specs share, and the campaign that runs
+them.
+"""
 
 from __future__ import annotations
 
@@ -10,14 +12,15 @@ from typing import Any
 from mapmore_cli.annexes.drafting.draft import Draft, Section, yaml_text
 
 Files = dict[Path, tuple[str, Draft]]
-"""The text of every file, and the draft that it is of."""
+"""Text of every file, and the draft to which it belongs."""
 
 
 def as_files(drafts: Sequence[Draft], output: Path | None) -> Files:
-    """Return the text of every file, and the draft that it is of: a spec for each study; for a
-    study of several outputs a campaign, a fragment with what its specs share, and a spec for each.
+    """Return the text of every file, and the draft to which it belongs: a spec for each study; for
+    a study of several outputs, a campaign, a fragment with the common part of its specs, and a spec
+    for each output.
 
-    The first file is `output` where that is given, and those beside it have its name.
+    The first file is `output` if it is given, and the others beside it get its name.
     """
     files: Files = {}
     studies: dict[str, list[Draft]] = {}
@@ -57,8 +60,8 @@ def _campaign(name: str, outputs: Sequence[Draft], first: Path) -> Files:
 
 
 def _shared(specs: Sequence[Section]) -> tuple[Section, list[Section]]:
-    """Return what all specs have alike, and what each has beyond; `data`, its columns and units
-    are looked at key by key.
+    """Return the common part of all specs, and the rest of each; `data`, its columns and units are
+    compared key by key.
     """
     common: Section = {}
     rests: list[Section] = [{} for _ in specs]

@@ -13,12 +13,12 @@ from mapmore_cli.domain.arrays import Array
 if TYPE_CHECKING:
     from markupsafe import Markup
 
-POINTS, WIDTH, HEIGHT = 600, 400, 200  # of a drawing
+POINTS, WIDTH, HEIGHT = 600, 400, 200  # size of a drawing
 
 
 def draft_page(draft: Draft) -> str:
-    """Return the page of a draft as HTML: every column with its course, what it was taken for, and
-    what is open; all texts are escaped.
+    """Return the page of a draft as HTML: every column with its course, its role, and the open
+    questions. All texts are escaped.
     """
     from mapmore_cli.reporting.table import environment
 

@@ -1,4 +1,4 @@
-"""The first lines of a file: how it is laid out, before anything is known of what it holds."""
+"""Look at the first lines of a file, to find its layout before its meaning is known."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from mapmore_cli.storage.tables.below import Below
 from mapmore_cli.storage.tables.cells import stamp_of
 from mapmore_cli.study.units import check_unit
 
-WIDEST, LINES = 2000, 200  # columns, and lines of a table, that `init` looks at
-REMARKS = ("#", "%", "//", "!")  # what a line begins with that is no data
-LETTERS = "smNVAKgh1%-"  # that are units as everybody writes them
-# as microcontrollers plot: `t:12,p:3.4`
+WIDEST, LINES = 2000, 200  # columns, and lines of a table, that `init` reads
+REMARKS = ("#", "%", "//", "!")  # beginnings of lines that are no data
+LETTERS = "smNVAKgh1%-"  # single letters that are common units
+# as printed by microcontrollers: `t:12,p:3.4`
 _LABELLED = re.compile(r"\s*[A-Za-z_]\w*\s*[:=]\s*[-+]?[.\d]\S*")
 HEAD = 1 << 16  # bytes at the beginning of a text
 _NUMBERS = re.compile(rb"[\s\"']*[-+.\d]")
@@ -36,23 +36,23 @@ UNREAD = {
     "feather arrow orc": "save it as Parquet, as by `pandas.read_feather(path).to_parquet(...)`",
     "db sqlite mdb accdb numbers wav c3d bin raw": "export its table as CSV",
 }
-"""Suffixes of files that may hold data and that no reader takes, and what to do."""
+"""Suffixes of files that may hold data but that no reader reads, and what to do."""
 
 Row = Sequence[Any]
 
 
 @dataclass(frozen=True)
 class Preview:
-    """How a file is read: by which `reader` with which `settings` of `data`.
+    """Layout of a file: its `reader`, and the `settings` of `data` with which it is read.
 
-    - `columns`: how the spec names them: by the addresses of a file that is a tree, else by the
-      titles of a header that one column alone has, else by their 0-based places.
-    - `titles`, `units`: of the columns as the file writes them, empty where it writes none.
-    - `alike`: the sheets of a workbook that are laid out alike, where there is more than one;
-      `left` are its other sheets.
-    - `tables`: the numbers and titles of tables below each other that are laid out alike, where
-      there are others in the file; `left` are these.
-    - `numeric`: the places of columns of numbers.
+    - `columns`: names of the columns in a spec: addresses if the file is a tree, otherwise unique
+      titles, otherwise 0-based indices.
+    - `titles`, `units`: of the columns as written in the file; empty if there are none.
+    - `alike`: the sheets of a workbook with the same layout, if there are several; `left` are its
+      other sheets.
+    - `tables`: the numbers and titles of tables below each other with the same layout, if there are
+      others in the file; `left` are the others.
+    - `numeric`: indices of columns of numbers.
     """
 
     reader: str
@@ -67,7 +67,7 @@ class Preview:
 
 
 def unread(path: Path) -> str | None:
-    """Return why a file that may hold data is passed over, and what to do; None for others."""
+    """Return why a file that may hold data is not read, and what to do; None for other files."""
     suffix = suffix_of(path)
     remedy = next((how for which, how in UNREAD.items() if suffix[1:] in which.split()), None)
     if remedy is None or reader_of(path) is not None:
@@ -76,9 +76,9 @@ def unread(path: Path) -> str | None:
 
 
 def kinds_of_lines(path: Path) -> tuple[bytes, ...]:
-    """Return the kinds of lines at the beginning of a text: lines of words as they are, lines of
-    numbers with 0 for each number. Texts of the same kinds are laid out alike, and one of them is
-    looked at closely. Empty for what is no text.
+    """Return the kinds of lines at the beginning of a text: lines of words unchanged, lines of
+    numbers with 0 for each number. Texts of the same kinds have the same layout, so only one of
+    them is examined. Empty for a file that is no text.
     """
     with path.open("rb") as file:
         head = file.read(HEAD)
@@ -91,8 +91,8 @@ def kinds_of_lines(path: Path) -> tuple[bytes, ...]:
 
 
 def preview(path: Path) -> Preview:
-    """Look at the beginning of a file; DataError where it holds no table of numbers, in two
-    columns, that `init` can lay out.
+    """Return the layout of a file from its beginning. Raises DataError if it holds no table of
+    numbers with at least two columns that `init` can read.
     """
     reader = reader_of(path)
     if reader is None:
@@ -105,7 +105,7 @@ def preview(path: Path) -> Preview:
         raise DataError(f"{path.name}: its arrays have to be named", remedy)
     try:
         tops = list(reader.peek(path, LINES))
-    except DataError as fault:  # what a reader tells of a file says how to save it otherwise
+    except DataError as fault:  # an error of the reader says how to save the file in another way
         raise DataError(": ".join(filter(None, [fault.message, fault.remedy]))) from fault
     if (width := max((len(row) for top in tops for row in top.rows), default=0)) > WIDEST:
         raise DataError(f"{path.name}: has {width} columns, more than {WIDEST}", remedy)
@@ -123,8 +123,8 @@ def preview(path: Path) -> Preview:
 
 
 def _with_tables_below(path: Path, best: _FoundTable, layout: Preview, reader: Reader) -> Preview:
-    """Return the layout with the tables of one header, that of the most rows, where several stand
-    below each other; those with another header are left.
+    """Return the layout with the tables that have the header with the most rows, if several tables
+    stand below each other; those with another header are left out.
     """
     if reader.below is None:
         return layout
@@ -158,7 +158,7 @@ def _with_tables_below(path: Path, best: _FoundTable, layout: Preview, reader: R
 
 
 def _titles_of(table: Below) -> list[str]:
-    """Return the cells of a table's header that are filled; of none, the number of its columns."""
+    """Return the filled cells of a table's header; without a header, its number of columns."""
     if not table.header:
         return [f"{len(table.rows[0][1])} columns"]
     return [str(cell).strip() for cell in _nonempty(table.header[0][1])]
@@ -204,7 +204,7 @@ def _no_table(path: Path, tops: Sequence[Top], remedy: str) -> DataError:
 def _of_all_sheets(
     best: str, layouts: Mapping[str | None, Preview], sheets: Sequence[str | None]
 ) -> Preview:
-    """Return the layout of one sheet for it and all that are like it."""
+    """Return the layout of one sheet for all sheets with the same layout."""
     shapes = {
         sheet: replace(layout, settings={**layout.settings, "sheet": ""})
         for sheet, layout in layouts.items()
@@ -220,7 +220,7 @@ def _of_all_sheets(
 
 @dataclass(frozen=True)
 class _FoundTable:
-    """A table in the first rows of a file: numbers in the columns `numeric` of `rows` of `wide`
+    """A table in the first rows of a file: numbers in the columns `numeric` of `rows` with `wide`
     cells, from the row `first` on.
     """
 
@@ -253,13 +253,17 @@ class _FoundTable:
 
     @property
     def rank(self) -> tuple[int, int]:
-        """The lower, the more columns of texts look like numbers, then the fewer rows there are."""
+        """Sort key, which is larger for more columns of texts that look like numbers, and then for
+        fewer rows.
+        """
         texts = (cells for place, cells in enumerate(self.columns) if place not in self.numeric)
         doubtful = sum(any(map(str.isdigit, str(cells[0]))) for cells in texts if cells)
         return -doubtful, len(self.rows) - self.first
 
     def layout(self, reader: str) -> Preview:
-        """Return which line above the numbers has the titles, and which the units."""
+        """Return the layout, in which one line above the numbers has the titles, and another the
+        units.
+        """
         lines = self.header_lines()
         titled = self.line_of_titles(lines)
         titles = [] if titled is None else lines[titled]
@@ -271,7 +275,7 @@ class _FoundTable:
         spelt = [_without_brackets(own or unit) for own, unit in pairs]
         for place in self.numeric:
             if not spelt[place] and stamp_of(str(self.columns[place][0]).strip()) is not None:
-                spelt[place] = "s"  # as stamps are read
+                spelt[place] = "s"  # the unit in which stamps are read
         header, skipped = 0, self.first
         if titled is not None and len(self.rows[titled]) <= self.wide:
             header, skipped = max(lines) - titled + 1, titled
@@ -291,11 +295,11 @@ class _FoundTable:
         )
 
     def header_lines(self) -> dict[int, list[str]]:
-        """Return the lines right above the numbers that may be titles or units, by their places:
-        they reach as far as the numbers, and no cell beyond these is filled.
+        """Return the lines directly above the numbers that may be titles or units, by their index.
+        They are as wide as the numbers, and no cell beyond them is filled.
 
-        Blank lines may stand below titles and above a line of units. The mark of a remark is no
-        cell, where it stands alone.
+        Blank lines may stand below titles and above a line of units. The mark of a remark alone is
+        no cell.
         """
         lines: dict[int, list[str]] = {}
         last = max(place for place, cells in enumerate(self.columns) if cells)
@@ -313,8 +317,8 @@ class _FoundTable:
         return lines
 
     def line_of_titles(self, lines: Mapping[int, list[str]]) -> int | None:
-        """Return the line with the most texts that names half of the columns of numbers, and is no
-        line of units: the first of equals, and the last of remarks, where all are remarks.
+        """Return the line with the most texts that names at least half of the columns of numbers
+        and is no line of units: of equals, the first, or if all are remarks, the last.
         """
 
         def rank(line: int) -> tuple[bool, int, int]:
@@ -330,11 +334,11 @@ class _FoundTable:
 
 
 def _table_in(top: Top) -> _FoundTable | None:
-    """Return the table that the last rows belong to; None where they are no numbers in enough
+    """Return the table to which the last rows belong; None if they are no numbers in enough
     columns.
 
     Cells may be empty, a word may stand for a missing number, and whole columns may hold words. The
-    very last row may be cut off; remarks below the table are left out.
+    very last row may be incomplete; remarks below the table are left out.
     """
     rows = top.rows[:-1] if len(top.rows) > 1 else top.rows
     widths = Counter(len(row) for row in rows[len(rows) // 2 :] if _nonempty(row))
@@ -350,7 +354,7 @@ def _table_in(top: Top) -> _FoundTable | None:
     def has_numbers(row: Row) -> bool:
         cells = _nonempty([row[place] for place in numeric]) if len(row) == wide else []
         count = sum(map(top.is_number, cells))
-        # a line of units may have a number, as `kPa;1`
+        # a line of units may contain a number, for example `kPa;1`
         return count > 0 and (count == len(cells) or not _are_units([*map(str, cells)]))
 
     filled = [place for place, row in enumerate(rows) if _nonempty(row)]
@@ -381,8 +385,8 @@ def _are_units(cells: Sequence[str]) -> bool:
 
 
 def _reads_as_unit(cell: str) -> bool:
-    """Return True for a unit; of single letters, which titles are as well, for those in daily
-    use.
+    """Return True for a unit; among single letters, which may also be titles, only for common
+    ones.
     """
     unit = _without_brackets(cell)
     if len(unit) == 1:

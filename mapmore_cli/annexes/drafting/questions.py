@@ -1,4 +1,4 @@
-"""What is asked at a terminal: at most four questions for any folder, each can be taken back."""
+"""Ask questions in a terminal: at most four for any folder, each of which can be taken back."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MOST_GROUPS = 20  # values of a column that may number groups
 
 @dataclass(frozen=True)
 class Option:
-    """A column or an answer: how it is called, its `text`, and its course."""
+    """A column or an answer: its name, its `text`, and its course."""
 
     number: str
     text: str
@@ -33,8 +33,8 @@ class Option:
 
 @dataclass(frozen=True)
 class Question:
-    """One thing that the data cannot tell: `form` says how to answer, and `take` returns what is
-    then said, or raises UsageError.
+    """A question that the data cannot answer. `form` says how to answer, and `take` returns the
+    resulting answers, or raises UsageError.
     """
 
     text: str
@@ -44,17 +44,17 @@ class Question:
 
 
 Ask = Callable[[Question], str]
-"""Returns what a person answers, `b` for the question before; it is asked again where the answer
-cannot be.
+"""Function that returns a person's answer, `b` to return to the question before. An impossible
+answer is asked again.
 """
 View = Callable[[Answers], Understood]
-"""Returns what is understood by answers."""
+"""Function that returns what answers mean for the study."""
 
 
 @dataclass(frozen=True)
 class Asked:
-    """What questions are about: the columns, the names of the recordings, how answers are
-    understood, and what was answered so far.
+    """Data for the questions: the columns, the names of the recordings, how answers are
+    interpreted, and the answers so far.
     """
 
     table: Table
@@ -63,7 +63,7 @@ class Asked:
     answers: Answers
 
     def options(self, but: Iterable[Column] = ()) -> tuple[Option, ...]:
-        """Return the columns of the list that `init` prints, by the same numbers."""
+        """Return the columns in the list that `init` prints, with the same numbers."""
         columns = listed(self.table, but).items()
         return tuple(Option(str(at), one.described, course(one.values)) for at, one in columns)
 
@@ -71,9 +71,9 @@ class Asked:
 def interview(
     table: Table, names: Sequence[str], view: View, answers: Answers, ask: Ask
 ) -> Answers:
-    """Ask what is open; return what was said.
+    """Ask the open questions, and return all answers.
 
-    Raises UsageError where the person says nothing of what has to be known.
+    Raises UsageError if the person does not answer a necessary question.
     """
     past: list[tuple[int, Answers]] = []
     place = 0
@@ -91,14 +91,16 @@ def interview(
 
 
 def course(values: Sequence[Array], width: int = 40) -> str:
-    """Return a column over its samples as so many characters, one recording after the other."""
+    """Return the course of a column over its samples as `width` characters, one recording after the
+    other.
+    """
     shares = scaled(np.concatenate(values))
     places = np.linspace(0, len(shares) - 1, min(width, len(shares))).astype(int)
     return "".join(BLOCKS[int((len(BLOCKS) - 1) * share + 0.5)] for share in shares[places])
 
 
 def _target(asked: Asked) -> Question | None:
-    with suppress(UsageError):  # while nobody says what is predicted
+    with suppress(UsageError):  # while the target is still unknown
         if asked.answers.target or asked.view(asked.answers):
             return None
 
@@ -128,7 +130,7 @@ def _inputs(asked: Asked) -> Question | None:
         chosen = read_names("the inputs", reply.lstrip("- "))
         columns = [find(asked.table, one.column, "the inputs").column for one in chosen.values()]
         if any(column in columns for column in targets):
-            raise UsageError("the inputs: the target is no input", "leave it out")
+            raise UsageError("the target cannot be an input", "leave it out")
         if reply.startswith("-"):
             rest = {name: known.columns[name] for name in known.inputs}
             chosen = {name: one for name, one in rest.items() if one.column not in columns}
@@ -161,7 +163,7 @@ def _held_out(asked: Asked) -> Question | None:
     named = tuple(Option("", f"{one.quantity}  {one.why}") for one in known.conditions)
     whole = f" `{WHOLE}` (every third one)," if len(asked.names) > 1 else ""
     return Question(
-        "What is held out, to check the model by it?",
+        "What is held out, to test the model with it?",
         (*asked.options(others), *named),
         "Enter: what names, levels or recordings suggest; else an input (inner values of it),"
         f"{whole} or `{LAST_SAMPLES}` (the last 30 % of each recording)",
@@ -193,4 +195,4 @@ def _groups(asked: Asked) -> Question | None:
 
 
 QUESTIONS = (_target, _inputs, _held_out, _groups)
-"""What is asked, each only if it is open."""
+"""The questions, each of which is asked only if it is open."""

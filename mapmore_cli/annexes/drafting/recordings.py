@@ -1,5 +1,5 @@
-"""The recordings of a study, read as its draft says, and the draft with what they need to be
-read.
+"""Read the recordings of a study as its draft says, and add to the draft what reading them
+needs.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ from mapmore_cli.storage.tables.cells import NotANumber
 from mapmore_cli.study.sections.data import Data
 from mapmore_cli.study.units import can_convert, convert, default_unit, is_canonical
 
-MOST_FILES = 5  # that are looked at
+MOST_FILES = 5  # files that are read
 MOST_SHOWN = 12  # columns that a line names
-MOST_WORDS = 3  # that stand for missing numbers in one column; more are a column of words
+MOST_WORDS = 3  # words for missing numbers in one column; with more, it is a column of words
 RESET = {"longer_than": 60.0, "action": "split"}  # cuts a recording where its clock is set back
-BREAK = 5  # usual steps without a sample, that are a gap
+BREAK = 5  # number of usual steps without a sample that is a gap
 
 T = TypeVar("T")
 
 
 class _Columns(Data):
-    """The columns of a file before anything is known of them: any may hold time stamps."""
+    """The columns of a file before their meaning is known; any of them may hold time stamps."""
 
     def clocks(self) -> frozenset[Column]:
         return frozenset(column.column for column in self.columns.values())
@@ -51,9 +51,7 @@ class _Columns(Data):
 def read_draft(
     draft: Draft, folder: Path, measured: str, warn: Callable[[str], None] = lambda _: None
 ) -> Dataset:
-    """Return the dataset of a draft, in the units that it says; DataError where it cannot be
-    made.
-    """
+    """Return the dataset of a draft, in its units. Raises DataError if it cannot be made."""
     data = Data.model_validate(draft.data)
     units = {name: default_unit(name) for name in data.quantities} | draft.spec.get("units", {})
     try:
@@ -63,10 +61,10 @@ def read_draft(
 
 
 def _with_words(read: Callable[[object], T]) -> tuple[object, T]:
-    """Return the first rule for missing values by which something can be read, and what was read:
-    a few words, as `---`, may stand for such values.
+    """Return the first rule for missing values with which something can be read, and the result: a
+    few words, for example `---`, may mean missing values.
 
-    Raises DataError for more words, and for a cell that is no such word, as a date.
+    Raises DataError for too many words, and for a cell that is no such word, for example a date.
     """
     words: list[str] = []
     while True:
@@ -80,10 +78,11 @@ def _with_words(read: Callable[[object], T]) -> tuple[object, T]:
 
 
 def table_of(study: Study, folder: Path) -> Table:
-    """Return the columns of a few files of a study; those of text and empty ones have no values.
+    """Return the columns of a few files of a study. Columns of text and empty columns have no
+    values.
 
-    Where one cannot be read, every column is read by itself. Raises DataError where no column is
-    left.
+    If the files cannot be read as a whole, every column is read separately. Raises DataError if no
+    column is left.
     """
     layout, section = study.layout, started(study.of_layout, folder).data
     last = DataError(f"{study.files[0].name}: no column has numbers", "fill its cells")
@@ -130,7 +129,9 @@ def _some_of(sources: Sequence[Source]) -> Sequence[Source]:
 
 
 def described(study: Study, folder: Path) -> str:
-    """Return the counts of a layout in words: files, rows, columns, and what names say."""
+    """Return a layout in words: numbers of files, rows and columns, and the information in
+    names.
+    """
     try:
         table = table_of(study, folder)
     except (DataError, SpecError) as fault:
@@ -146,8 +147,9 @@ def described(study: Study, folder: Path) -> str:
 
 
 def split_by(table: Table, said: Sequence[str]) -> Table:
-    """Return a table with the values of each recording apart, as columns that a person names tell
-    them; as it is where some of these lack values. Raises UsageError for a name that no column has.
+    """Return a table in which the values of each recording are separate, as distinguished by the
+    columns that a person names; unchanged if some of these lack values. Raises UsageError for an
+    unknown column.
     """
     keys = [
         find(table, int(one) if one.isdecimal() else one, "--recordings", texts=True)
@@ -177,8 +179,8 @@ def split_by(table: Table, said: Sequence[str]) -> Table:
 def _read_columns(
     section: Mapping[str, Any], folder: Path, columns: Sequence[Column]
 ) -> dict[Column, list[Array]]:
-    """Return the numbers of every column; of none that is empty in a file, or that mostly has
-    words.
+    """Return the numbers of every column, except columns that are empty in a file, or that hold
+    mostly words.
     """
     names = {f"column_{place}": column for place, column in enumerate(columns)}
     entries = {name: {"column": column} for name, column in names.items()}
@@ -223,8 +225,8 @@ def _without_bad(tables: Sequence[Samples]) -> list[Samples]:
 
 
 def with_columns(draft: Draft, known: Understood, target: str, table: Table) -> Draft:
-    """Return the draft with the columns of one target, their units where the names are no canonical
-    quantities, and a word on those that are not used.
+    """Return the draft with the columns of one target, their units if the names are no canonical
+    quantities, and a remark on columns that are not used.
     """
     used = {place for one in known.columns.values() for place in one.places}
     left = ", ".join(
@@ -260,18 +262,18 @@ def with_columns(draft: Draft, known: Understood, target: str, table: Table) -> 
 
 
 def lenient(draft: Draft) -> Draft:
-    """Return the draft with single faults of cells and of the clock left out."""
+    """Return the draft with settings that leave out single faults of cells and of the clock."""
     for key, value in (("missing", "drop"), ("repeated_time", "spread"), ("glitches", "drop")):
         draft = draft.with_data(key, value)
     return draft
 
 
 def cleaned(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset]:
-    """Return the draft with what its recordings need to be read, and these.
+    """Return the draft with all settings that its recordings need, and the recordings.
 
-    A clock that is set back cuts a recording; files that cannot be read are left out by name; a
-    clock for which most files would be left out is left out itself. Raises DataError where no
-    recording can be read, or where another log is joined by such a clock.
+    A recording is cut where its clock is set back. Unreadable files are left out by name. A clock
+    for which most files would be left out is itself left out. Raises DataError if no recording can
+    be read, or if another log is joined by such a clock.
     """
     draft = lenient(draft)
     try:
@@ -298,8 +300,8 @@ def cleaned(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset]:
 
 
 def _read_tolerantly(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset, bool]:
-    """Return the draft with words for missing values, and with the files that cannot be read by
-    their names; its dataset; and whether at least half of the files are in it.
+    """Return the draft with words for missing values, and with the names of files that cannot be
+    read; its dataset; and True if at least half of the files are in it.
     """
     warnings: list[str] = []
     missing, dataset = _with_words(
@@ -320,8 +322,8 @@ def _read_tolerantly(draft: Draft, folder: Path, target: str) -> tuple[Draft, Da
 
 
 def _with_losses_told(draft: Draft, dataset: Dataset) -> Draft:
-    """Return the draft with what is done about empty cells and odd stamps, where there are any;
-    those of a joined log are not counted.
+    """Return the draft with notes on empty cells and odd time stamps, if there are any; those of a
+    joined log are not counted.
     """
     rules = {
         "missing": ("missing value", "samples have an empty cell"),
@@ -349,11 +351,12 @@ def _with_losses_told(draft: Draft, dataset: Dataset) -> Draft:
 
 
 def with_strain(draft: Draft, length: float, conditions: Conditions) -> tuple[Draft, str]:
-    """Return the draft with the strain that a length or a displacement makes of the muscle's own
-    length in m, and which of them; empty where a column holds the strain, or there is none.
+    """Return the draft with the strain computed from a length or a displacement and the muscle's
+    own length in m, and the name of that column; empty if a column holds the strain, or if there is
+    no such column.
 
-    A displacement counts as contraction in the direction in which it mostly goes. `conditions`
-    are values that names tell.
+    A displacement counts as contraction in the direction in which it mostly moves. `conditions` are
+    values from names.
     """
     draft = draft.with_section("muscle", {"length": length})
     columns = draft.data["columns"]
@@ -380,8 +383,8 @@ def with_strain(draft: Draft, length: float, conditions: Conditions) -> tuple[Dr
 
 
 def with_second_log(draft: Draft, second: Study, folder: Path, target: str, said: Named) -> Draft:
-    """Return the draft with the pressure of a second log, shifted as the changes of the target and
-    of the pressure tell, where they do.
+    """Return the draft with the pressure of a second log, shifted so that its changes match those
+    of the target, if a shift can be found.
     """
     table = table_of(second, folder)
     columns, _ = known_by_titles(table)
@@ -404,7 +407,7 @@ def with_second_log(draft: Draft, second: Study, folder: Path, target: str, said
     try:
         notes = read_draft(lenient(draft.with_data("join", [entry])), folder, target).notes
         how_shifted = next((note for note in notes if ": shift " in note), "").partition(": ")[2]
-    except DataError:  # nothing changes, or several shifts would do
+    except DataError:  # nothing changes, or several shifts are possible
         entry = {key: value for key, value in entry.items() if key != "match"} | {"shift": 0.0}
         how_shifted, sure = "are both clocks one?", False
     return draft.with_data(

@@ -1,6 +1,6 @@
-"""Which files are one study, and the `files` of its spec.
+"""Find out which files form a study, and write the `files` of its spec.
 
-One study is all files of one layout, whatever folders they lie in.
+A study consists of all files of one layout, in whatever folders they lie.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Study:
 
     @cached_property
     def folder(self) -> Path:
-        """The folder that all files are in."""
+        """The folder that contains all files."""
         return Path(os.path.commonpath([file.parent for file in self.files]))
 
     @property
@@ -68,8 +68,8 @@ class Study:
 
     @property
     def parts(self) -> list[tuple[Path, Section]]:
-        """Every recording: its file, and where in it: its sheet where the names of sheets tell
-        something, or its table of several below each other.
+        """Every recording: its file, and its place in the file (the sheet if the names of sheets
+        say something, or its table if there are several).
         """
         if self.layout.tables:
             places: list[Section] = [{"table": at} for at, _ in self.layout.tables]
@@ -80,8 +80,8 @@ class Study:
 
     @property
     def names(self) -> list[str]:
-        """What names each recording: its path in the folder; its sheet, or what stands above its
-        table, where there is one file; both where tables stand in several.
+        """The name of each recording: its path in the folder; for a single file, its sheet or the
+        text above its table; both if tables are in several files.
         """
         titles, is_one = dict(self.layout.tables), len(self.files) == 1
         stems = {file: stem_of(relative_name(file, self.folder)) for file in self.files}
@@ -94,16 +94,16 @@ class Study:
 
     @property
     def quantities(self) -> set[str]:
-        """Quantities that the titles name."""
+        """Quantities named in the titles."""
         labels = map(read_label, self.layout.titles)
         return {label.quantity for label in labels if label is not None}
 
 
 def find_studies(path: Path) -> tuple[list[Study], list[str]]:
-    """Return the studies under a path, that of the most files first, and for every other file why
-    it is left out, and the remedy.
+    """Return the studies under a path, the one with the most files first, and for every other file
+    the reason why it is left out, with the remedy.
 
-    Raises DataError where the path does not exist.
+    Raises DataError if the path does not exist.
     """
     if not path.exists():
         raise DataError(
@@ -164,7 +164,7 @@ def _is_own(file: Path, folder: Path) -> bool:
 
 
 def _name(study: Study, alone: bool) -> str:
-    """Return the name of the folder where it has no other study, else the words that all files
+    """Return the name of the folder if it has no other study, otherwise the words that all files
     share.
     """
     stems = [re.split(r"[_\s/]+", stem_of(file.name)) for file in study.files]
@@ -176,10 +176,10 @@ def _name(study: Study, alone: bool) -> str:
 
 
 def second_of(study: Study, studies: Sequence[Study]) -> Study | None:
-    """Return the log with the pressure of the same tests: the one other layout in the folder whose
-    titles have it, and that has as many files.
+    """Return the log with the pressure of the same tests: the only other layout in the folder whose
+    titles name it and that has as many files.
 
-    None where the study has a pressure of its own, or more than one other comes into question.
+    None if the study has its own pressure, or if more than one other is possible.
     """
     beside = [
         one
@@ -193,10 +193,10 @@ def second_of(study: Study, studies: Sequence[Study]) -> Study | None:
 
 
 def patterns(files: Sequence[Path], folder: Path, bad: Sequence[Path] = ()) -> list[str]:
-    """Return one glob from `folder` that matches these files and no others but `bad` ones, else the
-    files themselves.
+    """Return one glob relative to `folder` that matches these files and no others except `bad`
+    ones; otherwise the files themselves.
 
-    Each folder, and the name, is made of the words at which all begin and end.
+    Each part of the glob consists of the words with which all names begin and end.
     """
     names = [relative_name(file, folder) for file in files]
     steps = [name.split("/") for name in names]
@@ -228,7 +228,7 @@ def started(
     """Return a draft with the name and the files; recordings for which the same values are set
     share an entry. Files with other units have `columns` of their own.
 
-    `remark` tells of numbers in names that were taken for repeats.
+    `remark` is about numbers in names that were taken as repeats.
     """
     layout = study.layout
     data: Section = {"files": [], "reader": layout.reader, **layout.settings}
@@ -267,8 +267,8 @@ def _file_entries(
     is_by_part: bool,
     columns: Named,
 ) -> list[Any]:
-    """Return the `files` of a spec: globs, with the sheet or the table, and the values that names
-    tell.
+    """Return the `files` of a spec: globs, with the sheet or the table, and the values from
+    names.
     """
     values = [one.in_model_units for one in conditions]
     members: dict[tuple[Any, ...], list[Path]] = {}

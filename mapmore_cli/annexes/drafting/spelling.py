@@ -12,9 +12,9 @@ def words(text: str) -> list[str]:
 
 
 def spelt(text: str) -> str:
-    """Return a text in the Latin alphabet: accents are taken off, and letters are spelt as Unicode
-    names them, within words by their first sounds (`θ1` is `theta1`, `Πίεση` is `piese`); signs
-    without a letter's name get their number.
+    """Return a text in the Latin alphabet: accents are removed, and letters are replaced by their
+    Unicode names, within words by the first sounds of these (`θ1` becomes `theta1`, `Πίεση` becomes
+    `piese`); other signs become their number.
     """
     plain = "".join(
         sign for sign in unicodedata.normalize("NFKD", text) if not unicodedata.combining(sign)

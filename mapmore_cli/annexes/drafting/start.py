@@ -1,6 +1,7 @@
-"""`mapmore init`: from a file or a folder to specs, with a word about everything that is left out.
+"""Implement `mapmore init`: from a file or a folder to specs, with a remark about everything that
+is left out.
 
-Titles, units and the person decide what columns are; nothing is guessed from values.
+Titles, units and the person decide the meaning of columns; it is never guessed from values.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ SUMMARIES = {
 
 @dataclass(frozen=True)
 class Start:
-    """The drafts, that of the most files first, and remarks about what they do not cover."""
+    """The drafts, the one with the most files first, and remarks about what they do not cover."""
 
     drafts: tuple[Draft, ...]
     remarks: tuple[str, ...]
@@ -68,16 +69,16 @@ def propose(
     ask: Ask | None,
     path: str,
 ) -> list[Draft]:
-    """Return the specs of a study, one for each output, with paths from `folder`. Their models are
-    left to the search in a run.
+    """Return the specs of a study, one for each output, with paths relative to `folder`. The
+    structures of their models are left to the search in a run.
 
     Raises
     ------
     UsageError
-        Where neither titles nor `answers` say what is to be predicted, and nobody can be asked; or
-        where something that was said is not there.
+        If neither titles nor `answers` say what to predict, and nobody can be asked; or if an
+        answer names something that does not exist.
     DataError
-        Where the recordings cannot be read, or `check` finds an error in them.
+        If the recordings cannot be read, or if `check` finds an error in them.
     """
     table = split_by(table_of(study, folder), answers.recordings)
     columns, beside = _shared_out(answers.columns, table)
@@ -141,7 +142,7 @@ def _tips(table: Table, known: Understood, answers: Answers) -> Iterator[str]:
 
 
 def _shared_out(columns: Named, table: Table) -> tuple[Named, Named]:
-    """Return the named columns that a table has, and those of another log."""
+    """Return the named columns that belong to a table, and those of another log."""
     beside = dict(columns)
     for name, column in columns.items():
         with suppress(UsageError):
@@ -153,7 +154,7 @@ def _shared_out(columns: Named, table: Table) -> tuple[Named, Named]:
 def _with_experiment(
     draft: Draft, study: Study, folder: Path, known: Understood, target: str, answers: Answers
 ) -> Draft:
-    """Return the draft with what its recordings need to be read, and what was done."""
+    """Return the draft with the settings that its recordings need, and the experiment."""
     in_names = {one.quantity: one.in_model_units for one in known.conditions}
     hold, made = answers.hold, ""
     if answers.length is not None:
@@ -183,8 +184,8 @@ def _with_experiment(
 
 
 def _with_sessions(draft: Draft, apart: Unequal | None, group: str | None) -> Draft:
-    """Return the draft with what explains why equal inputs gave unequal outputs: for the groups
-    that a person named, else as a remark.
+    """Return the draft with an explanation of unequal outputs at equal inputs: as settings for the
+    groups that a person named, otherwise as a remark.
     """
     if apart is None:
         return draft
@@ -216,15 +217,15 @@ def start(
     """Draft specs for every study under `path`, or for the largest one only, with relative paths
     from `folder`.
 
-    Where somebody can be asked (`ask`), it is the largest that is asked about. `tell` is called
-    with a line for each layout before, where there are several.
+    If somebody can be asked (`ask`), the questions are about the largest study. If there are
+    several layouts, `tell` is called before with a line for each.
 
     Raises
     ------
     DataError
-        Where nothing usable is found; the message says why of every file.
+        If nothing usable is found; the message gives the reason for every file.
     UsageError
-        Where nothing says what is to be predicted, of any study.
+        If the quantity to predict is unknown for every study.
     """
     studies, remarks = find_studies(path)
     if len(studies) > 1:
@@ -267,7 +268,7 @@ def start(
 
 
 def _names_apart(studies: Sequence[Study]) -> list[str]:
-    """Return the names of studies, with a number behind those that repeat."""
+    """Return the names of studies, with a number appended to repeated ones."""
     labels = [study.name or "study" for study in studies]
     return [
         name if labels.count(name) == 1 else f"{name}-{labels[: place + 1].count(name)}"

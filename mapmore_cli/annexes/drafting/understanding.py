@@ -1,4 +1,4 @@
-"""What is understood of a study before its recordings are read: what is predicted, by what."""
+"""Interpret a study before its recordings are read: what is predicted, from which inputs."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from mapmore_cli.domain.errors import UsageError
 
 @dataclass(frozen=True)
 class Understood:
-    """The columns of a study, which of them are predicted and which drive, what names tell beside
-    them, what is left out, what tells groups apart: a column, else a word for names; and the
-    columns whose values tell recordings `apart`.
+    """Interpretation of a study: its columns, targets and inputs, the quantities in names, the
+    columns that are left out, the quantity that distinguishes groups (a column, or a word for
+    names), and the columns whose values distinguish recordings (`apart`).
     """
 
     columns: Named
@@ -38,7 +38,7 @@ class Understood:
 
     @property
     def drives(self) -> list[str]:
-        """The inputs, those that names tell included."""
+        """The inputs, including those from names."""
         return [*self.inputs, *(one.quantity for one in self.conditions)]
 
     def without_others(self, target: str) -> Named:
@@ -47,7 +47,9 @@ class Understood:
         return {name: one for name, one in self.columns.items() if name not in others}
 
     def drive_called(self, said: str, table: Table, option: str) -> str:
-        """Return the input that a person calls by name, title or number; UsageError for none."""
+        """Return the input that a person calls by name, title or number. Raises UsageError if there
+        is none.
+        """
         if said in self.drives:
             return said
         column = find(table, int(said) if said.isdecimal() else said, option).column
@@ -60,14 +62,14 @@ class Understood:
 def understood(
     study: Study, table: Table, answers: Answers, path: str, is_driven: bool = False
 ) -> Understood:
-    """Return what titles, names and a person say of a study; `is_driven` says that a second log
-    holds an input.
+    """Return the interpretation of a study from titles, names and a person; `is_driven` is True if
+    a second log holds an input.
 
     Raises
     ------
     UsageError
-        Where neither titles nor the person say what is to be predicted, or where something that
-        the person names is not there.
+        If neither titles nor the person say what to predict, or if something that the person names
+        does not exist.
     """
     columns, left_out = _columns_of(table, answers)
     apart = {
@@ -121,14 +123,14 @@ def understood(
 
 
 def _columns_of(table: Table, answers: Answers) -> tuple[Named, dict[Column, str]]:
-    """Return the columns that a person lists, else those that titles name, without a clock that
-    the person names as something else; and why others are left out.
+    """Return the columns that a person lists, or those that titles identify, without a clock that
+    the person names as something else; and the reasons why others are left out.
     """
     if answers.columns:
         return named_by_person(answers.columns, table, "--columns", {}), {}
     columns, left_out = known_by_titles(table)
     for name, column in {**answers.target, **(answers.inputs or {})}.items():
-        with suppress(UsageError):  # what names of files tell is in no column
+        with suppress(UsageError):  # quantities in names of files are in no column
             is_clock = (
                 "time" in columns
                 and columns["time"].column == find(table, column.column, "").column
@@ -142,10 +144,10 @@ def _columns_of(table: Table, answers: Answers) -> tuple[Named, dict[Column, str
 
 
 def _group_of(table: Table, said: str | None, known: Named) -> tuple[str | None, Named]:
-    """Return the name of what tells groups apart, and its column; none for a word of names.
+    """Return the name of the quantity that distinguishes groups, and its column; no column for a
+    word in names.
 
-    A column is called by its number, its title or its name. Raises UsageError for a number that
-    no column has.
+    A column is given by its number, its title or its name. Raises UsageError for an unknown number.
     """
     known_columns = (one for one in table.values() if one.values or one.texts)
     titles = {text for one in known_columns for text in (one.title, one.name)}
@@ -156,7 +158,9 @@ def _group_of(table: Table, said: str | None, known: Named) -> tuple[str | None,
 
 
 def _column_called(table: Table, said: str, option: str, known: Named) -> Named:
-    """Return the column with this number, title or name, by its name; UsageError for none."""
+    """Return the column with this number, title or name, by its name. Raises UsageError if there is
+    none.
+    """
     titled = find(table, int(said) if said.isdecimal() else said, option, texts=True)
     names = {one.column: name for name, one in known.items()}
     name = names.get(titled.column, titled.name)
@@ -169,8 +173,8 @@ def _free(
     targets: Sequence[str],
     left_out: dict[Column, str],
 ) -> list[str]:
-    """Return all columns that may drive the targets; those that are one signal with a target, or
-    of which it is a linear filter while others drive, are left out and told.
+    """Return all columns that may drive the targets. Columns that are the same signal as a target,
+    or of which a target is a linear filter while others drive, are left out with a reason.
     """
     free = {
         name: one.column
@@ -193,8 +197,8 @@ def _free(
 
 
 def _is_filtered(x: Sequence[Array], y: Sequence[Array]) -> bool:
-    """Return True where `y[k] = a x[k] + b x[k-1] + c x[k-2] + d` to 1e-4 of the range of y: it was
-    computed from x.
+    """Return True if `y[k] = a x[k] + b x[k-1] + c x[k-2] + d` up to 1e-4 of the range of y, so
+    that y was computed from x.
     """
     pairs = list(zip(x, y, strict=True))
     if any(len(one) != len(other) or len(one) < FEWEST for one, other in pairs):

@@ -1,7 +1,7 @@
-"""A model in C: header, source and a small program; without memory its derivatives too, and the
-input for a wanted output.
+"""Write a model in C: header, source and a small program; for a model without memory also its
+derivatives, and the input for a wanted output.
 
-The inverse is that of `modelling.inverse`, in the same steps. MuJoCo and Simulink call the C by
+The inverse takes the same steps as `modelling.inverse`. MuJoCo and Simulink call the C code through
 wrappers.
 """
 
@@ -50,29 +50,31 @@ from mapmore_cli.modelling.programs import program_of
 from mapmore_cli.modelling.ranges import OUTSIDE_TOLERANCE
 
 MOST_INPUTS = 14
-"""Bits of the returned number, one for every input and one more: an `int` may have 16."""
+"""Largest number of inputs: the returned number has a bit for every input and one more, and an
+`int` may have 16 bits.
+"""
 
 STATUS = (NONE, ONE, SEVERAL, FLAT)
-"""What the inverse functions return, from 0."""
+"""Return values of the inverse functions, counted from 0."""
 
 DIVIDED = 64
-"""Parts of a scan that are divided further at most, so that its places have room on the stack;
-Python knows no such limit.
+"""Largest number of parts of a scan that are divided further, so that the places fit on the stack;
+Python has no such limit.
 """
 
 COARSER = 1000.0
-"""Times wider limits of the inverse in single precision."""
+"""Factor by which the limits of the inverse are wider in single precision."""
 
 SEARCH = {
     "status": STATUS,
     **{"DIVIDED": DIVIDED, "SPLITS": SPLITS, "BISECTIONS": BISECTIONS},
     **{"STEEP": STEEP, "SAME": SAME, "REACHED": REACHED},
 }
-"""What the templates of the inverse know of the search."""
+"""Constants of the search in the templates of the inverse."""
 
 
 def c_files(model: Model, wanted: Wanted) -> dict[str, str]:
-    """Return the C of a model, compared with `predict` where there is a compiler."""
+    """Return the C files of a model, compared with `predict` if there is a compiler."""
     source = c_source(model, wanted.single)
     if wanted.verify:
         compiled = [f"{source.name}.c", f"{source.name}_main.c"]
@@ -85,15 +87,17 @@ def c_files(model: Model, wanted: Wanted) -> dict[str, str]:
 
 
 def c_source(model: Model, single: bool = False) -> CSource:
-    """Return a model in C, in single precision if so wished.
+    """Return a model in C, optionally in single precision.
 
-    Raises UsageError where the model's name has nothing that C allows, or it has too many inputs;
-    DataError where a part of it is no closed expression.
+    Raises UsageError if the model's name has no character that C allows, or if the model has too
+    many inputs; DataError if a part of it has no closed expression.
     """
     if len(model.inputs) > MOST_INPUTS:
         raise UsageError(
-            f"{model.name} has {len(model.inputs)} inputs; one bit each leaves room for "
-            f"{MOST_INPUTS}",
+            (
+                f"{model.name} has {len(model.inputs)} inputs, but the bit mask has room for "
+                f"{MOST_INPUTS}"
+            ),
             "export its parts",
         )
     name, program = identifier(model.name), program_of(model)
@@ -124,8 +128,8 @@ def c_source(model: Model, single: bool = False) -> CSource:
 
 
 class CSource(NamedTuple):
-    """A model in C: the `name` of its functions, its program, how that is written, and the `words`
-    that templates know of it.
+    """A model in C: the `name` of its functions, its program, how the program is written, and the
+    `words` for the templates.
     """
 
     name: Code
@@ -135,8 +139,8 @@ class CSource(NamedTuple):
 
     @property
     def files(self) -> dict[str, str]:
-        """Header, source and a small program to try the model with, by name; of one output without
-        memory also its derivatives, and the input for a wanted output where ranges are known.
+        """Header, source and a small test program, by name. For one output without memory also its
+        derivatives, and the input for a wanted output if ranges are known.
         """
         name, words = self.name, self.words
         files = {f"{name}.h": rendered_template("model.h", **words), f"{name}.c": functions(words)}
@@ -161,8 +165,8 @@ def functions(words: Mapping[str, Any]) -> str:
 
 
 def _inverses(words: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Yield what the function that solves for an input needs, for every one whose training range is
-    known.
+    """Yield the words for the function that solves for an input, for every input with a known
+    training range.
     """
     for name, in_code in names_of_inputs(words["model"].inputs).items():
         try:
@@ -179,13 +183,12 @@ def _inverses(words: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
         }
 
 
-# Around the C of a model: an actuator of MuJoCo, and a function for Simulink's C Caller
-# -------------------------------------------------
+# C wrappers of a model: an actuator of MuJoCo, and a function for Simulink's C Caller
 
 
 def mujoco_files(model: Model, _wanted: Wanted) -> dict[str, str]:
-    """Return the C of a model of pressure and strain, and a callback that MuJoCo asks for the force
-    of an actuator.
+    """Return the C of a model of pressure and strain, with a callback from which MuJoCo gets the
+    force of an actuator.
 
     Raises UsageError for a model with other inputs, or with memory.
     """
@@ -209,9 +212,9 @@ def mujoco_files(model: Model, _wanted: Wanted) -> dict[str, str]:
 
 
 def simulink_files(model: Model, _wanted: Wanted) -> dict[str, str]:
-    """Return the C of a model, and a function of single numbers that a C Caller block calls.
+    """Return the C of a model, with a function of single numbers that a C Caller block calls.
 
-    Raises UsageError for a model with memory: a C Caller block keeps no state.
+    Raises UsageError for a model with memory, because a C Caller block keeps no state.
     """
     if runs_over_time(model):
         raise UsageError(

@@ -1,4 +1,4 @@
-"""A model in another language: `mapmore export`."""
+"""Implement `mapmore export`: write a model in another language."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def export(
     model_file: console.ModelFile,
     to: Annotated[
         str,
-        typer.Option(metavar="FORM", help="What to write; see above."),
+        typer.Option(metavar="FORM", help="The format to write; the list is above."),
     ],
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the files.")
@@ -25,7 +25,8 @@ def export(
     pressure: Annotated[
         Path | None,
         typer.Option(
-            metavar="MODEL", help="A model of the pressure that the force is a function of."
+            metavar="MODEL",
+            help="Model of the pressure, which makes one actuator with the model of the force.",
         ),
     ] = None,
     single: Annotated[bool, typer.Option("--float", help="C in single precision.")] = False,
@@ -43,43 +44,44 @@ def export(
 ) -> None:
     """Write a model in another language.
 
-    The files are called after the model.
+    The files have the name of the model.
 
-    `c` needs nothing but math.h: no allocation, no global state. `fmu` is for co-simulation by FMI
-    2.0, `fmu3` by FMI 3.0. `py` is one Python file without any dependency, for single samples;
-    `numpy` is a module for arrays, `matlab` one function file, for Octave too. `js` is one module
-    of JavaScript for browsers and Node. `table` is the output on a grid with a mask of validity:
-    CSV, MAT, and a Modelica block around text for CombiTable2D. `mujoco` is C with an actuator
-    callback, `simulink` C with a function for C Caller blocks. `csv` is one lookup table, `tex` the
-    equations.
+    `c` needs only math.h, allocates no memory and has no global state. `fmu` is a unit for
+    co-simulation with FMI 2.0, `fmu3` with FMI 3.0. `py` is one Python file without any dependency,
+    for single samples; `numpy` is a module for arrays, `matlab` one function file, for Octave too.
+    `js` is one module of JavaScript for browsers and Node. `table` is the output on a grid, with a
+    mask of valid points: as CSV, as MAT, and as a Modelica block with text for CombiTable2D.
+    `mujoco` is C with an actuator callback, `simulink` is C with a function for C Caller blocks.
+    `csv` is one lookup table, and `tex` holds the equations.
 
     With `--pressure`, a model of the force and one of the pressure become one actuator, in C or as
-    an FMU: from what the valve is told.
+    an FMU. Its input is then the command of the valve.
 
-    Of a model of several outputs, C and equations hold all; other forms are written for each.
+    For a model with several outputs, C and equations contain all of them; other forms are written
+    for each output.
 
     C, FMUs, modules and functions are compared with `predict` on 100 points before they are
-    written. At the end stand lines that call what was written.
+    written. At the end, lines that call the exported code are printed.
     """
     from mapmore_cli.annexes.exporting.exports import exported, snippet
     from mapmore_cli.modelling import kinds
     from mapmore_cli.storage.artefacts import read_model
 
     if single and to != "c":
-        raise UsageError("--float is for C alone", "leave it out, or write --to c")
+        raise UsageError("--float works with C only", "leave it out, or choose --to c")
     if (grid is not None and to not in ("csv", "table")) or (grid is None and to == "csv"):
         raise UsageError(
-            "--grid goes with --to csv and --to table",
-            "as in: --to csv --grid pressure=0:600:25,strain=0:0.25:0.01",
+            "--grid works with --to csv and --to table only",
+            "for example: --to csv --grid pressure=0:600:25,strain=0:0.25:0.01",
         )
     if pressure is not None and to not in ("c", "fmu"):
         raise UsageError(
-            "--pressure goes with --to c and --to fmu", "export both models one by one"
+            "--pressure works with --to c and --to fmu only", "export the two models one by one"
         )
     with Reporter(quiet) as reporter:
         model = read_model(model_file, reporter.warn)
         if pressure is not None:
-            kinds.named("sum")  # raises NotInstalled where the annex is missing
+            kinds.named("sum")  # raises NotInstalled if this annex is missing
             from mapmore_cli.annexes.sums.joint import actuator
 
             valve = kinds.alone(read_model(pressure, reporter.warn))

@@ -1,5 +1,5 @@
-"""A program in C, Python, MATLAB or JavaScript: what differs between the languages, and how
-numbers, expressions and statements are written.
+"""Write a program in C, Python, MATLAB or JavaScript: the differences between the languages, and
+how numbers, expressions and statements are written.
 """
 
 from __future__ import annotations
@@ -43,19 +43,19 @@ from mapmore_cli.modelling.program.writing import names_used_in
 class Dialect:
     """Differences between the languages of exports.
 
-    - `number`: a finite number as text.
-    - `language`: whose texts of functions count (`expressions.functions`); how the name of one of
-      its `library` is written; and a general `power`, of base and exponent.
-    - `constant`: the line that gives a name to what is not assigned again.
-    - `nothing`: the value where there is none.
-    - `quotient`: the text of a quotient, of dividend and divisor.
-    - `assigned`: an assignment; `state`: how a name begins that is kept in the state `s`.
-    - `recalled`, `queued`: the value of a queue some `steps` ago, or `left` places from its oldest
-      one; the lines that put one in.
-    - `several`: the lines that give names to the results of a function.
-    - `branches`: a condition, a further one, what is left, and the end; where there are none, all
+    - `number`: function that writes a finite number.
+    - `language`: language whose texts of functions are used (`expressions.functions`); `library`:
+      how the name of a library function is written; `power`: a general power of base and exponent.
+    - `constant`: line that names a value that is not assigned again.
+    - `nothing`: value that means no value.
+    - `quotient`: text of a quotient of dividend and divisor.
+    - `assigned`: an assignment; `state`: prefix of a name that is kept in the state `s`.
+    - `recalled`, `queued`: value of a queue `steps` ago, or `left` places after its oldest value;
+      lines that append a value.
+    - `several`: lines that name the results of a function.
+    - `branches`: a condition, a further one, the remaining case, and the end. Without them, all
       cases of a choice are computed for all rows.
-    - `short`: whether a choice of one value may be `condition ? value : other`.
+    - `short`: True if a choice of one value may be written `condition ? value : other`.
     """
 
     number: Callable[[float], Code]
@@ -74,16 +74,14 @@ class Dialect:
     short: bool = False
 
     def function(self, name: str) -> str:
-        """Return what a function of expressions is called, in the library or among `helpers`."""
+        """Return the name of a function of expressions, in the library or among `helpers`."""
         entry = FUNCTIONS[name]
         if entry.is_in_library(self.language):
             return self.library.format(entry.texts[self.language])
         return HELPER.format(name)
 
     def helpers(self, *lines: str) -> dict[str, Code]:
-        """Return the functions that the lines call and the language has not, as expressions of
-        x.
-        """
+        """Return the functions that the lines call and the language lacks, as expressions of x."""
         called = set(re.findall(r"\w+(?=\()", "\n".join(lines)))
         return {
             helper: Code(entry.texts[self.language])
@@ -93,8 +91,8 @@ class Dialect:
 
 
 LARGEST, SMALLEST = 3.4028234e38, 1e-37
-"""Of a single-precision number; what lies beyond is held at the one, and is zero below the
-other.
+"""Largest and smallest magnitude of a single-precision number: larger values are limited, and
+smaller ones become zero.
 """
 
 DOUBLE = Dialect(
@@ -137,7 +135,9 @@ NUMPY = Dialect(
     several=("{names} = {function}({arguments})",),
 )
 SCALAR = replace(NUMPY, language="python", quotient="np.divide({}, {})")
-"""Of single numbers without NumPy, where Python raises for a quotient by zero."""
+"""Dialect for single numbers without NumPy, in which Python raises an error for a division by
+zero.
+"""
 
 MATLAB = Dialect(
     number=DOUBLE.number,
@@ -167,10 +167,10 @@ JAVASCRIPT = replace(
 
 
 def program_words(program: Program, dialect: Dialect, apart: bool = True) -> dict[str, Any]:
-    """Return what templates know of a program: its `functions`, its `lines` and their `results`,
-    and the `limits` of its inputs, which stand in a function `apart` with lines of its own.
+    """Return the words of a program for the templates: its `functions`, `lines` and `results`, and
+    the `limits` of its inputs, which with `apart` are in a function of their own.
 
-    Raises DataError where a name of the program is no identifier.
+    Raises DataError if a name of the program is no identifier.
     """
     kept = program.kept
     limits = [(limit.value, limit.at) for limit in program.limits]
@@ -229,8 +229,8 @@ def _function(program: Program, dialect: Dialect, function: Function) -> dict[st
 
 
 def texts_of(part: object) -> Iterator[str]:
-    """Yield every text within a part of a program, all but notes and the functions of expressions,
-    which are known ones.
+    """Yield every text within a part of a program, except notes and the functions of expressions,
+    which are known.
     """
     if isinstance(part, str):
         yield part
@@ -246,11 +246,11 @@ def texts_of(part: object) -> Iterator[str]:
 
 @dataclass
 class Body:
-    """The inside of a function in the making: its `lines`, and the powers and function values that
-    have a name, since they may occur again.
+    """The inside of a function that is being written: its `lines`, and the named powers and
+    function values, which may occur again.
 
-    They are computed in the same order as `expressions.compiled` computes them, so that all
-    languages round alike.
+    They are computed in the same order as in `expressions.compiled`, so that all languages round
+    alike.
     """
 
     program: Program
@@ -263,18 +263,18 @@ class Body:
         self.lines.append(Code(form.format(*parts, **named)))
 
     def _inner(self, lines: list[Code]) -> Body:
-        """Return the inside of a block: it has the names known here; those that it gives end with
-        it.
+        """Return the inside of a block. It knows the names that are known here; its own names end
+        with it.
         """
         return replace(self, lines=lines, known=dict(self.known))
 
     def block(self, block: Block) -> list[Code]:
-        """Write the statements of a block; return its results."""
+        """Write the statements of a block, and return its results."""
         self.write(block.statements)
         return [self.text(result) for result in block.results]
 
     def write(self, statements: Sequence[Statement]) -> None:
-        """Write statements behind the lines."""
+        """Write statements after the lines."""
         dialect, sizes = self.dialect, self.program.kept.queues
         for statement in statements:
             match statement:
@@ -337,7 +337,7 @@ class Body:
         return f"{self.text(condition.left)} {condition.comparison} {self.text(condition.right)}"
 
     def text(self, expression: Expression) -> Code:
-        """Return an expression as a whole."""
+        """Return the text of a whole expression."""
         match expression:
             case Sum((first, *others)):
                 text: str = self.text(first)
@@ -359,7 +359,7 @@ class Body:
         return self._atom(expression, front=True)
 
     def _atom(self, expression: Expression, front: bool = False) -> Code:
-        """Return the expression as a factor."""
+        """Return the text of an expression as a factor."""
         match expression:
             case Number(value):
                 number = self.dialect.number(value)

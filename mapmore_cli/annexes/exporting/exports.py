@@ -1,6 +1,6 @@
-"""Models written in other languages, as files by name.
+"""Export models to other languages, as files by name.
 
-An exporter takes a model and what is wanted, and returns its files; `EXPORTERS` has every one by
+An exporter takes a model and a request, and returns its files. `EXPORTERS` holds every exporter by
 the word after `mapmore export --to`.
 """
 
@@ -52,19 +52,19 @@ EXPORTERS = _ADDED | EXPORTERS
 
 
 SEVERAL = ("c", "tex")
-"""What is written once for all outputs of a model; of others there is one for each output."""
+"""Forms that contain all outputs of a model; others are written once for each output."""
 
 SNIPPETS = {
     **{"c": "c.sh", "fmu": "fmu.py", "fmu3": "fmu.py", "py": "py.py", "numpy": "numpy.py"},
     **{"matlab": "matlab.m", "mujoco": "mujoco.py", "simulink": "simulink.m", "table": "table.m"},
     **{"js": "js.mjs", "tex": "tex.tex"},
 }
-"""Templates of `sources/snippets/` that call an export, by its word."""
+"""Templates in `sources/snippets/` that call an export, by its word."""
 
 
 def snippet(model: Model, to: str, files: Sequence[str]) -> str:
-    """Return lines that call what was exported to the `files`, in the middle of its training range;
-    nothing where there is nothing to call.
+    """Return lines that call the exported `files` in the middle of the training range; empty if
+    there is nothing to call.
     """
     if to not in SNIPPETS:
         return ""
@@ -94,18 +94,18 @@ def exported(
 ) -> dict[str, bytes]:
     """Return the files of a model by one of the `EXPORTERS`; C may be of `single` precision.
 
-    Of several outputs, C is one function; others are written for each, and named after it. `csv`
-    has the points of a `grid`; a `table` those of a `grid` or of the training range.
+    With several outputs, C is one function; other forms are written for each output, with its name.
+    `csv` has the points of a `grid`, `table` those of a `grid` or of the training range.
 
-    C, units and modules are compared with `predict` where `verify` is set. `warn` is told where a
-    unit has no binary for this machine, and where nothing could be compared for want of a compiler.
+    With `verify`, C, units and modules are compared with `predict`. `warn` is called if a unit has
+    no binary for this machine, and if nothing could be compared because there is no compiler.
 
     Raises UsageError for a grid that is malformed or goes beyond the training range, and for a name
-    that has no letter; DataError where a part of the model is no closed expression; MapmoreError
-    where the code that was written has other numbers than `predict`.
+    without a letter; DataError if a part of the model has no closed expression; MapmoreError if the
+    code gives other numbers than `predict`.
     """
     if to not in EXPORTERS:
-        raise UsageError(f"nothing is exported to {to!r}", f"choose one of {', '.join(EXPORTERS)}")
+        raise UsageError(f"there is no export to {to!r}", f"choose one of {', '.join(EXPORTERS)}")
     wanted, files = Wanted(single, grid, verify, warn), dict[str, str | bytes]()
     for output in [model] if to in SEVERAL else model.each:
         files |= EXPORTERS[to](output, wanted)

@@ -1,5 +1,5 @@
-"""A model as a functional mock-up unit: FMI 2.0 or 3.0 co-simulation around its C source, with
-`modelDescription.xml` and units.
+"""Write a model as a functional mock-up unit: FMI 2.0 or 3.0 co-simulation around its C source,
+with `modelDescription.xml` and units.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ WRAPPERS = {
     2: ("unit.h", "co-simulation.h", "co-simulation.c"),
     3: ("unit.h", "co-simulation-3.c"),
 }
-"""The files around every model by standard, which no model is called; the last one is compiled."""
+"""Files of every unit by standard, whose names no model may have; the last one is compiled."""
 
 BITS = "outside_range"
-"""The integer output: bit i for input i outside of its training range, and one more where a model
-with memory has no value.
+"""Name of the integer output: bit i is set if input i is outside its training range; a further bit
+is set if a model with memory has no value.
 """
 
 
 @dataclass(frozen=True)
 class UnitSources:
-    """What a unit is made of: its identifier, its description, its sources by name, and the files
-    that its binary is compiled from.
+    """Contents of a unit: its identifier, its description, its sources by name, and the files from
+    which its binary is compiled.
     """
 
     name: str
@@ -70,8 +70,8 @@ class Variable(NamedTuple):
 
 
 def unit_file(model: Model, wanted: Wanted, standard: int = 2) -> dict[str, bytes]:
-    """Return a functional mock-up unit, a zip file without dates: its sources, and the binary of
-    this machine where there is a compiler.
+    """Return a functional mock-up unit as a zip file without dates: its sources, and the binary for
+    this machine if there is a compiler.
     """
     unit = fmu_sources(model, f"mapmore {__version__}", standard)
     files = {"modelDescription.xml": unit.description.encode()}
@@ -80,7 +80,7 @@ def unit_file(model: Model, wanted: Wanted, standard: int = 2) -> dict[str, byte
     }
     try:
         if wanted.verify:
-            # the program of FMI 3 has the functions in itself
+            # the program for FMI 3 contains the functions
             others = unit.compiled if standard == 2 else unit.compiled[:1]
             verify_program(model, {**unit.sources, **unit.verifier}, [*others, *unit.verifier])
         files[library_place(unit.name, standard)] = built(unit.sources, unit.compiled)
@@ -92,18 +92,18 @@ def unit_file(model: Model, wanted: Wanted, standard: int = 2) -> dict[str, byte
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
         for name, data in files.items():
-            entry = zipfile.ZipInfo(name)  # of 1980: the same model gives the same bytes
+            entry = zipfile.ZipInfo(name)  # dated 1980, so that the same model gives the same bytes
             entry.compress_type = zipfile.ZIP_DEFLATED
-            entry.create_system = 3  # Unix, wherever it is written
+            entry.create_system = 3  # Unix, on whatever system it is written
             entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
             archive.writestr(entry, data)
     return {f"{unit.name}{'' if standard == 2 else '_fmi3'}.fmu": stream.getvalue()}
 
 
 def fmu_sources(model: Model, tool: str, standard: int = 2) -> UnitSources:
-    """Return the texts of a unit of FMI 2 or 3; `tool` says with which version of what it is made.
+    """Return the texts of a unit of FMI 2 or 3; `tool` is the program and version that makes it.
 
-    Raises as `c_source.c_source`.
+    Raises the same errors as `c_source.c_source`.
     """
     written = c_source(model)
     wrapper = WRAPPERS[standard]
@@ -112,7 +112,7 @@ def fmu_sources(model: Model, tool: str, standard: int = 2) -> UnitSources:
     header = rendered_template("model.h", **written.words)
     texts = {f"{name}.h": header, f"{name}.c": functions(written.words), **texts}
     about = repr([model.name, model.inputs, model.output, tool, *texts.values()])
-    # the same for the same unit, another one for any other
+    # equal units have the same identifier, different units have different ones
     guid = str(UUID(bytes=hashlib.sha256(about.encode()).digest()[:16]))
     variables = list(_variables(written, [BITS] if standard == 2 else [BITS, "time"]))
     words = {
@@ -135,7 +135,7 @@ def fmu_sources(model: Model, tool: str, standard: int = 2) -> UnitSources:
 
 
 def input_names(model: Model) -> list[str]:
-    """Return what the inputs of a unit are called, in their order."""
+    """Return the names of the inputs of a unit, in order."""
     written = c_source(model)
     return [
         variable.name
@@ -158,7 +158,7 @@ def _about(written: CSource) -> str:
 
 
 def _powers(base: BaseUnits | None) -> dict[str, float] | None:
-    """Return the attributes of a unit by base units; None where it is not known."""
+    """Return the attributes of a unit of measurement by base units; None for an unknown unit."""
     if base is None:
         return None
     scale = (("factor", base.factor, 1.0), ("offset", base.offset, 0.0))
@@ -166,8 +166,8 @@ def _powers(base: BaseUnits | None) -> dict[str, float] | None:
 
 
 def _variables(written: CSource, taken: list[str]) -> Iterator[Variable]:
-    """Yield inputs, the measured output that the model goes on from, the output, and the bits; none
-    of the first has a name that is `taken`.
+    """Yield the inputs, the measured output if the model feeds it back, the output, and the bits;
+    the first ones get no name in `taken`.
     """
     model, memory = written.words["model"], written.words["memory"]
     measured = [
@@ -187,7 +187,7 @@ def _variables(written: CSource, taken: list[str]) -> Iterator[Variable]:
                 "Measured output, which the model goes on from; counts as long as there is no value"
             )
         elif low:
-            # its start is zero, or the end nearest to it at the lowest level
+            # it starts at zero, or at the nearest end of the range at the lowest level
             start = float(min(max(0.0, low[0]), high[0]))
             about = f"Trained from {min(low):.6g} to {max(high):.6g} {quantity.unit}"
         about = about if name == quantity.name else f"{quantity.name}. {about}"

@@ -1,5 +1,5 @@
-"""A model as one module of JavaScript without dependencies, for browsers and Node: one sample at a
-time.
+"""Write a model as one module of JavaScript without dependencies, for browsers and Node, which
+computes one sample at a time.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ NAMES = ("INPUTS", "OUTPUT", "STEP", "beyond", "interpolated", "measured", "outs
 
 
 def javascript_file(model: Model, wanted: Wanted) -> dict[str, str]:
-    """Return the module, compared with `predict` where Node is."""
+    """Return the module, compared with `predict` if Node is installed."""
     text = javascript_module(model)
     if wanted.verify:
         try:
@@ -46,7 +46,7 @@ def javascript_module(model: Model) -> Code:
     with memory `STEP`, `reset`, `step` and, where the output is fed back, `measured`. They take
     numbers in the order of `INPUTS`.
 
-    Raises DataError where a part of the model is no closed expression.
+    Raises DataError if a part of the model has no closed expression.
     """
     program = program_of(model)
     used = [*words_of("JavaScript"), *NAMES, *(function.name for function in program.functions)]
@@ -67,10 +67,12 @@ def javascript_module(model: Model) -> Code:
 
 
 def _verify(model: Model, text: str) -> None:
-    """Compare the module by Node; raises CompilerMissing where there is none."""
+    """Compare the module with `predict` in Node. Raises CompilerMissing if Node is not
+    installed.
+    """
     node = shutil.which("node")
     if node is None:
-        raise CompilerMissing("there is no Node here")
+        raise CompilerMissing("Node is not installed")
     driver = rendered_template(
         "verify.mjs",
         memory=program_of(model).step is not None,

@@ -1,5 +1,5 @@
-"""A model as one function file of MATLAB, which Octave runs too: numbers or columns in, a column
-out.
+"""Write a model as one function file of MATLAB, which Octave runs too. Inputs are numbers or
+columns, the output is a column.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from mapmore_cli.modelling.programs import program_of
 
 
 def matlab_file(model: Model, wanted: Wanted) -> dict[str, str]:
-    """Return the function file, compared with `predict` where Octave is."""
+    """Return the function file, compared with `predict` if Octave is installed."""
     name, text = matlab_function(model)
     if wanted.verify:
         try:
@@ -35,7 +35,9 @@ def matlab_file(model: Model, wanted: Wanted) -> dict[str, str]:
 
 
 def matlab_function(model: Model) -> tuple[Code, str]:
-    """Return name and text of the function; raises as `c_source.c_source`."""
+    """Return the name and the text of the function. Raises the same errors as
+    `c_source.c_source`.
+    """
     name, functions = identifier(model.name), program_of(model).functions
     used = [*OWN, *(function.name for function in functions), name]
     names = names_in_matlab(model.inputs, used)
@@ -44,10 +46,12 @@ def matlab_function(model: Model) -> tuple[Code, str]:
 
 
 def _verify(model: Model, name: str, text: str) -> None:
-    """Compare the function by Octave; raises CompilerMissing where there is none."""
+    """Compare the function with `predict` in Octave. Raises CompilerMissing if Octave is not
+    installed.
+    """
     octave = next(filter(None, map(shutil.which, ("octave-cli", "octave"))), None)
     if octave is None:
-        raise CompilerMissing("there is no Octave here")
+        raise CompilerMissing("Octave is not installed")
     count = len(model.inputs)
     driver = rendered_template("verify.m", name=word(name), count=count + len(fed_back(model)))
     files = {f"{name}.m": text, "verify_model.m": driver}

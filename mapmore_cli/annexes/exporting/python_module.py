@@ -1,9 +1,9 @@
-"""A model as a Python module: of NumPy for whole arrays, or of nothing but Python for one sample at
-a time.
+"""Write a model as a Python module: with NumPy for whole arrays, or in plain Python for one sample
+at a time.
 
-The second is the first with the few functions of NumPy that the model uses written out. It is for
+The second form is the first with the few NumPy functions that the model uses written out. It is for
 controllers and simulators that call Python sample by sample (SOFA, PyElastica, callbacks of
-MuJoCo); for whole arrays NumPy is many times faster.
+MuJoCo). For whole arrays, NumPy is many times faster.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from mapmore_cli.modelling.ranges import OUTSIDE_TOLERANCE
 
 
 def module_file(model: Model, wanted: Wanted, plain: bool = False) -> dict[str, str]:
-    """Return a module of NumPy or of `plain` Python, compared with `predict`."""
+    """Return a module with NumPy, or in `plain` Python, compared with `predict`."""
     name, text = python_module(model, plain)
     if wanted.verify:
         verify_module(model, text, each=plain)
@@ -38,12 +38,12 @@ def module_file(model: Model, wanted: Wanted, plain: bool = False) -> dict[str, 
 def python_module(model: Model, plain: bool = False) -> tuple[str, str]:
     """Return name and text of the module, of NumPy or of `plain` Python.
 
-    It has `evaluate` of all inputs, with memory `State` and `step` of a state and the inputs, and
-    `outside_range`. Plain ones have the same by the name of the output as well, without memory
-    `derivatives`, and `reset`, which makes a new state.
+    The module has `evaluate` for all inputs, or with memory `State` and `step` for a state and the
+    inputs, and `outside_range`. A plain module has the same function under the name of the output,
+    also `derivatives` without memory, and `reset`, which makes a new state.
 
-    Raises UsageError where the model's name has nothing that a module may be called; DataError
-    where a part of the model is no closed expression.
+    Raises UsageError if the model's name has no character that a module name may have; DataError if
+    a part of the model has no closed expression.
     """
     name, program, dialect = identifier(model.name), program_of(model), SCALAR if plain else NUMPY
     functions = [function.name for function in program.functions]
@@ -55,8 +55,8 @@ def python_module(model: Model, plain: bool = False) -> tuple[str, str]:
 
 
 def words_of_module(model: Model, dialect: Dialect, names: Mapping[str, str]) -> dict[str, Any]:
-    """Return what the templates of a module or a function know; `names` are those of the inputs in
-    code.
+    """Return the words of a module or a function for the templates; `names` are the names of the
+    inputs in code.
     """
     return {
         **program_words(program_of(model), dialect),

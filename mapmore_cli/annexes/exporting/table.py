@@ -1,4 +1,4 @@
-"""A model as a lookup table: CSV, a MAT file for lookup blocks, and the text that Modelica's
+"""Write a model as a lookup table: CSV, a MAT file for lookup blocks, and the text that Modelica's
 CombiTable2D reads.
 """
 
@@ -35,18 +35,18 @@ from mapmore_cli.reporting.table import number_text, rows_to_csv, to_latex
 from mapmore_cli.reporting.tables import limits_tables
 
 POINTS = 41
-"""Places along every input, where no grid is given."""
+"""Places along every input if no grid is given."""
 
 MOST = 2_000_000
-"""Points of a table beyond which an axis is taken for a slip of the pen."""
+"""Largest number of points of a table; more are probably a mistyped step."""
 
 HEADER = b"MATLAB 5.0 MAT-file, written by mapmore"
 
 
 class Grid(NamedTuple):
     """A model on a grid: the `places` along each input, by name; the inputs at its points, (n,) by
-    name, the last one varying fastest; the output there, (n,), and 1 within the training range,
-    else 0.
+    name, the last input varying fastest; the output there, (n,); and a flag that is 1 within the
+    training range and 0 outside.
     """
 
     places: dict[str, Array]
@@ -56,11 +56,11 @@ class Grid(NamedTuple):
 
 
 def table_files(model: Model, wanted: Wanted) -> dict[str, str | bytes]:
-    """Return the files of a table by name; without a grid the places are spread over the training
+    """Return the files of a table by name. Without a grid, the places are spread over the training
     range.
 
-    All hold the output on the grid, and `valid`: 1 within the training range, 0 beyond. The MAT
-    file has one vector for each input, and the arrays in the order of the inputs. The text for
+    All files hold the output on the grid, and `valid`: 1 within the training range, 0 outside. The
+    MAT file has one vector for each input, and the arrays in the order of the inputs. The text for
     Modelica is written for two inputs, with the first along the rows.
 
     Raises UsageError for a model with memory, fewer than two places, and a grid that is too large.
@@ -68,8 +68,8 @@ def table_files(model: Model, wanted: Wanted) -> dict[str, str | bytes]:
     grid, stem = _on_grid(model, wanted.grid), identifier(model.name)
     if short := [name for name, values in grid.places.items() if len(values) < 2]:
         raise UsageError(
-            f"--grid: {short[0]} has a single place",
-            "a lookup table needs two or more along each input",
+            f"--grid: {short[0]} has a single point",
+            "a lookup table needs two or more points along each input",
         )
     files: dict[str, str | bytes] = {
         f"{stem}.csv": _csv(model, grid, valid=grid.valid),
@@ -77,7 +77,7 @@ def table_files(model: Model, wanted: Wanted) -> dict[str, str | bytes]:
     }
     if len(grid.places) == 2:
         files[f"{stem}.txt"] = _combi_table(model, grid)
-        output = str(name_of_output(model))  # its name is a text, too
+        output = str(name_of_output(model))  # also the name is a text
         names = names_of_inputs(model.inputs, [*words_of("Modelica"), *OWN, output])
         files[f"{stem}.mo"] = rendered_template(
             "table.mo", model=model, name=stem, output=output, names=[*names.values()]
@@ -86,15 +86,17 @@ def table_files(model: Model, wanted: Wanted) -> dict[str, str | bytes]:
 
 
 def lookup_table(model: Model, wanted: Wanted) -> dict[str, str]:
-    """Return a table of the points of a grid within the range in which the model was trained: what
-    lies outside would be looked up as if it were known, and is a UsageError.
+    """Return a table of the points of a grid. Raises UsageError if the grid leaves the training
+    range, because points outside would be looked up as if they were known.
     """
     grid = _on_grid(model, wanted.grid)
     if outside := np.flatnonzero(grid.valid == 0).tolist():
         first = ",".join(f"{values[outside[0]]:.12g}" for values in grid.points.values())
         raise UsageError(
-            f"--grid: {len(outside)} of {len(grid.valid)} points lie outside of the training "
-            f"range, as {first}",
+            (
+                f"--grid: {len(outside)} of {len(grid.valid)} points lie outside of the training "
+                f"range, for example {first}"
+            ),
             "keep the grid within the range, or take `--to table`, which marks such points",
         )
     return {f"{identifier(model.name)}.csv": _csv(model, grid)}
@@ -123,14 +125,14 @@ def _on_grid(model: Model, text: str | None) -> Grid:
 
 
 def _places_over_range(model: Model, name: str) -> Array:
-    """Return even places over the training range of an input, and the levels of the model among
-    them.
+    """Return evenly spaced places over the training range of an input, and the levels of the model
+    among them.
     """
     ends = [place for side in training_ends(model)[name] for place in side]
     if not ends:
         raise UsageError(
-            f"--grid: nothing says how far {name} reaches",
-            f"give its places, as --grid {name}=0:1:0.1",
+            f"--grid: the range of {name} is not known",
+            f"give its points, for example --grid {name}=0:1:0.1",
         )
     low, high = min(ends), max(ends)
     places = np.linspace(low, high, POINTS)
@@ -151,7 +153,7 @@ def _csv(model: Model, grid: Grid, **more: Array) -> str:
 
 
 def _mat(model: Model, grid: Grid) -> bytes:
-    """Return a MAT file of level 5, without the date that SciPy puts into it."""
+    """Return a MAT file of level 5, without the date that SciPy writes into it."""
     from scipy.io import savemat
 
     output, stream = name_of_output(model), io.BytesIO()
@@ -164,8 +166,8 @@ def _mat(model: Model, grid: Grid) -> bytes:
 
 
 def _combi_table(model: Model, grid: Grid) -> str:
-    """Return two tables, `<output>` and `valid`: the second input in the first row, the first input
-    in the first column.
+    """Return two tables, `<output>` and `valid`, with the second input in the first row and the
+    first input in the first column.
     """
     rows, columns = grid.places.values()
     quantities = (*model.inputs, model.output)
@@ -179,9 +181,8 @@ def _combi_table(model: Model, grid: Grid) -> str:
 
 
 def tex_equations(model: Model, _wanted: Wanted) -> dict[str, str]:
-    """Return a file for `\\input`: one equation each, in the model's units, with what it is called
-    and where it counts before it; then how they are put together, and the limits. It needs
-    booktabs.
+    """Return a file for `\\input`: each equation in the model's units, preceded by its name and its
+    range of validity; then how the equations are combined, and the limits. It needs booktabs.
     """
     units = ", ".join(
         f"{quantity.name} in {quantity.unit}" for quantity in (model.output, *model.inputs)

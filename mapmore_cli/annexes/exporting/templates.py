@@ -1,6 +1,6 @@
-"""Code as text, names in it, and the templates of files.
+"""Represent code as text, choose names in it, and fill templates of files.
 
-A template takes `Code` and numbers as they stand. It writes every other text as a literal of its
+A template inserts `Code` and numbers unchanged. It writes every other text as a literal of its
 language.
 """
 
@@ -32,8 +32,8 @@ Warn = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Wanted:
-    """How a model is exported: numbers of `single` precision, the points of a `grid`, compared with
-    `predict` where it says `verify`; `warn` is told what could not be done.
+    """How a model is exported: in `single` precision, on the points of a `grid`, compared with
+    `predict` if `verify`; `warn` is called with whatever could not be done.
     """
 
     single: bool
@@ -43,21 +43,21 @@ class Wanted:
 
 
 class Code(str):
-    """A text that our own printers made, of words that are none of a stranger's."""
+    """A text that our own printers made, which contains no foreign words."""
 
     __slots__ = ()
 
 
 def word(text: str) -> Code:
-    """Return a text that is an identifier; raises DataError where it is none."""
+    """Return a text that is an identifier. Raises DataError if it is none."""
     if not IDENTIFIER.fullmatch(text):
         problem = f"the model calls something {plain(text)[:60]!r}, which cannot be a name in code"
-        raise DataError(problem, "make the model anew with names of letters, digits and _")
+        raise DataError(problem, "make the model again with names of letters, digits and _")
     return Code(text)
 
 
 def code(form: str, *parts: Code | str | float) -> Code:
-    """Return a form of ours with its braces filled: with code and numbers, and with texts that are
+    """Return a form of ours with its braces filled with code, numbers, and texts that are
     identifiers.
     """
     return Code(
@@ -83,20 +83,21 @@ OWN = (
     *("beyond", "interpolated", "begun", "places", "values", "validity", "fileName", "cellfun"),
     *("numel", "size", "ones", "isempty", "verify_model", "power_of"),
 )
-"""Names in the templates of all languages, which no output and no model has."""
+"""Names in the templates of all languages, which no output and no model may have."""
 
 _FUNCTION = re.compile("(curve|segment)_[0-9]+|slope_(inside|at_end)")
-"""How functions of programs are called."""
+"""Names of functions of programs."""
 
 
 def identifier(name: str) -> Code:
-    """Return the name of a model's functions and files, with `_` for what C does not allow; before
-    a digit, and before a word of a language, its library or the templates, goes `model_`.
+    """Return the name of a model's functions and files, in which `_` replaces characters that C
+    does not allow. `model_` precedes a digit, and a word of a language, its library or the
+    templates.
 
-    The same before `x` and `x_...`: `x_reset` is an input in C. Raises UsageError where there is no
-    letter and no digit in it.
+    `model_` also precedes `x` and `x_...`, because `x_reset` is an input in C. Raises UsageError if
+    the name has neither a letter nor a digit.
     """
-    # with what is added, compilers tell 63 letters apart
+    # compilers distinguish 63 characters, including the added ones
     letters = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")[:40].rstrip("_")
     if not letters:
         raise UsageError(
@@ -109,15 +110,17 @@ def identifier(name: str) -> Code:
 
 
 def names_of_inputs(inputs: Sequence[Quantity], functions: Sequence[str] = ()) -> dict[str, str]:
-    """Return what each input is called in code beside some `functions`, by its name."""
+    """Return the name of each input in code, by its own name; names of some `functions` are not
+    used.
+    """
     names = [quantity.name for quantity in inputs]
     reserved = [*PYTHON, *functions, *(f"x_{name}" for name in names)]
     return dict(zip(names, identifiers(names, reserved), strict=True))
 
 
 def names_in_matlab(inputs: Sequence[Quantity], functions: Sequence[str]) -> dict[str, str]:
-    """Return what each input is called in MATLAB beside some `functions`: no name begins with
-    `_`.
+    """Return the name of each input in MATLAB, in which no name begins with `_`; names of some
+    `functions` are not used.
     """
     used = [*words_of("MATLAB", "Octave"), *functions]
     return {
@@ -127,8 +130,8 @@ def names_in_matlab(inputs: Sequence[Quantity], functions: Sequence[str]) -> dic
 
 
 def name_of_output(model: Model, names: Iterable[str] | None = None) -> Code:
-    """Return what the output is called in code beside the `names` of the inputs, which are those of
-    `names_of_inputs` by default: a function or a variable.
+    """Return the name of the output in code, as a function or a variable. `names` are the names of
+    the inputs, by default those of `names_of_inputs`.
     """
     input_names = [*(names_of_inputs(model.inputs).values() if names is None else names)]
     functions = [function.name for function in program_of(model).functions]
@@ -138,7 +141,7 @@ def name_of_output(model: Model, names: Iterable[str] | None = None) -> Code:
 
 
 def notes_of(model: Model, names: Mapping[str, str]) -> list[str]:
-    """Return a line for each input that is called otherwise here, and for the shape that the model
+    """Return a line for each input that has another name here, and for the shape that the model
     keeps.
     """
     renamed = [
@@ -152,8 +155,8 @@ def notes_of(model: Model, names: Mapping[str, str]) -> list[str]:
 
 
 def c_string(text: str) -> str:
-    """Return the text as a string in C; other bytes than those of `PLAIN` are octal escapes, so
-    that there are no trigraphs.
+    """Return the text as a string in C. Bytes outside `PLAIN` are octal escapes, so that there are
+    no trigraphs.
     """
     return (
         '"'
@@ -175,12 +178,12 @@ LITERALS: Mapping[str, Callable[[str], str]] = {
     "tex": tex_text,
     "xml": lambda text: quoteattr(xml_text(text)),
 }
-"""How a text is written in a language, by the ending of its files."""
+"""Function that writes a text as a literal of a language, by the suffix of its files."""
 
 
 @cache
 def templates(language: str) -> Environment:
-    """Return the templates of `sources/`, for a language."""
+    """Return the templates in `sources/` for a language."""
 
     def written(value: object) -> object:
         if isinstance(value, Code | int | float):
@@ -212,8 +215,8 @@ def templates(language: str) -> Environment:
 
 
 def note(text: str) -> Code:
-    """Return a text for the inside of a comment, which nothing in it can end; it belongs nowhere
-    else.
+    """Return a text for the inside of a comment, which it cannot end. It must not be used
+    elsewhere.
     """
     return Code(plain(text))
 
@@ -241,12 +244,12 @@ def with_notice(name: str, text: str) -> str:
 
 
 def rendered_template(template: str, **words: object) -> Code:
-    """Return a file of `sources/` with the words put in."""
+    """Return a file of `sources/` with the words inserted."""
     return Code(
         templates(template.rpartition(".")[2]).get_template(f"{template}.jinja").render(words)
     )
 
 
 def source(name: str) -> str:
-    """Return a file of `sources/` as it is."""
+    """Return a file of `sources/` unchanged."""
     return files(__package__).joinpath("sources", name).read_text(encoding="utf-8")

@@ -1,8 +1,8 @@
-"""Exported code is compiled and run beside `predict` before it is written: on random points within
-and beyond the training range.
+"""Compile exported code and compare it with `predict` before it is written, on random points inside
+and outside the training range.
 
-It runs in a process of its own, with a limit of time: no code that follows from a file runs in
-ours.
+The code runs in a separate process with a time limit, because it follows from a file that may be
+hostile.
 """
 
 from __future__ import annotations
@@ -29,20 +29,20 @@ from mapmore_cli.modelling.programs import program_of
 from mapmore_cli.storage.atomic import scratch_folder, write_bytes, write_text
 
 COMPILERS = ("cc", "gcc", "clang")
-"""Looked for in this order, after what the environment variable CC says."""
+"""Compilers that are tried in this order, after the one in the environment variable CC."""
 
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
 LIBRARY = ("-shared", "-fPIC", "-fvisibility=hidden")
 
 SECONDS = 300
-"""After which a compiler, and then the code, is stopped."""
+"""Seconds after which a compiler, and then the code, is stopped."""
 
 SYSTEMS = {
     "linux": ("linux", "linux", "so"),
     "darwin": ("darwin", "darwin", "dylib"),
     "win32": ("win", "windows", "dll"),
 }
-"""What FMI 2.0 and 3.0 call a system, and how the names of its shared libraries end, by
+"""Names of systems in FMI 2.0 and 3.0, and suffixes of their shared libraries, by
 `sys.platform`.
 """
 
@@ -51,7 +51,7 @@ MACHINES = {
     **dict.fromkeys(("i386", "i686"), "x86"),
     **dict.fromkeys(("arm64", "aarch64"), "aarch64"),
 }
-"""What FMI 3.0 calls a processor."""
+"""Names of processors in FMI 3.0."""
 
 
 class CompilerMissing(Exception):
@@ -59,12 +59,12 @@ class CompilerMissing(Exception):
 
 
 class CompilerFailed(CompilerMissing):
-    """The compiler refuses the files."""
+    """The compiler refused the files."""
 
 
 def library_place(name: str, standard: int = 2) -> str:
-    """Return where the shared library of this machine lies in a unit of FMI 2 or 3; raises
-    CompilerMissing where it has no name for it.
+    """Return the path of this machine's shared library in a unit of FMI 2 or 3. Raises
+    CompilerMissing for an unknown machine.
     """
     machine = platform.machine().lower()
     known = sys.platform in SYSTEMS and machine in MACHINES
@@ -80,10 +80,10 @@ def library_place(name: str, standard: int = 2) -> str:
 def built(
     files: Mapping[str, str], compiled: Sequence[str], flags: Sequence[str] = LIBRARY
 ) -> bytes:
-    """Return the library, or without its flags the program, that those of the files are compiled
-    to.
+    """Compile some of the files, and return the shared library, or the executable if no library
+    flags are given.
 
-    Raises CompilerMissing where there is no compiler, CompilerFailed where it refuses the files.
+    Raises CompilerMissing if there is no compiler, CompilerFailed if it refuses the files.
     """
     wanted = (os.environ["CC"],) if os.environ.get("CC") else COMPILERS
     compiler = next(filter(None, map(shutil.which, wanted)), None)
@@ -116,18 +116,18 @@ def _compiled(
 
 POINTS = 100
 CLOSE, CLOSE_SINGLE = 1e-6, 1e-2
-"""How far code may lie from `predict`, relative to the value or to a tenth of the median; a wrong
-input or term is farther by far.
+"""Largest difference between code and `predict`, relative to the value or to a tenth of the median.
+A wrong input or term makes a far larger difference.
 """
 
 
 def verify_program(
     model: Model, texts: Mapping[str, str], compiled: Sequence[str], close: float = CLOSE
 ) -> None:
-    """Compile a program that answers for a model, and compare it.
+    """Compile a program that evaluates a model, and compare it with `predict`.
 
-    Raises CompilerMissing where there is no compiler; MapmoreError where it refuses the code, or
-    its numbers are others.
+    Raises CompilerMissing if there is no compiler; MapmoreError if it refuses the code, or if the
+    numbers differ.
     """
     try:
         program = built(texts, compiled, ())
@@ -141,8 +141,8 @@ def verify_program(
 
 
 def verify_module(model: Model, text: str, each: bool = False) -> None:
-    """Import a module and compare it, sample by sample where it takes `each` alone; raises
-    MapmoreError as `verify_program`.
+    """Import a module and compare it with `predict`; with `each`, sample by sample. Raises
+    MapmoreError like `verify_program`.
     """
     memory, count = program_of(model).step is not None, len(model.inputs)
     driver = rendered_template("verify.py", memory=memory, each=each, count=count)
@@ -152,8 +152,8 @@ def verify_module(model: Model, text: str, each: bool = False) -> None:
 
 
 def verify_files(model: Model, files: Mapping[str, str], command: Sequence[str]) -> None:
-    """Write files into a folder and compare what a command there answers; raises as
-    `verify_program`.
+    """Write files into a folder and compare the output of a command there. Raises the same errors
+    as `verify_program`.
     """
     with scratch_folder() as folder:
         for name, code in files.items():
@@ -162,15 +162,15 @@ def verify_files(model: Model, files: Mapping[str, str], command: Sequence[str])
 
 
 def _verify(model: Model, command: Sequence[str], folder: Path, close: float = CLOSE) -> None:
-    """Compare a program in a folder that reads inputs and measured outputs a line, and prints the
-    outputs and the bits of inputs outside of their range.
+    """Compare a program in a folder. It reads inputs and measured outputs line by line, and prints
+    the outputs and the bits of inputs outside their range.
     """
     columns, count = points(model), len(model.inputs)
     names = [*(quantity.name for quantity in model.inputs), *fed_back(model)]
     rows = np.column_stack([np.empty((POINTS, 0)), *(columns[name] for name in names)]).tolist()
     rows_as_text = "".join(" ".join(map(repr, row)) + "\n" for row in rows)
     answers = _answers(model, command, rows_as_text, folder).reshape(-1, len(model.each) + 1)
-    # one line where there is no input
+    # one line if there is no input
     *values, bits = np.broadcast_to(answers, (POINTS, answers.shape[1])).T
     outside = bits.astype(int) & ((1 << count) - 1) != 0
     flags = outside != outside_range(model, columns)
@@ -190,7 +190,7 @@ def _verify(model: Model, command: Sequence[str], folder: Path, close: float = C
 
 
 def _answers(model: Model, command: Sequence[str], given: str, folder: Path) -> Array:
-    """Return the numbers that code says in a process of its own; raises MapmoreError where it
+    """Return the numbers that code prints in a separate process. Raises MapmoreError if it
     fails.
     """
     try:
@@ -214,8 +214,8 @@ def _answers(model: Model, command: Sequence[str], given: str, folder: Path) -> 
 
 
 def points(model: Model) -> Columns:
-    """Return random points around the training range, a fifth of it beyond; for a model with memory
-    a recording, with its output.
+    """Return random points in and around the training range (up to a fifth outside); for a model
+    with memory, a recording with its output.
     """
     rng, code = np.random.default_rng(1), program_of(model)
     columns = {"time": (code.step or 1.0) * np.arange(float(POINTS))}
@@ -229,9 +229,7 @@ def points(model: Model) -> Columns:
 
 
 def middle(model: Model) -> dict[str, float]:
-    """Return the middle of the training range that all levels have of each input, of four
-    digits.
-    """
+    """Return the middle of each input's range that all levels share, with four digits."""
     return {
         name: float(f"{np.mean([max(low, default=0.0), min(high, default=0.0)]):.4g}")
         for name, (low, high) in training_ends(model).items()
@@ -239,13 +237,13 @@ def middle(model: Model) -> dict[str, float]:
 
 
 def training_ends(model: Model) -> dict[str, tuple[list[float], list[float]]]:
-    """Return where the training range of each input begins and ends, at every level; nothing where
-    it is not known.
+    """Return both ends of the training range of each input at every level; empty if it is
+    unknown.
     """
     limits, ends = program_of(model).limits, {}
     for name in (quantity.name for quantity in model.inputs):
         known = [limit for limit in limits if limit.inputs == {name}]
-        # and not of what follows from it
+        # but not what is computed from it
         known = [limit for limit in known if limit.value == Name(f"{INPUT}{name}")] or known
         ends[name] = (
             [place for limit in known for place in limit.low.tolist()],
@@ -256,6 +254,9 @@ def training_ends(model: Model) -> dict[str, tuple[list[float], list[float]]]:
 
 def _unequal(model: Model, why: str) -> MapmoreError:
     return MapmoreError(
-        f"the exported code of {model.name} is not the model, and is not written: {why}",
-        "please report it; --no-verify writes it all the same",
+        (
+            f"the exported code of {model.name} gives other values than the model, so it is not "
+            f"written: {why}"
+        ),
+        "please report it; --no-verify writes the code without this check",
     )

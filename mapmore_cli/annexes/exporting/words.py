@@ -1,4 +1,4 @@
-"""Names that languages keep for themselves; to support a language is to add its rows here."""
+"""List the names that languages reserve. To support a language, add its rows here."""
 
 from __future__ import annotations
 
@@ -169,8 +169,8 @@ LIBRARY: Mapping[str, str] = {
         "lpt6 lpt7 lpt8 lpt9"
     ),
 }
-"""Functions, modules and headers of languages and files of systems, which no model is called: its
-file or its function would stand before them.
+"""Functions, modules and headers of languages and file names of systems, which no model may have as
+name: its file or function would hide them.
 """
 
 
@@ -180,10 +180,10 @@ def words_of(*languages: str) -> frozenset[str]:
 
 
 WORDS = words_of("C", "C++", "macros of C", "Python", "functions in exported code")
-"""What no name in code may be, whatever the language: most exports are C or Python."""
+"""Words that no name in code may be in any language, because most exports are C or Python."""
 
 TAKEN = words_of(*KEYWORDS) | frozenset(" ".join(LIBRARY.values()).lower().split())
-"""What no function and no file may be called."""
+"""Words that no function and no file may have as name."""
 
 
 FILES = TAKEN | frozenset(
@@ -191,14 +191,14 @@ FILES = TAKEN | frozenset(
     .read_text("utf-8")
     .split()
 )
-"""What no file may be called: a file of Octave stands before a function of that name."""
+"""Words that no file may have as name: in Octave, a file hides a function of the same name."""
 
 
 def identifiers(names: Iterable[str], taken: Collection[str] = ()) -> list[str]:
-    """Return an identifier for every name, for all languages: each another one, even without regard
-    to case, and none that is `taken`.
+    """Return an identifier for every name, valid in all languages. All are different, even if
+    capitals are ignored, and none is `taken`.
 
-    A name stays as it is where it can; else it gets a number behind it. Other characters than ASCII
+    A name stays unchanged if possible, otherwise a number is appended. Characters other than ASCII
     letters and digits become `_`.
     """
     wanted = [re.sub(r"[^A-Za-z0-9_]", "_", name) or "_" for name in names]

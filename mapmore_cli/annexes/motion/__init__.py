@@ -1,5 +1,5 @@
-"""Piecewise state-space models of motion (P): linear sections of second order along an input, such
-as a regulator's voltage.
+"""Model motion by piecewise state-space models (P): linear sections of second order along an input,
+for example a regulator's voltage.
 """
 
 from __future__ import annotations
@@ -25,34 +25,34 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class MotionKind(Kind):
-    """Models of motion; files of this package are imported when they are needed."""
+    """Kind of the models of motion. Files of this package are imported when they are needed."""
 
     def maker(self) -> Maker:
-        """Return what fits them."""
+        """Return the maker that fits these models."""
         from mapmore_cli.annexes.motion.fitted import MotionMaker
 
         return MotionMaker()
 
     def findings(self, spec: ExperimentSpec) -> Iterator[Finding]:
-        """Check a spec of one."""
+        """Check a spec of such a model."""
         from mapmore_cli.annexes.motion.checks import findings
 
         return findings(spec)
 
     def section(self) -> Section:
-        """Return their section of a page."""
+        """Return the section of a page about these models."""
         from mapmore_cli.annexes.motion.page import SECTION
 
         return SECTION
 
     def show_fit(self, fit: Fit) -> tuple[dict[str, object], tuple[Table, ...]]:
-        """Return what `mapmore show` has of a fit."""
+        """Return what `mapmore show` prints about a fit."""
         from mapmore_cli.annexes.motion.page import show_fit
 
         return show_fit(fit)
 
     def show(self, model: Model, show_other: Callable[[Model], View]) -> View:  # noqa: ARG002
-        """Return what `mapmore show` has of a model."""
+        """Return what `mapmore show` prints about a model."""
         from mapmore_cli.annexes.motion.page import show
 
         return show(model)

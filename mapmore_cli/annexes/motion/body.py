@@ -1,4 +1,4 @@
-"""The data of a state-space model of motion, and of the search that found it (P)."""
+"""Define the data of a state-space model of motion, and of the search that found it (P)."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from mapmore_cli.domain.models import Body
 from mapmore_cli.domain.recording import CurveRange
 
 HARD, CARRIED, BUMPLESS = "hard", "carried", "bumpless"
-"""How a model changes from section to section."""
+"""How a model switches from section to section."""
 
 REST, ZERO = "rest", "zero"
-"""Where a run begins: in the steady state of its first input, or at an output of zero."""
+"""Start of a run: the steady state of its first input, or an output of zero."""
 
 ALL, RISE, FALL = "all", "rise", "fall"
-"""Directions of the input in which a section holds."""
+"""Directions of the input for which a section is active."""
 
 
 def poles(p1: float, p2: float) -> tuple[complex, complex]:
-    """Return the roots of `z^2 - P2 z - P1`, the larger modulus first."""
+    """Return the roots of `z^2 - P2 z - P1`, the one with the larger modulus first."""
     half, root = 0.5 * p2, cmath.sqrt(0.25 * p2 * p2 + p1)
     first, second = half + root, half - root
     return (first, second) if abs(first) >= abs(second) else (second, first)
@@ -34,8 +34,8 @@ class MotionSection:
     """A linear section: `x1[k+1] = x2[k]`, `x2[k+1] = P1 x1[k] + P2 x2[k] + sum_m w_m d_m[k]`,
     output x1 (P eq 10, in discrete time).
 
-    `x2` is the output one sample ahead. The drives d are the model's; the first is the input, so
-    that `w_1` is P3.
+    `x2` is the output one sample ahead. The drives d are those of the model; the first is the
+    input, so that `w_1` is P3.
     """
 
     id: Annotated[Label, "identifier of the section, as `2` or `rise 2`"]
@@ -68,7 +68,7 @@ class MotionSection:
 
     @property
     def gain(self) -> float:
-        """Steady output for one unit of the input, `P3/(1 - P1 - P2)`."""
+        """Steady output per unit of the input, `P3/(1 - P1 - P2)`."""
         return self.p3 / (1.0 - self.p1 - self.p2)
 
 
@@ -76,9 +76,10 @@ class MotionSection:
 class Motion:
     """Sections along an input (P eq 14-17).
 
-    With `hard` switching every section runs on the whole input and the active one's output is
-    taken; `bumpless` sections are `carried` ones whose steady outputs meet at their boundaries.
-    Without bumpless switching `dead_band` is 0: the input then falls unless it rises.
+    With `hard` switching, every section runs along the whole input, and the output of the active
+    one is used. `carried` sections pass on their state; `bumpless` sections also have equal steady
+    outputs at their boundaries. Without bumpless switching, `dead_band` is 0: the input then counts
+    as falling unless it rises.
     """
 
     input: Annotated[QuantityName, "the input"]

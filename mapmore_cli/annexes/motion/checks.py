@@ -1,4 +1,4 @@
-"""What a spec of a model of motion may not say."""
+"""Check the spec of a model of motion."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from mapmore_cli.study.experiment import ExperimentSpec, TargetColumn
 
 
 def findings(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check a state-space model: what drives it is measured and is not its target, and its settings
-    have something to act on.
+    """Check a state-space model: its drives are measured and are not its target, and every setting
+    has something to act on.
     """
     if spec.model.type != "state_space":
         return

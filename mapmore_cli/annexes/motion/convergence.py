@@ -1,4 +1,4 @@
-"""How the searches of the sections of models of motion went: the lowest error so far, iteration by
+"""Draw the searches for the sections of models of motion: the smallest error so far, iteration by
 iteration (P section 2.2).
 """
 
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return a panel for each model of motion, a line for each of its sections; none if there is
-    no such model.
+    """Return a panel for each model of motion, with a line for each of its sections; none if there
+    is no such model.
     """
     fits = {name: fit for name, fit in inputs.fits.items() if isinstance(fit, MotionFit)}
     if not fits:
@@ -49,7 +49,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
 
 
 def draw_searches(ax: Axes, fit: MotionFit) -> None:
-    """Draw the lowest error so far of every section."""
+    """Draw the smallest error so far of every section."""
     for section, search in zip(fit.model.sections, fit.searches, strict=True):
         colour, line = (GREY, "--") if section.direction == FALL else (BLACK, "-")
         # an exact fit has no place on a logarithmic axis

@@ -1,4 +1,4 @@
-"""From the spec to a state-space model of motion."""
+"""Make a state-space model of motion from a spec."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from mapmore_cli.modelling.memory.records import records_of, time_step
 
 
 class MotionMaker(Maker):
-    """Fits models of motion."""
+    """Maker of models of motion."""
 
     def fit(self, part: ModelChoices, given: Given) -> FitResult:
         """Fit every section to all recordings.
 
-        Raises DataError if recordings are not sampled alike, the input never changes, or a
-        section has too few samples; SpecError, FitError if the solver refuses the sections, or
+        Raises DataError if recordings have different time steps, the input never changes, or a
+        section has too few samples; SpecError if the solver refuses the sections; FitError if it
         finds no stable one.
         """
         curves = given.dataset.curves

@@ -1,13 +1,13 @@
-"""From pieces of recordings to a model of motion; and sections that share one state, joined so that
+"""Fit a model of motion to pieces of recordings, and join sections that share one state so that
 nothing jumps at their boundaries.
 
-A section's steady output is `s(u) = sum_m w_m d_m/(1 - P1 - P2)`. Joined, s is one line of straight
-pieces along the input, given by its heights at the boundaries and at the ends of the training range
-(with a load L, so is the part that is multiplied with L). Rise and fall have lines of their own;
-where the direction changes, the output moves from one to the other as fast as the section's poles
-let it.
+The steady output of a section is `s(u) = sum_m w_m d_m/(1 - P1 - P2)`. If sections are joined, s is
+one piecewise linear function of the input, given by its heights at the boundaries and at the ends
+of the training range (with a load L, so is the part that is multiplied by L). Rise and fall have
+separate functions. When the direction changes, the output moves from one to the other as fast as
+the poles of the section allow.
 
-Given the poles, the output is linear in the heights, which follow by projection; the poles of all
+For given poles, the output is linear in the heights, which follow by projection. The poles of all
 sections are refined together.
 """
 
@@ -45,7 +45,7 @@ from mapmore_cli.domain.declared import from_fields
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.memory.records import Record
 
-REFINEMENTS = 20  # steps that refine the poles of all sections together, at most
+REFINEMENTS = 20  # largest number of steps that refine the poles of all sections together
 TOLERANCE = 1e-8
 
 
@@ -54,15 +54,15 @@ def fit_motion(
     recipe: MotionRecipe,
     progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> MotionFit:
-    """Fit every section to its own training samples, then, where they share a state, all of them
-    together.
+    """Fit every section to its own training samples; if sections share a state, then fit all of
+    them together.
 
-    A section's samples are those at which it holds; with hard switching it runs on the whole input
-    all the same.
+    A section's samples are those at which it is active. With hard switching, it still runs along
+    the whole input.
 
-    Raises DataError if the input never changes, boundaries leave a section without samples or
-    with too few of them; SpecError, FitError if the solver refuses the sections, or finds no
-    stable one.
+    Raises DataError if the input never changes, boundaries leave a section without samples or with
+    too few of them; SpecError if the solver refuses the sections; FitError if it finds no stable
+    one.
     """
     outline = _outline(records, recipe)
     pieces = []
@@ -108,7 +108,7 @@ def fit_motion(
 
 
 def _outline(records: Sequence[Record], recipe: MotionRecipe) -> Motion:
-    """Return the model with sections that know their place, and no parameters yet."""
+    """Return the model with the places of its sections, without parameters."""
     u = np.concatenate([record.columns[recipe.input][record.training] for record in records])
     if not len(u):
         raise DataError("there is no training sample", "keep more samples")
@@ -139,10 +139,10 @@ def _outline(records: Sequence[Record], recipe: MotionRecipe) -> Motion:
 
 
 def joined(motion: Motion, pieces: Sequence[Piece], reach: float) -> Motion:
-    """Return the model with sections that meet, and poles refined for that.
+    """Return the model with sections that meet, and with the poles refined for that.
 
-    Raises DataError if a boundary lies at an end of the training range: the section beyond it
-    would have no width.
+    Raises DataError if a boundary lies at an end of the training range, because the section outside
+    it would have no width.
     """
     if np.any(np.diff(_knots(motion)[0]) <= 0):
         low, high = motion.limits
@@ -184,18 +184,18 @@ def _poles(place: Array, reach: float) -> Array:
 
 
 def _knots(motion: Motion) -> tuple[Array, int]:
-    """Return the inputs at which the steady line has its heights, the ends of the training range
-    and the boundaries; and how many lines there are, one a direction.
+    """Return the inputs at which the steady output has its heights (the ends of the training range
+    and the boundaries), and the number of functions, one for each direction.
     """
     low, high = motion.limits
     return np.array([low, *motion.boundaries, high]), 1 + motion.directed
 
 
 def _heights_of(motion: Motion, run: Piece) -> Array:
-    """Return drives (n, knots x lines) that give a steady output of one at each knot; straight on
-    beyond the ends.
+    """Return drives, (n, knots x lines), that give a steady output of one at each knot, continued
+    as a straight line outside the ends.
 
-    With a load, a second set that is multiplied with it.
+    With a load, a second set is multiplied by the load.
     """
     knots, lines = _knots(motion)
     u, place, line = run.drives[:, 0], run.holds // lines, run.holds % lines
@@ -212,8 +212,8 @@ def _heights_of(motion: Motion, run: Piece) -> Array:
 
 
 def _with_heights(motion: Motion, poles: Array, heights: Array) -> Motion:
-    """Return the weights of the drives `u, 1` (and `L, u L`) that the heights give in every
-    section.
+    """Return the model with the weights of the drives `u, 1` (and `L, u L`) that follow from the
+    heights in every section.
     """
     knots, lines = _knots(motion)
 

@@ -1,4 +1,4 @@
-"""A model of motion: its prediction along a recording, its training range, its equations, its
+"""Predict along a recording with a model of motion, and give its training range, equations and
 program.
 """
 
@@ -21,7 +21,7 @@ from mapmore_cli.modelling.kinds import Verbs
 from mapmore_cli.modelling.literature.model import printed
 from mapmore_cli.modelling.program.writing import Inputs, Side, Writer, limit, renamed_all, total
 
-# writes, under a stem, that of several values which belongs to the section that holds
+# writes, with a given stem, the value of the active section out of several values
 OfSection = Callable[[str, Sequence[Side]], Expression]
 
 
@@ -32,7 +32,7 @@ def build(
     quantities: Mapping[str, Quantity],
     notes: tuple[str, ...],
 ) -> Model:
-    """Return a model of motion; the `training` curves say the range of the inputs."""
+    """Return a model of motion. The `training` curves give the range of the inputs."""
     inputs = motion_inputs(motion)
     ranges = tuple(curve.of(inputs) for curve in training)
     return Model(
@@ -45,9 +45,7 @@ def build(
 
 
 def motion_inputs(motion: Motion) -> list[str]:
-    """Return the quantities that drive the sections: the input first, then a load where they depend
-    on one.
-    """
+    """Return the quantities that drive the sections: the input, then the load if there is one."""
     return list(dict.fromkeys([motion.input, *sorted(names_in(map(parse, motion.drives)))]))
 
 
@@ -59,8 +57,8 @@ def _motion(model: Model) -> Motion:
 def _falls(m: Writer, motion: Motion, u: Expression, first: Condition) -> Expression:
     """Write 1 unless the input is above the one before (P eq 16).
 
-    Of sections that meet, 1 once it has turned down by more than the dead band, up to when it has
-    turned up as far.
+    For sections that meet, write 1 after the input has turned down by more than the dead band,
+    until it has turned up as far.
     """
     if motion.switching != BUMPLESS:
         before = m.number("input")
@@ -79,7 +77,7 @@ def _falls(m: Writer, motion: Motion, u: Expression, first: Condition) -> Expres
 def _separate(
     m: Writer, motion: Motion, of_section: OfSection, drives: list[Expression], first: Condition
 ) -> Expression:
-    """Write the output of the section that holds; every section runs on the whole input."""
+    """Write the output of the active section; every section runs along the whole input."""
     outputs = []
     for section in motion.sections:
         origin, now, later = (m.number(stem) for stem in ("origin", "now", "later"))
@@ -102,7 +100,7 @@ def _separate(
 def _shared(
     m: Writer, motion: Motion, of_section: OfSection, drives: list[Expression], first: Condition
 ) -> Expression:
-    """Write the output where the section that holds drives one state on: `x1[k+2] = P2 x1[k+1] + P1
+    """Write the output if the active section drives one shared state: `x1[k+2] = P2 x1[k+1] + P1
     x1[k] + d[k]` (P eq 10).
     """
     now, later = m.number("now"), m.number("later")
@@ -136,8 +134,8 @@ class MotionVerbs(Verbs):
     """Operations of a model of motion."""
 
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
-        """Return the model along one recording, (n,), from rest; NaN where an input is NaN, with a
-        new beginning after it.
+        """Return the model along one recording, (n,), from rest; NaN if an input is NaN, with a new
+        start after it.
         """
         names = [
             *(quantity.name for quantity in model.inputs),
@@ -154,8 +152,8 @@ class MotionVerbs(Verbs):
         return SimulatedRun(values)
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-        """Return `y[k] = P2 y[k-1] + P1 y[k-2] + sum_m w_m d_m[k-2]` of every section; `units` as
-        for `kinds.equations`.
+        """Return `y[k] = P2 y[k-1] + P1 y[k-2] + sum_m w_m d_m[k-2]` for every section; `units` is
+        as in `kinds.equations`.
         """
         motion = _motion(model)
         delayed = {
@@ -177,7 +175,7 @@ class MotionVerbs(Verbs):
         return tuple(printed(name, add(*terms)) for name, terms in sums.items())
 
     def rules(self, model: Model) -> tuple[str, ...]:
-        """Return how the sections are run."""
+        """Return how the sections are run, in sentences."""
         motion = _motion(model)
         ways = {
             "hard": "every section runs, the active one's output is taken",
@@ -192,11 +190,11 @@ class MotionVerbs(Verbs):
         )
 
     def parameters(self, model: Model) -> int:
-        """Return how many P1, P2 and weights all sections have."""
+        """Return the number of P1, P2 and weights of all sections."""
         return sum(2 + len(section.weights) for section in _motion(model).sections)
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
-        """Write a model of motion; it begins at rest under the first input, or at zero."""
+        """Write a model of motion. It begins at rest under the first input, or at zero."""
         assert isinstance(model.body, StateSpace)
         motion = model.body.motion
         limit(m, model.body.ranges, None, inputs)
@@ -231,7 +229,7 @@ class MotionVerbs(Verbs):
         return value
 
     def faults(self, model: Model) -> Iterator[str]:
-        """Say what of a stored model no prediction would notice."""
+        """Yield faults of a stored model that no prediction would reveal."""
         motion = _motion(model)
         if len(motion.sections) != (len(motion.boundaries) + 1) * (1 + motion.directed):
             yield "the number of its sections does not match its boundaries"

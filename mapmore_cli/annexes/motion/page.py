@@ -1,4 +1,4 @@
-"""What pages and `mapmore show` have of models of motion."""
+"""Show models of motion on pages and in `mapmore show`."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from mapmore_cli.reporting.table import MODEL, Cell, Column, Columns, Table
 
 
 def show(model: Model) -> View:
-    """Return what `mapmore show` has of a model."""
+    """Return what `mapmore show` prints about a model."""
     body = model.body
     assert isinstance(body, StateSpace)
     return View({"motion": _document(body.motion)})
 
 
 def show_fit(fit: Fit) -> tuple[dict[str, object], tuple[Table, ...]]:
-    """Return what `mapmore show` has of a fit."""
+    """Return what `mapmore show` prints about a fit."""
     assert isinstance(fit, MotionFit)
     document = {**_document(fit.model), "solver": fit.solver, "searches": fit.searches}
     return {"motion": document}, (sections_table({"mapmore": fit}, ""),)
@@ -52,8 +52,8 @@ def _document(motion: Motion) -> dict[str, object]:
 
 
 def sections_table(fits: Mapping[str, MotionFit], unit: str) -> Table:
-    """Return the parameters of every section of every model, its poles, its gain, and how it was
-    found; P table 1 has the first.
+    """Return the table with the parameters of every section of every model, its poles, its gain,
+    and how it was found; P table 1 has the parameters.
     """
     drives = tuple(dict.fromkeys(text for fit in fits.values() for text in fit.model.drives[1:]))
     columns: Columns = (
@@ -94,9 +94,9 @@ def sections_table(fits: Mapping[str, MotionFit], unit: str) -> Table:
 
 
 def waveforms_table(inputs: ReportInputs, motion: Motion) -> Table:
-    """Return errors of displacement and velocity over the last wavelength of every held-out
-    recording, as P table 3 has them; no rows where some samples alone are shown, which have no
-    velocity.
+    """Return the table of errors of displacement and velocity over the last wavelength of every
+    held-out recording, as in P table 3; without rows if only some samples are available, because
+    these have no velocity.
     """
     unit = inputs.target.unit
     held_out = [
@@ -120,10 +120,9 @@ def waveforms_table(inputs: ReportInputs, motion: Motion) -> Table:
         *(f"max error before [{unit}] .4g", "samples"),
     )
     note = (
-        "Over the last wavelength of the input, so many samples; where it does not repeat "
-        "itself, over all of them. Before: over the "
-        "wavelengths before, with the transient at the beginning. Velocities are central "
-        "differences."
+        "Over the last wavelength of the input, with this number of samples; over all "
+        "samples if the input does not repeat itself. Before: over the earlier wavelengths, "
+        "with the transient at the beginning. Velocities are central differences."
     )
     return Table.of("waveforms", "Errors over one wavelength", heads, rows, note)
 

@@ -1,4 +1,4 @@
-"""What a model of motion is to be like: the keys of `model: {type: state_space}`."""
+"""Define the settings of a model of motion: the keys of `model: {type: state_space}`."""
 
 from __future__ import annotations
 
@@ -23,19 +23,20 @@ from mapmore_cli.domain.declared import (
     of_sibling,
 )
 
-QUARTER = 0.25  # of the longest piece: the longest time constant that is looked for
+QUARTER = 0.25  # fraction of the longest piece; the longest time constant that is searched
 
 
 @dataclass(frozen=True)
 class Bounds(Settings):
-    """Where the particles of `solver: swarm` begin.
+    """Ranges in which the particles of `solver: swarm` begin.
 
-    The default holds every stable section: there P1 lies in -1..1 and P2 in -2..2, and `|1 - P1 -
-    P2| < 4`.
+    By default, they contain every stable section, for which P1 is in -1..1, P2 in -2..2, and `|1 -
+    P1 - P2| < 4`.
 
-    - `p1`: P1, as `[-1, 1]`
-    - `p2`: P2, as `[-2, 2]`
-    - `p3`: P3; four times the spans' ratio, either sign, by default, as `[-4, 4]`
+    - `p1`: Range of P1. Example: `[-1, 1]`
+    - `p2`: Range of P2. Example: `[-2, 2]`
+    - `p3`: Range of P3; by default, four times the ratio of the spans of output and input, with
+      either sign. Example: `[-4, 4]`
     """
 
     p1: Pair = (-1.0, 1.0)
@@ -56,25 +57,29 @@ class Bounds(Settings):
 
 @dataclass(frozen=True, kw_only=True)
 class MotionSettings(Settings):
-    """The keys of a model of motion.
+    """Settings of a model of motion.
 
-    - `input`: the quantity that drives, as `voltage`
-    - `sections`: inner boundaries along the input, or how many sections with equal shares of the
-      samples, as `4`
-    - `direction`: whether rise and fall of the input have sections of their own, as `true`
-    - `switching`: `hard` runs every section on the whole input, `carried` passes the state on,
-      `bumpless` also joins the sections and turns after `dead_band`, as `bumpless`
-    - `start`: where a run begins, as `zero`
-    - `mask`: the quantity whose direction says which training samples are those of rise and of
-      fall, as `displacement`
-    - `dead_band`: how far the input turns back before its direction changes, as `0.05`
-    - `offset`: whether a section has a constant of its own, as `true`
-    - `load`: the quantity that P3 and the constant depend on, where there is one, as `load`
-    - `solver`: how sections are fitted: `swarm` is the particle swarm as published, as `swarm`
-    - `slowest`: longest time constant of a section; a quarter of the longest training piece by
-      default, which cannot tell a slower one from a drift, as `5 s`
-    - `begin`: where the particles of the swarm begin; everywhere by default, as `{p1: [-1, 1]}`
-    - `seed`: of the swarm's random numbers, of which every section draws its own, as `2`
+    - `input`: The quantity that drives the motion. Example: `voltage`
+    - `sections`: Inner boundaries along the input, or the number of sections with equal numbers of
+      samples. Example: `4`
+    - `direction`: If true, rising and falling input have separate sections. Example: `true`
+    - `switching`: How the model changes between sections. `hard` runs every section along the whole
+      input and takes the output of the active one. `carried` passes the state on. `bumpless` also
+      joins the sections so that the steady output does not jump, and changes direction after
+      `dead_band`. Example: `bumpless`
+    - `start`: Start of a run: at rest under the first input, or at zero. Example: `zero`
+    - `mask`: The quantity whose direction divides the training samples into rise and fall. Example:
+      `displacement`
+    - `dead_band`: How far the input must turn back before its direction changes. Example: `0.05`
+    - `offset`: If true, every section has its own constant. Example: `true`
+    - `load`: The quantity on which P3 and the constant depend. Example: `load`
+    - `solver`: How sections are fitted: by `least_squares`, or by the particle swarm of the paper
+      (`swarm`). Example: `swarm`
+    - `slowest`: Longest time constant of a section. By default, it is a quarter of the longest
+      training piece, which cannot distinguish a slower one from a drift. Example: `5 s`
+    - `begin`: Ranges in which the particles of the swarm begin; by default, all stable sections.
+      Example: `{p1: [-1, 1]}`
+    - `seed`: Seed of the swarm's random numbers; every section has its own numbers. Example: `2`
     """
 
     input: str | None = None
@@ -98,8 +103,8 @@ class MotionSettings(Settings):
 
 @dataclass(frozen=True, kw_only=True)
 class MotionRecipe(MotionSettings):
-    """The settings of one fit: the input is known, the `output` and the `step` between samples (s)
-    are those of the records.
+    """Settings of one fit with the input known; the `output` and the `step` between samples (s) are
+    those of the records.
     """
 
     input: str
@@ -107,8 +112,8 @@ class MotionRecipe(MotionSettings):
     step: float
 
     def reach(self, longest: int) -> float:
-        """Return the largest modulus of a pole, `exp(-step/slowest)`, where the longest piece has
-        so many samples.
+        """Return the largest modulus of a pole, `exp(-step/slowest)`, for a longest piece of this
+        many samples.
         """
         return math.exp(
             -self.step / (QUARTER * longest * self.step if self.slowest is None else self.slowest)
@@ -125,15 +130,15 @@ class MotionRecipe(MotionSettings):
 
 
 PENALTY = 1e3
-"""Error of an unstable section, in root mean squares of the output, times the modulus of its pole:
-it is worse than any stable one.
+"""Error of an unstable section, in root mean squares of the output, times the modulus of its pole,
+so that it is worse than any stable section.
 """
 
 
 @dataclass(frozen=True)
 class Piece:
-    """One piece of a record: drives (n, m), the input first, output (n,), the samples that count
-    (n,), and the section that holds, (n,).
+    """One piece of a record: drives, (n, m), with the input first; output, (n,); the samples that
+    count, (n,); and the active section, (n,).
     """
 
     drives: Array
@@ -143,8 +148,8 @@ class Piece:
 
 
 class Found(NamedTuple):
-    """Parameters of one section, their RMSE, how many simulations they took, and the lowest RMSE
-    after each iteration.
+    """Parameters of one section, their RMSE, the number of simulations, and the smallest RMSE after
+    each iteration.
     """
 
     p1: float
@@ -156,10 +161,10 @@ class Found(NamedTuple):
 
 
 class Problem:
-    """Error of the parameters of one section, which is simulated with the whole input of every
-    piece; only its own samples count.
+    """Error of the parameters of one section. The section is simulated with the whole input of
+    every piece, but only its own samples count.
 
-    - `reach`: largest modulus of a pole that is looked for.
+    - `reach`: largest modulus of a pole that is searched.
     """
 
     def __init__(
@@ -179,8 +184,8 @@ class Problem:
         self.evaluations = 0
 
     def responses(self, p1: float, p2: float) -> Array:
-        """Return outputs (n, m) at the own samples, of a section that each of the m drives alone
-        moves with weight one.
+        """Return outputs, (n, m), at the section's own samples, when each of the m drives alone
+        acts with weight one.
         """
         self.evaluations += 1
         return np.concatenate(
@@ -191,8 +196,8 @@ class Problem:
         )
 
     def rmse(self, p1: float, p2: float, weights: Array | None = None) -> float:
-        """Return the root mean squared error with these weights, or the best; large and finite for
-        unstable sections, or those beyond the reach.
+        """Return the root mean squared error with these weights, or with the best ones; large and
+        finite for unstable sections and those beyond the reach.
         """
         if not stable(p1, p2, self.reach if weights is None else 1.0):
             return PENALTY * self.size * max(abs(poles(p1, p2)[0]), 1.0)
@@ -203,8 +208,8 @@ class Problem:
         )
 
     def projected(self, p1: float, p2: float) -> tuple[Array, Array]:
-        """Return the best weights (m,) for the poles, by linear least squares, and the residuals
-        (n,) that they leave.
+        """Return the best weights, (m,), for the poles, by linear least squares, and the residuals,
+        (n,).
         """
         moved = self.responses(p1, p2)
         if moved.shape[1] == 1:
@@ -216,8 +221,8 @@ class Problem:
         return weights, _weighted(moved, weights) - self.y
 
     def found(self, p1: float, p2: float, history: Sequence[float] | Array) -> Found:
-        """Return what a search has come to, with the best weights for its poles; `history` are its
-        errors in turn.
+        """Return the result of a search, with the best weights for its poles; `history` holds its
+        errors one after the other.
         """
         weights, residuals = self.projected(p1, p2)
         rmse, lowest = _root_mean_square(residuals), np.minimum.accumulate(history)

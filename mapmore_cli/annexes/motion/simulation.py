@@ -1,8 +1,9 @@
-"""Sections: where they are stable, which one holds at a sample, and how they run along recordings.
-And P's errors.
+"""Simulate sections: their stability, the active section at a sample, runs along recordings, and
+the errors of P.
 
 A section `x2[k+1] = P1 x1 + P2 x2 + ...` has the poles of `z^2 - P2 z - P1`. It is stable in the
-triangle `|P1| < 1`, `|P2| < 1 - P1`. Sections are linear filters: no loop passes over samples.
+triangle `|P1| < 1`, `|P2| < 1 - P1`. Sections are linear filters, so no loop over samples is
+needed.
 """
 
 from __future__ import annotations
@@ -20,30 +21,30 @@ from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.modelling.expressions.operators.play import play
 from mapmore_cli.modelling.memory.records import uninterrupted
 
-# largest reflection coefficient: nearer to the edge, rounding decides whether a section is stable
+# largest reflection coefficient; nearer to the edge, rounding decides whether a section is stable
 EDGE = 1.0 - 1e-9
 
 
 def stable(p1: float, p2: float, reach: float = 1.0) -> bool:
-    """Return whether both poles lie within the circle of radius `reach`."""
+    """Return True if both poles lie within the circle of radius `reach`."""
     p1, p2 = p1 / reach**2, p2 / reach
     return abs(p1) < 1.0 and abs(p2) < 1.0 - p1
 
 
 def of_angles(angles: Array, reach: float) -> tuple[float, float]:
-    """Return P1 and P2 of two coordinates that may have any value, the angles of two reflection
+    """Return P1 and P2 from two coordinates with any values, the angles of two reflection
     coefficients `k = tanh(angle)` (Levinson's recursion): `P1 = -k2 r^2`, `P2 = -k1 (1 + k2) r`.
 
-    The square `|k1|, |k2| < 1` is all sections with both poles within the circle of radius r, the
-    `reach`.
+    The square `|k1|, |k2| < 1` corresponds to all sections with both poles within the circle of
+    radius r, the `reach`.
     """
     k1, k2 = (min(max(math.tanh(angle), -EDGE), EDGE) for angle in angles.tolist())
     return -k2 * reach**2, -k1 * (1.0 + k2) * reach
 
 
 def angles(p1: float, p2: float, reach: float, inmost: float = EDGE) -> list[float]:
-    """Return the inverse of `of_angles`, of a section whose reflection coefficients are brought to
-    `inmost` at most; one with a pole outside the circle comes to the nearest edge.
+    """Return the inverse of `of_angles`, with reflection coefficients limited to `inmost`. For a
+    section with a pole outside the circle, the nearest edge is returned.
     """
     k2 = min(max(-p1 / reach**2, -EDGE), EDGE)
     k1 = -p2 / reach / (1.0 + k2)
@@ -51,9 +52,9 @@ def angles(p1: float, p2: float, reach: float, inmost: float = EDGE) -> list[flo
 
 
 def spread(u: Array, count: int) -> tuple[float, ...]:
-    """Return boundaries between `count` sections with equal shares of the samples u (n,).
+    """Return boundaries between `count` sections with equal numbers of the samples u, (n,).
 
-    Raises DataError if the input dwells so long at one value that a section would have no width.
+    Raises DataError if the input stays so long at one value that a section would have no width.
     """
     boundaries = np.quantile(u, np.arange(1, count) / count)
     edges = np.array([u.min(), *boundaries, u.max()])
@@ -68,11 +69,11 @@ def spread(u: Array, count: int) -> tuple[float, ...]:
 
 
 def rising(u: Array, dead_band: float, *, latched: bool) -> BoolArray:
-    """Return whether the input rises, (n,).
+    """Return True for samples at which the input rises, (n,).
 
-    P eq 16: where `u[k] > u[k-1]`; an input that stands still falls, and so does the first sample.
-    `latched`: the direction holds until the input has turned back by more than the dead band, and
-    rises before it has moved.
+    P eq 16: it rises if `u[k] > u[k-1]`; a constant input, and the first sample, count as falling.
+    If `latched`, the direction is kept until the input has turned back by more than the dead band,
+    and counts as rising before it has moved.
     """
     if not latched:
         return np.diff(u, prepend=u[:1]) > 0
@@ -82,10 +83,10 @@ def rising(u: Array, dead_band: float, *, latched: bool) -> BoolArray:
 
 
 def active(motion: Motion, u: Array, moving: Array | None = None) -> IntArray:
-    """Return the number of the section that holds at each sample, (n,), from 0: section j from its
-    lower boundary on (P eq 15).
+    """Return the index of the active section at each sample, (n,), counted from 0: section j is
+    active from its lower boundary on (P eq 15).
 
-    The direction is that of `moving` (n,), by default of the input u (n,).
+    The direction is that of `moving`, (n,), by default of the input u, (n,).
     """
     place = np.searchsorted(np.asarray(motion.boundaries), u, side="right")
     if not motion.directed:
@@ -97,7 +98,7 @@ def active(motion: Motion, u: Array, moving: Array | None = None) -> IntArray:
 
 
 def extent(boundaries: Sequence[float], place: int) -> str:
-    """Return the inputs of the section at a place, as `from 1.05 to 2.35`."""
+    """Return the inputs of the section with an index as text, for example `from 1.05 to 2.35`."""
     if not boundaries:
         return "any input"
     if place == 1:
@@ -108,14 +109,14 @@ def extent(boundaries: Sequence[float], place: int) -> str:
 
 
 def simulate(motion: Motion, columns: Columns) -> Array:
-    """Return the output (n,) along a recording with its `time`, or along one piece of a record
-    without.
+    """Return the output, (n,), along a recording with its `time`, or along one piece of a record
+    without it.
 
     Every piece begins as `motion.start` says: in the steady state of its first input, or at zero.
     The measured output is not needed.
 
-    Raises FitError if a section is unstable; AtSample where the stamps are neither the model's
-    step apart nor a gap.
+    Raises FitError if a section is unstable; AtSample if a time step is neither that of the model
+    nor a gap.
     """
     for section in motion.sections:
         if not stable(section.p1, section.p2):
@@ -165,16 +166,16 @@ def response(p1: float, p2: float, drive: Array, start: str = REST) -> Array:
 
 
 def shared(poles: Array, drive: Array, holds: IntArray, start: str = REST) -> Array:
-    """Return the output (n,) or (n, m) of sections that hand one state on, from rest under d[0] or
-    from zero.
+    """Return the output, (n,) or (n, m), of sections that pass one state on, from rest under d[0]
+    or from zero.
 
-    `poles` are P1 and P2 of every section, (s, 2); `drive` what drives the one that holds, (n,) or
-    (n, m); `holds` (n,) its number.
+    `poles` holds P1 and P2 of every section, (s, 2); `drive` drives the active section, (n,) or (n,
+    m); `holds`, (n,), is the index of the active section.
     """
     from scipy.signal import lfilter
 
     n = len(holds)
-    states = np.empty((n + 2, *drive.shape[1:]))  # x1[k] stands at k, x2[k] at k + 1
+    states = np.empty((n + 2, *drive.shape[1:]))  # x1[k] is stored at k, x2[k] at k + 1
     p1, p2 = poles[holds[0]] if n else (0.0, 0.0)
     states[:2] = drive[0] / (1.0 - p1 - p2) if start == REST else 0.0
     turns = np.flatnonzero(np.diff(holds)) + 1
@@ -187,13 +188,13 @@ def shared(poles: Array, drive: Array, holds: IntArray, start: str = REST) -> Ar
     return states[:n]
 
 
-# two wavelengths of an input are the same where they differ by less than this share of its range
+# two wavelengths of an input are equal if they differ by less than this share of its range
 REPEATS = 1e-3
 
 
 class MotionErrors(NamedTuple):
     """Errors over the last wavelength, in the unit of the displacement and per second; `transient`
-    is the largest before it.
+    is the largest error before it.
     """
 
     displacement_rmse: float
@@ -205,8 +206,8 @@ class MotionErrors(NamedTuple):
 
 
 def last_wavelength(u: Array) -> int:
-    """Return samples of the last wavelength of an input (n,), so many that it repeats itself
-    before; n where it does not.
+    """Return the number of samples in the last wavelength of an input, (n,), with which it repeats
+    itself; n if it does not repeat.
     """
     tolerance = REPEATS * float(np.ptp(u))
     for length in range(4, len(u) // 2 + 1):
@@ -218,7 +219,7 @@ def last_wavelength(u: Array) -> int:
 
 
 def motion_errors(measured: Array, predicted: Array, u: Array, step: float) -> MotionErrors:
-    """Return the errors of one recording, samples (n,) at every `step` (s)."""
+    """Return the errors of one recording with samples, (n,), at intervals of `step` (s)."""
     tail, before = last_wavelength(u), predicted - measured
     error, before = before[-tail:], np.abs(before[:-tail])
     faster = np.zeros(tail)

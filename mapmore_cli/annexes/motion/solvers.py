@@ -1,6 +1,6 @@
-"""Ways to find a section's parameters, by name: least squares and particle swarms (P eq 11-12).
+"""Find a section's parameters by least squares or by particle swarms (P eq 11-12).
 
-Least squares search the poles alone; the weights of the drives follow by projection.
+Least squares searches only the poles; the weights of the drives follow by projection.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import FitError
 
 STRIDES = (1, 3, 10, 30)
-"""Samples between those that a linear start compares: noise hides in short strides what long ones
-show, and long ones miss fast poles.
+"""Samples between those that a linear start compares: short strides are sensitive to noise, and
+long ones miss fast poles.
 """
-NEAREST = 0.999  # of the edge of stability: where a start may lie at most
+NEAREST = 0.999  # fraction of the edge of stability up to which a start may lie
 TOLERANCE = 1e-12
 
 
 def least_squares(problem: Problem, _recipe: MotionRecipe) -> Found:
-    """Return what Gauss and Newton find over the poles, from the best of the linear starts."""
+    """Return the result of Gauss-Newton over the poles, from the best of the linear starts."""
     reach = problem.reach
     starts = (linear_start(problem.pieces, stride) for stride in STRIDES)
     places = [angles(*start, reach, NEAREST) for start in starts if start is not None]
@@ -54,8 +54,8 @@ def linear_start(pieces: tuple[Piece, ...], stride: int) -> tuple[float, float] 
     """Return P1 and P2 by linear regression of `y[k + 2s] = a y[k + s] + b y[k] + sum_m c_m
     d_m[k]`, its poles brought back to one sample.
 
-    Only where the section holds at all three samples; None if these are too few. Noise in y
-    makes the regression wrong (it is one step ahead): it is only where to begin.
+    Only triples of samples at which the section is active are used; None if there are too few.
+    Noise in y biases the regression (it is one step ahead), so its result is only a starting point.
     """
     rows, targets = [], []
     for piece in pieces:
@@ -78,8 +78,8 @@ def linear_start(pieces: tuple[Piece, ...], stride: int) -> tuple[float, float] 
 
 PARTICLES, ITERATIONS = 50, 20
 INERTIA, OWN, COMMON = 0.9, 2.0, 2.0
-"""P's W, C1 and C2. They lie outside the region in which a swarm settles: it needs `C1 + C2 < 24
-(1 - W^2)/(7 - 5 W)`, here 1.8.
+"""W, C1 and C2 of P. They lie outside the region in which a swarm settles, which needs `C1 + C2 <
+24 (1 - W^2)/(7 - 5 W)`, here 1.8.
 """
 
 
@@ -89,12 +89,12 @@ def fly(
     rng: np.random.Generator,
     begin: Array | None = None,
 ) -> tuple[Array, list[float]]:
-    """Return where `cost` is lowest in the box between `walls`, (2, d), and the lowest cost at the
-    start and after every iteration.
+    """Return the point with the lowest `cost` in the box between `walls`, (2, d), and the lowest
+    cost at the start and after every iteration.
 
-    `v = W v + C1 r1 (own best - x) + C2 r2 (common best - x)`, `x = x + v`, with fresh r1, r2 in
-    0..1 for every coordinate. Particles begin still and evenly spread, within `begin` (2, d) where
-    that is given; one that would leave the box stops at its wall.
+    `v = W v + C1 r1 (own best - x) + C2 r2 (common best - x)`, `x = x + v`, with new random r1, r2
+    in 0..1 for every coordinate. Particles begin at rest and evenly spread, within `begin`, (2, d),
+    if it is given. A particle that would leave the box stops at its wall.
     """
     low, high = walls
     first, last = walls if begin is None else begin
@@ -120,11 +120,11 @@ WIDE = 4.0  # `|P3| = |gain| |1 - P1 - P2| < 4 |gain|` for stable sections
 
 
 def swarm(problem: Problem, recipe: MotionRecipe) -> Found:
-    """Return the best P1, P2 and P3 where sections can be stable (P 2.2); an unstable
-    particle costs more than any stable one.
+    """Return the best P1, P2 and P3 in the region in which sections can be stable (P 2.2). An
+    unstable particle costs more than any stable one.
 
-    The drive is the input alone: a spec may not say otherwise. Raises FitError if no particle
-    was stable.
+    The only drive is the input; a spec may not say otherwise. Raises FitError if no particle was
+    stable.
     """
     walls = _walls(Bounds(), problem)
     begin = None if recipe.begin is None else _walls(recipe.begin, problem)

@@ -1,1 +1,1 @@
-"""What to measure next: the next level, or the next points of a map."""
+"""Decide what to measure next: the next level, or the next points of a map."""

@@ -1,5 +1,5 @@
-"""By training data that were left out: `mapmore tune`, which setting or structure is best; `mapmore
-plan`, what to measure next.
+"""Implement `mapmore tune` (the best setting or structure) and `mapmore plan` (the next
+measurement), with training data that were left out.
 """
 
 from __future__ import annotations
@@ -65,12 +65,13 @@ def tune(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Try settings, or structures, on left-out training data.
+    """Compare settings, or structures, on training data that are left out.
 
-    With --over the best setting is named; without, the structure of the model is searched.
+    With --over, the best setting is reported. Without it, the structure of the model is searched.
 
-    Every combination is fitted without a level (or a block) of the training data and judged on it;
-    held-out data are not used. The one that is named is the simplest that is as good as the best.
+    Every combination is fitted without a level (or a block) of the training data, and judged on it.
+    Held-out data are not used. The recommended combination is the simplest that is as good as the
+    best.
     """
     from mapmore_cli.annexes.planning import planning, views
     from mapmore_cli.study.loader import load
@@ -132,11 +133,11 @@ def plan(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Say what to measure next, where the model is least sure.
+    """Say what to measure next, where the model is least certain.
 
-    With levels, the next lies in the middle of the widest gap. Without levels, or with --points,
-    several models stand in a committee, and points go where these disagree and data are far.
-    Held-out values are not used. Per cent are of the largest |target|.
+    With levels, the next one lies in the middle of the widest gap. Without levels, or with
+    --points, several models form a committee, and points are placed where these disagree and data
+    are far away. Held-out values are not used. Per cent are relative to the largest |target|.
     """
     from mapmore_cli.annexes.planning import planning
     from mapmore_cli.annexes.planning.views import of_plan
@@ -159,8 +160,8 @@ def plan(
 
 
 def _values_of(over: Sequence[str]) -> dict[str, list[Any]]:
-    """Return the values of every setting: `fit.max_terms=2,4,8`, each of them YAML; raises
-    UsageError for another form, or no value.
+    """Return the values of every setting, `fit.max_terms=2,4,8`, each as YAML. Raises UsageError
+    for another form, or without a value.
     """
     from mapmore_cli.study.diagnostics import Mistake
     from mapmore_cli.study.tree import SourceText, written
@@ -194,8 +195,8 @@ def _values_of(over: Sequence[str]) -> dict[str, list[Any]]:
 
 
 def _prices_of(text: str | None) -> dict[str, float]:
-    """Return the price of each quantity, `pressure=1,strain=20`; raises UsageError for what is
-    none.
+    """Return the price of each quantity, `pressure=1,strain=20`. Raises UsageError for an invalid
+    price.
     """
     prices: dict[str, float] = {}
     for part in text.split(",") if text else []:
@@ -213,8 +214,8 @@ def _prices_of(text: str | None) -> dict[str, float]:
 
 
 def write_results(paths: Sequence[Path], table: Table, result: Tuning | Plan | None) -> None:
-    """Write the table to each of the files, or the figure of a result to those that end as figures
-    do.
+    """Write the table to each of the files; to files with the suffix of a figure, draw the figure
+    of the result.
     """
     from mapmore_cli.reporting.table import to_csv, to_latex
 

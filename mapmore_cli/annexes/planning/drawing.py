@@ -1,4 +1,4 @@
-"""Draw what `tune` tried and where `plan` would measure next."""
+"""Draw the combinations that `tune` tried, and the places at which `plan` would measure next."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ RING: dict[str, Any] = MARK | {"markersize": 9, "markerfacecolor": "none", "colo
 
 
 def drawing_of(result: Tuning | Plan) -> Drawing:
-    """Return the figure of what `tune` or `plan` found."""
+    """Return the figure of a result of `tune` or `plan`."""
     return tuning_drawing(result) if isinstance(result, Tuning) else plan_drawing(result)
 
 
 def tuning_drawing(tuning: Tuning) -> Drawing:
-    """Return a dot for every combination, with the standard error of what it errs above the best;
-    the simplest within that is ringed.
+    """Return a dot for every combination, with the standard error of its difference from the best;
+    the simplest within that error is ringed.
     """
     trials = [trial for trial in tuning.trials if trial.errors]
     first = next(iter(tuning.chosen.settings))
@@ -38,7 +38,7 @@ def tuning_drawing(tuning: Tuning) -> Drawing:
         ax.axhline(100 * tuning.best.error, color=style.LIGHT, linewidth=0.8, zorder=0)
         for trial in trials:
             error, colour = 100 * trial.error, colours[str(trial.settings[first])]
-            # below the error, to where its logarithm is one standard error less
+            # the error bar reaches down to one standard error of the logarithm
             bar = error * (1 - np.exp(-np.clip(trial.spread, *WITHIN)))
             look: dict[str, Any] = {"fmt": "o", "markersize": 4, "elinewidth": 0.8}
             ax.errorbar(trial.parameters, error, yerr=bar, color=colour, **look)
@@ -58,8 +58,8 @@ def tuning_drawing(tuning: Tuning) -> Drawing:
 
 
 def plan_drawing(plan: Plan) -> Drawing:
-    """Return the half widths over one quantity as a line, over two as colours; with three the first
-    two are drawn.
+    """Return the half widths over one quantity as a line, over two as colours; with three
+    quantities, the first two are drawn.
     """
     names = list(plan.quantities)[:2]
     labels = [_label(plan.quantities[name]) for name in names]

@@ -1,4 +1,6 @@
-"""Leave training data out in folds, and measure the errors of models that were made without."""
+"""Leave out training data in folds, and measure the errors of models that were fitted without
+them.
+"""
 
 from __future__ import annotations
 
@@ -19,15 +21,17 @@ from mapmore_cli.modelling.validation.significance import NOTHING
 
 
 def training_only(dataset: Dataset) -> Dataset:
-    """Return the dataset without its held-out samples; curves that have no others are left out."""
+    """Return the dataset without its held-out samples; curves without other samples are left
+    out.
+    """
     curves = [curve for curve in dataset.curves if curve.training.any()]
     return replace(dataset, curves=tuple(curve.at(~curve.held_out) for curve in curves))
 
 
 @dataclass(frozen=True)
 class Folds:
-    """What settings are tried on: a `dataset` of training samples alone, and what every fold leaves
-    out of each curve. Errors are divided by `scale`.
+    """Data for comparing settings: a `dataset` of training samples only, and the samples of each
+    curve that every fold leaves out. Errors are divided by `scale`.
     """
 
     dataset: Dataset
@@ -40,13 +44,13 @@ class Folds:
 def folds_of(
     dataset: Dataset, choices: ModelChoices, normaliser: str, by_level: bool = False
 ) -> Folds:
-    """Return the folds of training samples alone: inner levels where there are enough of them, else
+    """Return folds of the training samples: inner levels if there are enough of them, otherwise
     blocks.
 
-    Where the study holds levels out (`by_level`), training levels are left out also of pooled
-    curves, and the outer ones where there are fewer than three inner ones.
+    If the study holds out levels (`by_level`), training levels are also left out of pooled curves,
+    and the outer levels too if there are fewer than three inner ones.
 
-    Raises DataError if there are too few samples to leave a block out.
+    Raises DataError if there are too few samples to leave out a block.
     """
     scale = divisor(dataset, normaliser)
     level = dataset.level if by_level else level_of(choices.levels, choices.segment)
@@ -87,8 +91,8 @@ def _block_masks(curve: Curve, along: str | None) -> list[BoolArray]:
 
 
 def errors_of(folds: Folds, remade: Callable[[Dataset], Model]) -> list[float]:
-    """Return the NRMSE on each fold, of models that are `remade` without it; infinite where nothing
-    finite was predicted. Raises as the fits do.
+    """Return the NRMSE on each fold of models that are `remade` without it; infinite if nothing
+    finite was predicted. Raises the errors of the fits.
     """
     nrmse = []
     target = folds.dataset.target
@@ -106,5 +110,5 @@ def errors_of(folds: Folds, remade: Callable[[Dataset], Model]) -> list[float]:
 
 
 def geometric_mean(errors: Sequence[float]) -> float:
-    """Return the error whose logarithm is the mean over the folds."""
+    """Return the geometric mean of the errors over the folds."""
     return float(np.exp(np.mean(np.log(np.maximum(errors, NOTHING)))))

@@ -1,5 +1,5 @@
-"""What to try and what to measure next, by training data alone: models that were made without some
-of it, and what they say of it.
+"""Compare settings and plan measurements, using training data only, with models that were fitted
+without some of it.
 """
 
 from __future__ import annotations
@@ -63,14 +63,14 @@ def tune(
     runs: Path,
     **listeners: Unpack[Listeners],
 ) -> Tuning:
-    """Try every combination of settings (`over`, by their place in the spec) on training data that
-    its models were made without.
+    """Compare every combination of settings (`over`, by their place in the spec) on training data
+    that are left out of the fits.
 
     The data are ingested in the folder of the run; nothing else is written. Held-out samples are
     dropped before anything is computed.
 
-    Raises UsageError if a setting changes the data, so that errors could not be compared;
-    SpecError, DataError, FitError if the spec is wrong with some setting, or no combination can
+    Raises UsageError if a setting changes the data, because errors could then not be compared;
+    SpecError, DataError or FitError if the spec is invalid with a setting, or if no combination can
     be fitted.
     """
     _of_one_target(loaded)
@@ -112,8 +112,8 @@ def _variants(
 
 
 def _try_settings(settings: Mapping[str, Any], choices: ModelChoices, folds: Folds) -> Trial:
-    """Return the errors on the folds, of models that were made without them; where a fit fails,
-    why.
+    """Return the errors on the folds of models that were fitted without them; if a fit fails, the
+    reason.
     """
     try:
         size = parameters(refit(choices, folds.dataset))
@@ -129,7 +129,7 @@ def _try_settings(settings: Mapping[str, Any], choices: ModelChoices, folds: Fol
 
 
 def _ranked(name: str, folds: Folds, trials: Sequence[Trial]) -> Tuning:
-    """Return the trials with what they err beyond the best, and the simplest within one standard
+    """Return the trials with their difference from the best, and the simplest within one standard
     error.
 
     Raises FitError if none of them could be fitted.
@@ -162,10 +162,10 @@ def _ranked(name: str, folds: Folds, trials: Sequence[Trial]) -> Tuning:
 def searched(
     loaded: LoadedSpec, runs: Path, budget: str | None, **listeners: Unpack[Listeners]
 ) -> tuple[Search, Path]:
-    """Search the structure of a study, whatever its spec says of it; return what was tried, and the
-    spec that was found.
+    """Search the structure of a study, whatever its spec says about it; return the structures that
+    were tried, and the spec that was found.
 
-    Raises SpecError, DataError or FitError if the data cannot be read, or no structure can be
+    Raises SpecError, DataError or FitError if the data cannot be read, or if no structure can be
     fitted.
     """
     asked: dict[str, Any] = {"model.type": AUTO}
@@ -185,17 +185,17 @@ def searched(
 
 
 COMMITTEE = ("sarosi_hinged", "sarosi")
-"""Formulas of the committee, of those whose inputs the study has; a process without a formula
-belongs to it as well.
+"""Formulas of the committee, if the study has their inputs. A process without a formula belongs to
+it too.
 """
 
 ASTRAY = 2.0
-"""Range of a formula over the map, measured values included, over theirs: beyond that it is no
-member.
+"""Largest ratio of a formula's range over the map (including the measured values) to that of the
+measured values; beyond it, the formula is no member.
 """
 
 STEPS = {1: 201, 2: 41, 3: 13}
-"""Steps of the grid of places along each of so many inputs."""
+"""Steps of the grid along each input, by the number of inputs."""
 
 EQUAL = "On measured muscles, no rule was better than equal distances (docs/planning.md)."
 MAP = (
@@ -206,7 +206,7 @@ HALVES = "Half widths are right on average; a single one can be wrong by a facto
 
 
 Planned = tuple[tuple[Candidate, ...], Picture, Until | None, tuple[str, ...]]
-"""Candidates, the best first, half widths, the forecast where one was asked for, and notes."""
+"""Candidates, the best first; half widths; the forecast, or None; and notes."""
 
 
 def plan(
@@ -218,16 +218,16 @@ def plan(
     prices: Mapping[str, float],
     **listeners: Unpack[Listeners],
 ) -> Plan:
-    """Rank the measurements that could be made: levels where the study has some, else (or with
-    `points`) points of a map.
+    """Rank possible measurements: levels if the study has some; otherwise, or with `points`, points
+    of a map.
 
     The data are ingested in the folder of the run; nothing else is written. Held-out values are not
     used. `until` is the wanted half width, in per cent of the largest |target| (`2%`) or in the
-    target's unit; `prices` say what a change of each quantity costs.
+    target's unit; `prices` holds the cost of a change of each quantity.
 
-    Raises SpecError for a model that runs over time, and a sum of other runs; DataError if there
-    is nothing to plan by: a single level, or a single place; UsageError if `until` is no size or
-    levels are planned, or a price is of a quantity that the study does not set.
+    Raises SpecError for a model that runs over time, and a sum of other runs; DataError if there is
+    too little to plan with (a single level, or a single place); UsageError if `until` is no size or
+    levels are planned, or if a price is for a quantity that the study does not set.
     """
     searched = loaded.spec.model.type == "auto"
     if not searched:
@@ -261,7 +261,7 @@ def _of_one_target(loaded: LoadedSpec) -> None:
 
 
 def _plannable(loaded: LoadedSpec) -> ModelChoices:
-    """Return how the model is made, where levels or points can be left out of it."""
+    """Return the settings of the model, if levels or points can be left out of its fit."""
     _of_one_target(loaded)
     choices = model_choices(loaded.spec)
     if choices.over_time:
@@ -278,7 +278,7 @@ def _plannable(loaded: LoadedSpec) -> ModelChoices:
 
 
 def _size_of(text: str, largest: float) -> float:
-    """Return a half width in the target's unit: `2%` of the `largest` |target|, or a number; raises
+    """Return a half width in the target's unit: `2%` of the `largest` |target|, or a number. Raises
     UsageError for anything else.
     """
     number, percent = text.strip().removesuffix("%"), text.strip().endswith("%")
@@ -303,8 +303,8 @@ def _checked(prices: Mapping[str, float], names: Sequence[str]) -> None:
 
 
 def _of_levels(name: str, whole: Dataset, prices: Mapping[str, float]) -> Planned:
-    """Return the middles of the gaps between levels, the widest first; held-out levels are measured
-    already.
+    """Return the middles of the gaps between levels, the widest first; held-out levels count as
+    measured.
     """
     level = str(whole.level)
     _checked(prices, (level,))
@@ -334,7 +334,7 @@ def _of_points(
     wanted: float | None,
     prices: Mapping[str, float],
 ) -> Planned:
-    """Return the next points; none is a place that was measured already, held out or not."""
+    """Return the next points; none is at a place that was measured already, held out or not."""
     name, dataset = choices.name, training_only(whole)
     columns = pooled_training(dataset.curves)
     inputs = [quantity.name for quantity in refit(choices, dataset).inputs]
@@ -374,11 +374,11 @@ def _of_points(
 def formulas_of(
     dataset: Dataset, measured: MeasuredMap, places: Array
 ) -> dict[str, tuple[Array, Array]]:
-    """Return what each member of the committee says of the measured points and of the places; of
-    none, nothing.
+    """Return the predictions of each member of the committee at the measured points and at the
+    places; an empty mapping if there is none.
 
-    A formula that leaves the measured values by their range, as one of few points does, is no
-    member.
+    A formula that deviates from the measured values by more than their range, as can happen with
+    few points, is no member.
     """
     members = {"none": (np.zeros(len(measured.y)), np.zeros(len(places)))}
     for name in COMMITTEE:

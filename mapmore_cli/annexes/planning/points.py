@@ -1,9 +1,10 @@
-"""The next points of a map of two or more inputs.
+"""Choose the next points of a map of two or more inputs.
 
-Several models, each with a Gaussian process of what it leaves, stand in a committee. A point counts
-by the product of the committee's spread and the processes' deviation, times `SLACK` where the
-muscle is expected to pull less than 2 % of its largest force. Points are taken one after the other,
-each as if it had measured what the committee expects (docs/planning.md).
+Several models, each with a Gaussian process for its residual, form a committee. The worth of a
+point is the product of the committee's spread and the processes' standard deviation, multiplied by
+`SLACK` if the muscle is expected to pull with less than 2 % of its largest force. Points are chosen
+one after the other; each is then treated as if it had measured what the committee expects
+(docs/planning.md).
 """
 
 from __future__ import annotations
@@ -22,21 +23,21 @@ from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.modelling.validation.gaussian_process import GaussianProcess, most_likely
 from mapmore_cli.modelling.validation.intervals import NORMAL
 
-# weight of points where less than this part of the largest |target| is expected
+# weight of points at which less than this fraction of the largest |target| is expected
 SLACK, LITTLE = (
     0.15,
     0.02,
 )
-# points that the processes are fitted to: spread over the samples, so that a curve of thousands
-# counts by its course
+# points to which the processes are fitted, spread over the samples, so that a curve of thousands of
+# samples counts by its course
 MOST_MEASURED = 150
-MOST_POINTS = 100  # points up to which a forecast goes
+MOST_POINTS = 100  # largest number of points of a forecast
 
 
 @dataclass(frozen=True)
 class MeasuredMap:
-    """A map as measured: inputs by name and values, (n,) each, and what each formula of the
-    committee says there and elsewhere.
+    """A measured map: inputs by name and values, (n,) each, and the predictions of each formula of
+    the committee there and elsewhere.
     """
 
     names: tuple[str, ...]
@@ -48,7 +49,7 @@ class MeasuredMap:
         return np.asarray((at - self.x.min(axis=0)) / np.ptp(self.x, axis=0))
 
     def grid(self, steps: int) -> Array:
-        """Return the points of a grid within the hull of what was measured, (m, d)."""
+        """Return the points of a grid within the convex hull of the measured points, (m, d)."""
         every = np.array(
             list(itertools.product(np.linspace(0.0, 1.0, steps), repeat=len(self.names)))
         )
@@ -58,16 +59,16 @@ class MeasuredMap:
         return np.asarray(self.x.min(axis=0) + every * np.ptp(self.x, axis=0))
 
     def unmeasured(self, places: Array, samples: Array, steps: int) -> BoolArray:
-        """Return which places of a grid no sample lies at, (m,): within half a step along every
-        input. Of `samples`, (n, d), held-out ones count as well.
+        """Return True for places of a grid at which no sample lies, (m,): none within half a step
+        along every input. Of `samples`, (n, d), held-out ones count too.
         """
         nearest, _ = KDTree(self.scaled(samples)).query(self.scaled(places), p=np.inf)
         return np.asarray(nearest > 0.5 / (steps - 1))
 
 
 def spread_out(x: Array, y: Array) -> tuple[Array, Array]:
-    """Return at most `MOST_MEASURED` of the points, spread over them: each next is the one farthest
-    from those taken (maximin).
+    """Return at most `MOST_MEASURED` of the points, spread over them: each next point is the one
+    farthest from those chosen before (maximin).
     """
     if len(y) <= MOST_MEASURED:
         return x, y
@@ -83,11 +84,11 @@ def spread_out(x: Array, y: Array) -> tuple[Array, Array]:
 
 
 class Committee:
-    """Processes of what each formula leaves, on a fixed set of places; measured values are added
-    one by one.
+    """Processes for the residual of each formula, on a fixed set of places. Measured values are
+    added one by one.
 
-    `places` are candidates, (m, d); `formulas` has by name what each says of the measured points,
-    (n,), and of the places, (m,).
+    `places` are candidates, (m, d). `formulas` holds by name the predictions at the measured
+    points, (n,), and at the places, (m,).
     """
 
     def __init__(
@@ -113,20 +114,20 @@ class Committee:
 
     @property
     def error(self) -> Array:
-        """Expected error of a prediction at every place, (m,): of the committee and of the
+        """Expected error of a prediction at every place, (m,), from the committee and the
         processes.
         """
         return np.asarray(np.hypot(self.spread, self.deviation))
 
     @property
     def half(self) -> Array:
-        """Half of the width of the interval at every place, noise included, (m,)."""
+        """Half the width of the interval at every place, including noise, (m,)."""
         return np.asarray(NORMAL * np.hypot(self.error, self.noise))
 
     @property
     def score(self) -> Array:
-        """How much a measurement at every place is worth, (m,): without a spread (a committee of
-        one), the variance.
+        """Worth of a measurement at every place, (m,); without a spread (a committee of one), it is
+        the variance.
         """
         spread = self.spread if len(self._own) > 1 else self.deviation
         return np.asarray(
@@ -136,7 +137,7 @@ class Committee:
         )
 
     def add(self, number: int) -> None:
-        """Treat a place as measured, with the value that is expected there."""
+        """Treat a place as measured, with its expected value."""
         expected = float(self.expected[number])
         self._own = [
             process.with_point(self.scaled[number], expected - float(base[number]))
@@ -152,11 +153,11 @@ def next_points(
     prices: Mapping[str, float],
     free: BoolArray | None = None,
 ) -> tuple[tuple[Candidate, ...], tuple[Array, Array]]:
-    """Return the next points, in the order in which they are worth most, and the half widths at all
-    places before and after them.
+    """Return the next points in the order of their worth, and the half widths at all places before
+    and after them.
 
-    Worth is divided by cost. The first time that a quantity takes a value costs its price; at the
-    least, a point costs the lowest price. Only `free` places are taken, (m,), all without it.
+    Worth is divided by cost. The first time that a quantity takes a value costs its price; a point
+    costs at least the lowest price. Only `free` places, (m,), are chosen; all places if it is None.
     """
     before, places = committee.half, committee.places
     next_ones, chosen = list[Candidate](), list[int]()
@@ -177,8 +178,8 @@ def next_points(
 
 
 def until(committee: Committee, wanted: float) -> Until:
-    """Return how many more points bring the widest half width to `wanted`; the committee is
-    changed.
+    """Return how many more points reduce the widest half width to `wanted`. This changes the
+    committee.
     """
     widest = float(committee.half.max())
     more, least = 0, widest

@@ -1,4 +1,4 @@
-"""What `tune` tried, and what `plan` proposes to measure next."""
+"""Define the results of `tune` and `plan`."""
 
 from __future__ import annotations
 
@@ -15,44 +15,44 @@ from mapmore_cli.domain.recording import Quantity
 
 @dataclass(frozen=True)
 class Candidate:
-    """A measurement that could be made; half widths are those of the 95 % interval, in the target's
-    unit, NaN where unknown.
+    """A possible measurement. Half widths are those of the 95 % interval, in the target's unit, NaN
+    if unknown.
     """
 
     at: Mapping[str, float]  # values of the quantities to set, by name, in the model's units
     kind: Literal["between", "point"]  # `between` two levels, or a `point` of a map
     gap: float = math.nan  # distance of the two levels
-    half_width: float = math.nan  # there, before the measurement
-    after: float = math.nan  # its forecast for after the measurement
+    half_width: float = math.nan  # half width there before the measurement
+    after: float = math.nan  # forecast of the half width after the measurement
     error: float = math.nan  # expected root mean square error there before the measurement
-    cost: float = 1.0  # by the user's prices of a change of each quantity
+    cost: float = 1.0  # cost by the user's prices of a change of each quantity
 
 
 @dataclass(frozen=True)
 class Until:
-    """The forecast of how many more measurements are needed for a `wanted` half width, in the
+    """Forecast of the number of further measurements that reach a `wanted` half width, in the
     target's unit.
     """
 
     wanted: float
-    widest: float  # half width now
-    more: int | None  # None if more measurements do not get there
-    least: float  # what they then reach
+    widest: float  # present half width
+    more: int | None  # None if further measurements do not reach it
+    least: float  # smallest half width that they reach
 
 
 @dataclass(frozen=True)
 class Picture:
-    """Half widths over the range that was measured, for the figure."""
+    """Half widths over the measured range, for the figure."""
 
     places: Columns  # coordinates of the half widths by name, (n,) each
-    before: Array  # half widths now, (n,)
-    after: Array  # with all of the plan's points measured, (n,)
-    measured: Columns  # coordinates of what trains, by name, (m,) each
+    before: Array  # present half widths, (n,)
+    after: Array  # half widths with all points of the plan measured, (n,)
+    measured: Columns  # coordinates of the training samples by name, (m,) each
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Candidates, the best first, and what a reader has to know of them."""
+    """Candidates, the best first, and what a reader must know about them."""
 
     name: str
     target: Quantity
@@ -65,7 +65,7 @@ class Plan:
 
     @property
     def widest(self) -> float:
-        """The widest half width now; NaN where there are no intervals."""
+        """The widest present half width; NaN without intervals."""
         known = self.picture.before[np.isfinite(self.picture.before)]
         return float(known.max()) if len(known) else math.nan
 
@@ -75,12 +75,12 @@ class Trial:
     """One combination of settings, by their place in the spec."""
 
     settings: Mapping[str, Any]
-    parameters: int = 0  # free numbers of its model of all training data
+    parameters: int = 0  # free parameters of its model of all training data
     errors: tuple[
         float, ...
     ] = ()  # NRMSE on each fold of a model without it; empty if a fit failed
     error: float = math.nan  # their geometric mean
-    excess: float = math.nan  # mean over the folds of ln(error / that of the best combination)
+    excess: float = math.nan  # mean over the folds of ln(error / error of the best combination)
     spread: float = math.nan  # standard error of that mean
     failure: str = ""  # why a fit failed
 
@@ -90,8 +90,8 @@ class Tuning:
     """All combinations that were tried."""
 
     name: str
-    left_out: str  # by each fold
-    full_scale: str  # what errors are divided by
+    left_out: str  # what each fold leaves out
+    full_scale: str  # divisor of errors
     trials: tuple[Trial, ...]
-    best: Trial  # errs least
-    chosen: Trial  # the simplest within one standard error of the best
+    best: Trial  # the combination with the smallest error
+    chosen: Trial  # the simplest combination within one standard error of the best

@@ -1,4 +1,4 @@
-"""Show what `tune` tried and what `plan` proposes: as tables, and as JSON."""
+"""Show the results of `tune` and `plan` as tables and as JSON."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from mapmore_cli.study.yaml_loader import as_overrides
 
 
 def of_tuning(tuning: Tuning) -> View:
-    """Return a row for every combination, with the best and the chosen one marked, and the settings
-    to use.
+    """Return a row for every combination, with the best and the chosen one marked, and the
+    recommended settings.
     """
     keys = ("set=settings", "parameters", "error", "above_best=excess", "standard_error=spread")
     errors = {
@@ -67,16 +67,14 @@ def _cell(value: object) -> Cell:
 
 
 def of_search(search: Search, spec: str) -> View:
-    """Return every structure that was tried, and where the spec with the chosen one lies."""
+    """Return every structure that was tried, and the path of the spec with the chosen one."""
     words = "the best itself" if search.chosen == search.best else "as good as the best"
     lines = (*search.notes, f"found: {search.found.words} ({words})", f"spec: {spec}")
     return View({**search_document(search), "spec": spec}, (search_table(search),), lines)
 
 
 def of_plan(plan: Plan) -> View:
-    """Return a row for every candidate, the best first, and the forecast where one was asked
-    for.
-    """
+    """Return a row for every candidate, the best first, and the forecast if one was requested."""
     unit, quantities = plan.target.unit, plan.quantities
     costs = {candidate.cost for candidate in plan.candidates} != {1.0}
     columns: list[Column | str] = ["rank"]

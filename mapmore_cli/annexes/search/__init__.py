@@ -1,1 +1,1 @@
-"""Search the structure of a model: candidates declared as data, and one rule."""
+"""Search the structure of a model: candidates are declared as data, and one rule chooses."""

@@ -1,5 +1,5 @@
-"""What all structures of a search are tried on: training samples, and the folds that are left out
-of them in turn.
+"""Prepare the data with which all structures of a search are compared: training samples, and the
+folds that are left out.
 """
 
 from __future__ import annotations
@@ -25,25 +25,26 @@ from mapmore_cli.study.sections.data import Between, Holdout, Levels
 from mapmore_cli.study.sections.model import ModelChoice
 
 LONGEST_FOLD = 1 / 3
-"""Of a recording at most that a fold leaves out, where the study holds longer runs out."""
+"""Largest fraction of a recording that a fold leaves out, if the study holds out longer runs."""
 
 BEHIND = (0.2, 0.35, 0.5)
-"""Shares of every recording's end that are left out in turn, where the study holds ends out: what
-drifts is to be foretold.
+"""Shares at the end of every recording that are left out one after the other, if the study holds
+out ends, so that drift must be predicted.
 """
 
 MOST_PARTS = 6
-"""Levels or recordings that are left out in turn, evenly chosen of more."""
+"""Largest number of levels or recordings that are left out; more are thinned evenly."""
 
 FAIR = (0.2, 1.2)
-"""Of the size of the recording that a training sample lies in on the average: what a recording has,
-which is left out. Without a larger one too little is learnt, and a smaller one says nothing; the
-average over recordings would be that of fragments.
+"""Limits of the size of a recording that is left out, relative to the mean size of the recording in
+which a training sample lies. Without a larger one, too little is left for training; a smaller one
+says nothing. (A mean over recordings would be dominated by fragments.)
 """
 
 MOST_SAMPLES = 12_000
-"""Training samples that structures are tried on: of more an even share of every curve, or of
-recordings that models with a past run along, long pieces."""
+"""Largest number of training samples with which structures are compared. More are thinned evenly
+along every curve; for models with a past, long pieces of recordings are taken.
+"""
 
 
 @dataclass(frozen=True)
@@ -59,8 +60,8 @@ class Slice:
     by_level: bool
 
     def in_order(self, dataset: Dataset) -> bool:
-        """Whether a model of the study may go along its recordings: none of their samples is drawn
-        at random, and `cycles` have taken none out of the order of time.
+        """Return True if a model of the study may run along its recordings: none of their samples
+        is chosen at random, and `cycles` have not changed their order.
         """
         drawn = self.held_out is not None and self.held_out.fraction is not None
         known = dataset.quantities
@@ -93,8 +94,8 @@ class Bench:
 
     @classmethod
     def of(cls, training: Dataset, situation: Situation, part: Slice, study: Dataset) -> Bench:
-        """Return the folds of training samples, which resemble what the `study` holds out. Raises
-        DataError where no sample can be left out.
+        """Return folds of training samples that resemble the held-out data of the `study`. Raises
+        DataError if no sample can be left out.
         """
         left_out, blocks = _stretches(training, situation, part.held_out, held_run(study))
         name, parts, asked, ends = _parts(training, situation, study)
@@ -102,11 +103,13 @@ class Bench:
             name, parts, ends = "ends of an input, as the study holds one out", beyond, True
         asked = bool(parts) and (asked or part.by_level or ends)
         if not blocks and not parts:
-            raise DataError("too few samples train: none can be left out", "keep more samples")
+            raise DataError(
+                "there are too few training samples to leave some out", "keep more samples"
+            )
         weight = 2 / 3 if asked else 1 / 2 if situation.timed else 1 / 4
         if len(parts) == 1:  # the only inner level
             weight = 1 / 2
-        if ends:  # what is told of the way between others says nothing of what lies beyond
+        if ends:  # errors between other levels say nothing about extrapolation
             weight = 1.0
         counts = [len(blocks), len(parts)]
         weights = np.repeat(np.array([1 - weight, weight]) / np.maximum(counts, 1), counts)
@@ -133,8 +136,8 @@ class Bench:
 
     @cached_property
     def range(self) -> tuple[float, float]:
-        """Least and largest output: measured in training, and of a plane through these at all
-        inputs of the study, since what lies beyond is to be foretold.
+        """Smallest and largest output: measured in training, and predicted by a plane at all inputs
+        of the study, because outputs outside the training data must be predicted too.
         """
         target = self.study.target
         plane = polynomial_fit(1, self.study, self.situation.inputs)
@@ -143,11 +146,11 @@ class Bench:
 
 
 def searchable(dataset: Dataset) -> Dataset:
-    """Return the training samples with the inputs between them, which states follow, but without
-    the held-out outputs.
+    """Return the training samples with the inputs between them, which states need, but without the
+    held-out outputs.
 
-    Without these inputs, whatever follows slowly would begin anew behind every piece that is held
-    out, and look worse than it is.
+    Without these inputs, slow states would restart after every held-out piece, and models with them
+    would look worse than they are.
     """
     curves = []
     for curve in dataset.curves:
@@ -164,10 +167,10 @@ def searchable(dataset: Dataset) -> Dataset:
 
 
 def cut_short(dataset: Dataset, run: int, timed: bool) -> Dataset:
-    """Return at most so many samples: an even share of every curve, or of recordings in time some
-    even pieces, which are no shorter than a held-out `run`.
+    """Return at most this many samples: evenly thinned along every curve, or for recordings in
+    time, some pieces with equal steps that are no shorter than a held-out `run`.
 
-    Each piece begins from measured outputs: shorter ones would flatter models that feed their
+    Each piece begins with measured outputs, so shorter pieces would flatter models that feed their
     output back.
     """
     most = max(MOST_SAMPLES // len(dataset.curves), 1)
@@ -212,12 +215,12 @@ def _ends_of(dataset: Dataset) -> IntArray:
 def _stretches(
     dataset: Dataset, situation: Situation, held_out: Holdout | None, run: int
 ) -> tuple[str, list[BoolArray]]:
-    """Return what is left out of every curve, in words and masks: of recordings at even steps
-    stretches of time as long as the run that is held out; else bands of an input, as wide as those
-    that are held out, or stretches along each input.
+    """Return what is left out of every curve, in words and as masks: for recordings at equal steps,
+    stretches of time as long as the held-out run; otherwise, bands of an input as wide as the
+    held-out ones, or stretches along each input.
 
-    Time says nothing of a model without a past. What lies at the end of an input can only be
-    extrapolated: that would decide, and is not what is asked.
+    For a model without a past, time says nothing. Data at the end of an input's range can only be
+    extrapolated, which would dominate the comparison although it is not the question.
     """
     samples = _pooled(dataset)
     training = samples.training
@@ -242,8 +245,8 @@ def _stretches(
 
 
 def _windows(logs: Sequence[IntArray], size: int, run: int) -> list[BoolArray]:
-    """Return masks (size,) of five folds: short runs several times in each recording, or one long
-    run, which those of other folds may overlap.
+    """Return masks, (size,), of five folds: short runs several times in each recording, or one long
+    run, which may overlap with those of other folds.
     """
     masks = np.zeros((BLOCKS, size), dtype=np.bool_)
     for rows in logs:
@@ -257,7 +260,9 @@ def _windows(logs: Sequence[IntArray], size: int, run: int) -> list[BoolArray]:
 
 
 def held_run(study: Dataset) -> int:
-    """Return the usual length of a run of held-out samples: that in which half of them lie."""
+    """Return the usual length of a run of held-out samples, at which half of the samples are in
+    longer runs.
+    """
     samples = _pooled(study)
     out = [0]
     for log in samples.logs:
@@ -268,11 +273,11 @@ def held_run(study: Dataset) -> int:
 
 
 def _bands(samples: Curve, held_out: Holdout | None, inputs: Sequence[str]) -> list[BoolArray]:
-    """Return bands of an input that are as wide as those that the study holds out of it, about even
-    quantiles of what trains.
+    """Return bands of an input, around evenly spaced quantiles of the training data, that are as
+    wide as the bands that the study holds out.
 
-    Blocks in the order of time hold every value of an input that was swept more than once: left
-    out, they ask for nothing between.
+    Blocks in the order of time would contain every value of an input that was swept more than once,
+    so that leaving them out would not test interpolation.
     """
     folds: list[BoolArray] = []
     for name, held in ({} if held_out is None else held_out.quantities).items():
@@ -292,12 +297,14 @@ def _bands(samples: Curve, held_out: Holdout | None, inputs: Sequence[str]) -> l
 def _parts(
     dataset: Dataset, situation: Situation, study: Dataset
 ) -> tuple[str, list[BoolArray], bool, bool]:
-    """Return what is left out beside stretches, in words and masks: ends of recordings where most
-    of what the study holds out lies behind training samples of the same one, else values that whole
-    curves stand at, else recordings; whether the study holds such out; and whether these are the
-    outermost values, as the study holds one out.
+    """Return what is left out besides stretches, in words and as masks: ends of recordings if most
+    held-out samples of the study come after training samples of the same recording; otherwise
+    values at which whole curves are constant; otherwise recordings. Also return True if the study
+    holds out such parts, and True if these are the outermost values because the study holds out
+    one.
 
-    In the rest of a fold every input varies: of one that stands still nothing is learnt.
+    In the rest of each fold, every input varies, because nothing can be learnt about a constant
+    input.
     """
     samples, every = _pooled(dataset), _pooled(study)
     behind = [np.argmax(every.training[log][::-1]) for log in every.logs]
@@ -330,8 +337,8 @@ def _ends(samples: Curve) -> list[BoolArray]:
 
 
 def _standing(inputs: Sequence[str], study: Dataset, whole: BoolArray) -> str | None:
-    """Return the level, or an input that stands still in every curve and has other values in those
-    that are held out as a `whole`.
+    """Return the level, or an input that is constant in every curve and has other values in the
+    curves that are held out as a `whole`.
     """
     if study.level is not None:
         return study.level
@@ -344,7 +351,7 @@ def _standing(inputs: Sequence[str], study: Dataset, whole: BoolArray) -> str | 
 
 
 def _values(dataset: Dataset, of: str) -> Array:
-    """Return the value that each curve stands at, (c,), without what rounding adds."""
+    """Return the value at which each curve is constant, (c,), without rounding errors."""
     return np.array(
         [c.columns[of][0] if c.level is None else c.level for c in dataset.curves], np.float32
     )
@@ -353,9 +360,10 @@ def _values(dataset: Dataset, of: str) -> Array:
 def _neighbours(
     dataset: Dataset, study: Dataset, whole: BoolArray, of: str
 ) -> tuple[list[BoolArray], bool]:
-    """Return curves at neighbouring values, (c,), as the study holds them out, and whether they lie
-    at an end: as many at an end as it holds out beyond that end, where it does; else inner ones, as
-    many as its longest row of them, or one by one. Two values stay at least.
+    """Return curves at neighbouring values, (c,), in the way in which the study holds them out, and
+    True if they lie at an end: as many at an end as it holds out beyond that end, if it does;
+    otherwise inner ones, as many as its longest row of them, or single ones. At least two values
+    remain.
     """
     at_curves, every = _values(dataset, of), _values(study, of)
     values, trained = np.unique(every), np.unique(at_curves)
@@ -375,14 +383,14 @@ def _neighbours(
 
 
 BEYOND, WIDEST = 1 / 4, 1 / 3
-"""Share of the held-out samples that lie beyond the training range of an input, from which on an
-end counts as held out; and of that range what a fold leaves out at its end at most.
+"""Share of the held-out samples outside the training range of an input from which on an end counts
+as held out; and the largest fraction of that range that a fold leaves out at its end.
 """
 
 
 def _beyond(dataset: Dataset, situation: Situation, study: Dataset) -> list[BoolArray]:
-    """Return folds (n,) that leave an end of an input out, as wide as what the study holds out
-    beyond it; none where few of the held-out samples lie beyond, or samples have a past.
+    """Return folds, (n,), that leave out an end of an input's range, as wide as the held-out part
+    of the study beyond it; none if few held-out samples lie outside, or if samples have a past.
     """
     samples, every, folds = _pooled(dataset), _pooled(study), list[BoolArray]()
     for name in () if situation.timed else situation.inputs:
@@ -392,14 +400,14 @@ def _beyond(dataset: Dataset, situation: Situation, study: Dataset) -> list[Bool
             width = min(np.max(low, initial=0.0), WIDEST * (largest - least))
             if width > 0 and np.count_nonzero(low > 0) >= BEYOND * len(held):
                 fold = samples.training & (above >= -width)
-                # of two values one must not be left alone
+                # of two values, one must not be left alone
                 if 2 * np.ptp(values[samples.training & ~fold]) >= largest - least:
                     folds.append(fold)
     return folds
 
 
 def _fair(dataset: Dataset) -> list[BoolArray]:
-    """Return curves of a fair size, (c,), one by one; none where there are fewer than two."""
+    """Return curves of a suitable size, (c,), one by one; none if there are fewer than two."""
     sizes = np.array([curve.training.sum() for curve in dataset.curves])
     low, high = (bound * (sizes @ sizes) / sizes.sum() for bound in FAIR)
     fair = np.eye(len(sizes), dtype=np.bool_)[(low <= sizes) & (sizes <= high)]

@@ -1,5 +1,5 @@
-"""The yardstick of a search: what a learner that knows nothing of muscles makes of the same
-samples.
+"""Provide the benchmark of a search: the errors of black boxes, which know nothing about muscles,
+on the same samples.
 """
 
 from __future__ import annotations
@@ -19,20 +19,22 @@ from mapmore_cli.modelling.learners import LEARNERS
 from mapmore_cli.modelling.signals.sampling import even_share
 
 MOST_IN_A_FOLD = 1_500
-"""Training samples of a black box in each fold; half of those that it has as a competitor, where
+"""Training samples of a black box in each fold, or half of those that it has as a competitor if
 these are fewer.
 """
 
 FEWEST = 100
-"""Training samples, below which no trees are fitted in folds: a step for every handful of samples
-says nothing of a smooth surface.
+"""Training samples below which no trees are fitted in folds, because a step for every few samples
+says nothing about a smooth surface.
 """
 
 MOST_INPUTS = 4
-"""Inputs, delays included, up to which a Gaussian process is fitted: it takes long with more."""
+"""Largest number of inputs, including delays, for which a Gaussian process is fitted; with more, it
+takes long.
+"""
 
 BLACK_BOX = "black box"
-"""The kind of those in the table."""
+"""Kind of these models in the table."""
 
 Left = tuple[Array, BoolArray]
 """Errors of a structure on the samples of a fold, (n,), and which of them it predicts."""
@@ -45,10 +47,10 @@ def black_boxes(
     dataset: Dataset, folds: Sequence[BoolArray], situation: Situation
 ) -> list[Outcome]:
     """Return each black box with its errors on the left-out samples of every fold; without
-    scikit-learn the Gaussian process alone.
+    scikit-learn, only the Gaussian process.
 
-    With a past it gets delayed inputs as well. The Gaussian process is that of `plan`: loading
-    scikit-learn takes longer than all structures of a small table.
+    With a past, they also get delayed inputs. The Gaussian process is that of `plan`, because
+    loading scikit-learn takes longer than fitting all structures of a small table.
     """
     curves, inputs = dataset.curves, situation.inputs
     if not inputs:
@@ -72,8 +74,8 @@ def black_boxes(
 
 
 def smooth(x: Array, y: Array) -> Callable[[Array], Array]:
-    """Fit a process to inputs (n, d) of any range and outputs (n,); what predicts (m,) from (m,
-    d).
+    """Fit a process to inputs, (n, d), of any range and outputs, (n,); return a function that
+    predicts (m,) from (m, d).
     """
     from mapmore_cli.modelling.validation.gaussian_process import most_likely
 

@@ -1,4 +1,4 @@
-"""Candidates: pieces of a spec in which words in capitals stand for names and numbers of the
+"""Define candidates: parts of a spec in which words in capitals stand for names and numbers of the
 study.
 """
 
@@ -21,15 +21,17 @@ MOST = ("inputs", "most_moving", "samples")
 
 FORMULAS = ("sarosi", "sarosi_hinged", "kerscher")
 FORCE = "force"
-"""What formulas of muscles predict."""
+"""The quantity that formulas of muscles predict."""
 
 DECADES = (10, 30, 100, 300)
-"""Steps by which inputs are followed, where the longest recording lasts twice as many."""
+"""Time constants in steps, which are used if the longest recording has at least twice as many
+steps.
+"""
 
 
 @dataclass(frozen=True)
 class Structure:
-    """A structure: its kind, what it is called, and the sections of a spec that make it (`segment`,
+    """A structure: its kind, its name, and the sections of a spec that define it (`segment`,
     `dictionary`, `fuse.KEY`).
     """
 
@@ -39,8 +41,8 @@ class Structure:
 
 
 def offered_structures(family: Mapping[str, Any], of: Situation) -> Iterator[Structure]:
-    """Yield what a family offers for a study: its `candidates` with the words filled in, and its
-    `fit` where they have no other.
+    """Yield the candidates that a family offers for a study: its `candidates` with their words
+    filled in, and with its `fit` if they have none.
     """
     if family.get("timed") and not of.timed:
         return
@@ -65,8 +67,8 @@ def offered_structures(family: Mapping[str, Any], of: Situation) -> Iterator[Str
 
 
 def _applies(when: Mapping[str, int], of: Situation) -> bool:
-    """Return whether a study is as a candidate wants it: of `MOST` at most, of all else at least so
-    many.
+    """Return True if the study fulfils the requirements of a candidate: at most the given number
+    for the keys in `MOST`, at least that number for all others.
     """
     has = {
         "inputs": len(of.inputs),
@@ -86,15 +88,15 @@ def _applies(when: Mapping[str, int], of: Situation) -> bool:
 
 
 def vocabulary(of: Situation, **more: Any) -> dict[str, Any]:
-    """Return what the words in capitals stand for; `more` are those of a loop (`for`).
+    """Return the values of the words in capitals; `more` holds those of a loop (`for`).
 
     - `INPUTS`, `MOVING` (within a recording), `SWEPT` (the one that moves most), `OTHERS`, `LEVEL`,
       `TARGET`: quantities.
-    - `REST`, `FIRST_REST`, `MOVING_REST`: inputs without the one that a loop is about, and the
-      first, or all, of them that move.
-    - `PLANE`, `QUADRATIC`, `CUBIC`: how many monomials these have. `SLOW_ORDER`: of products of
+    - `REST`, `FIRST_REST`, `MOVING_REST`: inputs without the one of the loop; and of these, the
+      first, or all, that move.
+    - `PLANE`, `QUADRATIC`, `CUBIC`: number of their monomials. `SLOW_ORDER`: order of products of
       slow states.
-    - `FORMULAS`: those whose quantities are there.
+    - `FORMULAS`: formulas whose quantities the study has.
     - `AROUND_ZERO`: inputs that take both signs. `VELOCITIES`: these, and the rates of at most two
       others.
     - `DECADES`, `MIDDLE_DECADES`: time constants, s.
@@ -134,8 +136,8 @@ def vocabulary(of: Situation, **more: Any) -> dict[str, Any]:
 
 
 def _is_known(formula: Formula, of: Situation) -> bool:
-    """Return whether the quantities of a formula are among the inputs, with no dimensions and fewer
-    parameters than there are samples.
+    """Return True if the quantities of a formula are among the inputs, and it has no dimensions and
+    fewer parameters than there are samples.
     """
     return (
         of.target == FORCE
@@ -150,10 +152,10 @@ WORD = re.compile(r"[A-Z][A-Z_]+|\bN\b")
 
 
 def filled(part: Any, words: Mapping[str, Any]) -> Any:
-    """Return a piece of a spec with its words filled in.
+    """Return a part of a spec with its words filled in.
 
-    A word for several things stands for each of them in a list. `{every: TEXT, WORD: values, ...}`
-    is the text for all of their values.
+    A word with several values is replaced by all of them in a list. `{every: TEXT, WORD: values,
+    ...}` is replaced by the text for each of the values.
     """
     match part:
         case str():
@@ -177,8 +179,8 @@ def filled(part: Any, words: Mapping[str, Any]) -> Any:
 
 
 def _spliced(one: object, value: object) -> list[Any]:
-    """Return what one item of a list stands for: several, or none where it is a family of states
-    `of` nothing.
+    """Return the replacement of one item of a list: several items, or none if it is a family of
+    states with an empty `of`.
     """
     if isinstance(value, Mapping) and any(
         isinstance(each, Mapping) and each.get("of") == [] for each in value.values()

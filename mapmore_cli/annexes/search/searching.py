@@ -1,5 +1,5 @@
-"""`model: {type: auto}`: structures tried on training data alone, the one that is taken, and the
-spec that it makes.
+"""Implement `model: {type: auto}`: structures are compared on training data, one is chosen, and its
+spec is made.
 """
 
 from __future__ import annotations
@@ -47,24 +47,24 @@ if TYPE_CHECKING:
     from mapmore_cli.fitting.stage import Progress
 
 FAMILIES = ("tables", "states", "friction", "feedback")
-"""Files of candidates in the order in which they are tried: where time is short, the last ones are
+"""Files of candidates in the order in which they are tried. If time is short, the last ones are
 left out.
 """
 
 MOST_PARAMETERS = 28
-"""Of a structure that is taken for a table, or as many as the cubic of all inputs has; what has
-more is only shown.
+"""Largest number of parameters of a structure that may be chosen for a table, or the number in the
+cubic of all inputs if that is larger. Structures with more are only shown.
 """
 
 LESS = 0.9
-"""Times the error of the structure that was found, below which a black box errs clearly less."""
+"""Ratio to the error of the chosen structure below which a black box is clearly better."""
 
 BEYOND = "fuse.extrapolation"
-"""The setting that says how pieces go on beyond each curve's ends."""
+"""Setting for the behaviour of pieces outside the range of each curve."""
 
 WHOLE = 0.5
-"""Share of the left-out samples that a structure predicts at least: long lags say nothing of short
-recordings.
+"""Smallest share of the left-out samples that a structure must predict; long lags say nothing about
+short recordings.
 """
 
 BY_MEAN = (
@@ -79,10 +79,10 @@ BY_MEDIAN = (
 BY_ENDS = "; an end is held out, so that the folds that leave an end out decide alone"
 
 PLAIN = ("simple", "formula")
-"""Kinds that are found where they are as good as anything."""
+"""Kinds that are preferred if they are as good as any other."""
 
 SHOWN = (BLACK_BOX, "papers")
-"""Kinds that stand in the table and are not taken."""
+"""Kinds that are shown in the table but never chosen."""
 
 
 @cache
@@ -104,20 +104,21 @@ def search(
     *,
     beside: bool = True,
 ) -> Search:
-    """Try every candidate on left-out training samples, and choose.
+    """Try every candidate on training samples that are left out, and choose one.
 
-    Held-out outputs are dropped before anything is computed. With `beside`, black boxes are tried
-    on the same folds.
+    Held-out outputs are dropped before anything is computed. With `beside`, black boxes are
+    compared on the same folds.
 
     Raises
     ------
     FitError
-        Where no structure could be fitted.
+        If no structure could be fitted.
     """
     training = searchable(dataset)
     situation = situation_of(training, part.ignored, part.model.inputs)
     uneven = _uneven(dataset) if situation.timed else ()
-    if part.by_level or uneven:  # a model that counts steps along recordings cannot be fitted then
+    # a model that counts steps along recordings could then not be fitted
+    if part.by_level or uneven:
         situation = replace(situation, step=None)
     situation = replace(situation, ordered=part.in_order(dataset) and not situation.timed)
     training = cut_short(training, held_run(dataset), situation.timed)
@@ -143,8 +144,8 @@ def search(
 
 
 def _uneven(dataset: Dataset) -> tuple[str, ...]:
-    """Return what the fit of a model with memory would refuse in the recordings, held-out parts
-    included.
+    """Return the reasons for which the fit of a model with memory would refuse the recordings,
+    including their held-out parts.
     """
     try:
         sampled(dataset.curves)
@@ -155,8 +156,8 @@ def _uneven(dataset: Dataset) -> tuple[str, ...]:
 
 @dataclass
 class Budget:
-    """The budget of a search: seconds of work on structures in each process, so that a busy machine
-    tries what an idle one does.
+    """Budget of a search: seconds of processor time for structures in each process, so that a busy
+    machine tries the same structures as an idle one.
     """
 
     seconds: float
@@ -164,12 +165,12 @@ class Budget:
 
     @property
     def over(self) -> bool:
-        """Whether this process has worked for longer."""
+        """True if this process has used up its time."""
         return self.worked > self.seconds
 
 
 def _choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: int | None) -> Search:
-    """Score all structures and black boxes on the rows that all of them predict, and take one
+    """Score all structures and black boxes on the rows that all of them predict, and choose one
     structure.
     """
     tried = [one for one, _ in outcomes]
@@ -221,8 +222,8 @@ def _choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: int | Non
 
 
 def _notes_of(result: Search, bench: Bench) -> list[str]:
-    """Return what a reader is told of the table: that more adds nothing, or that a black box errs
-    clearly less.
+    """Return notes for the reader of the table: that more parameters add nothing, or that a black
+    box is clearly better.
     """
     own, best, notes = result.found, result.tried[result.best], list[str]()
     if own.family in PLAIN and result.chosen != result.best:
@@ -236,15 +237,15 @@ def _notes_of(result: Search, bench: Bench) -> list[str]:
     least = min(boxes, key=asked, default=own)
     if asked(least) < LESS * asked(own):
         notes.append(
-            f"{least.words} errs {asked(own) / asked(least):.2g} times less on left-out {where}: "
-            "the structure lacks something"
+            f"{least.words} has an error {asked(own) / asked(least):.2g} times smaller on "
+            f"left-out {where}: the chosen structure lacks something"
         )
     return notes
 
 
 def _on_common_rows(predicted: Sequence[Sequence[Left]]) -> Array:
     """Return the RMSE of every structure on every fold, on the rows that all structures predict,
-    (s, f); infinite where a run diverged.
+    (s, f); infinite for a run that diverged.
     """
     rmse = []
     for fold in zip(*predicted, strict=True):
@@ -255,12 +256,14 @@ def _on_common_rows(predicted: Sequence[Sequence[Left]]) -> Array:
 
 
 WAYS = {"saturate": "", "continue": ", continued", "continue_linear": ", going on straight"}
-"""How pieces go on beyond each curve's ends, and what is added to the words of such a structure."""
+"""Behaviours of pieces outside the range of each curve, and the words that are added to the name of
+such a structure.
+"""
 
 
 def _try_structure(candidate: Structure, bench: Bench, budget: Budget) -> list[Outcome]:
-    """Fit a structure to all samples, and where that will do without each fold; nothing where the
-    time is over.
+    """Fit a structure to all samples, and if that works, without each fold; return nothing if the
+    time is used up.
     """
     if budget.over:
         return []
@@ -276,8 +279,9 @@ def _try_structure(candidate: Structure, bench: Bench, budget: Budget) -> list[O
 
 
 def _tried_ways(candidate: Structure, bench: Bench) -> list[Outcome]:
-    """Return a structure with each of the `WAYS` to go on beyond a curve's ends, unless the study
-    or the structure names one. A way that errs as one before it on every sample is left out.
+    """Return a structure with each of the `WAYS` to continue outside the range of a curve, unless
+    the study or the structure names one. A way with the same errors as an earlier one on every
+    sample is left out.
     """
     choices = choices_of(candidate.sections, bench.part)
     model = refit(choices, bench.dataset)
@@ -322,7 +326,7 @@ def _outcome(
 
 
 def _going_on(model: Model, way: str | None) -> Model:
-    """Return a model that goes on beyond the ends of its curves in another way."""
+    """Return a model that continues in another way outside the range of its curves."""
     body = model.body
     if way is None or not isinstance(body, Pieces):
         return model
@@ -331,7 +335,9 @@ def _going_on(model: Model, way: str | None) -> Model:
 
 
 def _errors(model: Model, rest: Dataset, masks: Sequence[BoolArray]) -> Left:
-    """Return the errors on what a fold leaves out of every curve, (n,), and which are known."""
+    """Return the errors on the samples that a fold leaves out of every curve, (n,), and which of
+    them are known.
+    """
     every = missed_by(model, rest, masks)
     missed = [
         predicted.values[out] - curve.columns[rest.target][out] for curve, out, predicted in every
@@ -342,28 +348,30 @@ def _errors(model: Model, rest: Dataset, masks: Sequence[BoolArray]) -> Left:
 
 
 SWING = 0.1
-"""Of the range, by which a run begins higher; and of the largest difference that makes, what may
-still swing in the second half.
+"""Fraction of the range by which a run is started higher; and fraction of the largest resulting
+difference that may still oscillate in the second half.
 """
 
 
 def _refusal(model: Model, bench: Bench) -> str:
-    """Return why a model is refused whatever its errors are; empty where it is not."""
+    """Return the reason why a model is refused whatever its errors are; empty if it is accepted."""
     if fed_back(model) and rings(model, bench.dataset):
-        return "goes on by itself: its start still rings late in a recording"
+        return (
+            "oscillates by itself: the transient of its start is still visible late in a recording"
+        )
     if not (bench.situation.timed and runs_over_time(model)) and astray(model, bench):
-        return "goes astray: far beyond all that was measured, at inputs of the study"
+        return "diverges at inputs of the study, far beyond all measured values"
     if exploding_curves(model, bench.dataset.curves, bench.dataset.target):
-        return "goes astray: it explodes beyond the ends of its curves"
+        return "diverges beyond the ends of its curves"
     return ""
 
 
 def rings(model: Model, dataset: Dataset) -> bool:
-    """Tell whether a free run that begins a tenth of the range higher still swings about the
+    """Return True if a free run that starts a tenth of the range higher still oscillates around the
     measured one late in the longest recording.
 
-    Where inputs repeat, a model with poles on the unit circle continues the record as a clock does,
-    whatever drives it. An integrator keeps its offset, and does not swing.
+    If inputs repeat, a model with poles on the unit circle continues the record like a clock,
+    whatever drives it. An integrator keeps its offset and does not oscillate.
     """
     curve = max(dataset.curves, key=lambda one: one.size)
     output = curve.columns[dataset.target]
@@ -376,11 +384,11 @@ def rings(model: Model, dataset: Dataset) -> bool:
 
 
 def astray(model: Model, bench: Bench) -> bool:
-    """Tell whether a model without a past leaves what was measured, and what a plane foretells, by
-    more than their range, at any inputs of the study.
+    """Return True if a model without a past deviates from the measured values, and from the
+    prediction of a plane, by more than their range, at any inputs of the study.
 
-    A steep formula may pass through all training samples, left-out ones too, and explode in a gap
-    between them.
+    A steep formula may pass through all training samples, including those that were left out, and
+    explode in a gap between them.
     """
     low, high = bench.range
     values = np.concatenate([forecast(model, curve).values for curve in bench.study.curves])
@@ -395,11 +403,11 @@ EMPTY: Mapping[str, Any] = {
     "model": {"type": "mapmore"},
     "fit": {},
 }
-"""The sections that make a structure, as they are where it has none of its own."""
+"""Sections that define a structure, with their values if the structure does not set them."""
 
 
 def choices_of(sections: Mapping[str, Any], part: Slice) -> ModelChoices:
-    """Return the sections of a candidate as the spec would have them."""
+    """Return the sections of a candidate in the form of the spec."""
     fused = {key.removeprefix("fuse."): v for key, v in sections.items() if key.startswith("fuse.")}
     choices = _CHOICES.validate_python(
         {
@@ -419,8 +427,8 @@ def settings_of(result: Search) -> dict[str, Any]:
 
 
 def formulas_beside(result: Search, every: bool = False) -> list[str]:
-    """Return the formula of the literature that erred least of those tried; none where it is what
-    was found. With `every`, return all of them, which no error has chosen.
+    """Return the formula of the literature with the smallest error of those tried; none if it is
+    the chosen structure. With `every`, return all of them, so that no error has chosen among them.
     """
     formulas = [one for one in result.tried if one.family == "formula" and not one.failure]
     if not every:

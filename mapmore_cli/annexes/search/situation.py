@@ -1,5 +1,5 @@
-"""What is known of a study before its structure is searched: names, counts and steps, of the
-training samples alone.
+"""Describe a study before its structure is searched: names, counts and steps, from the training
+samples only.
 """
 
 from __future__ import annotations
@@ -16,18 +16,20 @@ from mapmore_cli.modelling.memory.records import sampled
 from mapmore_cli.modelling.signals.sampling import correlation
 
 NOT_INPUTS = ("time", "hysteresis")
-"""Quantities that are no inputs: the clock, and what `cycles` makes of the target."""
+"""Quantities that are no inputs: the clock, and the quantity that `cycles` computes from the
+target.
+"""
 
 SAME = 1e-9
-"""Of its variance: what another input leaves of one that says the same."""
+"""Remaining fraction of its variance below which one input counts as equal to another."""
 
 FEWEST_IN_A_RECORD = 60
-"""Steps of the longest recording, from which on a model with memory is tried."""
+"""Number of steps of the longest recording from which on models with memory are tried."""
 
 
 @dataclass(frozen=True)
 class Situation:
-    """Hold what families of candidates look at.
+    """Properties of a study on which families of candidates depend.
 
     Attributes
     ----------
@@ -35,16 +37,16 @@ class Situation:
         The output, and every other quantity that varies, the one that is swept first and the level
         last.
     level
-        The quantity that is held within a curve; None without levels.
+        The quantity that is constant within a curve; None without levels.
     samples, curves
         Training samples, and curves that have some.
     step, steps
-        Time between samples, s, and how many the longest recording has; None where they are not
-        at even steps, so that nothing can be said of the past.
+        Time between samples, s, and the number of steps in the longest recording; None if steps are
+        not equal, so that nothing can be said about the past.
     around_zero
         Inputs that take both signs.
     ordered
-        Whether samples are in order of time at uneven steps, so that an input rises or falls.
+        True if samples are in the order of time at unequal steps, so that an input rises or falls.
     """
 
     target: str
@@ -59,7 +61,7 @@ class Situation:
 
     @property
     def timed(self) -> bool:
-        """Whether recordings are in order of time at even steps."""
+        """True if recordings are in the order of time at equal steps."""
         return self.step is not None
 
     @property
@@ -76,8 +78,8 @@ class Situation:
 def situation_of(
     dataset: Dataset, ignored: Sequence[str] = (), inputs: Sequence[str] | None = None
 ) -> Situation:
-    """Look at the training samples of a dataset; `ignored` are no inputs, `inputs` are all of them
-    where they are given.
+    """Return the properties of the training samples of a dataset; `ignored` quantities are no
+    inputs, and `inputs` are all inputs if they are given.
     """
     training = [curve for curve in dataset.curves if curve.training.any()]
     parts = {
@@ -112,8 +114,8 @@ def situation_of(
 
 
 def _different(names: Sequence[str], pooled: Mapping[str, Array], level: str | None) -> list[str]:
-    """Return the names without those that are a straight line of another, of which a level, a
-    canonical and a later one are kept.
+    """Return the names without quantities that are a straight line of another; among those, a
+    level, a canonical name and a later one are kept.
     """
     kept: list[str] = []
     for name in sorted(names, key=lambda one: (one != level, -names.index(one))):
@@ -123,8 +125,8 @@ def _different(names: Sequence[str], pooled: Mapping[str, Array], level: str | N
 
 
 def _even_step(curves: Sequence[Curve]) -> tuple[float | None, int]:
-    """Return the even time step, s, and the most steps without interruption; None where samples are
-    not in order at even steps.
+    """Return the equal time step, s, and the largest number of uninterrupted steps; None if samples
+    are not in order at equal steps.
     """
     try:
         step, _, records = sampled(curves)

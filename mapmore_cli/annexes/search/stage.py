@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 
 def search_slice(spec: ExperimentSpec) -> Slice:
-    """Return the slice of the spec. Rates by which samples are kept, groups, and what the target is
-    made of, or makes, are no inputs.
+    """Return the slice of the spec. Rates by which samples are kept, groups, and quantities from
+    which the target is made (or which are made from it) are no inputs.
     """
     rules = spec.data.derive
     rates = {name for name, rule in rules.items() if not isinstance(rule, str)}
@@ -49,8 +49,8 @@ def search_slice(spec: ExperimentSpec) -> Slice:
 
 
 def _kin(target: str, spec: ExperimentSpec) -> tuple[str, ...]:
-    """Return the target (of which another may be a component), the one quantity that it is derived
-    from, and what is derived from it.
+    """Return the target (of which another may be a component), the one quantity from which it is
+    derived, and the quantities derived from it.
     """
     sources = {
         name: {*parse(rule).names} if isinstance(rule, str) else {rule.source}
@@ -64,7 +64,7 @@ def _kin(target: str, spec: ExperimentSpec) -> tuple[str, ...]:
 
 
 def run_search(part: Slice, workspace: Workspace) -> None:
-    """Search, and write what was tried."""
+    """Search, and write the structures that were tried."""
     dataset = workspace.files.dataset()
     result = search(dataset, part, workspace.progress)
     for note in result.notes:
@@ -78,13 +78,13 @@ STAGE = Stage(name="search", revision=14, outputs=(SEARCH,), reads=search_slice,
 
 
 def with_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
-    """Return the spec with the structure that its search has found; as it is where nothing was
-    found yet.
+    """Return the spec with the structure that its search has found; unchanged if nothing was found
+    yet.
 
-    Where it names no competitors, the formula that erred least in the search is one: the page says
-    what it reaches on the held-out data. Where every level or group is left out in turn, the search
-    has seen them all: then all formulas are competitors, and the spec says that the structure was
-    chosen so, in case it is run without the search.
+    If the spec names no competitors, the formula with the smallest error in the search becomes one,
+    so that the page shows its error on the held-out data. If every level or group is left out once,
+    the search has seen all of them. Then all formulas are competitors, and the spec records that
+    the structure was chosen with all data, in case it is run without the search.
     """
     from mapmore_cli.study.loader import changed
     from mapmore_cli.study.yaml_loader import as_overrides
@@ -106,8 +106,8 @@ _SLICE = TypeAdapter(Slice)
 
 
 def searching_again(run_dir: Path) -> Callable[[Dataset], ModelChoices]:
-    """Return what finds a structure in the training samples of a dataset, as the search of a run
-    did in those of its own.
+    """Return a function that finds a structure from the training samples of a dataset, as the
+    search of a run did.
     """
     recorded = load_records(run_dir, lambda _message: None)[STAGE.name].slice
     part = _SLICE.validate_json(to_json(recorded))

@@ -1,4 +1,4 @@
-"""Models that are added up, as a static and a damping model (M2 section 3)."""
+"""Add models, for example a static and a damping model (M2 section 3)."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 class Part:
     """A model in a sum.
 
-    An input may be the output of another model, as the pressure behind a valve: that of a part in
-    `fed`, by its name.
+    An input may be the output of another model, for example the pressure behind a valve; `fed`
+    holds such models by the name of the input.
     """
 
     model: Annotated[Model, "the model"]
@@ -36,28 +36,28 @@ class Part:
 
     @property
     def models(self) -> tuple[Model, ...]:
-        """The model, and those that feed it."""
+        """The model, and the models that feed it."""
         return (self.model, *(model for part in self.fed for model in part.models))
 
 
 @dataclass(frozen=True)
 class Sum(Body):
-    """Models that are added up."""
+    """Models that are added."""
 
     parts: Annotated[tuple[Part, ...], "the summands, with their signs and inputs"]
 
     @property
     def models(self) -> tuple[Model, ...]:
-        """The summands, and what feeds them."""
+        """The summands, and the models that feed them."""
         return tuple(model for part in self.parts for model in part.models)
 
 
 @dataclass(frozen=True)
 class SumKind(Kind):
-    """Sums of models; files of this package are imported when they are needed."""
+    """Kind of sums of models. Files of this package are imported when they are needed."""
 
     def maker(self) -> Maker:
-        """Return what makes them."""
+        """Return the maker of sums."""
         from mapmore_cli.annexes.sums.fitted import SumMaker
 
         return SumMaker()
@@ -69,7 +69,7 @@ class SumKind(Kind):
         return findings(spec)
 
     def show(self, model: Model, show_other: Callable[[Model], View]) -> View:
-        """Return what `mapmore show` has of a sum."""
+        """Return what `mapmore show` prints about a sum."""
         from mapmore_cli.annexes.sums.page import show
 
         return show(model, show_other)

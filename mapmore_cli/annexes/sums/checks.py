@@ -1,4 +1,4 @@
-"""What a spec of a sum may not say."""
+"""Check the spec of a sum."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mapmore_cli.study.tree import Loc
 
 
 def findings(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check every sum of a study: its own, and those that it is compared with."""
+    """Check every sum of a study: its own, and those of its competitors."""
     own: tuple[Loc, Sequence[Summand] | None] = (("model",), spec.model.sum)
     for loc, parts in [own, *((loc, rival.sum) for loc, rival in rivals_of(spec))]:
         if parts is not None:

@@ -1,4 +1,4 @@
-"""Models that are added up: those of needed runs, or formulas that are fitted together."""
+"""Add the models of needed runs, or formulas that are fitted together."""
 
 from __future__ import annotations
 
@@ -30,9 +30,10 @@ from mapmore_cli.study.units import convert
 
 
 def behind_tendon(muscle: Model, tendon: TendonSettings | None) -> Model:
-    """Return the model of a muscle behind a tendon, where there is one.
+    """Return the model of a muscle in series with a tendon; without a tendon, the muscle itself.
 
-    Raises SpecError if the muscle is no function of its length, or not in units of m and N.
+    Raises SpecError if the muscle's model does not depend on its length, or is not in the units m
+    and N.
     """
     if tendon is None:
         return muscle
@@ -48,8 +49,8 @@ def behind_tendon(muscle: Model, tendon: TendonSettings | None) -> Model:
 
 
 def formula_parts(summands: Sequence[Summand], joint: FormulaFit, dataset: Dataset) -> list[Part]:
-    """Return each formula of a joint fit as a model of its own inputs, with the training ranges of
-    these.
+    """Return each formula of a joint fit as a model of its own inputs, with their training
+    ranges.
     """
     training, parts = pooled_training(dataset.curves), []
     for number, (summand, fit) in enumerate(zip(summands, split(joint, summands), strict=True), 1):
@@ -66,8 +67,8 @@ def formula_parts(summands: Sequence[Summand], joint: FormulaFit, dataset: Datas
 
 
 def _unit(text: str, dataset: Dataset) -> str:
-    """Return the unit of an input, where it is a quantity as it stands or another sign of it; else
-    that of a plain number.
+    """Return the unit of an input that is a quantity or its negative; for other expressions, that
+    of a plain number.
     """
     source = parse(text)
     names = sorted(source.names)
@@ -76,12 +77,12 @@ def _unit(text: str, dataset: Dataset) -> str:
 
 
 class SumMaker(Maker):
-    """Adds models up, or fits formulas together."""
+    """Maker that adds models, or fits formulas together."""
 
     def fit(self, part: ModelChoices, given: Given) -> FitResult:
-        """Fit formulas together; nothing is fitted where the summands come from runs of their own.
+        """Fit formulas together. If the summands are models of other runs, nothing is fitted.
 
-        Raises FitError if the formulas did not converge to anything usable.
+        Raises FitError if the fit of the formulas has no usable result.
         """
         formulas = part.model.sum or []
         if not formulas or formulas[0].formula is None:
@@ -94,8 +95,8 @@ class SumMaker(Maker):
         return FitResult(joint)
 
     def build(self, part: ModelChoices, given: Given, result: FitResult) -> Model:
-        """Return the sum: static plus damping, the models of runs that the spec names, or formulas
-        that were fitted together.
+        """Return the sum: static plus damping model, the models of the runs in the spec, or
+        formulas that were fitted together.
         """
         dataset, model_of = given.dataset, given.model_of
         output, quantities = dataset.quantities[dataset.target], dataset.quantities

@@ -1,5 +1,5 @@
-"""Formulas that are added up and fitted together: the muscles of a pair pull against each other,
-and only their difference is measured.
+"""Add formulas and fit them together: the muscles of a pair pull against each other, and only the
+difference of their forces is measured.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ from mapmore_cli.study.sections.model import Summand
 def sum_of(
     name: str, parts: Sequence[Part], output: Quantity, quantities: Mapping[str, Quantity]
 ) -> Model:
-    """Return the model `output = sum_m sign_m m(inputs_m)`, a function of every quantity that its
-    parts' inputs are made of.
+    """Return the model `output = sum_m sign_m m(inputs_m)`, a function of every quantity from which
+    the inputs of its parts are made.
 
-    Raises SpecError if an output is not in the unit of the sum, or an input is not among the
-    `quantities` in its unit.
+    Raises SpecError if an output is not in the unit of the sum, or if an input is not among the
+    `quantities` with its unit.
     """
     used: set[str] = set()
     for part in parts:
@@ -72,12 +72,12 @@ def sum_of(
 
 
 def actuator(force: Model, pressure: Model) -> Model:
-    """Return a model whose input `pressure` is the output of another: from what a valve is told to
-    the force.
+    """Return a model whose input `pressure` is the output of another model, so that it computes the
+    force from the command of the valve.
 
-    Raises DataError if the force does not depend on the pressure, on its rate, or in another
-    unit, where the pressure goes on from its measured past, and where both have an input of one
-    name in two units.
+    Raises DataError if the force does not depend on the pressure, depends on the rate of the
+    pressure, or has it in another unit; if the pressure model needs its measured past; or if both
+    have an input of the same name in different units.
     """
     output, needed = pressure.output, {quantity.name: quantity for quantity in force.inputs}
     if needed.pop(output.name, None) != output:
@@ -120,10 +120,10 @@ def actuator(force: Model, pressure: Model) -> Model:
 
 
 def refuse_shared_names(inputs_of: Sequence[tuple[str, Sequence[str], Mapping[str, str]]]) -> None:
-    """Raise `SpecError` if two parts of a sum have an input of one name of which nothing is
-    said: two pressures are two quantities.
+    """Raise SpecError if two parts of a sum have an input of the same name that the spec does not
+    rename, because two pressures are two quantities.
 
-    `inputs_of` has for every part what it is called, its own inputs, and what is said of them.
+    `inputs_of` holds for every part its name, its own inputs, and their renaming.
     """
     for (first, names, of_one), (second, others, of_other) in combinations(inputs_of, 2):
         if shared := [
@@ -139,7 +139,7 @@ def refuse_shared_names(inputs_of: Sequence[tuple[str, Sequence[str], Mapping[st
 
 
 def own_inputs(part: Summand, columns: Columns) -> Columns:
-    """Return the inputs of a formula in a sum by its own names, `(n,)` each."""
+    """Return the inputs of a formula in a sum under its own names, (n,) each."""
     n, names = row_count(columns), literature.get(str(part.formula)).inputs
     return {name: evaluate(parse(part.inputs.get(name, name)), columns, n) for name in names}
 
@@ -147,13 +147,14 @@ def own_inputs(part: Summand, columns: Columns) -> Columns:
 def fit_jointly(
     summands: Sequence[Summand], columns: Columns, y: Array, method: str | None = None
 ) -> FormulaFit:
-    """Fit `y`, `(n,)`, by `sum_i sign_i f_i`, with least squares of all parameters at once.
+    """Fit `sum_i sign_i f_i` to `y`, (n,), by least squares over all parameters at once.
 
-    A parameter `F` of the second summand is called `F_2`. Where the sum alone does not tell
-    parameters apart, as the constants of both, the rank is deficient and the notes name them.
+    The parameter `F` of the second summand has the name `F_2`. If the sum does not determine some
+    parameters separately, for example the constants of both, the rank is deficient, and the notes
+    name them.
 
-    Raises SpecError for a formula that is fitted in a way of its own, or needs a dimension of the
-    muscle; DataError as `Formula.fit`.
+    Raises SpecError for a formula with its own method of fitting, or one that needs a dimension of
+    the muscle; DataError like `Formula.fit`.
     """
     inputs = {
         f"{name}_{i}": x
@@ -164,8 +165,8 @@ def fit_jointly(
 
 
 def joint_formula(summands: Sequence[Summand]) -> Formula:
-    """Return the sum as one formula, of the summands' inputs and parameters with their numbers
-    behind their names.
+    """Return the sum as one formula, in which the number of each summand is appended to its inputs
+    and parameters.
     """
     parts = [
         _numbered(literature.get(str(summand.formula)), i) for i, summand in enumerate(summands, 1)
@@ -192,7 +193,7 @@ def joint_formula(summands: Sequence[Summand]) -> Formula:
 
 
 def _numbered(formula: Formula, number: int) -> Formula:
-    """Return a formula with a number behind its names."""
+    """Return a formula with a number appended to its names."""
     if type(formula) is not Formula or formula.dimensions:
         raise SpecError(
             f"{formula.name} cannot be fitted within a sum",
@@ -236,7 +237,7 @@ def _sum(signs: Sequence[float], texts: Sequence[str]) -> str:
 
 
 def split(fit: FormulaFit, summands: Sequence[Summand]) -> list[FormulaFit]:
-    """Return the fit of each summand out of the joint one, with its parameters by their own
+    """Return the fit of each summand, taken from the joint fit, with its parameters under their own
     names.
     """
     parts = []

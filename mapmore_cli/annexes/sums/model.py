@@ -1,5 +1,5 @@
-"""Models that are added up: `output = sum_m sign_m m(inputs_m)`, an input of which may be the
-output of another model.
+"""Evaluate sums of models: `output = sum_m sign_m m(inputs_m)`, in which an input may be the output
+of another model.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def _whole(model: Model) -> Equation:
 
 
 def _parts(parts: Sequence[Part], columns: Columns) -> Iterator[tuple[Part, Columns]]:
-    """Yield each part, with its inputs by the names that it knows them by."""
+    """Yield each part with its inputs under its own names."""
     n = row_count(columns)
     for part in parts:
         renamed = {
@@ -78,8 +78,8 @@ def _body(model: Model) -> Sum:
 
 
 def _value(m: Writer, part: Part, inputs: Inputs) -> Expression:
-    """Write a part, after what feeds it; it waits as long as that has no value for want of
-    history.
+    """Write a part after the models that feed it. It waits while these have no value because
+    history is missing.
     """
     renamed = {
         name: m.let("input", substitute(parse(text), inputs)) for name, text in part.inputs.items()
@@ -100,14 +100,14 @@ def _value(m: Writer, part: Part, inputs: Inputs) -> Expression:
         *(replace(limit, inputs=_own(part, limit.inputs) & inputs.keys()) for limit in m.limits),
     ]
     own_knots, m.knots = m.knots, knots
-    # a renamed input is another expression of the sum's inputs
+    # a renamed input is an expression of the sum's inputs
     for name in own_knots.keys() - renamed.keys():
         m.knot(name, *own_knots[name])
     return value
 
 
 def _own(part: Part, names: Iterable[str]) -> frozenset[str]:
-    """Return the inputs of the sum that those of a part are made of."""
+    """Return the inputs of the sum from which those of a part are made."""
     fed = {
         inner.model.output.name: _own(inner, (quantity.name for quantity in inner.model.inputs))
         for inner in part.fed
@@ -130,7 +130,7 @@ class SumVerbs(Verbs):
         return SimulatedRun(values, tuple(sorted({row for _, run in runs for row in run.diverged})))
 
     def one_step(self, model: Model, columns: Columns) -> Array:
-        """Return the sum from the measured past, (n,)."""
+        """Return the one-step-ahead prediction of the sum from the measured past, (n,)."""
         runs = [
             part.sign * kinds.one_step_ahead(part.model, inputs)
             for part, inputs in _parts(_body(model).parts, columns)
@@ -138,12 +138,14 @@ class SumVerbs(Verbs):
         return np.asarray(np.sum(runs, axis=0))
 
     def outside_range(self, model: Model, columns: Columns) -> BoolArray:
-        """Return True if any part, or what feeds it, is beyond its training range, (n,)."""
+        """Return True for rows at which any part, or a model that feeds it, is outside its training
+        range, (n,).
+        """
         return _outside(_body(model).parts, columns)
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-        """Return the sum of the parts by their names, with what their inputs are here; then the
-        equations of each part, named after it.
+        """Return the equation of the sum in terms of its parts, with the expressions of their
+        inputs; then the equations of each part, with its name.
         """
         parts = _body(model).parts
         whole = (
@@ -161,22 +163,22 @@ class SumVerbs(Verbs):
         )
 
     def rules(self, model: Model) -> Iterator[str]:
-        """Yield how the parts are put together, each by its name."""
+        """Yield how the parts are combined, in sentences."""
         for part in _body(model).parts:
             for inner in part.models:
                 yield from (f"{inner.name}: {rule}" for rule in kinds.rules(inner))
 
     def faults(self, model: Model) -> Iterator[str]:
-        """Yield why a stored sum is refused."""
+        """Yield the faults for which a stored sum is refused."""
         if not _body(model).parts:
             yield "the sum has no parts"
 
     def parameters(self, model: Model) -> int:
-        """Return the parameters of all parts."""
+        """Return the number of parameters of all parts."""
         return sum(kinds.parameters(inner) for part in _body(model).parts for inner in part.models)
 
     def fed_back(self, model: Model) -> tuple[str, ...]:
-        """Return the measured outputs that any part begins from."""
+        """Return the measured outputs with which any part must begin."""
         return tuple(
             dict.fromkeys(
                 name
@@ -187,7 +189,7 @@ class SumVerbs(Verbs):
         )
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
-        """Write models added up, each with its sign and by its own names of the inputs."""
+        """Write the sum of models, each with its sign and with its own names of the inputs."""
         values = []
         for part in _body(model).parts:
             value = _value(m, part, inputs)

@@ -1,4 +1,4 @@
-"""What `mapmore show` has of sums."""
+"""Show sums in `mapmore show`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from mapmore_cli.domain.models import Model
 
 
 def show(model: Model, show_other: Callable[[Model], View]) -> View:
-    """Return what `mapmore show` has of a sum: its parts, with their tables and lines."""
+    """Return what `mapmore show` prints about a sum: its parts, with their tables and lines."""
     assert isinstance(model.body, Sum)
     shown = [(part.name, show_other(part)) for part in model.body.models]
     tables = tuple(table for _, view in shown for table in view.tables)

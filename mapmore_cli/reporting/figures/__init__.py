@@ -1,1 +1,1 @@
-"""Figures of the report: data chosen, drawn on given axes, saved as SVG."""
+"""Draw the figures of the report: choose data, draw on given axes, save as SVG."""

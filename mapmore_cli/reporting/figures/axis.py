@@ -17,7 +17,7 @@ Place = Callable[[Any], Array]
 
 @dataclass
 class Axis:
-    """One axis: the ends of its data, how long it is, and where its ticks are."""
+    """One axis: the range of its data, its length, and its ticks."""
 
     margin: float
     low: float = math.inf
@@ -29,7 +29,7 @@ class Axis:
     ticks: dict[float, str] | None = None
 
     def hold(self, values: Any) -> None:
-        """Make room for values."""
+        """Extend the range to contain values."""
         finite = np.asarray(values, dtype=np.float64)
         finite = finite[np.isfinite(finite) & ((finite > 0) | (not self.logarithmic))]
         if finite.size:
@@ -38,7 +38,7 @@ class Axis:
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Where the axis begins and ends."""
+        """Start and end of the axis."""
         if self.limits is not None:
             return self.limits
         if not self.low <= self.high:
@@ -62,7 +62,7 @@ class Axis:
         self.ticks = dict(zip(places, words, strict=True))
 
     def scale(self, start: float, stop: float) -> Place:
-        """Return what turns values into points between two places of the sheet."""
+        """Return a function that converts values to points between two positions of the sheet."""
         low, high = self.ends
 
         def place(values: Any) -> Array:
@@ -77,7 +77,7 @@ class Axis:
         return place
 
     def labels(self) -> dict[float, str]:
-        """Return the ticks within the axis, each with its words."""
+        """Return the ticks within the axis, each with its label."""
         low, high = sorted(self.ends)
         if self.ticks is not None:
             return {at: words for at, words in self.ticks.items() if low <= at <= high}
@@ -105,7 +105,7 @@ def nice_ticks(low: float, high: float, most: int) -> list[float]:
 
 
 def levels_of(low: float, high: float, most: int) -> list[float]:
-    """Return round numbers at even distances, about `most`, the outer ones beyond a range."""
+    """Return round numbers at even distances, about `most`, which extend just outside a range."""
     ticks = nice_ticks(low, high, most)
     step = ticks[1] - ticks[0] if len(ticks) > 1 else (high - low) or 1.0
     before = [ticks[0] - step] if ticks[0] > low else []

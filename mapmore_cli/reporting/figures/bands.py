@@ -1,4 +1,4 @@
-"""Errors by the size of what was measured, in bands: how good a model is where little is pulled."""
+"""Draw errors in bands of the measured value, which show how good a model is at small values."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return one figure for all models that lines are drawn of, on a logarithmic scale where the
-    errors differ much.
+    """Return one figure for all models whose lines are drawn, on a logarithmic scale if the errors
+    differ much.
     """
     sizes, unit = inputs.validation.bands, inputs.target.unit
     models = [model for model in inputs.lines if model not in inputs.failed]
@@ -52,7 +52,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
 
 
 def _short(value: float) -> str:
-    """Return a number with three digits, and with all that stand before the point of what is not
-    long.
+    """Return a number with three digits, or with all digits before the decimal point if it is
+    larger.
     """
     return f"{value:.0f}" if 1000 <= abs(value) < 1e5 else f"{value:.3g}"

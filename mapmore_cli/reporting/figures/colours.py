@@ -1,4 +1,4 @@
-"""Colours as figures name them, and maps of colours, without Matplotlib."""
+"""Provide colours by the names that figures use, and colour maps, without Matplotlib."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ MAPS = {
     "RdBu_r": "053061 2166ac 4393c3 92c5de d1e5f0 f7f7f7 fddbc7 f4a582 d6604d b2182b 67001f",
     "viridis": "440154 482878 3e4989 31688e 26828e 1f9e89 35b779 6ece58 b5de2b fde725",
 }
-"""Colours at even distances: ColorBrewer's, and Matplotlib's viridis."""
+"""Colours at even distances: those of ColorBrewer, and viridis of Matplotlib."""
 
 
 def colour_at(name: str, share: float) -> str:
-    """Return the colour of a map at a share of its length, as `#rrggbb`."""
+    """Return the colour of a map at a fraction of its length, as `#rrggbb`."""
     colours = np.array([list(bytes.fromhex(one)) for one in MAPS[name].split()], dtype=float)
     place = np.clip(share, 0.0, 1.0) * (len(colours) - 1)
     below = min(int(place), len(colours) - 2)
@@ -27,7 +27,7 @@ def colour_at(name: str, share: float) -> str:
 
 
 def hex_of(colour: Any) -> str:
-    """Return a colour as SVG takes it: a grey as `0.3` is a name of Matplotlib's."""
+    """Return a colour as SVG accepts it. A grey such as `0.3` is known to Matplotlib only."""
     if not isinstance(colour, str):
         raise TypeError(f"{colour!r} is no colour by name")
     if colour.replace(".", "", 1).isdigit():
@@ -37,13 +37,13 @@ def hex_of(colour: Any) -> str:
 
 @dataclass(frozen=True)
 class Shades:
-    """Colours of the bands between levels, (n,) of a map."""
+    """Colours of the bands between levels, (n,), from a map."""
 
     cmap: str
     levels: Array
 
     def of(self, values: Any) -> list[str]:
-        """Return the colours of values; nothing where one is no number."""
+        """Return the colours of values; an empty text for NaN."""
         bands = len(self.levels) - 1
         places = np.clip(np.searchsorted(self.levels, values, side="right") - 1, 0, bands - 1)
         shares = places / max(bands - 1, 1)

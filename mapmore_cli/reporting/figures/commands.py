@@ -1,5 +1,5 @@
-"""Figures of commands, beside those of the page: of `tune`, `plan`, `compare` and campaigns, and a
-model by itself for notebooks.
+"""Draw the figures of the commands `tune`, `plan`, `compare` and of campaigns, and a single model
+for notebooks.
 """
 
 from __future__ import annotations
@@ -47,13 +47,14 @@ def drift_drawing(
 def draw_model(
     ax: Axes, model: Model, level: float | None = None, held_out: Sequence[Curve] = ()
 ) -> None:
-    """Draw a line for every training curve, over the input that varies most within it; other inputs
-    are held in the middle of their ranges. Of `held_out` curves, the samples are dots, and the
-    model at them is a dashed line.
+    """Draw a line for every training curve over the input that varies most within it, with the
+    other inputs in the middle of their ranges. For `held_out` curves, draw samples as dots, and the
+    model at them as a dashed line.
 
-    With `level`, as 0.95, the band of that interval around each.
+    With `level`, for example 0.95, draw the band of that interval around each line.
 
-    Raises TypeError for a model that has no training curves: it runs along recordings, or is a sum.
+    Raises TypeError for a model without training curves, because it runs along recordings or is a
+    sum.
     """
     if not isinstance(model.body, Pieces | Formula):
         raise TypeError(

@@ -1,4 +1,4 @@
-"""Every quantity of every recording in time: the data as read."""
+"""Draw every quantity of every recording over time, as it was read."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MOST_RECORDINGS, MOST_QUANTITIES = 5, 12
-"""Panels beside each other and below each other: the time to draw them grows with the square of
-their number.
+"""Largest number of panels side by side and below each other; the time to draw them grows with the
+square of their number.
 """
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return one panel a recording, an axis for each quantity, over time or over the number of the
-    sample where no time was recorded.
+    """Return one panel for each recording, with an axis for each quantity, over time, or over the
+    number of the sample if there is no time.
     """
     recordings = [recording for recording in inputs.dataset.recordings if recording.rows_kept]
     shown = [recordings[i] for i in places(inputs, [one.id for one in recordings], MOST_RECORDINGS)]
@@ -52,7 +52,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
         if "time" not in recording.columns:
             columns = {"Sample (–)": np.arange(recording.rows_kept, dtype=float), **columns}
         x_label, *others = columns
-        # the axes are low: the unit goes below
+        # the axes are low, so the unit is written below
         labels = ["\n".join(label.rsplit(" ", 1)) for label in others]
         labels += [""] * (height - len(others))
         on = partial(draw_columns, columns=columns)
@@ -67,14 +67,16 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
 
 
 def _which(count: int) -> str:
-    """Return which of so many quantities are drawn, in words."""
+    """Return a text that says which of the quantities are drawn."""
     if count <= MOST_QUANTITIES:
         return "every quantity"
     return f"the target and {MOST_QUANTITIES - 1} of {count - 1} other quantities"
 
 
 def draw_columns(*axes: Axes, columns: Mapping[str, Array]) -> None:
-    """Draw each column but the first over that one, in axes of its own, its peaks kept."""
+    """Draw each column except the first over the first, in separate axes, thinned so that its peaks
+    remain.
+    """
     x, *others = columns.values()
     for ax, values in zip(axes, others, strict=False):
         draw_trace(ax, x, values, color=BLUE, linewidth=0.7)

@@ -1,5 +1,5 @@
-"""Figures as data: panels with what they draw, found by name, set side by side on a page, or each
-by itself for a paper.
+"""Represent figures as data: panels with functions that draw them, found by name, arranged on a
+page or drawn one by one for a paper.
 """
 
 from __future__ import annotations
@@ -29,30 +29,29 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 POINTS = 72
-"""Points an inch. Figures have as many dots an inch, so that what is measured are points."""
+"""Points per inch. Figures have as many dots per inch, so that measured lengths are points."""
 
 DOUBLE = 7.16
 """Width of two columns of a journal page, inches."""
 
 LEGEND_SCALE = 1.4
-"""How much larger than on the axes the marks of a legend are that is made of what is drawn."""
+"""Ratio of the size of marks in a legend made from the drawing to their size on the axes."""
 
 BESIDE = 0.5
-"""Inches of a panel's width that its y axis takes."""
+"""Width of a panel that its y axis takes, inches."""
 
 Values = Sequence[Any] | np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """Axes below each other with one x axis: the smallest part of a figure that can stand by
-    itself.
+    """Axes below each other with one x axis: the smallest part of a figure that can be shown alone.
 
-    - `key`: what tells it from the others of its figure, as a curve or a model; empty where it is
-      the only one.
-    - `draw`: draws on the axes that it is given, from top to bottom.
-    - `data`: the numbers that are drawn, by heading with unit, each `(n,)`; nothing where they are
-      not written beside the figure.
+    - `key`: name that distinguishes it within its figure, for example of a curve or a model; empty
+      if it is the only one.
+    - `draw`: function that draws on the given axes, from top to bottom.
+    - `data`: the numbers that are drawn, by heading with unit, (n,) each; empty if they are not
+      written beside the figure.
     """
 
     key: str
@@ -64,7 +63,7 @@ class Panel:
 
     @property
     def reach(self) -> str:
-        """The least and the greatest number of each column, in a sentence."""
+        """The smallest and the largest number of each column, in a sentence."""
         columns = ((name, np.asarray(values)) for name, values in self.data.items())
         known = ((name, x[np.isfinite(x)]) for name, x in columns if x.dtype.kind == "f")
         words = [f"{name} {x.min():.3g} to {x.max():.3g}" for name, x in known if len(x)]
@@ -73,15 +72,15 @@ class Panel:
 
 @dataclass(frozen=True)
 class Layout:
-    """How the panels of a figure stand on a page.
+    """Arrangement of the panels of a figure on a page.
 
     - `height`: inches of one row of panels.
     - `stack`: relative heights of the axes of a panel, from top to bottom.
     - `columns`: panels side by side; by default up to three.
-    - `width`: inches of the whole figure; by default one column of a journal page for one panel,
-      else two.
-    - `common_x`, `common_y`: whether all panels have one x axis (else each its own); whether those
-      of a row, or all, have one y axis.
+    - `width`: inches of the whole figure; by default, one column of a journal page for one panel,
+      otherwise two.
+    - `common_x`, `common_y`: whether all panels share the x axis; whether the panels of a row, or
+      all, share the y axis.
     - `projection`: `3d` for axes with three dimensions.
     """
 
@@ -98,9 +97,9 @@ class Layout:
 class Drawing:
     """One figure.
 
-    - `name`: stem of its file, as `fit`.
-    - `caption`: what it shows, and what was left out of it.
-    - `legend`: entries of the legend above the panels, where these are not what is drawn with a
+    - `name`: stem of its file name, for example `fit`.
+    - `caption`: what it shows, and what is left out.
+    - `legend`: entries of the legend above the panels; by default, everything that is drawn with a
       label.
     """
 
@@ -112,21 +111,21 @@ class Drawing:
 
     @property
     def alt(self) -> str:
-        """What one would tell somebody who cannot see it: the caption, and how far the numbers of
-        every panel reach.
+        """Description for somebody who cannot see the figure: the caption, and the ranges of the
+        numbers in every panel.
         """
         return " ".join([self.caption, *(one.reach for one in self.panels if one.data)])
 
 
 def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:
-    """Return the figures that a spec calls so: none where there is nothing to draw, or several.
+    """Return the figures with this name in a spec; an empty list if there is nothing to draw.
 
-    They come from `draw` in the module of that name, or of the plug-in.
+    They are made by `draw` in the module of that name, or in that of a plugin.
     """
     try:
         figures: list[Drawing] = _modules()[name].draw(inputs) if name in _modules() else []
         if figures and not _modules()[name].__name__.startswith("mapmore_cli."):
-            for drawing in figures:  # what fails as it is drawn is left out as well
+            for drawing in figures:  # a figure that fails while it is drawn is left out too
                 compose(drawing, inputs.style)
     except Exception as fault:
         if plugins.blamed(fault) is None:
@@ -138,7 +137,7 @@ def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:
 
 @cache
 def _modules() -> dict[str, ModuleType]:
-    """Return the modules of the figures by their names, and those that they share."""
+    """Return the modules of the figures by name, and those that they share."""
     assert __package__ is not None
     return {part.name: part.value for part in plugins.parts("figures", ModuleType, __package__)}
 
@@ -146,10 +145,10 @@ def _modules() -> dict[str, ModuleType]:
 def panel_of(name: str, inputs: ReportInputs, words: str) -> tuple[Drawing, Panel]:
     """Return the panel of a curve, a recording or a model, also of one that the page leaves out.
 
-    - `words`: the panel's key, or what a user calls a curve: its level alone (`250`, `250 kPa` for
+    - `words`: key of the panel, or another name of a curve: its level (`250` or `250 kPa` for
       `pressure=250`), or a log that was cut.
 
-    Raises UsageError where there is no such panel; the message names those that there are.
+    Raises UsageError for an unknown panel; the message names the known ones.
     """
     ids, dataset = inputs.ids_of(words), inputs.dataset
     every = [curve.id for curve in dataset.curves] + [one.id for one in dataset.recordings]
@@ -169,7 +168,9 @@ def panel_of(name: str, inputs: ReportInputs, words: str) -> tuple[Drawing, Pane
 
 @dataclass(frozen=True)
 class RenderedFigure:
-    """A figure as SVG; `width` in inches; `numbers` are what it was drawn from (CSV)."""
+    """A figure as SVG; `width` is in inches, and `numbers` are the data from which it was drawn
+    (CSV).
+    """
 
     name: str
     caption: str
@@ -191,8 +192,8 @@ def render_figure(drawing: Drawing, style: FigureStyle = PLAIN) -> RenderedFigur
 
 
 class Arrangement(NamedTuple):
-    """The panels of a figure with their headings, how many stand side by side, and the width of
-    them all in inches.
+    """The panels of a figure with their headings, the number side by side, and their total width in
+    inches.
     """
 
     panels: tuple[Panel, ...]
@@ -204,8 +205,8 @@ class Arrangement(NamedTuple):
 def arranged(
     drawing: Drawing, style: FigureStyle, panel: Panel | None = None, width: float | None = None
 ) -> Arrangement:
-    """Return how the panels of a figure stand on a page; or one `panel` alone, as wide as the style
-    says. With a `width`, all panels are as wide as that together, and fewer side by side.
+    """Return the arrangement of the panels of a figure on a page, or of one `panel` in the width of
+    the style. With a `width`, all panels together have this width, and fewer are side by side.
     """
     grid, panels = drawing.grid, drawing.panels if panel is None else (panel,)
     columns = min(grid.columns or (2 if len(panels) == 4 else 3), len(panels))
@@ -221,12 +222,14 @@ def arranged(
 
 
 def _letter(size: float) -> float:
-    """Return the width of a letter of so many points, inches."""
+    """Return the width in inches of a letter with this size in points."""
     return 0.55 * size / POINTS
 
 
 def legend_columns(labels: Sequence[str], width: float, size: float) -> int:
-    """Return as many entries side by side as fit, by the longest, in rows of nearly one length."""
+    """Return how many entries fit side by side, judged by the longest, in rows of nearly equal
+    length.
+    """
     most = max(1, int(width / (_letter(size) * (max(map(len, labels)) + 7.6))))
     return math.ceil(len(labels) / math.ceil(len(labels) / most))
 
@@ -237,10 +240,10 @@ def compose(
     panel: Panel | None = None,
     width: float | None = None,
 ) -> Figure:
-    """Draw all panels of a figure in the grid of a page; or one `panel` alone, with the legend of
-    the figure, as wide as the style says.
+    """Draw all panels of a figure in the grid of a page; or one `panel` with the legend of the
+    figure, in the width of the style.
 
-    With a `width`, in inches, all panels are as wide as that together, and fewer side by side.
+    With a `width`, in inches, all panels together have this width, and fewer are side by side.
     """
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
@@ -271,7 +274,7 @@ def compose(
         scale = 1.0 if drawing.legend else LEGEND_SCALE
         figure.legend(handles, labels, loc="outside upper left", ncols=ncols, markerscale=scale)
     figure.align_ylabels()
-    # once, so that the places are the same in every format
+    # once, so that the positions are the same in every format
     ConstrainedLayoutEngine().execute(figure)
     return figure
 
@@ -279,7 +282,7 @@ def compose(
 def _fill(
     axes: Sequence[Axes], panel: Panel, title: str, grid: Layout, style: FigureStyle, columns: int
 ) -> None:
-    """Draw a panel, with its title above and its x axis labelled below it."""
+    """Draw a panel, with its title above it and the label of its x axis below it."""
     top, bottom = axes[0], axes[-1]
     for ax in axes:
         if ax is not top and not grid.common_x:
@@ -296,7 +299,7 @@ def _fill(
 
 
 def _labelled(figure: Figure) -> list[Any]:
-    """Return what stands in the legend: everything that is drawn with a label, each label once."""
+    """Return the entries of the legend: everything that is drawn with a label, each label once."""
     handles: dict[str, Any] = {}
     for ax in figure.axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
@@ -312,11 +315,12 @@ _GROUP_ID = re.compile(r'<g id="(?:(map)|[^"]*)"')
 
 
 def to_svg(figure: Figure, name: str, alt: str) -> str:
-    """Return an `<svg>` element that can stand in a page or in a file of its own.
+    """Return an `<svg>` element for a page or for a separate file.
 
-    No date, no creator, and definitions named by a hash of their content, salted by the `name`.
-    Groups lose their names (`axes_1`), which would repeat between the figures of one page; those
-    with the name `map` get this class, as the colours of a map are not inverted on a dark page.
+    It contains no date and no creator, and definitions are named by a hash of their content, salted
+    with the `name`. Names of groups (`axes_1`) are removed, because they would repeat between the
+    figures of a page. Groups with the name `map` get this class, because the colours of a map are
+    not inverted on a dark page.
     """
     from matplotlib import rc_context
 
@@ -333,7 +337,7 @@ def to_svg(figure: Figure, name: str, alt: str) -> str:
 
 
 def to_bytes(figure: Figure, suffix: str, name: str, alt: str) -> bytes:
-    """Return a figure with its name and its description as a file that ends in `suffix`, within
+    """Return a figure with its name and its description as a file with this `suffix`, within
     `figure_style`.
 
     Neither a date nor the name of a program is written. The fonts of a PDF are embedded as outlines
@@ -342,7 +346,8 @@ def to_bytes(figure: Figure, suffix: str, name: str, alt: str) -> bytes:
     if suffix == "svg":
         return (SVG_PROLOGUE + to_svg(figure, name, alt)).encode()
     if suffix == "pgf":
-        from mapmore_cli.reporting.pgf import to_pgf  # a third of what figures import
+        # imported here because it takes a third of the imports of figures
+        from mapmore_cli.reporting.pgf import to_pgf
 
         return to_pgf(figure).encode()
     from matplotlib import rc_context

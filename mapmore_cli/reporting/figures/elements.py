@@ -32,7 +32,7 @@ ANCHORS = {"left": "start", "center": "middle", "right": "end"}
 
 
 def path(x: Sequence[float] | Array, y: Sequence[float] | Array) -> str:
-    """Return the data of a path through places, with a gap where one is no number."""
+    """Return the data of a path through points, with a gap at NaN."""
     commands, gap = [], True
     for left, top in zip(np.asarray(x).tolist(), np.asarray(y).tolist(), strict=True):
         if math.isfinite(left) and math.isfinite(top):
@@ -98,7 +98,7 @@ def box(left: float, top: float, right: float, bottom: float, look: str) -> str:
 
 
 def face(look: dict[str, Any]) -> str:
-    """Return how the face of a bar looks; a hatched one is pale."""
+    """Return the appearance of a bar's face; a hatched one is pale."""
     edge = hex_of(look["edgecolor"])
     inside = look["facecolor"] if look["hatch"] is None else look["edgecolor"]
     opacity = "" if look["hatch"] is None else ' fill-opacity=".18"'
@@ -108,7 +108,7 @@ def face(look: dict[str, Any]) -> str:
 def text(
     words: str, x: float, y: float, size: float, anchor: str = "start", turned: bool = False
 ) -> str:
-    """Return words at a place, each line of them; turned, they run upwards."""
+    """Return words at a position, each of their lines; if `turned`, they run upwards."""
     turn = f' transform="rotate(-90 {x:.1f} {y:.1f})"' if turned else ""
     lines = words.split("\n")
     first = y - (len(lines) - 1) * size * 1.15 if turned else y

@@ -1,4 +1,4 @@
-"""Errors over the size of what was measured: where along the range a model fails."""
+"""Draw errors over the measured value, which shows where in the range a model fails."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return one panel a model, all with the same axes: all samples pooled, training samples as
-    pale dots under the held-out ones in the model's colour.
+    """Return one panel for each model, all with the same axes: all samples together, training
+    samples as pale dots below the held-out ones in the colour of the model.
     """
     target, unit, looks = inputs.target.name, inputs.target.unit, panels.looks_of(inputs)
     order = np.argsort(inputs.pooled(inputs.dataset.target), kind="stable")

@@ -1,7 +1,7 @@
-"""Measured and predicted: over time for recordings of motion and models with memory, with loops for
-these, else over the in-curve quantity.
+"""Draw measured and predicted values: over time for recordings of motion and models with memory
+(for these also as loops), otherwise over the quantity that varies within a curve.
 
-Curves stand as in M2's figures 9, 10, 12, 13 and 15: what the models predict above and their errors
+Curves are drawn as in M2's figures 9, 10, 12, 13 and 15, with the predictions above and the errors
 below. Training curves of a static model share one panel.
 """
 
@@ -30,7 +30,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MOST_TIMED, MOST_LOOPS, MOST_SPANS, MOST_CURVES = 5, 3, 6, 10
-"""Models over time; recordings and models of loops; grey regions of a curve; training curves."""
+"""Largest numbers of models over time, of recordings and models for loops, of grey regions of a
+curve, and of training curves.
+"""
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
@@ -50,12 +52,13 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
 @dataclass(frozen=True)
 class CurveFit:
     """Samples of one curve in the order in which they are drawn, each `(n,)`: measured `y` over
-    `x`, and every model's prediction.
+    `x`, and the prediction of every model.
 
-    - `looks`: how the lines of the models are drawn; `far_off`: models that set no scale.
-    - `interval`: the ends of the intervals of the run's own model, the first, where it has some.
-    - `pieces`: the rows of its recordings, where it is drawn over time; else empty.
-    - `shaded`: the ranges of `x` that are grey: plateaus, or what was held out of a training curve.
+    - `looks`: appearance of the models' lines; `far_off`: models that do not affect the scale.
+    - `interval`: ends of the intervals of the run's own model, which comes first, or None.
+    - `pieces`: rows of its recordings if it is drawn over time, otherwise empty.
+    - `shaded`: ranges of `x` with a grey background: plateaus, or held-out parts of a training
+      curve.
     """
 
     title: str
@@ -70,15 +73,16 @@ class CurveFit:
     shaded: Sequence[tuple[float, float]]
 
     def predicted(self, model: str) -> bool:
-        """Return False where the model gave no prediction, because its fit failed."""
+        """Return False if the model has no prediction because its fit failed."""
         return bool(np.isfinite(self.predictions[model]).any())
 
     def draw(self, top: Axes, bottom: Axes, words: tuple[str, str]) -> None:
-        """Draw measured samples and every model as a line above, predicted minus measured below;
-        `words` stand in the legend for samples that were held out, and for others.
+        """Draw measured samples and a line for every model above, and predicted minus measured
+        values below. `words` are the legend entries for held-out samples and for others.
 
-        Over time, measured samples are a line; else dots, filled where held out. A model without
-        prediction draws nothing, and the axes do not grow for one that is far off.
+        Over time, measured samples are a line; otherwise they are dots, filled if they are held
+        out. A model without prediction is not drawn, and the axes do not grow for one that is far
+        off.
         """
         panels.zero_line(bottom)
         self._draw_measured(top, words)
@@ -119,8 +123,8 @@ class CurveFit:
 
 
 def curve_fit(inputs: ReportInputs, number: int, training: bool = False) -> CurveFit:
-    """Return curve `number` of the dataset with the models that lines are drawn of, or only its
-    training samples with the run's own.
+    """Return curve `number` of the dataset with the models whose lines are drawn; with `training`,
+    only its training samples with the run's own model.
     """
     curve, timed, ends = inputs.dataset.curves[number], inputs.timed, inputs.interval(number)
     x = curve.columns[_axis(inputs).name]
@@ -143,14 +147,15 @@ def curve_fit(inputs: ReportInputs, number: int, training: bool = False) -> Curv
 
 
 def _axis(inputs: ReportInputs) -> Quantity:
-    """Return what curves are drawn over."""
+    """Return the quantity over which curves are drawn."""
     time = inputs.dataset.quantities.get("time", Quantity("time", "s"))
     return time if inputs.timed else inputs.in_curve
 
 
 def held_out_spans(x: Array, held_out: BoolArray) -> list[tuple[float, float]]:
     """Return runs of held-out samples along sorted `x` as (start, end), each reaching halfway to
-    the neighbouring training samples; none of scattered samples, or where none trains.
+    the neighbouring training samples; empty for scattered samples, or if there are no training
+    samples.
     """
     edges = np.flatnonzero(np.diff(held_out, prepend=False, append=False)).reshape(-1, 2)
     if held_out.all() or len(edges) > MOST_SPANS:
@@ -167,8 +172,8 @@ def _plateaus(curve: Curve) -> list[tuple[float, float]]:
 
 
 def curve_figures(inputs: ReportInputs, name: str, numbers: Sequence[int]) -> list[Drawing]:
-    """Return one pair of axes a curve of these numbers: what is predicted above, the errors below;
-    no figure where there is none.
+    """Return one pair of axes for each of these curves, with predictions above and errors below; no
+    figure if there are no curves.
     """
     shown = panels.some_curves(inputs, numbers)
     if not shown:
@@ -209,13 +214,13 @@ def curve_figures(inputs: ReportInputs, name: str, numbers: Sequence[int]) -> li
 
 
 def _labels(inputs: ReportInputs) -> tuple[str, str]:
-    """Return the labels of what is predicted, and of the errors below it."""
+    """Return the labels of the predictions and of the errors below them."""
     return inputs.axis_label(inputs.target), f"Error ({inputs.target.unit})"
 
 
 def own_words(inputs: ReportInputs) -> str:
-    """Return what a caption says of `mapmore` where no pieces stand behind the name: a formula that
-    was fitted to this data, or models of other runs.
+    """Return the words of a caption about `mapmore` if the model has no pieces: a formula that was
+    fitted to these data, or models of other runs.
     """
     if inputs.own != OWN or isinstance(inputs.model.body, Pieces):
         return ""
@@ -226,7 +231,7 @@ def own_words(inputs: ReportInputs) -> str:
 
 
 def _marks(inputs: ReportInputs, curves: Sequence[CurveFit]) -> str:
-    """Return what a caption says of filled dots, grey lines and grey backgrounds."""
+    """Return the words of a caption about filled dots, grey lines and grey backgrounds."""
     mixed = any(curve.held_out.any() and not curve.held_out.all() for curve in curves)
     if not inputs.timed:
         words = " Filled dots and grey bands mark held-out samples, open dots training samples."
@@ -238,8 +243,8 @@ def _marks(inputs: ReportInputs, curves: Sequence[CurveFit]) -> str:
 
 
 def curve_data(inputs: ReportInputs, curve: CurveFit) -> dict[str, Values]:
-    """Return what is drawn of a curve, by heading: measured, whether held out, and what every model
-    predicts.
+    """Return the drawn data of a curve by heading: measured values, whether they are held out, and
+    the predictions of every model.
     """
     unit, ends = inputs.target.unit, zip(("low", "high"), curve.interval or (), strict=False)
     return {
@@ -256,8 +261,8 @@ def curve_data(inputs: ReportInputs, curve: CurveFit) -> dict[str, Values]:
 
 
 def training_figures(inputs: ReportInputs) -> list[Drawing]:
-    """Return one figure for the training curves, or for some of them where they are many: measured
-    samples coloured by curve with the model's lines over them, and the errors in the same colours.
+    """Return one figure for the training curves, or for some of them if there are many: measured
+    samples coloured by curve with the lines of the model, and the errors in the same colours.
     """
     numbers = [i for i, curve in enumerate(inputs.dataset.curves) if not curve.held_out.all()]
     shown = [numbers[i] for i in panels.evenly(len(numbers), MOST_CURVES)]
@@ -293,7 +298,7 @@ def training_figures(inputs: ReportInputs) -> list[Drawing]:
 
 
 def loop_figures(inputs: ReportInputs) -> list[Drawing]:
-    """Draw a row of panels for each held-out recording: the run's own model over the measured
+    """Return a row of panels for each held-out recording: the run's own model over the measured
     loops, and its best competitors.
     """
     numbers = [i for i, curve in enumerate(inputs.dataset.curves) if curve.held_out.any()]
@@ -312,7 +317,7 @@ def loop_figures(inputs: ReportInputs) -> list[Drawing]:
 
 
 def _loops(inputs: ReportInputs, number: int, styles: Mapping[str, ModelStyle]) -> Iterator[Panel]:
-    """Yield a panel for each model: each run of held-out samples is a path of its own."""
+    """Yield a panel for each model. Each run of held-out samples is a separate path."""
     curve, along, target = inputs.dataset.curves[number], inputs.in_curve, inputs.target
     x, measured = (curve.columns[name] for name in (along.name, inputs.dataset.target))
     held = [rows[curve.held_out[rows]] for rows in curve.logs]

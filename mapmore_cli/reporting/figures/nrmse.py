@@ -1,4 +1,4 @@
-"""Bars of the normalised errors."""
+"""Draw the normalised errors as bars."""
 
 from __future__ import annotations
 
@@ -29,10 +29,12 @@ FLOOR: dict[str, Any] = {"color": GREY, "linestyle": (0, (3, 2)), "linewidth": 0
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return one figure for all models: a pair of bars of their pooled scores in per cent, solid
-    for held-out and hatched for training data, values at the right, published ones as diamonds.
+    """Return one figure for all models: a pair of bars for their pooled scores in per cent, solid
+    for held-out and hatched for training data, with values at the right and published values as
+    diamonds.
 
-    A model whose fit failed has no bar. A dashed line is what repeated measurements differ by.
+    A model whose fit failed has no bar. A dashed line shows the difference between repeated
+    measurements.
     """
     pooled = [s for s in inputs.validation.scores if s.curve == "all"]
     errors = {(s.model, s.split): 100 * s.nrmse for s in pooled if math.isfinite(s.nrmse)}
@@ -40,7 +42,8 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     if not splits:
         return []
     paper, published = inputs.published, dict[str, float]()
-    if paper is not None and splits[0] == "validate":  # they are of such data alone
+    # published numbers are for held-out data only
+    if paper is not None and splits[0] == "validate":
         published = {m: 100 * paper.nrmse[m] for m in inputs.models if m in paper.nrmse}
     floor, looks = errors.get((REPEATABILITY, splits[0])), looks_of(inputs)
     rows = [

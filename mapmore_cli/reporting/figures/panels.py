@@ -1,5 +1,5 @@
-"""What panels are drawn of: lines, dots, bands and labels; and the sentences of captions that
-figures share.
+"""Draw the elements of panels (lines, dots, bands and labels), and write the sentences that
+captions share.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MOST_PANELS = 6
-"""Panels of curves in one figure; of more curves, some stand for all."""
+"""Largest number of panels of curves in one figure; more curves are thinned."""
 
 DOTS = 200
 POINTS, SKETCHED = 2000, 600
-"""Dots of a curve, and points of a line over time, in print and on a page; of more samples some are
-drawn.
+"""Largest number of dots of a curve, and of points of a line over time, in print and on a page;
+more are thinned.
 """
 
 STRETCHES = 150
-"""A line of more than four samples a stretch of the axis is drawn as their means and their
-range.
+"""Number of stretches of the axis; a line with more than four samples per stretch is drawn as means
+and ranges.
 """
 
 PALE = 0.15
@@ -47,7 +47,7 @@ DOT: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 3}
 
 
 def draw_line(ax: Axes, x: Array, y: Array, sets_scale: bool = True, **look: Any) -> None:
-    """Draw a line or dots; axes do not grow for one that does not set the scale."""
+    """Draw a line or dots. The axes do not grow for it unless it sets the scale."""
     if is_sketch(ax):
         ax.plot(x, y, scales=sets_scale, **look)
     elif sets_scale:
@@ -71,7 +71,7 @@ def draw_trace(ax: Axes, x: Array, y: Array, **look: Any) -> None:
 
 
 def draw_band(ax: Axes, x: Array, y: Array, **look: Any) -> None:
-    """Draw `y` over sorted `x` as a line; of many samples the mean, with their range as a pale
+    """Draw `y` over sorted `x` as a line; for many samples, draw the mean, and the range as a pale
     band.
     """
     if len(x) > 4 * STRETCHES:
@@ -83,14 +83,14 @@ def draw_band(ax: Axes, x: Array, y: Array, **look: Any) -> None:
 def shade_between(
     ax: Axes, x: Array, ends: Iterable[Array], colour: object, label: str = ""
 ) -> None:
-    """Shade what lies between two ends, (n,) each."""
+    """Shade the area between two ends, (n,) each."""
     low, high = ends
     ax.fill_between(x, low, high, color=colour, alpha=PALE, linewidth=0, zorder=1, label=label)
 
 
 def looks_of(inputs: ReportInputs) -> dict[str, ModelStyle]:
-    """Return how models look in figures that show all of them, those first that lines are drawn
-    of.
+    """Return the appearance of models in figures that show all of them; models whose lines are
+    drawn come first.
     """
     return model_styles([*inputs.lines, *inputs.models], inputs.style.palette)
 
@@ -101,8 +101,8 @@ def zero_line(ax: Axes) -> None:
 
 
 def cloud(y: Array, limit: int) -> IntArray:
-    """Return row numbers of at most `limit` finite samples, evenly spread, and the extremes among
-    them.
+    """Return row numbers of at most `limit` finite samples, evenly spread, including the
+    extremes.
     """
     rows = np.flatnonzero(np.isfinite(y))
     if len(rows) <= limit:
@@ -112,8 +112,8 @@ def cloud(y: Array, limit: int) -> IntArray:
 
 
 def band(x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-    """Return places, means, least and greatest values of `y` over sorted `x`, (m,) each: one for
-    every equal stretch of x that holds samples.
+    """Return places, means, smallest and largest values of `y` over sorted `x`, (m,) each, for
+    every equal stretch of x that contains samples.
     """
     rows = np.flatnonzero(np.isfinite(y))
     edges = np.linspace(x[0], x[-1], STRETCHES + 1)[1:-1]
@@ -125,8 +125,8 @@ def band(x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def evenly(count: int, limit: int) -> list[int]:
-    """Return at most `limit` of `count` numbers, evenly spread, the first and the last among
-    them.
+    """Return at most `limit` of `count` numbers, evenly spread, including the first and the
+    last.
     """
     return sorted({int(i) for i in np.linspace(0, count - 1, min(count, limit)).round()})
 
@@ -136,8 +136,8 @@ def evenly(count: int, limit: int) -> list[int]:
 
 
 def plain_logarithm(ax: Axes, side: Literal["x", "y"], subs: Sequence[float] | None = None) -> None:
-    """Scale an axis by logarithms, labelled with plain numbers as 0.5, 1, 2; `subs` are the
-    labelled multiples of the powers of ten.
+    """Give an axis a logarithmic scale with plain labels such as 0.5, 1, 2; `subs` are the labelled
+    multiples of the powers of ten.
     """
     if is_sketch(ax):
         scaled = ax.xaxis if side == "x" else ax.yaxis
@@ -154,21 +154,21 @@ def plain_logarithm(ax: Axes, side: Literal["x", "y"], subs: Sequence[float] | N
 
 
 def label_rows(ax: Axes, names: Sequence[str]) -> None:
-    """Name the rows 0, 1, ... of a panel from its top down."""
+    """Name the rows 0, 1, ... of a panel from the top down."""
     ax.set_yticks(range(len(names)), names)
     ax.tick_params(axis="y", length=0)
     ax.set_ylim(len(names) - 0.45, -0.55)
 
 
 def write_beside(ax: Axes, row: float, text: str) -> None:
-    """Write at the right of a panel, a little beside it."""
+    """Write a text at the right of a panel, at a small distance."""
     write_at(ax, text, (1.0, row), (5, 0), xycoords=("axes fraction", "data"), va="center")
 
 
 def write_at(
     ax: Axes, text: str, place: tuple[Any, Any], offset: tuple[int, int], **look: Any
 ) -> None:
-    """Write small letters so many points beside a place."""
+    """Write a text in small letters at an offset in points from a place."""
     if not is_sketch(ax):
         from matplotlib import rcParams
 
@@ -178,7 +178,7 @@ def write_at(
 
 @dataclass(frozen=True)
 class Key:
-    """An entry of a legend: a line with its markers, or a patch, which has a `facecolor`."""
+    """An entry of a legend: a line with its markers, or a patch, if it has a `facecolor`."""
 
     label: str
     look: dict[str, Any]
@@ -194,8 +194,8 @@ class Key:
 
 
 def colour_bar(ax: Any, shades: Any, label: str, **look: Any) -> None:
-    """Draw what the colours of `shades` mean, at the right of axes; both are named as a map, whose
-    colours a dark page must not invert.
+    """Draw the colour bar of `shades` at the right of axes. Both are named as a map, whose colours
+    a dark page must not invert.
     """
     bar = ax.figure.colorbar(shades, ax=ax, label=label, use_gridspec=False, **look)
     for part in () if is_sketch(ax) else (shades, bar.solids):
@@ -208,7 +208,7 @@ def key(label: str, **look: Any) -> Key:
 
 
 def heading(quantity: Quantity) -> str:
-    """Return the heading of a quantity's column among the numbers of a panel."""
+    """Return the heading of a quantity's column in the numbers of a panel."""
     return f"{quantity.name} [{quantity.unit}]"
 
 
@@ -216,12 +216,12 @@ RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def raised(term: str) -> str:
-    """Return a term with its powers as people write them: `strain^2` as `strain²`."""
+    """Return a term with raised powers: `strain²` for `strain^2`."""
     return re.sub(r"\^(\d+)(?![\d.])", lambda power: power[1].translate(RAISED), term)
 
 
 def shorten(text: str, length: int) -> str:
-    """Return the text, its middle left out where it is longer than `length`."""
+    """Return the text, shortened in the middle if it is longer than `length`."""
     if len(text) <= length:
         return text
     head = (length - 1) // 2
@@ -229,10 +229,11 @@ def shorten(text: str, length: int) -> str:
 
 
 def told_apart(names: Sequence[str], length: int) -> list[str]:
-    """Return the names with at most so many letters, different wherever they are.
+    """Return the names shortened to at most `length` letters, so that different names stay
+    different.
 
-    Where one is longer, the words that all begin and end with are left out of all, then the middle;
-    what is the same after that gets a number.
+    If one is too long, the words with which all begin and end are left out, and then the middle.
+    Names that are equal after that get a number.
     """
     if len({*names}) < 2 or max(map(len, names)) <= length:
         return [shorten(name, length) for name in names]
@@ -248,14 +249,16 @@ def told_apart(names: Sequence[str], length: int) -> list[str]:
 
 
 def _alike(parts: Sequence[Sequence[str]]) -> int:
-    """Return with how many parts all names begin; one part of the shortest is never counted."""
+    """Return the number of parts with which all names begin; one part of the shortest is never
+    counted.
+    """
     same = [len({*column}) == 1 for column in zip(*parts, strict=False)]
     return [*same[:-1], False].index(False)
 
 
 def titles(names: Sequence[str], length: int) -> list[str]:
-    """Return the names told apart, in lines of at most so many letters: two, or three where they
-    break ill.
+    """Return distinct names in lines of at most `length` letters: two lines, or three if they
+    cannot be broken well.
     """
     return [textwrap.fill(name, length) for name in told_apart(names, 2 * length)]
 
@@ -265,8 +268,8 @@ def titles(names: Sequence[str], length: int) -> list[str]:
 
 
 def places(inputs: ReportInputs, ids: Sequence[str], most: int = MOST_PANELS) -> list[int]:
-    """Return which of the curves or recordings of these ids are drawn: those that were asked for,
-    else at most so many, evenly spread.
+    """Return the indices of the curves or recordings that are drawn: those that were requested,
+    otherwise at most `most`, evenly spread.
     """
     if inputs.asked:
         return [place for place, one in enumerate(ids) if one in inputs.asked]
@@ -274,18 +277,18 @@ def places(inputs: ReportInputs, ids: Sequence[str], most: int = MOST_PANELS) ->
 
 
 def some_curves(inputs: ReportInputs, numbers: Sequence[int], most: int = MOST_PANELS) -> list[int]:
-    """Return which of the curves of these numbers in the dataset are drawn, likewise."""
+    """Return which of these curves of the dataset are drawn, in the same way."""
     ids = [inputs.dataset.curves[i].id for i in numbers]
     return [numbers[i] for i in places(inputs, ids, most)]
 
 
 def some_of(shown: int, count: int, what: str) -> str:
-    """Return a sentence that says what was left out; nothing where all is shown."""
+    """Return a sentence that says what is left out; empty if everything is shown."""
     return "" if shown == count else f" {shown} of {count} {what} are drawn, evenly spread."
 
 
 def best_of(shown: int, count: int) -> str:
-    """Return a sentence about the models that lines are drawn of; nothing where all are."""
+    """Return a sentence about the models whose lines are drawn; empty if all are."""
     if shown == count:
         return ""
     others = "other" if shown == 2 else f"{shown - 1} others"
@@ -293,12 +296,12 @@ def best_of(shown: int, count: int) -> str:
 
 
 def beyond_scale(models: Sequence[str]) -> str:
-    """Return a sentence about the models that leave the panels; nothing where all are held."""
+    """Return a sentence about the models that leave the panels; empty if none does."""
     return f" Too far off for the scale: {', '.join(map(title_of, models))}." if models else ""
 
 
 def interval_words(inputs: ReportInputs) -> str:
-    """Return what a caption says of intervals, where the spec asked for them."""
+    """Return the words of a caption about intervals, if the spec asks for them."""
     if inputs.left_out is None:
         return ""
     words = (
@@ -310,7 +313,9 @@ def interval_words(inputs: ReportInputs) -> str:
 
 
 def thinned(sizes: Sequence[int]) -> str:
-    """Say how curves of so many samples are drawn; nothing where every sample is drawn."""
+    """Return a sentence about how curves with this many samples are thinned; empty if every sample
+    is drawn.
+    """
     words = SOME_DOTS if max(sizes) > DOTS else ""
     if max(sizes) > 4 * STRETCHES:
         words += " Lines are means over short stretches, pale bands the range of the samples."

@@ -1,4 +1,4 @@
-"""The errors of the model over two inputs: where it is too high, and where too low."""
+"""Draw the errors of the model over two inputs, which shows where it is too high and too low."""
 
 from __future__ import annotations
 
@@ -17,9 +17,7 @@ if TYPE_CHECKING:
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return one panel where the model has two inputs; samples that were held out are larger and
-    rimmed.
-    """
+    """Return one panel if the model has two inputs. Held-out samples are larger and have a rim."""
     plane = plane_of(inputs)
     if plane is None:
         return []

@@ -1,4 +1,4 @@
-"""Residual tests, as system identification has them: are a model's errors correlated with
+"""Draw the residual tests of system identification: are a model's errors correlated with
 themselves, or with the inputs?
 """
 
@@ -17,12 +17,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MOST_INPUTS = 11
-"""Inputs with a panel: the time to draw them grows with the square of their number."""
+"""Largest number of inputs with a panel; the time to draw them grows with the square of their
+number.
+"""
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return a panel for the autocorrelation and one for each input, of many for those that most
-    is left of; none where nothing was tested.
+    """Return a panel for the autocorrelation and one for each input, or for the inputs with the
+    largest findings if there are many; nothing if nothing was tested.
     """
     if not inputs.validation.residual_tests:
         return []
@@ -31,7 +33,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     known = {quantity.name: quantity for quantity in inputs.model.inputs}
 
     def on(ax: Axes, test: ResidualTest) -> None:
-        """Draw values as stems over the range in which those of noise lie."""
+        """Draw values as stems over the range within which noise would lie."""
         ax.fill_between(test.x, -test.bounds, test.bounds, color=LIGHT, alpha=0.5, linewidth=0)
         zero_line(ax)
         ax.vlines(test.x, 0.0, test.values, color=colour, linewidth=0.8)
@@ -62,7 +64,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
 
 
 def _autocorrelation(inputs: ReportInputs, own: ResidualTest) -> str:
-    """Return what the autocorrelation says, in plain words."""
+    """Return the finding of the autocorrelation in plain words."""
     along, cause = (
         ("in time", "dynamics") if inputs.timed else (f"along {inputs.in_curve.name}", "shape")
     )

@@ -1,4 +1,4 @@
-"""Segments with their weights, as in M2's figures 5 and 6; and the model over the levels."""
+"""Draw segments with their weights, as in M2's figures 5 and 6, and the model over the levels."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ LOOKS = (
     (style.GREEN, "^", "-."),
     (style.PURPLE, "D", ":"),
 )
-"""Colour, marker and line of the segments, in turn."""
+"""Colours, markers and lines that the segments take one after the other."""
 GRID = 401
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return one figure a segmented variable, and one of the model over the levels."""
+    """Return one figure for each segmented variable, and one of the model over the levels."""
     pieces = inputs.model.pieces
     if pieces is None or not pieces.segments:
         return []
@@ -49,8 +49,8 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
 class SegmentCurve:
     """One training curve along one segmented variable.
 
-    `x`, `y` and `cell` (1-based place of the sample's segment) are `(n,)`; `boundaries` is `(count
-    + 1,)`, both ends included.
+    `x`, `y` and `cell` (1-based number of the sample's segment) are (n,); `boundaries` is (count +
+    1,), including both ends.
     """
 
     id: str
@@ -62,9 +62,7 @@ class SegmentCurve:
 
 
 def segment_curves(inputs: ReportInputs, variable: int) -> list[SegmentCurve]:
-    """Return the segmented curves along variable number `variable`; held-out samples are left
-    out.
-    """
+    """Return the segmented curves along a variable, without held-out samples."""
     training = training_curves(inputs.dataset.curves, by_level=inputs.model.level is not None)
     curves = {curve.id: curve for curve in training}
     made = []
@@ -104,7 +102,8 @@ def _variable_figure(inputs: ReportInputs, fusion: Fusion, variable: int, name: 
 
 
 def draw_segments(top: Axes, bottom: Axes, curve: SegmentCurve, fusion: Fusion) -> None:
-    """Draw the samples, coloured and marked by segment, and the weights below, where there are any.
+    """Draw the samples, coloured and marked by segment, and the weights below them, if there are
+    any.
 
     Boundaries are vertical lines, transition zones are shaded (M2 eq 10 and 11).
     """
@@ -128,9 +127,9 @@ def draw_segments(top: Axes, bottom: Axes, curve: SegmentCurve, fusion: Fusion) 
 
 
 def level_figures(inputs: ReportInputs, pieces: Pieces) -> list[Drawing]:
-    """Return one figure of what the model says over the levels, at three places in the range that
-    all curves have in common, other inputs in the middle of their ranges; none where there are no
-    levels to interpolate between, or weights depend on the curves' values.
+    """Return one figure of the model over the levels, at three places in the range that all curves
+    share, with the other inputs in the middle of their ranges; empty if there are no levels to
+    interpolate between, or if weights depend on the values of the curves.
     """
     if pieces.level is None or len(pieces.curves) < 2 or pieces.fusion.levels != "linear":
         return []
@@ -174,8 +173,8 @@ def level_figures(inputs: ReportInputs, pieces: Pieces) -> list[Drawing]:
 
 
 def _level_grid(pieces: Pieces, levels: Array) -> Array:
-    """Return values of the level quantity, a little beyond the outer levels where the model is
-    extrapolated, the levels among them.
+    """Return values of the level quantity, including the levels, and extending a little outside the
+    outer levels if the model extrapolates there.
     """
     sides = pieces.fusion.extrapolation[str(pieces.level)]
     below, above = (0.08 * np.ptp(levels) * isinstance(side, str) for side in sides)

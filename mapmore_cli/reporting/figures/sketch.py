@@ -1,8 +1,9 @@
-"""Axes that note what is drawn on them and write it as SVG, without Matplotlib.
+"""Record drawing calls on axes and write them as SVG, without Matplotlib.
 
-Matplotlib takes most of the processor time of a run for the figures of its page. `Sketch` knows the
-part of its axes that the figures of this package call; what it does not know raises AttributeError
-or TypeError, and the figure is then drawn by Matplotlib. Lengths are points, places are data.
+Matplotlib takes most of the processor time of a run for the figures of its page. `Sketch`
+implements the methods of its axes that the figures of this package call. Other calls raise
+AttributeError or TypeError, and Matplotlib then draws the figure. Lengths are in points, positions
+are data.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from mapmore_cli.reporting.figures.elements import (
 )
 
 MARGINS = {"x": 0.02, "y": 0.05}
-"""Share of its data by which an axis is longer at each end."""
+"""Fraction of the data's range by which an axis is longer at each end."""
 
 Side = Literal["x", "y"]
 Svg = Callable[[Place, Place], str]
@@ -38,8 +39,8 @@ Svg = Callable[[Place, Place], str]
 
 @dataclass
 class Sketch:
-    """Axes as Matplotlib's `Axes` are called; `size` is that of letters on ticks, `right` the room
-    that stands beside them, `share` their relative height in their panel.
+    """Axes with the methods of Matplotlib's `Axes`. `size` is the size of letters on ticks, `right`
+    the space to the right, and `share` the relative height in the panel.
     """
 
     size: float
@@ -53,12 +54,12 @@ class Sketch:
 
     @property
     def transAxes(self) -> str:  # noqa: N802  # as Matplotlib calls it
-        """The name of the places that are shares of the axes."""
+        """Name of the coordinates that are fractions of the axes."""
         return "axes"
 
     @property
     def figure(self) -> Sketch:
-        """The sketch itself, which has a bar of colours too."""
+        """The sketch itself, which also draws colour bars."""
         return self
 
     def _add(self, svg: Svg, zorder: float, label: str = "", **look: Any) -> None:
@@ -70,7 +71,7 @@ class Sketch:
     # ----------------------------------------------------------------------------------------------
 
     def plot(self, *args: Any, scales: bool = True, zorder: float = 2.0, **look: Any) -> None:
-        """Draw a line, dots or both; axes do not grow for one that does not scale."""
+        """Draw a line, dots or both. The axes do not grow unless it `scales`."""
         values = [np.asarray(one, dtype=np.float64) for one in args if not isinstance(one, str)]
         marker = next((one for one in args if isinstance(one, str) and one in SHAPES), None)
         if marker:
@@ -101,7 +102,7 @@ class Sketch:
         label: str = "",
         **look: Any,
     ) -> None:
-        """Shade what lies between two lines."""
+        """Shade the area between two lines."""
         ends = (np.asarray(end, dtype=np.float64) for end in (low, high))
         low, high = (np.broadcast_to(end, x.shape) for end in ends)
         rows = np.flatnonzero(np.isfinite(low) & np.isfinite(high))
@@ -217,7 +218,7 @@ class Sketch:
         return shades
 
     def colorbar(self, shades: Shades, *, label: str, **_look: Any) -> None:
-        """Draw what the colours mean at the right of these axes."""
+        """Draw a colour bar at the right of these axes."""
         axis = Axis(0.0, limits=(float(shades.levels[0]), float(shades.levels[-1])), most=6)
         room = max(map(len, axis.labels().values()), default=0) * 0.55 * self.size
         self.right = 14 + room + 2 * self.size
@@ -243,7 +244,7 @@ class Sketch:
         self.beside.append((0.0, svg))
 
     def text(self, x: float, y: float, words: str, *, ha: str, va: str, **_look: Any) -> None:
-        """Write at shares of the axes."""
+        """Write a text at fractions of the axes."""
 
         def svg(across: Place, up: Place) -> str:
             (start, stop), (bottom, end) = across(self.xaxis.ends), up(self.yaxis.ends)
@@ -263,7 +264,9 @@ class Sketch:
         ha: str = "left",
         va: str = "baseline",
     ) -> None:
-        """Write so many points beside a place, whose first part may be a share of the axes."""
+        """Write a text at an offset in points from a place, whose first coordinate may be a
+        fraction of the axes.
+        """
         share = xycoords[0] != "data"
         if share:
             self.right = max(self.right, offset[0] + 0.55 * self.size * len(words))
@@ -277,8 +280,7 @@ class Sketch:
 
         self.beside.append((0.0, svg))
 
-    # How long the axes are
-    # ----------------------------------------------------------------------------------------------
+    # Length of the axes
 
     def get_xlim(self) -> tuple[float, float]:
         """Return the ends of the horizontal axis."""
@@ -301,9 +303,9 @@ class Sketch:
         self.yaxis.set_ticks(at, names)
 
     def tick_params(self, axis: Side, length: float) -> None:
-        """Accept the length of ticks, which are short here."""
+        """Accept the length of ticks, which are always short here."""
 
 
 def is_sketch(ax: object) -> TypeGuard[Sketch]:
-    """Tell whether axes are those of a quick drawing, not Matplotlib's."""
+    """Return True for axes of a quick drawing, False for Matplotlib's."""
     return isinstance(ax, Sketch)

@@ -1,4 +1,4 @@
-"""The panels of a figure side by side as one SVG, drawn without Matplotlib."""
+"""Draw the panels of a figure side by side as one SVG, without Matplotlib."""
 
 from __future__ import annotations
 
@@ -16,20 +16,22 @@ from mapmore_cli.reporting.inputs import FigureStyle
 from mapmore_cli.reporting.table import title_of
 
 POINTS, SCREEN = 72, 1.8
-"""Points an inch, and pixels of a screen for each: it is read from further away than paper."""
+"""Points per inch, and pixels of a screen for each point: a screen is read from farther away than
+paper.
+"""
 
 LETTER = 0.55
-"""Width of a letter, in sizes of the font."""
+"""Width of a letter as a fraction of the font size."""
 
 TICK = 2.5
 
 
 def sketched(drawing: Drawing, style: FigureStyle) -> RenderedFigure | None:
-    """Draw the panels of a figure, each as an SVG of its own, so that they stand below each other
-    on a narrow screen; so do the entries of the legend.
+    """Draw each panel of a figure as a separate SVG, so that they can be arranged below each other
+    on a narrow screen; the same holds for the entries of the legend.
 
-    None where a panel calls more of its axes than a `Sketch` has, or its words are formulas, so
-    that Matplotlib has to draw it.
+    The result is None if a panel calls methods that a `Sketch` lacks, or if its texts contain
+    formulas, so that Matplotlib must draw it.
     """
     if drawing.grid.projection or any("$" in own for own in style.labels.values()):
         return None
@@ -66,7 +68,7 @@ def _sketched(drawing: Drawing, style: FigureStyle) -> RenderedFigure:
 
 
 def _svg(inside: str, width: float, height: float, style: FigureStyle, attributes: str) -> str:
-    """Return an element with what is drawn inside."""
+    """Return an `<svg>` element with the given contents."""
     family = escape(f"{style.font}, sans-serif" if style.font else "sans-serif")
     return (
         f'<svg {attributes} xmlns="http://www.w3.org/2000/svg" width="{width * SCREEN:.1f}" '
@@ -82,8 +84,8 @@ def _panel(
     frame: tuple[float, float, float, float],
     style: FigureStyle,
 ) -> str:
-    """Return a panel with its title above and its x axis labelled below it; `frame` is the room at
-    the left and above its axes, and the size of all.
+    """Return a panel with its title above it and the label of its x axis below it. `frame` holds
+    the space to the left of and above its axes, and their total size.
     """
     left, start, width, height = frame
     size, right = style.size - 1, width - 6 - max(sheet.right for sheet in sheets)
@@ -102,7 +104,9 @@ def _panel(
 
 
 def _filled(draw: Any, stack: Sequence[float], columns: int, size: float) -> list[Sketch]:
-    """Return the axes of a panel, drawn on, from top to bottom; they have one x axis."""
+    """Return the axes of a panel after drawing on them, from top to bottom; they share the x
+    axis.
+    """
     sheets = [Sketch(size) for _ in stack]
     for sheet, share in zip(sheets, stack, strict=True):
         sheet.share, sheet.xaxis = share, sheets[0].xaxis
@@ -113,7 +117,7 @@ def _filled(draw: Any, stack: Sequence[float], columns: int, size: float) -> lis
 
 
 def _share_axes(panels: list[list[Sketch]], columns: int, all_x: bool, common_y: str) -> None:
-    """Let axes be equally long that a figure's grid says are one."""
+    """Give equal ranges to axes that the grid of a figure shares."""
     sheets = [sheet for panel in panels for sheet in panel]
     if all_x:
         _make_equal([sheet.xaxis for sheet in sheets])
@@ -130,7 +134,7 @@ def _make_equal(axes: Sequence[Any]) -> None:
 
 
 def _room_left(panel: list[Sketch], labels: Sequence[str], size: float) -> float:
-    """Return how many points the labels of a panel's y axes take."""
+    """Return the width in points of the labels of a panel's y axes."""
     words = [words for sheet in panel for words in sheet.yaxis.labels().values()]
     longest = max((len(line) for one in words for line in one.split("\n")), default=0)
     lines = max((label.count("\n") + 1 for label in labels if label), default=0)
@@ -140,7 +144,9 @@ def _room_left(panel: list[Sketch], labels: Sequence[str], size: float) -> float
 def _axes(
     sheet: Sketch, frame: tuple[float, float, float, float], label: str, room: float, last: bool
 ) -> str:
-    """Return one pair of axes with all that is drawn; `frame` is left, right, top and bottom."""
+    """Return one pair of axes with everything that is drawn; `frame` is left, right, top and
+    bottom.
+    """
     left, right, top, bottom = frame
     across, up = sheet.xaxis.scale(left, right), sheet.yaxis.scale(bottom, top)
     marks = [svg(across, up) for _, svg in sorted(sheet.marks, key=lambda mark: mark[0])]

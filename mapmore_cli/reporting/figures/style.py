@@ -1,4 +1,6 @@
-"""How all figures look: Matplotlib's settings, colours, and the line of each model."""
+"""Define the appearance of all figures: Matplotlib's settings, colours, and the line of each
+model.
+"""
 
 from __future__ import annotations
 
@@ -21,22 +23,22 @@ RC: dict[Any, Any] = {
     "axes.spines.right": False,
     "axes.spines.top": False,
     "axes.titlelocation": "left",
-    "axes.titley": 1.0,  # not looked for: no labels stand above the axes
+    "axes.titley": 1.0,  # a fixed value, because no labels stand above the axes
     "axes.xmargin": 0.02,
     "figure.facecolor": "white",
     "legend.frameon": False,
     "legend.columnspacing": 1.4,
     "legend.handlelength": 2.2,
     "lines.linewidth": 1.1,
-    "svg.fonttype": "none",  # text stays text: searchable, and small
-    "text.parse_math": False,  # a `$` in a name is a `$`
+    "svg.fonttype": "none",  # text remains text: searchable, and small
+    "text.parse_math": False,  # a `$` in a name is a plain character
     "xtick.major.width": 0.6,
     "ytick.major.width": 0.6,
 }
 
 
 PLAIN = FigureStyle()
-"""The look of figures of which the user says nothing."""
+"""Default appearance of figures."""
 
 
 @contextmanager
@@ -44,8 +46,8 @@ def figure_style(style: FigureStyle = PLAIN) -> Iterator[None]:
     """Set the look of all figures over Matplotlib's own defaults: a user's matplotlibrc must not
     change a report.
 
-    A character that the layout font lacks is no fault: as text in SVG, it is drawn with the
-    reader's fonts. Nor is an absent font here, of which the user has been told once.
+    A character that the layout font lacks is no error, because text in SVG is drawn with the
+    reader's fonts. Nor is a missing font, about which the user has been warned already.
     """
     from matplotlib import rc_context, rcParamsDefault
 
@@ -66,17 +68,17 @@ def figure_style(style: FigureStyle = PLAIN) -> Iterator[None]:
 
 
 def has_font(name: str) -> bool:
-    """Tell whether this machine has a font of that name."""
+    """Return True if this machine has a font of that name."""
     from matplotlib.font_manager import fontManager
 
     return name in {font.name for font in fontManager.ttflist}
 
 
 def wrong_formula(label: str) -> str | None:
-    """Return what is wrong with the formula in a label; None where nothing is.
+    """Return the fault of a formula in a label; None if it is valid.
 
-    How deep it may be nested before Matplotlib's recursion ends depends on who draws, so that less
-    is allowed here.
+    The depth of nesting at which Matplotlib's recursion ends depends on the caller, so a smaller
+    depth is allowed here.
     """
     from matplotlib.mathtext import MathTextParser
 
@@ -102,14 +104,14 @@ ORANGE, SKY, GREEN, BLUE, VERMILLION, PURPLE = (
     "#D55E00",
     "#CC79A7",
 )
-"""Okabe and Ito's colours, which colour-blind readers tell apart; their yellow is too pale for a
-line on white.
+"""Colours of Okabe and Ito, which colour-blind readers can distinguish; their yellow is too pale
+for a line on white.
 """
 
 
 @dataclass(frozen=True)
 class ModelStyle:
-    """How one model looks in every figure."""
+    """Appearance of one model in every figure."""
 
     colour: str
     dashes: object
@@ -129,8 +131,8 @@ class ModelStyle:
 
 
 OWN_STYLE = ModelStyle(VERMILLION, "-", 1.6, "o", 3.0)
-"""Solid and wide, under the thinner dashed lines of the others, so that both are seen where they
-coincide.
+"""A solid, wide line under the thinner dashed lines of the others, so that both can be seen where
+they coincide.
 """
 _OTHERS = (
     ModelStyle(BLUE, (0, (5, 2)), 1.1, "s"),
@@ -143,10 +145,10 @@ _OTHERS = (
 
 
 def model_styles(models: Sequence[str], palette: Sequence[str] = ()) -> dict[str, ModelStyle]:
-    """Return one style a model: the first, the run's own, always the same; the others in turn,
-    names that come again left out.
+    """Return a style for each model. The first, the run's own, always has the same; the others take
+    styles one after the other. Repeated names are ignored.
 
-    A `palette` replaces the colours, that of the run's own model first.
+    A `palette` replaces the colours; its first one is that of the run's own model.
     """
     styles: dict[str, ModelStyle] = {}
     for i, name in enumerate(dict.fromkeys(models)):
@@ -157,7 +159,7 @@ def model_styles(models: Sequence[str], palette: Sequence[str] = ()) -> dict[str
 
 
 def level_colours(count: int) -> list[str]:
-    """Return blues for ordered curves, from pale (but not too pale for white paper) to dark: they
-    stay apart from the model's own colour.
+    """Return blues for ordered curves, from pale (but not too pale for white paper) to dark, which
+    differ from the model's own colour.
     """
     return [colour_at("Blues", share) for share in np.linspace(1.0, 0.45, count)][::-1]

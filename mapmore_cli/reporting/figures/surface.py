@@ -1,4 +1,4 @@
-"""The model of two inputs as contours, with the samples on it in the same colours."""
+"""Draw a model of two inputs as contours, with the samples in the same colours."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ CELLS, BISECTIONS = 61, 20
 
 
 class Plane(NamedTuple):
-    """The two inputs of a model, that of a curve first: their names and the labels of their axes;
-    and the samples of all curves, (n,) each, with the target as `z`.
+    """The two inputs of a model, the one that varies within a curve first: their names and the
+    labels of their axes; and the samples of all curves, (n,) each, with the target as `z`.
     """
 
     names: tuple[str, ...]
@@ -34,8 +34,8 @@ class Plane(NamedTuple):
 
 
 def plane_of(inputs: ReportInputs) -> Plane | None:
-    """Return the plane of a model of two inputs that vary; None where there are more, or fewer, or
-    time plays a part.
+    """Return the plane of a model of two inputs that vary; None if there are more or fewer, or if
+    time matters.
     """
     pair = sorted(inputs.model.inputs, key=lambda one: one.name == inputs.dataset.level)
     names, curves = tuple(one.name for one in pair), inputs.dataset.curves
@@ -61,7 +61,7 @@ class Sheet(NamedTuple):
     label: str
 
     def panel(self, draw: Callable[..., None]) -> Panel:
-        """Return the panel that `draw` fills."""
+        """Return the panel that `draw` draws."""
         x_label, y_label = self.plane.labels
         columns = (self.across.ravel(), self.up.ravel(), self.output.ravel())
         data = dict(zip((x_label, y_label, self.label), columns, strict=True))
@@ -69,14 +69,14 @@ class Sheet(NamedTuple):
 
     @property
     def samples(self) -> tuple[Array, Array, Array]:
-        """The samples that are drawn, `(m,)` each."""
+        """The samples that are drawn, (m,) each."""
         x, y, z = (values[self.rows] for values in self.plane[2:])
         return x, y, z
 
 
 def sheet_of(inputs: ReportInputs) -> Sheet | None:
-    """Return the model over its two inputs; None where it has not two, or another quantity than its
-    output is shown.
+    """Return the model over its two inputs; None if it has another number, or if another quantity
+    than its output is shown.
     """
     plane, model = plane_of(inputs), inputs.model
     if plane is None or inputs.dataset.target != model.output.name:
@@ -130,7 +130,7 @@ def _rim(inner: Array, outer: Array, up: Array, beyond: Beyond) -> Array:
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return one panel where the model has two inputs; what lies beyond its training range is left
+    """Return one panel if the model has two inputs; the area outside its training range is left
     white.
     """
     sheet = sheet_of(inputs)

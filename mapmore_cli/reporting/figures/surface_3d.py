@@ -1,4 +1,4 @@
-"""The model of two inputs as a surface in space, with samples as dots."""
+"""Draw a model of two inputs as a surface in space, with samples as dots."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from mapmore_cli.reporting.figures.surface import sheet_of
 from mapmore_cli.reporting.inputs import ReportInputs
 
 STRIDE = 4
-"""Of how many places of the model along each input one is a corner of the surface."""
+"""Of this many grid points along each input, one is a corner of the surface."""
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return one panel where the model has two inputs."""
+    """Return one panel if the model has two inputs."""
     sheet = sheet_of(inputs)
     if sheet is None:
         return []

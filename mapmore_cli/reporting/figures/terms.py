@@ -1,5 +1,5 @@
-"""How each segment's terms were chosen: what they leave unexplained, and what the runner-up would
-have left.
+"""Draw how each segment's terms were chosen: the part that remains unexplained, and the part that
+would remain with the runner-up.
 """
 
 from __future__ import annotations
@@ -36,8 +36,9 @@ RUNNER_UP = DOT | {"markersize": 4, "zorder": 2, "color": GREY, "markerfacecolor
 
 
 def left_unexplained(fit: SegmentFit) -> tuple[Array, Array]:
-    """Return per cent of the sum of squares left after each step, (k,), and with the step's
-    runner-up instead (NaN: none): from the stored error reduction ratios of every candidate.
+    """Return the percentage of the sum of squares that remains after each step, (k,), and the one
+    that would remain with the runner-up of the step (NaN without one), from the stored error
+    reduction ratios of all candidates.
     """
     chosen = fit.selection
     left = 100 * (1 - np.cumsum(chosen.err))
@@ -47,7 +48,7 @@ def left_unexplained(fit: SegmentFit) -> tuple[Array, Array]:
 
 
 def whole_curves(fits: Sequence[SegmentFit], most: int) -> list[SegmentFit]:
-    """Return the segments of some curves, evenly spread, so that there are about `most` of them."""
+    """Return the segments of evenly spread curves, about `most` of them in all."""
     curves = list(dict.fromkeys(fit.curve for fit in fits))
     if len(fits) <= most:
         return list(fits)
@@ -56,8 +57,8 @@ def whole_curves(fits: Sequence[SegmentFit], most: int) -> list[SegmentFit]:
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return one figure for all segments, a row each: a filled dot for every chosen term, an open
-    one for its runner-up, the names at the right; none where the model has no segments.
+    """Return one figure with a row for each segment: a filled dot for every chosen term, an open
+    one for its runner-up, and the names at the right; empty for a model without segments.
     """
     every = inputs.fit.pieces
     fits = [fit for fit in whole_curves(every, MOST_SEGMENTS) if fit.terms]
@@ -69,7 +70,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
 
     def on(ax: Axes) -> None:
         for row, both in enumerate(steps):
-            # a share of zero has no place on a logarithmic axis
+            # zero has no place on a logarithmic axis
             left, rival = (np.maximum(shares, 1e-6) for shares in both)
             rows = np.full(len(left), row)
             ax.plot([*left, rival[-1]], [*rows, row], color=LIGHT, linewidth=0.8, zorder=1)

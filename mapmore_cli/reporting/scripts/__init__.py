@@ -1,4 +1,4 @@
-"""Scripts of pages, each with the hash by which a page allows it and no other."""
+"""Provide the scripts of pages, each with the hash by which a page allows it and no other."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BEFORE, BEHIND = (
     ("uplot.js", "widgets.js", "joining.js", "pieces.js", "fixed.js", "running.js"),
     ("explore.js",),
 )
-"""The scripts of "Explore" before the code of the models, and behind it, in their order."""
+"""Scripts of "Explore" before and after the code of the models, in order."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,8 @@ def text_of(name: str) -> str:
 
 
 def scripts(texts: Iterable[str]) -> tuple[Script, ...]:
-    """Return texts as scripts of a page; raises ValueError for one that would end before its
-    end.
+    """Return texts as scripts of a page. Raises ValueError for a text that would end the script
+    element early.
     """
     made = tuple(Script(f"\n{text.strip()}\n") for text in texts)
     for one in made:
@@ -48,6 +48,6 @@ def scripts(texts: Iterable[str]) -> tuple[Script, ...]:
 
 
 def json_text(value: object) -> str:
-    """Return JSON that nothing in it can end between two tags."""
+    """Return JSON in which nothing can end the element around it."""
     text = json.dumps(value, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c")

@@ -70,9 +70,9 @@ FORMAT_VERSION = "3.3"
 CHECKSUM = "checksum"
 """Attribute of the root: SHA-256 (hexadecimal) of all arrays and of the document."""
 
-_ALTERED = "its values are not those that were written: the checksum does not match"
-_GIVE_OURS = "give a file out of a run folder, as runs/NAME/model.h5"
-_GET_ANOTHER = "get a fresh copy, or make it again with `mapmore run CONFIG`"
+_ALTERED = "its checksum does not match: its values have changed since the file was written"
+_GIVE_OURS = "give a file from a run folder, for example runs/NAME/model.h5"
+_GET_ANOTHER = "get a fresh copy, or make the file again with `mapmore run CONFIG`"
 
 _as_written: dict[tuple[int, ...], str] = {}
 """Checksums of the files that this process wrote, or found to be unchanged, by their marks. The
@@ -154,7 +154,8 @@ class FileKind(Generic[T]):
             )
             if doubt == _ALTERED and not unverified:
                 raise DataError(
-                    f"{path}: {_ALTERED}", f"{_GET_ANOTHER}; `--unverified` reads it all the same"
+                    f"{path}: {_ALTERED}",
+                    f"{_GET_ANOTHER}; `--unverified` reads it without this check",
                 )
             if fault := self.fault(record):
                 raise Invalid(self.name, fault)
@@ -198,10 +199,10 @@ class FileKind(Generic[T]):
         if CHECKSUM not in file.attrs:
             return (
                 record,
-                "has no checksum: nothing shows whether its values are those that were written",
+                "has no checksum, so that damage to its values cannot be detected",
             )
         if newer:
-            return record, "is of a newer format: its checksum cannot be verified here"
+            return record, "has a newer format, so that its checksum cannot be verified here"
         checksum = _as_written[mark] if known else digest.hexdigest()
         if root_text(file, CHECKSUM) != checksum:
             return record, _ALTERED
@@ -306,7 +307,10 @@ def _opened_file(path: Path) -> Iterator[tuple[h5py.File, str, str]]:
             refuse_newer(path, version, FORMAT_VERSION)
             if int(version.split(".")[0]) < int(FORMAT_VERSION[0]):
                 raise DataError(
-                    f"{path}: is of the format {version}, from before the first release",
+                    (
+                        f"{path}: has the format {version}, which dates from before the first "
+                        "release"
+                    ),
                     _GET_ANOTHER,
                 )
             yield file, str(kind), version

@@ -74,7 +74,7 @@ class Decoder:
     def _plain(self, node: object, form: Hint, path: str, letters: Letters, sizes: Sizes) -> object:
         kind, many = form.kind, form.inner[1:] == (...,)
         if path.count("/") > DEEPEST:
-            raise Invalid(path, f"lies more than {DEEPEST} fields deep")
+            raise Invalid(path, f"is nested more than {DEEPEST} fields deep")
         if kind is np.ndarray and isinstance(node, dict):
             return self._array(node, path, form.inner[0], letters, sizes)
         if bodies(kind) and isinstance(node, dict):
@@ -128,7 +128,7 @@ class Decoder:
         ):
             raise Invalid(
                 f"{path}/{name[:60]}",
-                "is missing" if name in known else "is not known to this format",
+                "is missing" if name in known else "is not known in this format",
             )
         # in the order of the document, because the checksum includes arrays in that order
         return type_(
@@ -162,7 +162,7 @@ class Decoder:
                     raise Invalid(path, f"lies beyond the end of {name}")
                 stored = stored.reshape(shape)
             case _:
-                raise Invalid(path, "is no reference to its array")
+                raise Invalid(path, "is not a reference to its array")
         values = stored.astype(number, copy=False)
         _compare_lengths(path, values.shape, letters, sizes)
         values.setflags(write=False)  # several stages may get the same array
@@ -171,12 +171,12 @@ class Decoder:
 
 def _plain_value(node: object, form: Hint, path: str) -> object:
     if form.kind is Literal and node not in form.inner:
-        raise Invalid(path, f"is none of {', '.join(form.inner)}")
+        raise Invalid(path, f"is not one of {', '.join(form.inner)}")
     if form.kind is float and (type(node) is int or node in ("nan", "inf", "-inf")):
         return float(node)
     expected = str if form.kind is Literal else form.kind
     if type(node) is not expected:
-        raise Invalid(path, f"is no {expected.__name__}")
+        raise Invalid(path, f"is not of the type {expected.__name__}")
     if expected is str and not is_one_line(node):
         raise Invalid(path, f"has control characters or line breaks: {node[:60]!r}")
     return node

@@ -177,7 +177,7 @@ def take_array(
             place = dataset.id.get_offset()
             values = mapped()[place : place + dataset.nbytes].view(dtype).reshape(dataset.shape)
             return np.asarray(values)
-    raise Invalid(path, f"is no array of {ndim} dimensions of {np.dtype(dtype).name}")
+    raise Invalid(path, f"is not an array of {ndim} dimensions of {np.dtype(dtype).name}")
 
 
 def root_text(file: h5py.File, name: str) -> str | None:
@@ -209,7 +209,7 @@ def take_document(file: h5py.File) -> tuple[str, Any]:
             isinstance(dataset, h5py.Dataset) and dataset.shape == () and dataset.dtype.kind == "S"
         )
         if not is_text or dataset.dtype.itemsize > DOCUMENT:
-            raise Invalid(where, f"is no text of at most {DOCUMENT // 10**6} MB")
+            raise Invalid(where, f"is not a text of at most {DOCUMENT // 10**6} MB")
         data = bytes(dataset[()])
     no_number = dict[str, float]().__getitem__  # for NaN and infinity
     try:
@@ -219,7 +219,7 @@ def take_document(file: h5py.File) -> tuple[str, Any]:
         )
         return text, document
     except (ValueError, KeyError, RecursionError) as fault:
-        raise Invalid(where, f"is no plain JSON ({str(fault)[:100]})") from fault
+        raise Invalid(where, f"is not valid JSON ({str(fault)[:100]})") from fault
 
 
 def _without_repeated_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -247,22 +247,26 @@ def look_over(file: h5py.File, size: int, ratio: int = RATIO) -> None:
     for name, kind in links:
         where = name.decode(errors="replace")
         if kind != h5l.TYPE_HARD:
-            raise Invalid(where, "is a link to somewhere else")
+            raise Invalid(where, "is a link to another place")
         with stored_at(where):
             node = h5o.open(file.id, name)
             info = h5o.get_info(node)
         if seen[info.addr] > (info.type == h5o.TYPE_DATASET):
-            raise Invalid(where, "is linked too often")
+            raise Invalid(where, "is linked too many times")
         seen[info.addr] += 1
         if info.type not in (h5o.TYPE_GROUP, h5o.TYPE_DATASET):
             raise Invalid(where, "is neither a group nor a dataset")
         if name.count(b"/") > DEEPEST:
-            raise Invalid(where, f"lies more than {DEEPEST} groups deep")
+            raise Invalid(where, f"is nested more than {DEEPEST} groups deep")
         _check_attributes(node, where)
         room -= _bytes_of(node, where) if info.type == h5o.TYPE_DATASET else 0
         if room < 0:
             raise Invalid(
-                where, f"brings the file of {size} bytes to more than {most / 1e6:.0f} MB of values"
+                where,
+                (
+                    f"increases the file of {size} bytes to more than {most / 1000000.0:.0f} MB "
+                    "of values"
+                ),
             )
 
 
@@ -303,7 +307,7 @@ def _bytes_of(dataset: h5d.DatasetID, where: str) -> int:
     if layout not in (h5d.COMPACT, h5d.CONTIGUOUS, h5d.CHUNKED) or external:
         raise Invalid(where, "takes its values from other files or datasets")
     if used - {h5z.FILTER_DEFLATE, h5z.FILTER_SHUFFLE}:
-        raise Invalid(where, "is packed by a filter other than gzip and byte shuffle")
+        raise Invalid(where, "is compressed by a filter other than gzip and byte shuffle")
     if not text and kind.get_class() not in (h5t.FLOAT, h5t.INTEGER):
         raise Invalid(where, "holds neither numbers nor texts of a declared length")
     if shape is None:

@@ -95,8 +95,10 @@ def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
             )
             raise DataError(
                 f"{request.label}: not a text file in {request.encoding.upper()}{byte}",
-                f"say `encoding: {guess_encoding(path)}`, which its bytes look like, or save "
-                "the table in UTF-8",
+                (
+                    f"write `encoding: {guess_encoding(path)}`, which fits its bytes, or save the "
+                    "table in UTF-8"
+                ),
             ) from error
 
 
@@ -210,7 +212,7 @@ def _layout(first: Sequence[str], request: TableRequest, delimiter: str | None) 
     names = [name.strip() for name in first] if request.header else None
     hint = separator_hint(first)
     if hint is None and names is not None and all(map(holds_number, names)):
-        hint = "The first line holds numbers: give 0-based indices and say `header: false`."
+        hint = "The first line contains numbers: give 0-based indices and write `header: false`."
     places = locate_columns(request, names, len(first), hint)
     return Layout(request, delimiter, len(first), wanted_of(places, names, request))
 
@@ -347,16 +349,18 @@ def _of_width(row: int, record: list[str], layout: Layout) -> list[str]:
         return [""] * width
     if has_nul:
         raise DataError(
-            f"{request.label}:row {row}: bytes of NUL stand in this line: what was here is lost",
-            "Get the file again, or mend or remove the line. `missing: drop` leaves it out.",
+            f"{request.label}:row {row}: the line contains NUL bytes: what was here is lost",
+            ("Get the file again, or correct or remove the line. `missing: drop` leaves it out."),
         )
     few = "few" if len(record) < width else "many"
     raise DataError(
         f"{request.label}:row {row}: too {few} fields: {len(record)}, where the first line "
         f"has {width}",
         line_hint(record)
-        or "Mend or remove the line; a last line that is too short means that the file was cut "
-        "off. `missing: drop` leaves it out.",
+        or (
+            "Correct or remove the line; a last line that is too short means that the file was "
+            "cut off. `missing: drop` leaves it out."
+        ),
     )
 
 
@@ -367,7 +371,10 @@ def line_hint(record: Sequence[str]) -> str | None:
     found = re.match(r"#|%|//|!|\*|;(?!\s*[-+.\d])", record[0].strip() if record else "")
     if found is None:
         return separator_hint(record)
-    return f'The line looks like a comment: say `comment: "{found[0]}"`, which leaves such out.'
+    return (
+        f'The line looks like a comment: write `comment: "{found[0]}"`, which leaves out such '
+        "lines."
+    )
 
 
 def separator_hint(record: Sequence[str]) -> str | None:
@@ -376,8 +383,8 @@ def separator_hint(record: Sequence[str]) -> str | None:
         if any(mark in cell for cell in record):
             word = "tab" if mark == "\t" else f'"{mark}"'
             return (
-                f"The delimiter looks like {name}: say `delimiter: {word}`, and `decimal: "
-                '","` where the numbers have commas.'
+                f"The delimiter looks like {name}: write `delimiter: {word}`, and also "
+                '`decimal: ","` if the numbers have commas.'
             )
     return None
 
@@ -405,7 +412,7 @@ def peek_csv(path: Path, most: int) -> Iterable[Top]:
         with open_lines(path, encoding, path.name, errors="replace") as (taken, _):
             lines = [line.rstrip("\r\n") for line in islice(taken, most)]
     if any("\0" in line for line in lines):
-        raise DataError(f"{path.name}: is no text", "save the table as CSV")
+        raise DataError(f"{path.name}: is not a text file", "save the table as CSV")
     tops = []
     for delimiter, decimal in product((",", ";", "\t", "|", None), (".", ",")):
         settings = {} if encoding == "utf-8" else {"encoding": encoding}

@@ -59,8 +59,8 @@ def opened_hdf5(
     with reading(label, kind), path.open("rb") as stream:
         if stream.read(3) == b"CDF":
             raise DataError(
-                f"{label}: is a netCDF file of the classic format, and netCDF-4 is read",
-                "convert it, as by `nccopy -k nc4 old.nc new.nc`",
+                f"{label}: is a netCDF file of the classic format; only netCDF-4 can be read",
+                "convert it, for example with `nccopy -k nc4 old.nc new.nc`",
             )
         with h5py.File(stream, "r") as file:
             _refuse_other_files(file, label)
@@ -82,7 +82,10 @@ def _member(node: h5py.HLObject) -> Member:
     said = {name: value for name in PACKING if (value := _attribute(node, name)) is not None}
     for name, value in said.items():
         if isinstance(value, str) and name != UNSIGNED:
-            raise DataError(f"{node.name}: its attribute {name} is no number", "write it as one")
+            raise DataError(
+                f"{node.name}: its attribute {name} is not a number",
+                "write the attribute as a number",
+            )
     read = _reader(node)
     noted = replace(_noted(node), is_scaled="scale_factor" in said or "add_offset" in said)
     return array_of(
@@ -100,7 +103,7 @@ def _noted(dataset: h5py.Dataset) -> Noted:
 def _below(group: h5py.Group, name: str) -> Member:
     if (node := group.get(name)) is None:
         raise DataError(
-            f"'{name}' is a link that leads nowhere",
+            f"'{name}' is a link without a target",
             "get the whole file again, or name another array",
         )
     return _member(node)
@@ -369,11 +372,13 @@ def _refuse_other_filters(dataset: h5py.Dataset) -> None:
                 import_module("hdf5plugin")  # which registers its filters
         if not h5z.filter_avail(code):
             called = f"{code} ({name.decode(errors='replace')})" if name else str(code)
-            what = f"{dataset.name} is packed by the filter {called}, which is not installed"
+            what = f"{dataset.name} is compressed by the filter {called}, which is not installed"
             raise DataError(
                 what,
-                "install it with: pip install hdf5plugin; or write the file without it, by "
-                "`h5repack -f NONE`",
+                (
+                    "install it with: pip install hdf5plugin; or write the file without it, with "
+                    "`h5repack -f NONE`"
+                ),
             )
 
 

@@ -21,9 +21,9 @@ from mapmore_cli.storage.tables.overview import tree_reader
 TAG = b"TDSm"
 LEAD_IN = 28  # bytes: tag, flags, version, length of the segment, offset of its data
 CUT = Cut(
-    "the last segment breaks off",
-    "get it again; `missing: drop` reads the samples that are whole",
-    "what is whole of it is read",
+    "the last segment is incomplete",
+    "get it again; `missing: drop` reads the complete samples",
+    "only its complete samples are read",
 )
 
 

@@ -165,7 +165,7 @@ def _sheets_in(path: Path, label: str, most: int = 0) -> list[SheetCells]:
     size, head = path.stat().st_size, head_of(path)
     if head and b"\0" not in head:
         raise DataError(
-            f"{label}: is a text under the name of a workbook", "give its name the suffix .txt"
+            f"{label}: is a text file with the name of a workbook", "rename it to the suffix .txt"
         )
     if zipfile.is_zipfile(path):
         with zipfile.ZipFile(path) as archive:
@@ -189,11 +189,11 @@ def _sheets_in(path: Path, label: str, most: int = 0) -> list[SheetCells]:
     if done.returncode == TOO_LARGE:
         raise DataError(
             f"{label}: {done.stdout.decode().strip()}, far more than its {size} bytes can hold",
-            "delete what stands far away from the table, and save the workbook again",
+            "delete the cells far away from the table, and save the workbook again",
         )
     if done.returncode:
         told = done.stderr.decode(errors="replace").splitlines() if done.returncode > 0 else ()
-        most_likely = "it takes more memory, or processor time, than its size explains"
+        most_likely = "reading it takes more memory or processor time than its size explains"
         raise ValueError(told[-1] if told else most_likely)
     return [SheetCells(*parts) for parts in json.loads(done.stdout, object_hook=_special_cell)]
 

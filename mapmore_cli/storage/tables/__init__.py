@@ -254,7 +254,7 @@ def locate_columns(
             places[column] = column
         elif names is None:
             what = (
-                f"{label}: column '{column}' is asked for by name, but the spec says that the "
+                f"{label}: column '{column}' is given by name, but the spec says that the "
                 "file has no header"
             )
             raise DataError(what, f"Give its index (0 to {width - 1}), or set `header: true`.")
@@ -276,7 +276,7 @@ def refuse_namesakes(name: str, names: Sequence[str], what: str, where: str, rem
     """
     count = sum(other.strip() == name.strip() for other in names)
     if count > 1:
-        raise DataError(f"{what} stands {count} times in {where}", remedy)
+        raise DataError(f"{what} occurs {count} times in {where}", remedy)
 
 
 def known_names(name: str, known: Sequence[str], introduction: str, most: int = 12) -> str:
@@ -319,7 +319,7 @@ def reading(label: str, kind: str, damage: Faults = Exception) -> Iterator[None]
             ) from error
         reason = " ".join(str(error).split()) or type(error).__name__
         raise DataError(
-            f"{label}: the file is damaged, or is no {kind}: {reason[:150]}",
+            f"{label}: the file is damaged, or is not a {kind}: {reason[:150]}",
             "open it in the program that wrote it and save it again; if it was cut off while "
             "copying, get it again",
         ) from error
@@ -339,7 +339,7 @@ def refuse_bombs(where: str, unpacked: float, packed: int, size: int | None = No
         sizes = f"from {packed / 1e6:.2g} MB to {unpacked / 1e6:.0f} MB or more"
         raise DataError(
             f"{where} unpacks {sizes}",
-            "save the measurements alone, or unpack them, if that is right",
+            "save the measurements only, or unpack the file yourself if this size is right",
         )
 
 

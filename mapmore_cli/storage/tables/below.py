@@ -72,9 +72,11 @@ def chosen_table(
     assert request.table is not None
     if request.table > len(tables):
         raise DataError(
-            f"{request.label}: there is no table {request.table}: {len(tables)} stand below each "
-            f"other, with {request.header} header lines each",
-            "mend `table` or `header`",
+            (
+                f"{request.label}: there is no table {request.table}: the file has {len(tables)}, "
+                f"one below the other, with {request.header} header lines each"
+            ),
+            "correct `table` or `header`",
         )
     return tables[request.table - 1]
 

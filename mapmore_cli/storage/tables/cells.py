@@ -33,8 +33,8 @@ NUMBER, MINUTES, CLOCK, ISO = (
 )
 FORMAT = '`time: {column: t, format: "%m/%d/%Y %I:%M:%S.%f %p"}`'
 DATES = (
-    "stamps count in the column `time` alone; format the cells as numbers in the program that "
-    "wrote them, or mend the cell"
+    "time stamps are read in the column `time` only; format the cells as numbers in the "
+    "program that wrote them, or correct the cell"
 )
 
 _TIME = (
@@ -63,15 +63,15 @@ _KINDS = (
     (
         r"#\w[\w/]*[!?]?|err:\d+",
         "a formula failed there",
-        "mend it, or list it in `missing: {tokens: [...]}`",
+        "correct it, or list it in `missing: {tokens: [...]}`",
     ),
-    (r"true|false", "TRUE or FALSE stands here", "write 1 and 0 where it counts as a number"),
+    (r"true|false", "it is TRUE or FALSE", "write 1 and 0 if it is meant as a number"),
     (
         r'.*".*',
-        "a quotation mark stands within it",
-        "quote the whole field, or mend or remove the mark",
+        "it contains a quotation mark",
+        "quote the whole field, or correct or remove the mark",
     ),
-    (rf".*{FOREIGN}.*", "it has digits of another script", "write it in the digits 0 to 9"),
+    (rf".*{FOREIGN}.*", "its digits are of another script", "write it with the digits 0 to 9"),
     (r"\d{1,4}([-/.])\d{1,2}\1\d{1,4}\b.*", "a date stands here", ""),
     (r".*\d:\d.*|\d+ *[ap]\.?m\.?", "a time stands here", ""),
     (
@@ -170,7 +170,8 @@ class CellReader:
     format: str | None = None
     second: float = 1.0
     usual: str = (
-        "mend the cell, or list it in `missing: {tokens: [...]}`; column names belong in the header"
+        "correct the cell, or list it in `missing: {tokens: [...]}`; column names belong in "
+        "the header"
     )
     form: str = ""
     texts: dict[str, float] | None = None
@@ -208,7 +209,7 @@ class CellReader:
                 if re.fullmatch(one[0], text[: LONGEST_STAMP + 1], re.I | re.S)
             )
             kind, remedy = next(known, ("", self.usual))
-            stamps = f"say how the stamps are written, as {FORMAT}" if self.clock else DATES
+            stamps = f"give the form of the stamps, for example {FORMAT}" if self.clock else DATES
             raise NotANumber(
                 text, f"is not a number{kind and f': {kind}'}", remedy or stamps, bool(kind)
             )
@@ -217,8 +218,8 @@ class CellReader:
         if not self.form or (self.form, form) == (MINUTES, CLOCK):
             self.form = form
         if form != self.form:
-            remedy = "a column holds numbers alone, or stamps of one form alone: mend the cell"
-            raise NotANumber(text, f"is {form}, where {self.form} stands above", remedy)
+            remedy = "a column holds numbers only, or stamps of one form only: correct the cell"
+            raise NotANumber(text, f"is {form}, but the cells above are {self.form}", remedy)
         return seconds
 
     def _stamp(self, cell: object, text: str, value: float | None) -> tuple[str, float] | None:

@@ -102,7 +102,7 @@ def _cut_in(end: OpenEnd) -> Cut | None:
     column = [row[len(last) - 1] for row in before if len(row) >= len(last)]
     digits = {len(cell.strip().partition(end.decimal)[2]) for cell in column}
     if len(last) < min(map(len, before), default=0):
-        why = f"only {len(last)} of the fields that the lines before it have"
+        why = f"only {len(last)} of the fields of the lines before it"
     elif (
         len(column) >= FEWEST_ROWS
         and len(digits) == 1
@@ -115,8 +115,10 @@ def _cut_in(end: OpenEnd) -> Cut | None:
         return None
     return Cut(
         f"the last line has no end, and {why}: it was cut off",
-        "Get the whole file again. `missing: drop` leaves the line out; a line end behind it says "
-        "that it is whole.",
+        (
+            "Get the whole file again. `missing: drop` leaves the line out. If the line is "
+            "complete, end it with a line break."
+        ),
         "it is left out",
         rows=1,
     )

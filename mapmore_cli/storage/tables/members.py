@@ -135,9 +135,11 @@ def parse_address(text: str, position: int = 0) -> tuple[str | Selection, ...]:
         step = _STEP.match(text, position)
         if step is None or (step["separator"] and step["name"] is None):
             raise DataError(
-                f"'{text}' is no address",
-                "Write names and 0-based indices, as `run.P`, `train[3].y[:,0]` or "
-                "`group/dataset`.",
+                f"'{text}' is not a valid address",
+                (
+                    "Write names and 0-based indices, for example `run.P`, `train[3].y[:,0]` or "
+                    "`group/dataset`."
+                ),
             )
         steps.append(
             step["name"].strip() if step["name"] is not None else _parse_index(step["index"], text)
@@ -150,8 +152,8 @@ def _parse_index(inside: str, text: str) -> Selection:
     parts = [part.strip() for part in inside.split(",")]
     if not all(re.fullmatch(r":|\d+", part) for part in parts):
         raise DataError(
-            f"'{text}': '[{inside}]' is no index",
-            "Write 0-based numbers and `:`, as `y[:,0]`; only `root` may end in `[*]`.",
+            f"'{text}': '[{inside}]' is not a valid index",
+            ("Write 0-based numbers and `:`, for example `y[:,0]`; only `root` may end in `[*]`."),
         )
     return tuple(slice(None) if part == ":" else int(part) for part in parts)
 
@@ -181,7 +183,7 @@ def tables(top: Member, request: TableRequest) -> list[RawTable]:
     if not elements:
         raise DataError(
             f"{request.label}: `root: {root}` asks for every element of {base.kind}",
-            f"Only cell arrays, struct arrays and groups have elements; say `root: {place}`.",
+            f"Only cell arrays, struct arrays and groups have elements; write `root: {place}`.",
         )
     kept = [i for i, one in enumerate(elements) if not base.names or _has_some(one, request)]
     recordings = [
@@ -242,9 +244,11 @@ def _table_of_member(
     cut = Cut(
         f"columns of different length: '{shortest}' has {n} samples, '{longest}' has "
         f"{lengths[longest]}",
-        "They do not belong to one log; bring them together with `join`. `missing: drop` ends all "
-        "with the shortest.",
-        "all end with the shortest",
+        (
+            "They do not belong to one log; combine them with `join`. `missing: drop` shortens "
+            "all to the length of the shortest."
+        ),
+        "all are shortened to the length of the shortest",
     )
     columns = {column: values[:n] for column, values in columns.items()}
     breaks_off = cut if lengths[longest] > n else _never_written(noted)
@@ -296,7 +300,9 @@ def _column(
     address = f"[:,{column}]" if isinstance(column, int) else column
     steps = _steps_to(column, base)
     if not steps:
-        raise DataError(f"{label}: a column has an empty address", "Name an array, as `run.P`.")
+        raise DataError(
+            f"{label}: a column has an empty address", "Name an array, for example `run.P`."
+        )
     *way, last = steps
     member = _follow(base, way, address, label)
     selection: Selection = ()
@@ -318,7 +324,7 @@ def _column(
         name = address[: address.rindex("[")] if selection else address
         raise DataError(
             f"{label}: '{address}' is an array of {size_in_words(values.shape)}",
-            f"Say which column, as `{name}[:,0]`.",
+            f"Name the column, for example `{name}[:,0]`.",
         )
     return as_numbers(values.reshape(-1), f"{label}: '{address}'", read), member.noted
 
@@ -359,7 +365,8 @@ def as_numbers(values: object, what: str, read: CellReader | None = None) -> Arr
             kind, f"values of type {array.dtype}"
         )
         raise DataError(
-            f"{what} holds {words}, not real numbers", "make numbers of them; `format` is for text"
+            f"{what} holds {words}, not real numbers",
+            "convert them to numbers; `format` is for text only",
         )
     return np.asarray(array, dtype=np.float64)
 
@@ -378,7 +385,7 @@ def _step_into(here: Member, step: str | Selection, address: str, label: str) ->
         raise DataError(f"{label}: there is no '{step}'{way}", _further(here, step))
     index = step[0]
     if here.count is None or len(step) != 1 or not isinstance(index, int):
-        raise DataError(f"{label}: '{address}' wants an element of {here.kind}", _further(here))
+        raise DataError(f"{label}: '{address}' needs an element of {here.kind}", _further(here))
     if index >= here.count:
         raise DataError(
             f"{label}: there is no element {index} on the way to '{address}'",
@@ -393,7 +400,7 @@ def _further(here: Member, wanted: str = "") -> str:
         return known_names(wanted, here.names, f"{here.kind.capitalize()} has")
     if here.count is not None:
         return (
-            f"It is {here.kind}: say which element, as `[0]`, or end `root` in `[*]` to read "
-            "every one as a recording."
+            f"It is {here.kind}: name the element, for example `[0]`, or end `root` in `[*]` "
+            "to read each element as a recording."
         )
     return f"It is {here.kind}, which has no members."

@@ -109,9 +109,12 @@ def fault_of_format(text: str, in_parts: bool = False) -> tuple[str, str] | None
     """Return what is wrong with a format of time stamps, and the remedy: `strptime` cannot read it,
     or it is ambiguous. None if it is right.
     """
-    remedy = f"write it as {FORMAT}"
+    remedy = f"write it, for example, as {FORMAT}"
     if in_parts:
-        remedy = "say the unit of a number, as `ms`, or the codes of a date, as `%Y-%m-%d`"
+        remedy = (
+            "give the unit of a number, for example `ms`, or the codes of a date, for example "
+            "`%Y-%m-%d`"
+        )
     try:
         with catch_warnings(action="ignore"):  # `strptime` warns about days without a year
             datetime.strptime(datetime(2026, 3, 1).strftime(text), text)
@@ -198,21 +201,24 @@ class SourceColumn(Section):
             (
                 (self.column == "") == (not self.columns),
                 "a quantity comes from one `column`, and a clock in parts from `columns`",
-                "give one of both, as `column: t`",
+                "give one of the two, for example `column: t`",
                 "column",
                 "columns",
             ),
             (
                 bool(self.columns) and len(self._formats) != len(self.columns),
                 f"`format` has {len(self._formats)} parts, and `columns` has {len(self.columns)}",
-                'say of each column its unit or the codes of its stamps, as `format: "h min s ms"`',
+                (
+                    "give the unit of each column, or the codes of its stamps, for example "
+                    '`format: "h min s ms"`'
+                ),
                 "format",
                 "columns",
             ),
             (
                 bool(self.columns) and self.unit is not None,
-                "the parts of a clock have units of their own",
-                "remove `unit`: `format` has them",
+                "the parts of a clock already have their units in `format`",
+                "remove `unit`",
                 "unit",
             ),
             *((True, *fault, "format") for fault in faults[:1]),

@@ -364,7 +364,7 @@ def test_one_column_may_have_thousands_and_another_decimals(tmp_path):
 1 234,5     `thousands: ","` | `decimal: ","`
 20 N        a unit stands behind it | unit:
 1e5 N       a unit stands behind it
-TRUE        TRUE or FALSE stands here
+TRUE        it is TRUE or FALSE
 \uff11      digits of another script
 2026-03-01  a date stands here
 """,

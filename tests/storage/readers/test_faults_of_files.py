@@ -35,7 +35,7 @@ TEXTS, BOOKS = ("csv", "lvm", "json_lines"), ("xlsx", "xlsb", "xls", "ods")
 
 TWICE, BACKWARDS = "stands 2 times", "time runs backwards"
 OPEN, HALF = "the last line has no end", "is no JSON"
-DAMAGED, BREAKS = "the file is damaged", "the last segment breaks off"
+DAMAGED, BREAKS = "the file is damaged", "the last segment is incomplete"
 NEVER, FAILED, MERGED = "was never computed", "a formula failed there", "one of the merged cells"
 NO_FORMULAS = "cannot occur: the format has no formulas"
 NUMBERS = "cannot occur: an array of numbers holds numbers alone"
