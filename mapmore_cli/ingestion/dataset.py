@@ -126,8 +126,7 @@ def build_dataset(
         units |= dict.fromkeys((STATIC_FORCE, DAMPING), units[slice_.measured])
     if data.cycles:
         parts = [join_branches(part, data.cycles, slice_.measured) for part in parts]
-        if slice_.measured != data.cycles.over:
-            units["hysteresis"] = units[slice_.measured]
+        units["hysteresis"] = units[slice_.measured]
         target = "hysteresis" if slice_.component == "hysteresis" else target
     masks = held_out(parts, data.split.hold_out, levels, spec_dir)
     curves = joined_curves(parts, masks, levels)

@@ -103,11 +103,10 @@ def _of_held_out(dataset: Dataset, model: Model, left_out: bool) -> Iterator[tup
     is held out for good, every part may have been `left_out` in turn.
     """
     held_out = [curve for curve in dataset.curves if curve.held_out.any()]
-    if not held_out and left_out:
-        return
     if not held_out:
-        words = "nothing is held out: errors on the training data say little about new data"
-        yield "few curves", words, "nrmse"
+        if not left_out:
+            words = "nothing is held out: errors on the training data say little about new data"
+            yield "few curves", words, "nrmse"
         return
     if len(held_out) < FEW_CURVES:
         curves = "curve has" if len(held_out) == 1 else "curves have"
