@@ -18,7 +18,7 @@ from mapmore_cli.reporting.table import title_of
 POINTS, SCREEN = 72, 1.8
 """Points an inch, and pixels of a screen for each: it is read from further away than paper."""
 
-LETTER = 0.55
+LETTER = 0.62
 """Width of a letter, in sizes of the font."""
 
 TICK = 2.5
