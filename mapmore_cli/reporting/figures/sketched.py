@@ -20,7 +20,7 @@ POINTS, SCREEN = 72, 1.8
 paper.
 """
 
-LETTER = 0.55
+LETTER = 0.62
 """Width of a letter as a fraction of the font size."""
 
 TICK = 2.5
@@ -54,7 +54,8 @@ def _sketched(drawing: Drawing, style: FigureStyle) -> RenderedFigure:
         for panel, one in zip(panels, plan.panels, strict=True)
     ]
     width, height = plan.width * POINTS / plan.columns, grid.height * POINTS
-    parts = [_entry(title_of(label), look, style) for label, look in keys.items()]
+    entries = "".join(_entry(title_of(label), look, style) for label, look in keys.items())
+    parts = [f'<div class="keys">{entries}</div>'] if entries else []
     for number, (one, heading) in enumerate(zip(plan.panels, plan.headings, strict=True)):
         left = max(room[number % plan.columns :: plan.columns])
         inside = _panel(panels[number], one, heading, (left, above + 4, width, height), style)

@@ -120,11 +120,11 @@
       const seconds = Number((count * STEP).toPrecision(3));
       const where = driven.value ? ` at the offset of ${words(driven.value)}` : "";
       const outside = `${Math.round(100 * share)} % of the course lies beyond the training range`;
-      const none = "no value before there is history, and where the run diverges";
+      const lost = Number.isNaN(y[y.length - 1]) ? "the run diverges: it ends without a value" : "";
       reading.replaceChildren(
         element("strong", {}, `${words(output.name)} = ${withUnit(settled, output)}`),
         span("slope", `at rest after ${seconds} s${where}`), span("beyond", share ? outside : ""),
-        span("slope", y.some(Number.isNaN) ? none : ""));
+        span("beyond", lost));
       reading.dataset.value = String(settled);
     }
 
