@@ -262,25 +262,17 @@ def frols(
     >>> bool(np.allclose(found.predict(P), 3 * x**2 - 1))
     True
     """
-    found = choose(P, y, max_terms, tolerance, stop=stop, weighing=weighing).with_errors()
-    if not names:
-        return found
-    if len(names) != (M := found.g_all.shape[1]):
+    found = choose(P, y, Stopping(max_terms, tolerance, stop), weighing).with_errors()
+    M = found.g_all.shape[1]
+    if len(names) not in (0, M):
         raise ValueError(f"{len(names)} names for {M} candidates")
     return replace(found, candidates=tuple(names))
 
 
 def choose(
-    P: ArrayLike,
-    y: ArrayLike,
-    max_terms: int | None = None,
-    tolerance: float = 0.0,
-    *,
-    stop: str = "tolerance",
-    weighing: Weighing | None = None,
+    P: ArrayLike, y: ArrayLike, stopping: Stopping, weighing: Weighing | None = None
 ) -> Choice:
     """Choose as `frols`, without names and without standard errors."""
-    stopping = Stopping(max_terms, tolerance, stop)
     P, y = np.asarray(P, dtype=np.float64), np.asarray(y, dtype=np.float64)
     if P.ndim != 2 or y.ndim != 1 or len(P) != len(y) or P.size == 0:
         raise ValueError(
@@ -296,12 +288,11 @@ def choose(
             return _by_basis(P, y, stopping)
         return _by_basis(P / sigma[:, None], y / sigma, stopping, sigma)
 
-    (choice,) = reweighted(
+    return reweighted(
         [weighing or Weighing()],
         lambda sigmas: [select(*sigmas)],
         [lambda chosen: blocks_of_rows(P[:, chosen], y)],
-    )
-    return choice
+    )[0]
 
 
 @dataclass(frozen=True)
@@ -346,19 +337,12 @@ def frols_together(
     Raises DataError if a value is not finite, with its column and its row counted over all
     blocks; ValueError if there is no row or no column, or `max_terms` is below one.
     """
-    choices = choose_together(problems, max_terms, tolerance, stop=stop)
+    choices = choose_together(problems, Stopping(max_terms, tolerance, stop))
     return tuple(choice.with_errors() for choice in choices)
 
 
-def choose_together(
-    problems: Sequence[Regression],
-    max_terms: int | None = None,
-    tolerance: float = 0.0,
-    *,
-    stop: str = "tolerance",
-) -> tuple[Choice, ...]:
+def choose_together(problems: Sequence[Regression], stopping: Stopping) -> tuple[Choice, ...]:
     """Choose as `frols_together`, without standard errors."""
-    stopping = Stopping(max_terms, tolerance, stop)
 
     def select(sigmas: Sequence[Array | None]) -> Sequence[Selection]:
         if len(problems) == 1:

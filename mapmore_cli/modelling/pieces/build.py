@@ -50,6 +50,7 @@ from mapmore_cli.modelling.expressions import (
 from mapmore_cli.modelling.expressions.ranged import placed
 from mapmore_cli.modelling.frols import TIE_TOLERANCE, Regression, Weighing
 from mapmore_cli.modelling.frols.engine import choose, choose_together, reads_once
+from mapmore_cli.modelling.frols.select import Stopping
 from mapmore_cli.modelling.frols.weighing import Choice, loss_weights
 from mapmore_cli.modelling.literature.backbone import residual_of
 from mapmore_cli.modelling.pieces.placement import placements, span
@@ -165,9 +166,8 @@ def fit_together(
     `origin` labels correlated residuals, shape (n,), for the rows of the segment.
     """
     texts, scalings, choices = _best_placement(segment, columns, terms, recipes, origin)
-    head = (segment.id, segment.curve, segment.cell, texts)
     return tuple(
-        SegmentFit(*head, scaling, choice.with_errors())
+        SegmentFit(segment.id, segment.curve, segment.cell, texts, scaling, choice.with_errors())
         for scaling, choice in zip(scalings, choices, strict=True)
     )
 
@@ -342,7 +342,8 @@ def _chosen_terms(
     The dictionary is built block by block if one or two passes over it are enough, so that it is
     never in memory as a whole.
     """
-    n, how = len(outputs[0].y), (recipe.fit.max_terms, recipe.fit.tolerance)
+    n, how = len(outputs[0].y), recipe.fit
+    stopping = Stopping(how.max_terms, how.tolerance, how.stop)
     weighings = [
         one.weighing.in_unit(scaling.y_slope)
         for one, scaling in zip(outputs, scalings, strict=True)
@@ -357,11 +358,11 @@ def _chosen_terms(
         )
         for one, scaling, weighing in zip(outputs, scalings, weighings, strict=True)
     ]
-    if len(outputs) > 1 or reads_once(n, len(terms), recipe.fit.max_terms):
-        return choose_together(problems, *how, stop=recipe.fit.stop)
+    if len(outputs) > 1 or reads_once(n, len(terms), how.max_terms):
+        return choose_together(problems, stopping)
     z, target = outputs[0].scaled(slice(0, n), scalings[0])
     P = dictionary_matrix(terms, z, n)
-    choice = choose(P, target, *how, stop=recipe.fit.stop, weighing=weighings[0])
+    choice = choose(P, target, stopping, weighings[0])
     # a wide dictionary is not kept beside that of the next placement
     return (replace(choice, only=problems[0].of),)
 

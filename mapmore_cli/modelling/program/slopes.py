@@ -59,7 +59,7 @@ def functions_with_slopes(functions: Sequence[Function]) -> tuple[Function, ...]
 def with_slopes_by(block: Block, names: Sequence[str]) -> Block:
     """Return the block with the derivatives of its results by `names` instead of the results."""
     whole = _with_slopes(block, names)
-    return pruned_block(Block(whole.statements, whole.results[len(block.results) :]))
+    return pruned_block(Block(whole.statements, whole.results[len(block.results) :]))[0]
 
 
 def _with_slopes(block: Block, names: Sequence[str]) -> Block:

@@ -211,52 +211,45 @@ def limit(m: Writer, ranges: Sequence[CurveRange], level: str | None, inputs: In
 def pruned(model: Program) -> Program:
     """Return the program with only the statements that its results and its memory depend on."""
     limits = names_in(side for limit in model.limits for side in (limit.value, limit.at or ZERO))
-    body, used = _needed_in(model.body, limits)
+    body, used = pruned_block(model.body, limits)
     functions = list[Function]()
     for function in reversed(model.functions):  # each uses earlier ones only
         if function.name in used:
-            kept, names = _needed_in(function.body)
+            kept, names = pruned_block(function.body)
             functions.append(replace(function, body=kept))
             used |= names
     return replace(model, functions=tuple(reversed(functions)), body=body)
 
 
-def pruned_block(block: Block) -> Block:
-    """Return the block with only the statements that its results and its memory depend on."""
-    return _needed_in(block)[0]
-
-
-def _needed_in(block: Block, also: Set[str] = frozenset()) -> tuple[Block, set[str]]:
+def pruned_block(block: Block, also: Set[str] = frozenset()) -> tuple[Block, set[str]]:
     """Return the block with only the statements that its results, its memory and the names in
     `also` depend on; and the names that it uses.
     """
     used, kept = {*names_in(block.results), *also}, list[Statement]()
     for statement in reversed(block.statements):
-        needed = _needed_of(statement, used)
+        needed = _pruned_statement(statement, used)
         if needed is not None:
             kept.append(needed[0])
             used |= needed[1]
     return Block(tuple(reversed(kept)), block.results), used
 
 
-def _needed_of(statement: Statement, used: Set[str]) -> tuple[Statement, Set[str]] | None:
+def _pruned_statement(statement: Statement, used: Set[str]) -> tuple[Statement, Set[str]] | None:
     """Return the part of a statement whose results are `used`, and the names that it uses; None if
     no result is.
     """
     match statement:
-        case Let(name) | Recall(name):
-            if name not in used:
-                return None
-        case Use(names):
-            if used.isdisjoint(names):
-                return None
+        case Let(name) | Recall(name) if name not in used:
+            return None
+        case Use(names) if used.isdisjoint(names):
+            return None
         case Choose(names, cases):
             places = [place for place, name in enumerate(names) if name in used]
             if not places:
                 return None
             sides, names_of_sides = zip(
                 *(
-                    _needed_in(Block(one.statements, tuple(one.results[i] for i in places)))
+                    pruned_block(Block(one.statements, tuple(one.results[i] for i in places)))
                     for one in statement.blocks
                 ),
                 strict=True,
@@ -279,8 +272,7 @@ def names_used_by(statement: Statement) -> Set[str]:
             return {function, *names_in(arguments)}
         case Choose():
             return _names_of_conditions(statement).union(*map(names_used_in, statement.blocks))
-        case Recall():
-            return frozenset()
+    return frozenset()
 
 
 def _names_of_conditions(choice: Choose) -> frozenset[str]:
@@ -290,5 +282,5 @@ def _names_of_conditions(choice: Choose) -> frozenset[str]:
 
 
 def names_used_in(block: Block) -> Set[str]:
-    """Return every name that a block uses."""
+    """Return every name that a block uses, also where its results do not need it."""
     return names_in(block.results).union(*map(names_used_by, block.statements))
