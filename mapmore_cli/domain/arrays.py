@@ -121,8 +121,8 @@ _mapped: WeakKeyDictionary[mmap.mmap, dict[Any, tuple[float, float]]] = WeakKeyD
 
 
 def stacked(blocks: Iterable[Sequence[Any]]) -> list[Any]:
-    """Return columns one after the other of their parts, (b,) each, which come in blocks, at least
-    one. Raises OSError if the disk is full.
+    """Return columns one after the other of their parts, (b,) or (b, k) each, which come in blocks,
+    at least one. Raises OSError if the disk is full.
     """
     held: list[Sequence[Any]] = []
     size, rest = 0, iter(blocks)
@@ -130,15 +130,16 @@ def stacked(blocks: Iterable[Sequence[Any]]) -> list[Any]:
         held.append(block)
         size += max(part.nbytes for part in block)
         if size > LONG and len(_mapped) + len(block) <= MOST:
-            return _in_files(chain(held, rest), [part.dtype for part in block])
+            return _in_files(chain(held, rest), block)
     return [
         parts[0] if len(parts) == 1 else np.concatenate(parts) for parts in zip(*held, strict=True)
     ]
 
 
-def _in_files(blocks: Iterable[Sequence[Any]], kinds: Sequence[Any]) -> list[Any]:
+def _in_files(blocks: Iterable[Sequence[Any]], like: Sequence[Any]) -> list[Any]:
+    """Return the columns of the parts, with the types and the widths of those in `like`."""
     with ExitStack() as opened:
-        files = [opened.enter_context(tempfile.TemporaryFile(dir=SCRATCH.get())) for _ in kinds]
+        files = [opened.enter_context(tempfile.TemporaryFile(dir=SCRATCH.get())) for _ in like]
         for block in blocks:
             for file, part in zip(files, block, strict=True):
                 file.write(np.ascontiguousarray(part).data)
@@ -146,7 +147,11 @@ def _in_files(blocks: Iterable[Sequence[Any]], kinds: Sequence[Any]) -> list[Any
             file.flush()
         contents = [mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) for file in files]
     _mapped.update((one, {}) for one in contents)
-    return list(map(np.frombuffer, contents, kinds))
+    columns = [np.frombuffer(one, part.dtype) for one, part in zip(contents, like, strict=True)]
+    return [
+        column if part.ndim == 1 else column.reshape(-1, *part.shape[1:])
+        for column, part in zip(columns, like, strict=True)
+    ]
 
 
 def by_blocks(function: Callable[..., Any], *columns: Any, rows: int = ROWS) -> Any:
