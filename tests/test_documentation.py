@@ -67,3 +67,34 @@ def test_the_notebook_and_its_page_hold_the_same_outputs():
     assert (ROOT / "docs" / "notebook.md").read_text("utf-8") == page
     assert all((ROOT / "docs" / "figures" / name).is_file() for name in pictures)
     assert sum(bool(cell.get("outputs")) for cell in cells) >= 6
+
+
+def pages_linked(page):
+    """The pages of the documentation that a page links to."""
+    links = LINK.findall(CODE.sub("", page.read_text("utf-8")))
+    targets = ((page.parent / link.partition("#")[0]).resolve() for link in links)
+    return {target for target in targets if target.suffix == ".md" and target.is_file()}
+
+
+def test_every_page_is_at_most_two_links_away_from_home_and_readme_links_to_it():
+    docs = ROOT / "docs"
+    first = pages_linked(docs / "index.md")
+    second = set().union(*map(pages_linked, first))
+    site = {page for page in PAGES if docs in page.parents and "papers" not in page.parts}
+    assert docs / "index.md" in pages_linked(ROOT / "README.md")
+    assert sorted(page.name for page in site - first - second - {docs / "index.md"}) == []
+    menu = (docs / "site" / "mkdocs.yml").read_text("utf-8")
+    assert [page.name for page in site if page.parent == docs and page.name not in menu] == []
+
+
+def test_evidence_links_to_a_page_that_says_how():
+    menu = (ROOT / "docs" / "site" / "mkdocs.yml").read_text("utf-8")
+    how, evidence = menu.split("  - Trust:\n")
+    names = re.compile(r": ([\w-]+\.md)$", re.MULTILINE)
+    instructions = {ROOT / "docs" / name for name in names.findall(how)}
+    without = [
+        name
+        for name in names.findall(evidence)
+        if not pages_linked(ROOT / "docs" / name) & instructions
+    ]
+    assert without == []

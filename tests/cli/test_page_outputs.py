@@ -40,8 +40,11 @@ def test_the_first_page_shows_what_its_commands_print(after_first):
 
 def test_pieces_of_the_spec_are_those_of_the_example(after_first):
     study = yaml.safe_load((after_first / "muscle" / "study.yaml").read_text(encoding="utf-8"))
-    for page in (FIRST, "how-mapmore-builds-a-model"):
-        text = (DOCS / f"{page}.md").read_text(encoding="utf-8")
+    for page in (
+        *(DOCS / f"{name}.md" for name in (FIRST, "how-mapmore-builds-a-model", "index")),
+        DOCS.parent / "README.md",
+    ):
+        text = page.read_text(encoding="utf-8")
         blocks = [yaml.safe_load(block) for name, block in FENCE.findall(text) if name == "yaml"]
         pieces = {name: section for block in blocks for name, section in block.items()}
         assert len(pieces) >= 2

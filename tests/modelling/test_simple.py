@@ -5,6 +5,7 @@ from common import dataset_of
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mapmore_cli.domain import arrays
 from mapmore_cli.modelling import simple
 
 
@@ -33,6 +34,16 @@ def test_too_few_samples_make_no_polynomial():
         is None
     )
     assert simple.polynomial_fit(1, dataset_of({"y": np.arange(3.0)}), []) is None
+
+
+def test_a_record_whose_columns_are_kept_in_files_has_the_same_arx(monkeypatch):
+    u = np.random.default_rng(3).normal(size=600)
+    dataset = dataset_of({"u": u, "y": np.convolve(u, [0, 0.5, 0.2])[:600]})
+    monkeypatch.setattr(simple, "MOST_ROWS", 300)
+    (in_memory,) = simple.arx(dataset, ["u"])
+    monkeypatch.setattr(arrays, "LONG", 100)
+    (in_files,) = simple.arx(dataset, ["u"])
+    np.testing.assert_array_equal(in_files, in_memory)
 
 
 def test_an_arx_is_found():
