@@ -225,3 +225,34 @@ def test_cells_in_per_cent_are_read_as_fractions(tmp_path):
     assert "2 hidden rows are read" in hidden_rows
     assert "the column 'F [N]' is hidden" in hidden_column
     checked(draft, tmp_path)
+
+
+# Many files
+# --------------------------------------------------------------------------------------------------
+
+
+def test_the_rules_look_at_some_of_many_files(tmp_path, monkeypatch):
+    """Those drawn have the ids that they have among all, also where names repeat."""
+    monkeypatch.setattr("mapmore_cli.annexes.drafting.checked.MOST", 8)
+    for number in range(20):
+        bar = 2 + np.cos(0.1 * LONG + number)
+        force = 50 * bar + 20 * np.sin(0.1 * LONG + number)
+        columns = {"t [s]": 0.1 * LONG, "P [bar]": bar, "F [N]": force}
+        write(tmp_path / f"day{number % 5}" / f"log_{number // 5}.csv", columns)
+    draft = drafted(tmp_path)
+    assert draft.data["files"] == ["day*/log_*.csv"]
+    assert "tried on 8 of 20 files" in draft.text()
+    ids = {one.id for one in dataset_of(draft, tmp_path).recordings}
+    assert len(ids) == 20
+    assert {*draft.data["split"]["validate"]["recordings"]} < ids
+    checked(draft, tmp_path)
+
+
+def test_many_short_recordings_keep_their_samples(tmp_path):
+    """Together they have more than a search takes at first; each keeps a hundred."""
+    for number in range(80):
+        bar = 2 + np.cos(0.1 * LONG[:120] + number)
+        columns = {"t [s]": 0.1 * LONG[:120], "P [bar]": bar, "F [N]": bar**2 + 1 / (1 + number)}
+        write(tmp_path / f"{number}.csv", columns)
+    sizes = [one.rows_kept for one in dataset_of(drafted(tmp_path), tmp_path).recordings]
+    assert min(sizes) >= 100
