@@ -6,7 +6,7 @@ Values give facts alone: a column that never changes, a clock, a copy of another
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 from shlex import quote
@@ -154,6 +154,11 @@ class TitledColumn:
         return kinds if is_apart and sum(map(len, series)) >= FEWEST_ROWS * kinds else 0
 
     @property
+    def summaries(self) -> list[str]:
+        """The texts of rows that somebody computed of the others, as `mean`."""
+        return [text for text in self.texts if text.casefold() in SUMMARIES]
+
+    @property
     def is_time(self) -> bool:
         """Whether title or unit say that it is the time."""
         by_unit = not self.quantity and bool(unit_of(self.unit, "s"))
@@ -184,6 +189,12 @@ class TitledColumn:
 
 TURNS = (24.0, 60.0, 1000.0, 3600.0, 86400.0)
 """Where hours, minutes, milliseconds, and seconds of an hour and of a day begin anew."""
+
+SUMMARIES = {
+    *("mean", "average", "avg", "median", "std", "sd", "stdev", "stddev", "min", "max", "sum"),
+    *("total", "mittelwert", "mittel", "moyenne", "media", "promedio", "ecart-type"),
+}
+"""What rows below a table are called that somebody computed of the others."""
 
 FEWEST_ROWS = 5
 """Rows of a recording, on the average, that a column tells apart."""
@@ -238,7 +249,10 @@ def find(table: Table, wanted: Column, option: str, texts: bool = False) -> Titl
     Raises UsageError, which lists the columns, for what is none, or several.
     """
     numbers = [one for one in table.values() if one.values or (texts and one.texts)]
-    rules = [lambda one: one.column == wanted, lambda one: one.place == wanted]
+    rules: list[Callable[[TitledColumn], bool]] = [
+        lambda one: one.column == wanted,
+        lambda one: one.place == wanted,
+    ]
     if isinstance(wanted, str):
         parts = words(wanted)
         rules += [
@@ -247,6 +261,14 @@ def find(table: Table, wanted: Column, option: str, texts: bool = False) -> Titl
             lambda one: one.name == wanted,
         ]
     near = next(filter(None, ([*filter(rule, numbers)] for rule in rules)), [])
+    empty = next(
+        (one for one in table.values() if not near and any(rule(one) for rule in rules)), None
+    )
+    if texts and empty is not None:
+        raise UsageError(
+            f"{option}: {empty.called} has neither numbers nor texts that stand in several rows",
+            "where a text stands for the rows below it as well, write it into each of these rows",
+        )
     if len(near) != 1:
         kind = "" if texts else " of numbers"
         problem = "several columns are" if near else f"no column{kind} is"
