@@ -26,8 +26,9 @@ KINDS = {"pressure": "pressure", "force": "force", "load": "force"} | dict.fromk
     POSITIONS, "position"
 )
 """What columns are called where their titles say so, and what kind of quantity that is."""
-_BRACKETS = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]")
-_BEHIND = re.compile(r"(?:[_,/]|\bin)\s*([^\s_,/]+)$")
+# whole numbers are indices, as of `s[12]` and `s_1`, but for the 1 of `strain [1]`
+_BRACKETS = re.compile(r"[\[(]\s*((?<=\s[\[(])1(?=\s*[\])])|(?!\d+\s*[\])])[^\])]+?)\s*[\])]")
+_BEHIND = re.compile(r"(?:[_,/]|\bin)\s*(?!\d+$)([^\s_,/]+)$")
 
 
 @dataclass(frozen=True)
