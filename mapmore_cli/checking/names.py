@@ -80,5 +80,9 @@ def unit_in(quantity: str, text: str) -> str | None:
     None without one.
     """
     like = CANONICAL.get(quantity)
-    units = (unit_of(word, like) for word in _TOKEN.findall(spell_pressures(text)))
-    return None if like is None else next((unit for unit in units if unit is not None), None)
+    if like is None:
+        return None
+    units = [unit_of(word, like) for word in _TOKEN.findall(spell_pressures(text))]
+    known = [unit for unit in units if unit is not None]
+    # of `x in mm`, the preposition is no inch
+    return next((unit for unit in known if unit != "in"), next(iter(known), None))

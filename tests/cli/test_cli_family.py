@@ -88,6 +88,13 @@ def test_a_specimen_is_adapted_to_a_model_of_its_own(folder, tmp_path, mapmore, 
     found = document("adapt", model, few, "--set", "rest=250", "-o", out, "-q")
     assert 1.1 < found["parameters"]["q_force"] < 1.2  # drawn towards the prior
     assert found["samples"] == 11
+    comma = (f"{p / 100};0;{1.2 * force(p, 0, 250)}".replace(".", ",") for p in pressure)
+    write_lines(tmp_path / "foreign.csv", "P [bar];strain;force", *comma)
+    read_by = ["--delimiter", ";", "--decimal", ",", "--columns", "pressure=P [bar]"]
+    read_by += ["--units", "pressure=bar"]
+    foreign = tmp_path / "foreign.csv", *read_by
+    again = document("adapt", model, *foreign, "--set", "rest=250", "-o", out, "-q")
+    assert again["parameters"] == pytest.approx(found["parameters"], rel=1e-6)
     assert "learnt from 3 specimens" in found["notes"][0]
     assert "those of the family, which come from 3 specimens" in found["notes"][-1]
     mapmore(

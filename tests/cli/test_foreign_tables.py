@@ -2,6 +2,8 @@
 one that helps.
 """
 
+import csv
+
 import pytest
 
 EXPECTED = "pressure,strain,force_predicted,outside_range\n150.0,0.05,127.5,false\n"
@@ -32,6 +34,21 @@ def test_a_table_is_read_as_options_say(case, tmp_path, model_file, mapmore):
     assert [float(found[name]) for name in ("pressure", "strain", "force_predicted")] == [
         pytest.approx(value) for value in (150, 0.05, 127.5)
     ]
+
+
+def test_texts_in_the_column_recording_are_carried_through(tmp_path, model_file, mapmore):
+    (tmp_path / "t.csv").write_text(
+        'Trial;pressure;strain\nT 01;150;0,05\n"a,b";150;0,05\n;150;0,05\n'
+    )
+    options = ["--delimiter", ";", "--decimal", ","]
+    said = mapmore("predict", model_file, tmp_path / "t.csv", *options, code=0).stdout
+    assert "recording" not in said
+    options += ["--columns", "recording=Trial"]
+    said = mapmore("predict", model_file, tmp_path / "t.csv", *options, code=0).stdout
+    place = said.splitlines()[0].split(",").index("recording")
+    assert [row[place] for row in csv.reader(said.splitlines()[1:])] == ["T 01", "a,b", ""]
+    options[-1] = "recording=Run"
+    mapmore("predict", model_file, tmp_path / "t.csv", *options, code=4, says="no column 'Run'")
 
 
 @pytest.mark.parametrize(

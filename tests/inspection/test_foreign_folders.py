@@ -87,6 +87,20 @@ def test_rows_of_means_are_told(tmp_path):
     trials(tmp_path / "a.csv", ["T01", "T02"], more="Mean,75,30\nSD,3,2\n")
     (tip, *_) = drafted(tmp_path, answers=answers_of(target="angle", inputs="P")).tips
     assert "Mean, SD" in tip
+    assert "`--group Trial`" in tip
+    draft = drafted(tmp_path, answers=answers_of(target="angle", inputs="P", group="Trial"))
+    (one,) = dataset_of(draft, tmp_path).recordings
+    assert one.rows_kept == 80
+    assert one.columns["Trial"].max() == 2
+
+
+def test_a_text_in_the_first_row_of_its_block_alone_is_told(tmp_path):
+    trials(tmp_path / "a.csv", ["T01", *[""] * 3, "T02", ""])
+    lines = (tmp_path / "a.csv").read_text().splitlines()
+    bare = [line if at % 40 == 1 else f",{line.split(',', 1)[1]}" for at, line in enumerate(lines)]
+    (tmp_path / "a.csv").write_text("\n".join([lines[0], *bare[1:]]))
+    with pytest.raises(UsageError, match="Trial has neither numbers nor texts that stand in"):
+        drafted(tmp_path, answers=answers_of(recordings="Trial"))
 
 
 # Files
@@ -225,3 +239,34 @@ def test_cells_in_per_cent_are_read_as_fractions(tmp_path):
     assert "2 hidden rows are read" in hidden_rows
     assert "the column 'F [N]' is hidden" in hidden_column
     checked(draft, tmp_path)
+
+
+# Many files
+# --------------------------------------------------------------------------------------------------
+
+
+def test_the_rules_look_at_some_of_many_files(tmp_path, monkeypatch):
+    """Those drawn have the ids that they have among all, also where names repeat."""
+    monkeypatch.setattr("mapmore_cli.annexes.drafting.checked.MOST", 8)
+    for number in range(20):
+        bar = 2 + np.cos(0.1 * LONG + number)
+        force = 50 * bar + 20 * np.sin(0.1 * LONG + number)
+        columns = {"t [s]": 0.1 * LONG, "P [bar]": bar, "F [N]": force}
+        write(tmp_path / f"day{number % 5}" / f"log_{number // 5}.csv", columns)
+    draft = drafted(tmp_path)
+    assert draft.data["files"] == ["day*/log_*.csv"]
+    assert "tried on 8 of 20 files" in draft.text()
+    ids = {one.id for one in dataset_of(draft, tmp_path).recordings}
+    assert len(ids) == 20
+    assert {*draft.data["split"]["validate"]["recordings"]} < ids
+    checked(draft, tmp_path)
+
+
+def test_many_short_recordings_keep_their_samples(tmp_path):
+    """Together they have more than a search takes at first; each keeps a hundred."""
+    for number in range(80):
+        bar = 2 + np.cos(0.1 * LONG[:120] + number)
+        columns = {"t [s]": 0.1 * LONG[:120], "P [bar]": bar, "F [N]": bar**2 + 1 / (1 + number)}
+        write(tmp_path / f"{number}.csv", columns)
+    sizes = [one.rows_kept for one in dataset_of(drafted(tmp_path), tmp_path).recordings]
+    assert min(sizes) >= 100

@@ -292,3 +292,21 @@ def test_a_held_quantity_that_nothing_answers_is_refused(hold):
     with pytest.raises(UsageError, match="no number in the names is called") as refusal:
         told_by_names(["temp_20", "temp_40", "temp_60"], read_hold(hold))
     assert "temp 20" in str(refusal.value.remedy)
+
+
+@pytest.mark.parametrize(
+    ("title", "name", "unit"),
+    [
+        ("s[1]", "s_1", ""),
+        ("s[12]", "s_12", ""),
+        ("s_12", "s_12", ""),
+        ("strain [1]", "strain_0", "1"),
+        ("x in mm", "x", "mm"),
+        ("gap [in]", "gap", "in"),
+        ("T1 [degC]", "T1", "degC"),
+    ],
+)
+def test_indices_and_prepositions_are_no_units(title, name, unit):
+    layout = Preview("csv", (title,), (title,), {}, (), ())
+    (column,) = read_titles(layout, {}).values()
+    assert (column.name, column.unit) == (name, unit)

@@ -1,4 +1,6 @@
-"""Try a draft with the rules of `check` before it is written; no model is fitted."""
+"""Try a draft with the rules of `check` before it is written; no model is fitted. Of thousands of
+files, which were all read before, the rules look at some.
+"""
 
 from __future__ import annotations
 
@@ -7,14 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
-from mapmore_cli.annexes.drafting.draft import Draft
+from mapmore_cli.annexes.drafting.draft import Draft, Note, Section
 from mapmore_cli.checking.applied import issues_of
 from mapmore_cli.checking.findings import is_for_the_spec
 from mapmore_cli.checking.rules.curves import FEWEST
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.ingestion.dataset import build_dataset
-from mapmore_cli.ingestion.files import slice_of
+from mapmore_cli.ingestion.files import find_sources, slice_of
 from mapmore_cli.study.loader import load_text
+from mapmore_cli.study.sections.data import Data
 from mapmore_cli.study.yaml_loader import dump
 
 
@@ -23,20 +26,67 @@ def checked(draft: Draft, plainer: Sequence[Draft], folder: Path) -> Draft:
     without an error; otherwise the draft with the error, which the user can correct in the spec,
     noted beside its target.
 
-    Paths of all drafts start at `folder`. Raises DataError for an error that only other data can
+    Paths of all drafts start at `folder`. Of many files a drawn share is looked at, which a note says.
+    Raises DataError for an error that only other data can
     correct.
     """
-    fault = _fault(draft, folder)
+    few, files = _with_few_files(draft, folder)
+    fault = _fault(few, folder)
+    if few is not draft:
+        usual = draft.notes.get(("data", "files"), Note(""))
+        looked_at = f"`check` was tried on {MOST} of {files} files, drawn by chance"
+        why = "; ".join(filter(None, [usual.why, looked_at]))
+        draft = draft.noted(("data", "files"), why, usual.sure)
     if fault is None:
         return draft
     for other in plainer:
-        if _fault(other, folder) is None:
+        if _fault(_with_few_files(other, folder)[0], folder) is None:
             why = f"made simpler (no levels, and nothing is held out), since {fault.message}"
             return other.noted(("target",), why, sure=False)
     if isinstance(fault, SpecError):
         why = f"`check` finds an error: {fault.message}; {fault.remedy}"
         return draft.noted(("target",), why, sure=False)
     raise DataError(f"{draft.name}: {fault.message}", fault.remedy)
+
+
+MOST = 300
+"""Files of which the rules look at all."""
+
+
+def _with_few_files(draft: Draft, folder: Path) -> tuple[Draft, int]:
+    """Return a draft of `MOST` of its files, drawn by chance with seed 1, under the ids that they
+    have among all, and how many there are; the draft itself where it has fewer, where another log
+    is joined, where names tell values, or where the files drawn do not allow for what is
+    held out.
+    """
+    data = Data.model_validate(draft.data)
+    sources = find_sources(data.files, folder, data.join, bad=data.skip_bad_files)
+    # a level in names, or a value that is held out, may be in no file that is drawn
+    is_set = any(one.constants for one in sources)
+    if len(sources) <= MOST or data.join or is_set:
+        return draft, len(sources)
+    drawn = np.sort(np.random.default_rng(1).choice(len(sources), MOST, replace=False))
+    few = [sources[at] for at in drawn]
+    entries: list[Section] = []
+    for one in few:
+        place = {"sheet": one.sheet, "table": one.table_below}
+        columns = {
+            name: column.model_dump(exclude_unset=True) for name, column in one.columns.items()
+        }
+        more = {key: value for key, value in {**place, "columns": columns}.items() if value}
+        entries.append({"path": one.name, "id": one.id, **more})
+    some = draft.with_data("files", entries)
+    held = dict(draft.data.get("split", {}).get("validate", {}))
+    if "recordings" in held:
+        ids = tuple(one.id for one in few)
+        parts = tuple(f"{name}{mark}" for name in ids for mark in "#[")
+        held["recordings"] = [x for x in held["recordings"] if x in ids or x.startswith(parts)]
+    if "files" in held:
+        names = {Path(one.name).name for one in few}
+        held["files"] = [name for name in held["files"] if name in names]
+    if not all(held.values()):
+        return draft, len(sources)
+    return (some.with_data("split", {"validate": held}) if held else some), len(sources)
 
 
 def _fault(draft: Draft, folder: Path) -> SpecError | DataError | None:

@@ -6,7 +6,7 @@ Values are only used for facts: a column that never changes, a clock, a copy of 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 from shlex import quote
@@ -26,8 +26,9 @@ KINDS = {"pressure": "pressure", "force": "force", "load": "force"} | dict.fromk
     POSITIONS, "position"
 )
 """Names of columns whose titles identify them, and the kind of each quantity."""
-_BRACKETS = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]")
-_BEHIND = re.compile(r"(?:[_,/]|\bin)\s*([^\s_,/]+)$")
+# whole numbers are indices, as of `s[12]` and `s_1`, but for the 1 of `strain [1]`
+_BRACKETS = re.compile(r"[\[(]\s*((?<=\s[\[(])1(?=\s*[\])])|(?!\d+\s*[\])])[^\])]+?)\s*[\])]")
+_BEHIND = re.compile(r"(?:[_,/]|\bin)\s*(?!\d+$)([^\s_,/]+)$")
 
 
 @dataclass(frozen=True)
@@ -158,6 +159,11 @@ class TitledColumn:
         return kinds if is_apart and sum(map(len, series)) >= FEWEST_ROWS * kinds else 0
 
     @property
+    def summaries(self) -> list[str]:
+        """The texts of rows that somebody computed of the others, as `mean`."""
+        return [text for text in self.texts if text.casefold() in SUMMARIES]
+
+    @property
     def is_time(self) -> bool:
         """True if the title or the unit says that it is the time."""
         by_unit = not self.quantity and bool(unit_of(self.unit, "s"))
@@ -188,6 +194,12 @@ class TitledColumn:
 
 TURNS = (24.0, 60.0, 1000.0, 3600.0, 86400.0)
 """Values at which hours, minutes, milliseconds, and seconds of an hour and of a day restart."""
+
+SUMMARIES = {
+    *("mean", "average", "avg", "median", "std", "sd", "stdev", "stddev", "min", "max", "sum"),
+    *("total", "mittelwert", "mittel", "moyenne", "media", "promedio", "ecart-type"),
+}
+"""What rows below a table are called that somebody computed of the others."""
 
 FEWEST_ROWS = 5
 """Rows of a recording, on the average, that a column tells apart."""
@@ -242,7 +254,10 @@ def find(table: Table, wanted: Column, option: str, texts: bool = False) -> Titl
     Raises UsageError with a list of the columns if there is none, or if there are several.
     """
     numbers = [one for one in table.values() if one.values or (texts and one.texts)]
-    rules = [lambda one: one.column == wanted, lambda one: one.place == wanted]
+    rules: list[Callable[[TitledColumn], bool]] = [
+        lambda one: one.column == wanted,
+        lambda one: one.place == wanted,
+    ]
     if isinstance(wanted, str):
         parts = words(wanted)
         rules += [
@@ -251,6 +266,14 @@ def find(table: Table, wanted: Column, option: str, texts: bool = False) -> Titl
             lambda one: one.name == wanted,
         ]
     near = next(filter(None, ([*filter(rule, numbers)] for rule in rules)), [])
+    empty = next(
+        (one for one in table.values() if not near and any(rule(one) for rule in rules)), None
+    )
+    if texts and empty is not None:
+        raise UsageError(
+            f"{option}: {empty.called} has neither numbers nor texts that stand in several rows",
+            "where a text stands for the rows below it as well, write it into each of these rows",
+        )
     if len(near) != 1:
         kind = "" if texts else " of numbers"
         problem = "several columns are" if near else f"no column{kind} is"

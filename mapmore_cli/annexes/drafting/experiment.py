@@ -25,6 +25,7 @@ from mapmore_cli.study.units import default_unit
 NEAR = 0.1
 FEWEST = 200  # samples of a record with memory, and of a branch of a cycle
 MOST = 6_000  # samples of a record with memory, at first
+LEAST = 100  # samples of a recording, where many short ones have more than that together
 SHARE = 0.2  # of the samples, drawn where the last ones lie beyond the others
 MUCH_LESS = 0.1  # of what moves between recordings, that what moves in one is scatter
 LAST = 0.3  # of the samples, held out where no level and no recording can be
@@ -350,7 +351,9 @@ def _as_memory_study(draft: Draft, recordings: Sequence[Recording]) -> Draft:
     """Return the draft with equal time steps, and gaps at which memory restarts."""
     times = [one.columns["time"] for one in recordings if one.rows_kept > 1]
     usual = float(np.median(np.concatenate([np.diff(time) for time in times])))
-    step = two_digits(max(usual, sum(float(np.ptp(time)) for time in times) / MOST))
+    lengths = [float(np.ptp(time)) for time in times]
+    most = min(sum(lengths) / MOST, float(np.median(lengths)) / LEAST)
+    step = two_digits(max(usual, most))
     draft = draft.with_data("resample", step, f"s: memory needs even steps; it has {usual:.3g} s")
     limit = two_digits(BREAK * max(step, usual))
     gaps = sum(int(np.count_nonzero(np.diff(time) > limit)) for time in times)

@@ -60,19 +60,19 @@ def read_draft(
         raise DataError(fault.message, fault.remedy) from fault
 
 
-def _with_words(read: Callable[[object], T]) -> tuple[object, T]:
+def _with_words(read: Callable[[object], T], known: Sequence[str] = ()) -> tuple[object, T]:
     """Return the first rule for missing values with which something can be read, and the result: a
-    few words, for example `---`, may mean missing values.
+    few words, for example `---`, may mean missing values, besides those that are known.
 
     Raises DataError for too many words, and for a cell that is no such word, for example a date.
     """
-    words: list[str] = []
+    words = [*known]
     while True:
         rule: object = {"tokens": words} if words else "drop"
         try:
             return rule, read(rule)
         except NotANumber as fault:
-            if len(words) == MOST_WORDS or fault.known:
+            if len(words) == MOST_WORDS + len(known) or fault.known:
                 raise
             words = [*words, fault.cell]
 
@@ -250,6 +250,8 @@ def with_columns(draft: Draft, known: Understood, target: str, table: Table) -> 
     if known.apart:
         of = known.apart if len(known.apart) > 1 else known.apart[0]
         draft = draft.with_data("recordings", {"of": of}, "you; lags stay within a recording")
+    if computed := [text for one in table.values() if one.column in used for text in one.summaries]:
+        draft = draft.with_data("missing", {"tokens": computed})
     if "time" in columns:
         draft = draft.without_data("sample_time")
     for name, one in columns.items():
@@ -264,7 +266,7 @@ def with_columns(draft: Draft, known: Understood, target: str, table: Table) -> 
 def lenient(draft: Draft) -> Draft:
     """Return the draft with settings that leave out single faults of cells and of the clock."""
     for key, value in (("missing", "drop"), ("repeated_time", "spread"), ("glitches", "drop")):
-        draft = draft.with_data(key, value)
+        draft = draft.with_data(key, draft.data.get(key, value))
     return draft
 
 
@@ -304,8 +306,10 @@ def _read_tolerantly(draft: Draft, folder: Path, target: str) -> tuple[Draft, Da
     read; its dataset; and True if at least half of the files are in it.
     """
     warnings: list[str] = []
+    rule = draft.data["missing"]
     missing, dataset = _with_words(
-        lambda rule: read_draft(draft.with_data("missing", rule), folder, target, warnings.append)
+        lambda rule: read_draft(draft.with_data("missing", rule), folder, target, warnings.append),
+        rule["tokens"] if isinstance(rule, dict) else (),
     )
     draft, is_most = draft.with_data("missing", missing), True
     if draft.data.get("skip_bad_files") is True:

@@ -46,11 +46,6 @@ from mapmore_cli.checking.evidence import Unequal, unequal
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError
 
 NOTHING_SAID = Answers()
-SUMMARIES = {
-    *("mean", "average", "avg", "median", "std", "sd", "stdev", "stddev", "min", "max", "sum"),
-    *("total", "mittelwert", "mittel", "moyenne", "media", "promedio", "ecart-type"),
-}
-"""What rows below a table are called that somebody computed of the others."""
 
 
 @dataclass(frozen=True)
@@ -128,10 +123,13 @@ def _tips(table: Table, known: Understood, answers: Answers) -> Iterator[str]:
     if known.group in known.columns:
         used.add(known.columns[known.group].column)
     for one in table.values():
-        if summaries := [text for text in one.texts if text.casefold() in SUMMARIES]:
+        if one.summaries and one.column not in {
+            known.columns[name].column for name in known.columns
+        }:
             yield (
-                f"rows that {one.called} calls {', '.join(summaries)} are read as samples; they "
-                "seem to be computed of the others: delete them in a copy of the file"
+                f"rows that {one.called} calls {', '.join(one.summaries)} are read as samples; "
+                f"they seem to be computed of the others: `--group {one.asked_for}` leaves them "
+                "out, and scores the others by their texts; or delete them in a copy of the file"
             )
         if one.blocks and one.column not in used and not answers.recordings:
             yield (
