@@ -93,10 +93,12 @@ class Bench:
 
     @classmethod
     def of(cls, training: Dataset, situation: Situation, part: Slice, study: Dataset) -> Bench:
-        """Return the folds of training samples, which resemble what the `study` holds out. Raises
-        DataError where no sample can be left out.
+        """Return the folds of training samples, which resemble what the `study` holds out; long
+        recordings are cut short before. Raises DataError where no sample can be left out.
         """
-        left_out, blocks = _stretches(training, situation, part.held_out, held_run(study))
+        run = held_run(study)
+        training = cut_short(training, run, situation.timed)
+        left_out, blocks = _stretches(training, situation, part.held_out, run)
         name, parts, asked, ends = _parts(training, situation, study)
         if beyond := [] if ends else _beyond(training, situation, study):
             name, parts, ends = "ends of an input, as the study holds one out", beyond, True
@@ -189,10 +191,15 @@ def cut_short(dataset: Dataset, run: int, timed: bool) -> Dataset:
 
 
 def _pooled(dataset: Dataset) -> Curve:
-    """Return the samples of all curves as those of one, with the recordings of all."""
-    curves = dataset.curves
-    first = np.cumsum([0, *(len(curve.recordings) for curve in curves)])
-    logs = [n + (0 if c.origin is None else c.origin) for n, c in zip(first, curves, strict=False)]
+    """Return the samples of all curves as those of one, whose recordings are the logs of each
+    level: pieces of a log that was cut belong together.
+    """
+    curves, log_of, numbers = dataset.curves, dataset.logs, dict[tuple[float | None, str], int]()
+    logs = list[IntArray]()
+    for curve in curves:
+        keys = [(curve.level, log_of.get(name, name)) for name in curve.recordings]
+        own = np.array([numbers.setdefault(key, len(numbers)) for key in keys])
+        logs.append(own[np.zeros(curve.size, dtype=int) if curve.origin is None else curve.origin])
     return Curve(
         "",
         None,
@@ -200,7 +207,7 @@ def _pooled(dataset: Dataset) -> Curve:
         np.concatenate([curve.held_out for curve in curves]),
         (),
         np.concatenate([~curve.training for curve in curves]),
-        np.concatenate([np.broadcast_to(n, c.size) for n, c in zip(logs, curves, strict=True)]),
+        np.concatenate(logs),
     )
 
 
@@ -292,32 +299,35 @@ def _bands(samples: Curve, held_out: Holdout | None, inputs: Sequence[str]) -> l
 def _parts(
     dataset: Dataset, situation: Situation, study: Dataset
 ) -> tuple[str, list[BoolArray], bool, bool]:
-    """Return what is left out beside stretches, in words and masks: ends of recordings where most
-    of what the study holds out lies behind training samples of the same one, else values that whole
-    curves stand at, else recordings; whether the study holds such out; and whether these are the
-    outermost values, as the study holds one out.
+    """Return what is left out beside stretches, in words and masks; whether the study holds such
+    out; and whether these are the outermost values, as the study holds one out.
 
-    In the rest of a fold every input varies: of one that stands still nothing is learnt.
+    Ends of recordings are left out where most of what the study holds out lies behind training
+    samples of the same recording, or where it holds whole recordings out and a single one trains.
+    Otherwise these are values that whole curves stand at, or recordings. In the rest of a fold
+    every input varies: of one that stands still nothing is learnt.
     """
     samples, every = _pooled(dataset), _pooled(study)
     behind = [np.argmax(every.training[log][::-1]) for log in every.logs]
     trains = [every.training[log].any() for log in every.logs]
     held = every.held_out.sum()
-    if "time" in every.columns and 2 * np.dot(behind, trains) > held:
-        return "ends of recordings", _ends(samples), True, False
+    last = "time" in every.columns and 2 * np.dot(behind, trains) > held
     whole = np.array([curve.held_out.all() for curve in study.curves])
+    asked = bool(2 * sum(curve.size for curve in study.curves if curve.held_out.all()) > held)
     of = _standing(situation.inputs, study, whole)
-    out, ends = (_fair(dataset), False) if of is None else _neighbours(dataset, study, whole, of)
-    columns = [samples.columns[name].astype(np.float32) for name in situation.inputs]
+    if last or (situation.timed and of is None and asked and len(samples.logs) == 1):
+        return "ends of recordings", _ends(samples), True, False
     sizes = [curve.size for curve in dataset.curves]
+    out, ends = ([], False) if of is None else _neighbours(dataset, study, whole, of)
     folds = [samples.training & np.repeat(curves, sizes) for curves in out]
+    folds = _fair(samples) if of is None else folds
+    columns = [samples.columns[name].astype(np.float32) for name in situation.inputs]
     taught = [
         fold for fold in folds if all(np.ptp(x[samples.training & ~fold]) > 0 for x in columns)
     ]
     some = [taught[place] for place in even_share(np.arange(len(taught)), MOST_PARTS)]
-    asked = 2 * sum(curve.size for curve in study.curves if curve.held_out.all()) > held
     name = "recordings" if of is None else f"{'outermost ' * ends}levels"
-    return name, some, bool(asked), ends and bool(some)
+    return name, some, asked, ends and bool(some)
 
 
 def _ends(samples: Curve) -> list[BoolArray]:
@@ -398,9 +408,13 @@ def _beyond(dataset: Dataset, situation: Situation, study: Dataset) -> list[Bool
     return folds
 
 
-def _fair(dataset: Dataset) -> list[BoolArray]:
-    """Return curves of a fair size, (c,), one by one; none where there are fewer than two."""
-    sizes = np.array([curve.training.sum() for curve in dataset.curves])
+def _fair(samples: Curve) -> list[BoolArray]:
+    """Return the training samples, (n,), of each log of a fair size; none where there are fewer
+    than two.
+    """
+    rows = np.arange(samples.size)
+    logs = [samples.training & np.isin(rows, log) for log in samples.logs]
+    sizes = np.array([np.count_nonzero(log) for log in logs])
     low, high = (bound * (sizes @ sizes) / sizes.sum() for bound in FAIR)
-    fair = np.eye(len(sizes), dtype=np.bool_)[(low <= sizes) & (sizes <= high)]
-    return [*fair] if len(fair) > 1 else []
+    fair = [log for log, size in zip(logs, sizes, strict=True) if low <= size <= high]
+    return fair if len(fair) > 1 else []

@@ -17,13 +17,7 @@ import numpy as np
 import yaml
 from pydantic import TypeAdapter
 
-from mapmore_cli.annexes.search.bench import (
-    Bench,
-    Slice,
-    cut_short,
-    held_run,
-    searchable,
-)
+from mapmore_cli.annexes.search.bench import Bench, Slice, searchable
 from mapmore_cli.annexes.search.black_boxes import BLACK_BOX, Left, Outcome, black_boxes
 from mapmore_cli.annexes.search.candidate import Structure, offered_structures
 from mapmore_cli.annexes.search.situation import situation_of
@@ -120,7 +114,6 @@ def search(
     if part.by_level or uneven:  # a model that counts steps along recordings cannot be fitted then
         situation = replace(situation, step=None)
     situation = replace(situation, ordered=part.in_order(dataset) and not situation.timed)
-    training = cut_short(training, held_run(dataset), situation.timed)
     parts = plugins.parts("families", Mapping)  # type: ignore[type-abstract]
     added = [part.value for part in parts]
     families = [*map(family, FAMILIES), *added]
@@ -128,7 +121,7 @@ def search(
     bench = Bench.of(training, situation, part, dataset)
     budget = Budget(part.model.budget)
     jobs = [partial(_try_structure, candidate, bench, budget) for candidate in listed]
-    yardsticks = [partial(black_boxes, training, bench.folds, situation)] if beside else []
+    yardsticks = [partial(black_boxes, bench.dataset, bench.folds, situation)] if beside else []
     done = shared_out(call, [*jobs, *yardsticks], partial(progress, "structures"))
     outcomes = [outcome for ways in done for outcome in ways]
     cut = done[: len(jobs)].count([])
