@@ -27,7 +27,7 @@ from mapmore_cli.domain.errors import DataError, FitError, MapmoreError
 from mapmore_cli.domain.models import Model, Pieces
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Search, Tried
-from mapmore_cli.fitting.kinds import refit
+from mapmore_cli.fitting.kinds import refit_near
 from mapmore_cli.fitting.kinds.choices import ModelChoices, lengths_of
 from mapmore_cli.fitting.refitting import missed_by, without
 from mapmore_cli.modelling.forecast import forecast
@@ -273,7 +273,7 @@ def _tried_ways(candidate: Structure, bench: Bench) -> list[Outcome]:
     or the structure names one. A way that errs as one before it on every sample is left out.
     """
     choices = choices_of(candidate.sections, bench.part)
-    model = refit(choices, bench.dataset)
+    model, whole = refit_near(choices, bench.dataset, None)
     open_ = isinstance(model.body, Pieces) and model.body.backbone is None
     ways = tuple(WAYS) if open_ and choices.fuse.extrapolation is None else (None,)
     refused = {way: _refusal(_going_on(model, way), bench) for way in ways}
@@ -282,7 +282,7 @@ def _tried_ways(candidate: Structure, bench: Bench) -> list[Outcome]:
         return [_outcome(candidate, ways[0], failure=refused[ways[0]])]
     for masks in bench.masks:
         rest = without(bench.dataset, masks)
-        remade = refit(choices, rest)
+        remade, _ = refit_near(choices, rest, whole)
         for way, missed in left.items():
             missed.append(_errors(_going_on(remade, way), rest, masks))
     outcomes = list[Outcome]()

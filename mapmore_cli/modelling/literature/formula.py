@@ -64,6 +64,8 @@ class Formula:
     - `published_starts`: starting values that papers print for it, by the names that specs have for
       them.
     - `start`: the one of them that `levenberg_marquardt` starts from, or `random`.
+    - `near`: parameters near the least error, as those of a fit to more of the same samples are:
+      the default method begins there and does not search.
     - `title`: as people write the name; the name where there is none.
     - `about`: what it is, where the docstring of its file does not say it.
     - `component`: the component of the force that it was published for, `static`, `damping` or
@@ -86,6 +88,7 @@ class Formula:
     form: LinearForm | None = None
     published_starts: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     start: str = RANDOM
+    near: Mapping[str, float] | None = field(default=None, kw_only=True)
     title: str = field(default="", kw_only=True)
     about: str = field(default="", kw_only=True)
     component: str = field(default="static", kw_only=True)
@@ -185,6 +188,8 @@ class Formula:
                 f"write `method: {solvers.LEVENBERG_MARQUARDT}` beside `starts`",
             )
         problem = self.problem(columns, y)
+        if self.near is not None and method == default:
+            problem = replace(problem, start=self.near)
         # without parameters there is nothing to descend to
         return self._result(problem, solvers.METHODS[method if self.fitted else default](problem))
 

@@ -111,14 +111,15 @@ class _Problem(NamedTuple):
         return np.concatenate([residual, priors[0]]), np.concatenate([slopes, priors[1]])
 
 
-def fit_hinge(columns: Columns, y: Array) -> FormulaFit:
+def fit_hinge(columns: Columns, y: Array, curvature: float | None = None) -> FormulaFit:
     """Fit the hinged formula to `pressure`, `strain` (a fraction) and the target `y`, `(n,)` each
     and finite.
 
-    Of five starts that differ in the curvature, the lowest penalised sum of squares wins, the `sse`
-    of the result; errors are with the priors taken as observations, rank and
-    condition those of the data alone. Deterministic; the units of pressure and target are no
-    matter. Above some thousand samples the search goes over means of neighbouring ones
+    Of five starts that differ in the curvature a3, or the one that has a known `curvature`, the
+    lowest penalised sum of squares wins, the `sse` of the result; errors are with the priors taken
+    as observations, rank and condition those of the data alone. Deterministic; the units of
+    pressure and target are no matter. Above some thousand samples the search goes over means of
+    neighbouring ones
     (`problem.condensed`).
 
     Raises FitError if the formula has no finite value at any start.
@@ -126,7 +127,8 @@ def fit_hinge(columns: Columns, y: Array) -> FormulaFit:
     inputs = columns["pressure"], columns["strain"], y
     scales = [float(np.abs(column).max()) or 1.0 for column in inputs]
     problem = _normalised(columns, y, *scales)
-    starts, bounds = [_start_at(problem, a3) for a3 in STARTS], _search_bounds()
+    curvatures = STARTS if curvature is None else (curvature * scales[1],)
+    starts, bounds = [_start_at(problem, a3) for a3 in curvatures], _search_bounds()
     ends = descend(problem.system, starts, bounds, evaluations=FIRST)
     if not ends:
         raise FitError(
@@ -145,7 +147,7 @@ def fit_hinge(columns: Columns, y: Array) -> FormulaFit:
     errors[LN_W] *= np.exp(q[LN_W])
     notes = [
         f"a3 is {q[A3]:.3g}/max|strain|, w is {np.exp(q[LN_W]):.3g} of the largest target; "
-        f"{agreement(ends, best, len(STARTS))}"
+        f"{agreement(ends, best, len(starts))}"
     ]
     levels = _strain_levels(columns["strain"])
     if levels <= FEW_LEVELS:

@@ -62,7 +62,8 @@ class LeastSquares:
       `linear` are the regressors.
     - `columns`, `y`: the inputs and the target, each `(n,)`.
     - `counts`: number of samples that each row stands for, `(n,)`; None if each is one.
-    - `start`: a published value to start from for every parameter, where one is asked for.
+    - `start`: a value to start from for every parameter: a published one, where one is asked for,
+      or that of a fit to nearly the same rows.
 
     Every residual and regressor is times the roots of the counts.
     """

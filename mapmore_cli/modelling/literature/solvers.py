@@ -187,17 +187,21 @@ ROUNDING = 1e-24  # of y'y: sums of squares below are rounding
 def variable_projection(problem: LeastSquares) -> Solution:
     """Solve `problem` by variable projection.
 
-    The search goes over means of neighbouring samples where there are many, and the lowest end is
-    finished on all samples. The status is `converged`, `at_bound`, `stopped_by_limit`, or `failed`
-    where every start overflows. Notes name a parameter that ends at a bound or that the data do not
-    show, and say how many starts agree.
+    The search goes over means of neighbouring samples where there are many, from the problem's
+    start alone where it has one, and the lowest end is finished on all samples. The status is
+    `converged`, `at_bound`, `stopped_by_limit`, or `failed` where every start overflows. Notes name
+    a parameter that ends at a bound or that the data do not show, and say how many starts agree.
     """
     if not problem.nonlinear:
         straight = _projected(problem, np.empty(0))
         return Solution(straight.beta, np.empty(0), "converged", "linear least squares")
     few, several = problem.condensed(), len(problem.nonlinear) > 1
     bounds = problem.bounds
-    searches = [(bounds, list(drawn_starts(problem.nonlinear)))] if several else _valleys(few)
+    if problem.start is not None:
+        place = [problem.start[name] * span for name, span in problem.spans.items()]
+        searches, several = [(bounds, [np.array(place)])], False
+    else:
+        searches = [(bounds, list(drawn_starts(problem.nonlinear)))] if several else _valleys(few)
     if not searches:
         places = np.concatenate(_grids(problem))
         c = places[[np.argmin(np.abs(np.log(np.abs(places))))]]
