@@ -247,8 +247,14 @@ def _on_common_rows(predicted: Sequence[Sequence[Left]]) -> Array:
     return np.asarray(np.nan_to_num(np.column_stack(rmse), nan=np.inf, posinf=np.inf))
 
 
-WAYS = {"saturate": "", "continue": ", continued", "continue_linear": ", going on straight"}
-"""How pieces go on beyond each curve's ends, and what is added to the words of such a structure."""
+WAYS = {
+    "saturate": ", held",
+    "continue": ", continued",
+    "continue_linear": ", going on straight",
+}
+"""How pieces go on beyond each curve's ends, and what is added to the words of a structure that
+does not go on as its file of candidates says (held, if the file says nothing).
+"""
 
 
 def _try_structure(candidate: Structure, bench: Bench, budget: Budget) -> list[Outcome]:
@@ -269,13 +275,15 @@ def _try_structure(candidate: Structure, bench: Bench, budget: Budget) -> list[O
 
 
 def _tried_ways(candidate: Structure, bench: Bench) -> list[Outcome]:
-    """Return a structure with each of the `WAYS` to go on beyond a curve's ends, unless the study
-    or the structure names one. A way that errs as one before it on every sample is left out.
+    """Return a structure with each of the `WAYS` to go on beyond a curve's ends, its own first,
+    unless the study names one. A way that errs as one before it on every sample is left out.
     """
     choices = choices_of(candidate.sections, bench.part)
     model, whole = refit_near(choices, bench.dataset, None)
     open_ = isinstance(model.body, Pieces) and model.body.backbone is None
-    ways = tuple(WAYS) if open_ and choices.fuse.extrapolation is None else (None,)
+    named = bench.part.fuse.extrapolation is not None or candidate.kind in SHOWN
+    own = candidate.sections.get(BEYOND, "saturate")
+    ways = tuple(dict.fromkeys((own, *WAYS))) if open_ and not named else (None,)
     refused = {way: _refusal(_going_on(model, way), bench) for way in ways}
     left: dict[str | None, list[Left]] = {way: [] for way in ways if not refused[way]}
     if not left:
@@ -309,8 +317,9 @@ def _outcome(
     left: Sequence[Left] = (),
     failure: str = "",
 ) -> Outcome:
+    own = candidate.sections.get(BEYOND, "saturate")
     sections = {**candidate.sections, **({} if way is None else {BEYOND: way})}
-    words = candidate.words + WAYS.get(way or "", "")
+    words = candidate.words + ("" if way in (None, own) else WAYS[way])
     return Tried(candidate.kind, words, sections, size, failure=failure), left
 
 
