@@ -161,6 +161,24 @@ def test_direction_is_not_tried_where_no_model_may_run_along_recordings():
     assert ["direction" in of for of in kinds] == [False, True]
 
 
+def test_how_a_polynomial_goes_on_beyond_its_ends_is_chosen_by_left_out_data(monkeypatch):
+    """What levels off before the end that is held out: a quadratic that is held errs less there
+    than the same one that is continued, and is tried as every other structure is.
+    """
+    tables = searching.family("tables")
+    plain = [one for one in tables["candidates"] if one["words"] in ("plane", "quadratic")]
+    monkeypatch.setattr(searching, "FAMILIES", ("tables",))
+    monkeypatch.setattr(searching, "family", lambda _name: {**tables, "candidates": plain})
+    x = np.linspace(0, 1, 120)
+    columns = {"x": x, "y": np.minimum(x * (1.6 - x), 0.6)}
+    whole = dataset_of(columns, held_out=x > 0.8)
+    part = replace(WHOLE, held_out=Holdout.model_validate({"x": {"between": [[0.8, 1]]}}))
+    tried = {one.words: one for one in search(whole, part, beside=False).tried}
+    held, continued = tried["quadratic, held"], tried["quadratic"]
+    assert held.sections["fuse.extrapolation"] == "saturate"
+    assert held.excess < continued.excess - 0.1
+
+
 def test_a_model_that_goes_on_by_itself_is_refused(monkeypatch):
     """A sine that nothing drives: two delays continue it for ever, from the first samples on, as a
     clock does.

@@ -14,6 +14,7 @@ from mapmore_cli.annexes.search.bench import Bench, Slice, cut_short, searchable
 from mapmore_cli.annexes.search.candidate import offered_structures
 from mapmore_cli.annexes.search.searching import FAMILIES, choices_of, family
 from mapmore_cli.annexes.search.situation import Situation, situation_of
+from mapmore_cli.domain.recording import Recording
 from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.pieces.recipe import Fuse
@@ -142,7 +143,7 @@ def test_bands_of_an_input_are_left_out_where_the_study_holds_some_out():
     whole = dataset_of({"time": time**2, "u": u, "y": u}, held_out=held_out)
     part = replace(WHOLE, held_out=Holdout.model_validate({"u": {"between": [[40, 60]]}}))
     bench = bench_of(whole, part)
-    folds, (curve,) = bench.masks[: bench.blocks], searchable(whole).curves
+    folds, (curve,) = bench.masks[: bench.blocks], bench.dataset.curves
     values = curve.columns["u"]
     assert len(folds) == 5
     assert all(9 < np.ptp(values[fold[0]]) <= 20 for fold in folds)
@@ -150,12 +151,54 @@ def test_bands_of_an_input_are_left_out_where_the_study_holds_some_out():
     assert not any((fold[0] & curve.held_out).any() for fold in folds)
 
 
-def test_recordings_too_short_to_say_or_too_long_to_miss_are_not_left_out():
-    def recorded(*sizes):
-        return dataset_of(
-            *(dict.fromkeys(("time", "u", "y"), np.arange(size) * 0.01) for size in sizes)
-        )
+def in_logs(dataset, *logs):
+    """A dataset whose recordings are pieces of logs."""
+    known = [
+        Recording(curve.id, f"{log}.csv", curve.columns, curve.size, {}, log)
+        for curve, log in zip(dataset.curves, logs, strict=True)
+    ]
+    return replace(dataset, recordings=tuple(known))
 
+
+def recorded(*sizes, held=()):
+    """Recordings of some sizes, some of them held out."""
+    every = dataset_of(
+        *(dict.fromkeys(("time", "u", "y"), np.arange(size) * 0.01) for size in sizes)
+    )
+    curves = (
+        replace(curve, held_out=np.full(curve.size, number in held))
+        for number, curve in enumerate(every.curves)
+    )
+    return replace(every, curves=tuple(curves))
+
+
+def test_pieces_of_a_log_that_was_cut_are_left_out_together():
+    cut = in_logs(recorded(100, 100, 200, 180), "a", "a", "b", "c")
+    bench = bench_of(cut)
+    assert [[bool(mask.all()) for mask in fold] for fold in bench.masks[bench.blocks :]] == [
+        [True, True, False, False],
+        [False, False, True, False],
+        [False, False, False, True],
+    ]
+    # the last piece is the end of the log, and so is what is left out
+    behind = bench_of(in_logs(recorded(100, 100, 100, held=[2]), "a", "a", "a"))
+    assert behind.asks_parts
+    assert [[int(mask.sum()) for mask in fold] for fold in behind.masks[behind.blocks :]] == [
+        [0, 40],
+        [0, 70],
+        [0, 100],
+    ]
+
+
+def test_ends_of_the_only_recording_stand_for_another_one():
+    """A free run of the recording that is held out begins as that of the only one that trains."""
+    bench = bench_of(recorded(200, 200, held=[1]))
+    assert [int(fold[0].sum()) for fold in bench.masks[bench.blocks :]] == [40, 70, 100]
+    assert bench.asks_parts
+    assert bench.weights[bench.blocks :].sum() == pytest.approx(2 / 3)
+
+
+def test_recordings_too_short_to_say_or_too_long_to_miss_are_not_left_out():
     def left_out(dataset):
         bench = bench_of(dataset)
         return [[int(mask.sum()) for mask in fold] for fold in bench.masks[bench.blocks :]]

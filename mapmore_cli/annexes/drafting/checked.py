@@ -26,9 +26,8 @@ def checked(draft: Draft, plainer: Sequence[Draft], folder: Path) -> Draft:
     without an error; otherwise the draft with the error, which the user can correct in the spec,
     noted beside its target.
 
-    Paths of all drafts start at `folder`. Of many files a drawn share is looked at, which a note says.
-    Raises DataError for an error that only other data can
-    correct.
+    Paths of all drafts start at `folder`. Of many files a drawn share is looked at, which a note
+    says. Raises DataError for an error that only other data can correct.
     """
     few, files = _with_few_files(draft, folder)
     fault = _fault(few, folder)

@@ -94,10 +94,12 @@ class Bench:
 
     @classmethod
     def of(cls, training: Dataset, situation: Situation, part: Slice, study: Dataset) -> Bench:
-        """Return folds of training samples that resemble the held-out data of the `study`. Raises
-        DataError if no sample can be left out.
+        """Return folds of training samples that resemble the held-out data of the `study`; long
+        recordings are cut short before. Raises DataError if no sample can be left out.
         """
-        left_out, blocks = _stretches(training, situation, part.held_out, held_run(study))
+        run = held_run(study)
+        training = cut_short(training, run, situation.timed)
+        left_out, blocks = _stretches(training, situation, part.held_out, run)
         name, parts, asked, ends = _parts(training, situation, study)
         if beyond := [] if ends else _beyond(training, situation, study):
             name, parts, ends = "ends of an input, as the study holds one out", beyond, True
@@ -192,10 +194,15 @@ def cut_short(dataset: Dataset, run: int, timed: bool) -> Dataset:
 
 
 def _pooled(dataset: Dataset) -> Curve:
-    """Return the samples of all curves as those of one, with the recordings of all."""
-    curves = dataset.curves
-    first = np.cumsum([0, *(len(curve.recordings) for curve in curves)])
-    logs = [n + (0 if c.origin is None else c.origin) for n, c in zip(first, curves, strict=False)]
+    """Return the samples of all curves as those of one, whose recordings are the logs of each
+    level: pieces of a log that was cut belong together.
+    """
+    curves, log_of, numbers = dataset.curves, dataset.logs, dict[tuple[float | None, str], int]()
+    logs = list[IntArray]()
+    for curve in curves:
+        keys = [(curve.level, log_of.get(name, name)) for name in curve.recordings]
+        own = np.array([numbers.setdefault(key, len(numbers)) for key in keys])
+        logs.append(own[np.zeros(curve.size, dtype=int) if curve.origin is None else curve.origin])
     return Curve(
         "",
         None,
@@ -203,7 +210,7 @@ def _pooled(dataset: Dataset) -> Curve:
         np.concatenate([curve.held_out for curve in curves]),
         (),
         np.concatenate([~curve.training for curve in curves]),
-        np.concatenate([np.broadcast_to(n, c.size) for n, c in zip(logs, curves, strict=True)]),
+        np.concatenate(logs),
     )
 
 
@@ -297,34 +304,36 @@ def _bands(samples: Curve, held_out: Holdout | None, inputs: Sequence[str]) -> l
 def _parts(
     dataset: Dataset, situation: Situation, study: Dataset
 ) -> tuple[str, list[BoolArray], bool, bool]:
-    """Return what is left out besides stretches, in words and as masks: ends of recordings if most
-    held-out samples of the study come after training samples of the same recording; otherwise
-    values at which whole curves are constant; otherwise recordings. Also return True if the study
-    holds out such parts, and True if these are the outermost values because the study holds out
-    one.
+    """Return what is left out besides stretches, in words and as masks. Also return True if the
+    study holds out such parts, and True if these are the outermost values because the study holds
+    out one.
 
-    In the rest of each fold, every input varies, because nothing can be learnt about a constant
-    input.
+    Ends of recordings are left out if most held-out samples of the study come after training
+    samples of the same recording, or if the study holds out whole recordings and only one trains.
+    Otherwise values at which whole curves are constant are left out, or recordings. In the rest of
+    each fold, every input varies, because nothing can be learnt about a constant input.
     """
     samples, every = _pooled(dataset), _pooled(study)
     behind = [np.argmax(every.training[log][::-1]) for log in every.logs]
     trains = [every.training[log].any() for log in every.logs]
     held = every.held_out.sum()
-    if "time" in every.columns and 2 * np.dot(behind, trains) > held:
-        return "ends of recordings", _ends(samples), True, False
+    last = "time" in every.columns and 2 * np.dot(behind, trains) > held
     whole = np.array([curve.held_out.all() for curve in study.curves])
+    asked = bool(2 * sum(curve.size for curve in study.curves if curve.held_out.all()) > held)
     of = _standing(situation.inputs, study, whole)
-    out, ends = (_fair(dataset), False) if of is None else _neighbours(dataset, study, whole, of)
-    columns = [samples.columns[name].astype(np.float32) for name in situation.inputs]
+    if last or (situation.timed and of is None and asked and len(samples.logs) == 1):
+        return "ends of recordings", _ends(samples), True, False
     sizes = [curve.size for curve in dataset.curves]
+    out, ends = ([], False) if of is None else _neighbours(dataset, study, whole, of)
     folds = [samples.training & np.repeat(curves, sizes) for curves in out]
+    folds = _fair(samples) if of is None else folds
+    columns = [samples.columns[name].astype(np.float32) for name in situation.inputs]
     taught = [
         fold for fold in folds if all(np.ptp(x[samples.training & ~fold]) > 0 for x in columns)
     ]
     some = [taught[place] for place in even_share(np.arange(len(taught)), MOST_PARTS)]
-    asked = 2 * sum(curve.size for curve in study.curves if curve.held_out.all()) > held
     name = "recordings" if of is None else f"{'outermost ' * ends}levels"
-    return name, some, bool(asked), ends and bool(some)
+    return name, some, asked, ends and bool(some)
 
 
 def _ends(samples: Curve) -> list[BoolArray]:
@@ -406,9 +415,13 @@ def _beyond(dataset: Dataset, situation: Situation, study: Dataset) -> list[Bool
     return folds
 
 
-def _fair(dataset: Dataset) -> list[BoolArray]:
-    """Return curves of a suitable size, (c,), one by one; none if there are fewer than two."""
-    sizes = np.array([curve.training.sum() for curve in dataset.curves])
+def _fair(samples: Curve) -> list[BoolArray]:
+    """Return the training samples, (n,), of each log of a fair size; none where there are fewer
+    than two.
+    """
+    rows = np.arange(samples.size)
+    logs = [samples.training & np.isin(rows, log) for log in samples.logs]
+    sizes = np.array([np.count_nonzero(log) for log in logs])
     low, high = (bound * (sizes @ sizes) / sizes.sum() for bound in FAIR)
-    fair = np.eye(len(sizes), dtype=np.bool_)[(low <= sizes) & (sizes <= high)]
-    return [*fair] if len(fair) > 1 else []
+    fair = [log for log, size in zip(logs, sizes, strict=True) if low <= size <= high]
+    return fair if len(fair) > 1 else []

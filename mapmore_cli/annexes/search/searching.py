@@ -17,13 +17,7 @@ import numpy as np
 import yaml
 from pydantic import TypeAdapter
 
-from mapmore_cli.annexes.search.bench import (
-    Bench,
-    Slice,
-    cut_short,
-    held_run,
-    searchable,
-)
+from mapmore_cli.annexes.search.bench import Bench, Slice, searchable
 from mapmore_cli.annexes.search.black_boxes import BLACK_BOX, Left, Outcome, black_boxes
 from mapmore_cli.annexes.search.candidate import Structure, offered_structures
 from mapmore_cli.annexes.search.situation import situation_of
@@ -33,7 +27,7 @@ from mapmore_cli.domain.errors import DataError, FitError, MapmoreError
 from mapmore_cli.domain.models import Model, Pieces
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Search, Tried
-from mapmore_cli.fitting.kinds import refit
+from mapmore_cli.fitting.kinds import refit_near
 from mapmore_cli.fitting.kinds.choices import ModelChoices, lengths_of
 from mapmore_cli.fitting.refitting import missed_by, without
 from mapmore_cli.modelling.forecast import forecast
@@ -121,7 +115,6 @@ def search(
     if part.by_level or uneven:
         situation = replace(situation, step=None)
     situation = replace(situation, ordered=part.in_order(dataset) and not situation.timed)
-    training = cut_short(training, held_run(dataset), situation.timed)
     parts = plugins.parts("families", Mapping)  # type: ignore[type-abstract]
     added = [part.value for part in parts]
     families = [*map(family, FAMILIES), *added]
@@ -129,7 +122,7 @@ def search(
     bench = Bench.of(training, situation, part, dataset)
     budget = Budget(part.model.budget)
     jobs = [partial(_try_structure, candidate, bench, budget) for candidate in listed]
-    yardsticks = [partial(black_boxes, training, bench.folds, situation)] if beside else []
+    yardsticks = [partial(black_boxes, bench.dataset, bench.folds, situation)] if beside else []
     done = shared_out(call, [*jobs, *yardsticks], partial(progress, "structures"))
     outcomes = [outcome for ways in done for outcome in ways]
     cut = done[: len(jobs)].count([])
@@ -255,9 +248,14 @@ def _on_common_rows(predicted: Sequence[Sequence[Left]]) -> Array:
     return np.asarray(np.nan_to_num(np.column_stack(rmse), nan=np.inf, posinf=np.inf))
 
 
-WAYS = {"saturate": "", "continue": ", continued", "continue_linear": ", going on straight"}
+WAYS = {
+    "saturate": ", held",
+    "continue": ", continued",
+    "continue_linear": ", going on straight",
+}
 """Behaviours of pieces outside the range of each curve, and the words that are added to the name of
-such a structure.
+a structure that behaves differently from what its file of candidates says (which holds the value at
+the end, if it says nothing).
 """
 
 
@@ -279,21 +277,23 @@ def _try_structure(candidate: Structure, bench: Bench, budget: Budget) -> list[O
 
 
 def _tried_ways(candidate: Structure, bench: Bench) -> list[Outcome]:
-    """Return a structure with each of the `WAYS` to continue outside the range of a curve, unless
-    the study or the structure names one. A way with the same errors as an earlier one on every
+    """Return a structure with each of the `WAYS` to continue outside the range of a curve, its own
+    way first, unless the study names one. A way with the same errors as an earlier one on every
     sample is left out.
     """
     choices = choices_of(candidate.sections, bench.part)
-    model = refit(choices, bench.dataset)
+    model, whole = refit_near(choices, bench.dataset, None)
     open_ = isinstance(model.body, Pieces) and model.body.backbone is None
-    ways = tuple(WAYS) if open_ and choices.fuse.extrapolation is None else (None,)
+    named = bench.part.fuse.extrapolation is not None or candidate.kind in SHOWN
+    own = candidate.sections.get(BEYOND, "saturate")
+    ways = tuple(dict.fromkeys((own, *WAYS))) if open_ and not named else (None,)
     refused = {way: _refusal(_going_on(model, way), bench) for way in ways}
     left: dict[str | None, list[Left]] = {way: [] for way in ways if not refused[way]}
     if not left:
         return [_outcome(candidate, ways[0], failure=refused[ways[0]])]
     for masks in bench.masks:
         rest = without(bench.dataset, masks)
-        remade = refit(choices, rest)
+        remade, _ = refit_near(choices, rest, whole)
         for way, missed in left.items():
             missed.append(_errors(_going_on(remade, way), rest, masks))
     outcomes = list[Outcome]()
@@ -320,8 +320,9 @@ def _outcome(
     left: Sequence[Left] = (),
     failure: str = "",
 ) -> Outcome:
+    own = candidate.sections.get(BEYOND, "saturate")
     sections = {**candidate.sections, **({} if way is None else {BEYOND: way})}
-    words = candidate.words + WAYS.get(way or "", "")
+    words = candidate.words + ("" if way in (None, own) else WAYS[way])
     return Tried(candidate.kind, words, sections, size, failure=failure), left
 
 

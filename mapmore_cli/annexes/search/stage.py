@@ -74,7 +74,7 @@ def run_search(part: Slice, workspace: Workspace) -> None:
     )
 
 
-STAGE = Stage(name="search", revision=14, outputs=(SEARCH,), reads=search_slice, run=run_search)
+STAGE = Stage(name="search", revision=15, outputs=(SEARCH,), reads=search_slice, run=run_search)
 
 
 def with_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:

@@ -37,13 +37,15 @@ def added_up(_path: str) -> Model:
 @dataclass(frozen=True)
 class Given:
     """Everything from which a model is made: data, segmentation, and the models of needed runs by
-    the path of their spec.
+    the path of their spec; where a fit to more of the same samples is there, numbers that are
+    searched for begin at those that it found (`near`).
     """
 
     dataset: Dataset
     segmentation: Sequence[SegmentedCurve]
     model_of: Callable[[str], Model] = added_up
     progress: Progress = lambda _what, _done, _total: None
+    near: FitResult | None = None
 
 
 class Maker(Protocol):
@@ -142,7 +144,18 @@ def refit(
     """Return the model fitted to the training samples of a dataset, with all choices made again, as
     in cross-validation.
     """
+    return refit_near(part, dataset, None, model_of)[0]
+
+
+def refit_near(
+    part: ModelChoices,
+    dataset: Dataset,
+    near: FitResult | None,
+    model_of: Callable[[str], Model] = added_up,
+) -> tuple[Model, FitResult]:
+    """Return what `refit` does, and its fit, whose search begins at the numbers of a fit `near`."""
     from mapmore_cli.fitting.kinds.pieces import segmented
 
-    given = Given(dataset, segmented(dataset, part), model_of)
-    return build(part, given, fit(part, given))
+    given = Given(dataset, segmented(dataset, part), model_of, near=near)
+    result = fit(part, given)
+    return build(part, given, result), result

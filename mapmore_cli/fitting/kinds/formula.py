@@ -14,12 +14,18 @@ from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.shape.violations import verified
 
 
-def fitted(name: str, part: ModelChoices, dataset: Dataset) -> FormulaFit:
-    """Return a formula fitted to all training samples of a dataset.
+def fitted(
+    name: str, part: ModelChoices, dataset: Dataset, near: FormulaFit | None = None
+) -> FormulaFit:
+    """Return a formula fitted to all training samples of a dataset, from the parameters of a fit
+    `near` where there is one.
 
     Raises FitError if the fit has no usable result, because the model depends on it.
     """
-    formula_fit = fit_formula(name, dataset.curves, dataset.target, None, part.lengths)
+    parameters = None if near is None else near.parameters
+    formula_fit = fit_formula(
+        name, dataset.curves, dataset.target, None, part.lengths, near=parameters
+    )
     if formula_fit.failed:
         reasons = "; ".join(formula_fit.notes) or "no finite parameters were found"
         raise FitError(
@@ -37,7 +43,8 @@ class FormulaMaker(Maker):
         `fitted`.
         """
         assert part.model.name is not None
-        return FitResult(fitted(part.model.name, part, given.dataset))
+        near = None if given.near is None else given.near.formula
+        return FitResult(fitted(part.model.name, part, given.dataset, near))
 
     def build(self, part: ModelChoices, given: Given, result: FitResult) -> Model:
         """Return the fitted formula as a model."""

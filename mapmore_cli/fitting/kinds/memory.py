@@ -94,7 +94,10 @@ class MemoryMaker(Maker):
         )
         records, recipe = _asked(part, dataset, backbone)
         memory_fit = fit_with_memory(
-            records, recipe, lambda done, total: given.progress("models", done, total)
+            records,
+            recipe,
+            lambda done, total: given.progress("models", done, total),
+            None if given.near is None else given.near.memory,
         )
         return FitResult(
             memory_fit,

@@ -39,18 +39,21 @@ def fit_formula(
     method: str | None = None,
     lengths: Mapping[str, float | None] = MappingProxyType({}),
     starts: str | None = None,
+    near: Mapping[str, float] | None = None,
 ) -> FormulaFit:
     """Fit a formula to the training samples of all curves.
 
     `lengths` holds the muscle's `length` and `diameter` in m, for formulas that need them. `starts`
-    is the name of published starting values.
+    is the name of published starting values, `near` are parameters to begin the default method at.
     """
     columns = pooled_training(curves)
-    key = _digest(columns, name, target, method, starts, *sorted(lengths.items()))
+    begun = sorted((near or {}).items())
+    key = _digest(columns, name, target, method, starts, begun, *sorted(lengths.items()))
     if key not in _FITTED:
         formula = literature.get(name).of_muscle(lengths)
         if starts is not None:
             formula = formula.starting_from(starts)
+        formula = replace(formula, near=near)
         if len(_FITTED) == MOST_KEPT:
             _FITTED.pop(next(iter(_FITTED)))
         _FITTED[key] = formula.fit(columns, columns[target], method)

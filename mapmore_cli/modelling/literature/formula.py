@@ -65,6 +65,8 @@ class Formula:
       linear.
     - `published_starts`: starting values that papers print, by the name that a spec uses.
     - `start`: name of the starting values that `levenberg_marquardt` uses, or `random`.
+    - `near`: parameters near the least error, as those of a fit to more of the same samples are:
+      the default method begins there and does not search.
     - `title`: usual name in texts; `name` if it is empty.
     - `about`: explanation of the formula; by default the docstring of its module.
     - `component`: component of the force for which it was published: `static`, `damping` or
@@ -87,6 +89,7 @@ class Formula:
     form: LinearForm | None = None
     published_starts: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     start: str = RANDOM
+    near: Mapping[str, float] | None = field(default=None, kw_only=True)
     title: str = field(default="", kw_only=True)
     about: str = field(default="", kw_only=True)
     component: str = field(default="static", kw_only=True)
@@ -186,6 +189,8 @@ class Formula:
                 f"write `method: {solvers.LEVENBERG_MARQUARDT}` beside `starts`",
             )
         problem = self.problem(columns, y)
+        if self.near is not None and method == default:
+            problem = replace(problem, start=self.near)
         # without parameters there is nothing to search
         return self._result(problem, solvers.METHODS[method if self.fitted else default](problem))
 

@@ -114,22 +114,23 @@ class _Problem(NamedTuple):
         return np.concatenate([residual, priors[0]]), np.concatenate([slopes, priors[1]])
 
 
-def fit_hinge(columns: Columns, y: Array) -> FormulaFit:
+def fit_hinge(columns: Columns, y: Array, curvature: float | None = None) -> FormulaFit:
     """Fit the hinged formula to `pressure`, `strain` (a fraction) and the target `y`, shape (n,)
     each, all finite.
 
-    Five starts differ in the curvature; the one with the lowest penalised sum of squares (the `sse`
-    of the result) wins. The standard errors count the priors as observations; rank and condition
-    are those of the data alone. The fit is deterministic and does not depend on the units of
-    pressure and target. With more than some thousand samples, the search uses means of neighbouring
-    samples (`problem.condensed`).
+    Five starts differ in the curvature a3 (one start if the `curvature` is known); the one with the
+    lowest penalised sum of squares (the `sse` of the result) wins. The standard errors count the
+    priors as observations; rank and condition are those of the data alone. The fit is deterministic
+    and does not depend on the units of pressure and target. With more than some thousand samples,
+    the search uses means of neighbouring samples (`problem.condensed`).
 
     Raises FitError if the formula has no finite value at any start.
     """
     inputs = columns["pressure"], columns["strain"], y
     scales = [float(np.abs(column).max()) or 1.0 for column in inputs]
     problem = _normalised(columns, y, *scales)
-    starts, bounds = [_start_at(problem, a3) for a3 in STARTS], _search_bounds()
+    curvatures = STARTS if curvature is None else (curvature * scales[1],)
+    starts, bounds = [_start_at(problem, a3) for a3 in curvatures], _search_bounds()
     ends = descend(problem.system, starts, bounds, evaluations=FIRST)
     if not ends:
         raise FitError(
@@ -148,7 +149,7 @@ def fit_hinge(columns: Columns, y: Array) -> FormulaFit:
     errors[LN_W] *= np.exp(q[LN_W])
     notes = [
         f"a3 is {q[A3]:.3g}/max|strain|, w is {np.exp(q[LN_W]):.3g} of the largest target; "
-        f"{agreement(ends, best, len(STARTS))}"
+        f"{agreement(ends, best, len(starts))}"
     ]
     levels = _strain_levels(columns["strain"])
     if levels <= FEW_LEVELS:

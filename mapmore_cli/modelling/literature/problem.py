@@ -65,7 +65,8 @@ class LeastSquares:
       regressors.
     - `columns`, `y`: the inputs and the target, shape (n,) each.
     - `counts`: number of samples for which each row stands, shape (n,); None if each is one.
-    - `start`: published starting value of every parameter, or None.
+    - `start`: value of every parameter to start from, or None: a published one if one is asked for,
+      or that of a fit to nearly the same rows.
 
     Every residual and regressor is multiplied by the square root of its count.
     """

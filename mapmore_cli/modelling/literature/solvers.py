@@ -193,17 +193,22 @@ ROUNDING = 1e-24  # fraction of y'y below which a sum of squares is rounding
 def variable_projection(problem: LeastSquares) -> Solution:
     """Solve `problem` by variable projection.
 
-    If there are many samples, the search uses means of neighbouring samples, and the lowest end is
-    refined on all samples. The status is `converged`, `at_bound`, `stopped_by_limit`, or `failed`
-    if every start overflows. Notes name a parameter that ends at a bound or that the data do not
-    determine, and say how many starts agree.
+    If there are many samples, the search uses means of neighbouring samples. It starts from the
+    start of the problem alone, if there is one. The lowest end is refined on all samples. The
+    status is `converged`, `at_bound`, `stopped_by_limit`, or `failed` if every start overflows.
+    Notes name a parameter that ends at a bound or that the data do not determine, and say how many
+    starts agree.
     """
     if not problem.nonlinear:
         straight = _projected(problem, np.empty(0))
         return Solution(straight.beta, np.empty(0), "converged", "linear least squares")
     few, several = problem.condensed(), len(problem.nonlinear) > 1
     bounds = problem.bounds
-    searches = [(bounds, list(drawn_starts(problem.nonlinear)))] if several else _valleys(few)
+    if problem.start is not None:
+        place = [problem.start[name] * span for name, span in problem.spans.items()]
+        searches, several = [(bounds, [np.array(place)])], False
+    else:
+        searches = [(bounds, list(drawn_starts(problem.nonlinear)))] if several else _valleys(few)
     if not searches:
         places = np.concatenate(_grids(problem))
         c = places[[np.argmin(np.abs(np.log(np.abs(places))))]]

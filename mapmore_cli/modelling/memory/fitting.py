@@ -15,7 +15,7 @@ from mapmore_cli.domain.fits import MemoryFit
 from mapmore_cli.modelling.expressions import NotFinite
 from mapmore_cli.modelling.frols import frols_together
 from mapmore_cli.modelling.memory.records import Record
-from mapmore_cli.modelling.memory.refinement import refine
+from mapmore_cli.modelling.memory.refinement import FreeRunProblem, Point, minimise, refine
 from mapmore_cli.modelling.memory.selectors import TermChoice, problem_of
 from mapmore_cli.modelling.memory.training import DIGITS, TrainingData, Unknown, left_open
 from mapmore_cli.modelling.selection import MemoryRecipe
@@ -35,12 +35,14 @@ def fit_with_memory(
     records: Sequence[Record],
     recipe: MemoryRecipe,
     progress: Progress = lambda _done, _total: None,
+    near: MemoryFit | None = None,
 ) -> MemoryFit:
     """Choose and fit the terms of one model to the training samples of all pieces.
 
     Operator parameters that the dictionary leaves free are estimated first. Then they and the
     coefficients are adjusted to minimise the error in free run. `progress` is called with how many
-    numbers of terms were tried in free run, and how many will be.
+    numbers of terms were tried in free run, and how many will be. The search for numbers and
+    coefficients begins at those of a fit `near`, to more of the same samples, where there is one.
 
     Raises DataError if a quantity is missing, no sample has enough history, a state cannot be fed
     back, the dictionary needs more memory than there is, or no model has a finite free run.
@@ -52,7 +54,9 @@ def fit_with_memory(
             f"only, not with `{recipe.loss}`",
             "write the numbers, for example `slow(pressure, 0.3)`, or remove `fit.loss`",
         )
-    start = _start(records, recipe, numbers) if numbers.states else np.empty(0)
+    start = np.empty(0)
+    if numbers.states:
+        start = numbers.found(near.identified) if near else _start(records, recipe, numbers)
     training, held_out = TrainingData(records, recipe, numbers.numbers(start)), None
     if recipe.stop == "free_run":
         chosen, held_out = _sized_in_free_run(records, recipe, numbers.numbers(start), progress)
@@ -64,7 +68,7 @@ def fit_with_memory(
     if recipe.criterion == "one_step" and not in_chosen.any():
         return replace(training.fit(choice), held_out=held_out)
     problem = training.problem(chosen, search=True)
-    point = refine(problem, _ahead(choice, start[in_chosen]))
+    point = _refined(problem, choice, start[in_chosen], near)
     if not np.isfinite(point.error):
         raise DataError(
             "the free run of the chosen terms diverges on the training samples", DIVERGES
@@ -105,6 +109,22 @@ def fit_outputs(records: Sequence[Record], recipes: Sequence[MemoryRecipe]) -> l
         training.fit(TermChoice(selection, 0.0, 0.0, selection.chosen))
         for training, selection in zip(trained, selections, strict=True)
     ]
+
+
+def _refined(
+    problem: FreeRunProblem, choice: TermChoice, numbers: Array, near: MemoryFit | None
+) -> Point:
+    """Return the point of least error in free run, searched from the coefficients of one step
+    ahead; or at once over whole runs, from those of a fit `near` that has the same terms.
+    """
+    chosen = choice.selection.chosen.tolist()
+    if near is not None and {*near.selection.chosen.tolist()} == {*chosen}:
+        order = [near.selection.chosen.tolist().index(term) for term in chosen]
+        before = np.array([*near.model.theta[order], near.model.constant, *numbers])
+        point = minimise(problem, before, None)
+        if np.isfinite(point.error):
+            return point
+    return refine(problem, _ahead(choice, numbers))
 
 
 def _ahead(choice: TermChoice, numbers: Sequence[float] | Array = ()) -> Array:

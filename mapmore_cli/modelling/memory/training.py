@@ -117,17 +117,32 @@ class Unknown:
             for term in map(parse, texts)
         )
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What each number is called, (m)."""
+        return tuple(f"{parameter.key} of {one.name}" for one, parameter in self.places)
+
+    def found(self, before: Identified | None) -> Array:
+        """(m,) where the numbers that were identified `before` lie in the search; the middle, where
+        they were not.
+        """
+        at: Array = self.bounds.mean(axis=0)
+        if before is not None:
+            known = dict(zip(before.names, before.numbers, strict=True))
+            own = np.array([name in known for name in self.names])
+            at[own] = self.searched([known.get(name, 1.0) for name in self.names])[own]
+        return at
+
     def identified(self, searched: Array, errors: Array) -> Identified:
         """Return the parameters with their standard errors, computed from those of the search
         coordinates.
         """
         numbers = np.array(self.numbers(searched, DIGITS))
-        names = tuple(f"{parameter.key} of {operated.name}" for operated, parameter in self.places)
         scale = np.where(self.limits[0] > 0, numbers, 1.0)
         low, high = self.bounds
         near = AT_BOUND * (high - low)
         held = (searched <= low + near) | (searched >= high - near)
-        return Identified(names, numbers, np.where(held, np.nan, errors * scale), held)
+        return Identified(self.names, numbers, np.where(held, np.nan, errors * scale), held)
 
     def scan(
         self, error: Callable[[tuple[float, ...]], float], keep: int

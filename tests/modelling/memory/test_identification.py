@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 
 from mapmore_cli.modelling.expressions.operator import FLOATS, Setting, along
 from mapmore_cli.modelling.expressions.operators import OPERATORS
+from mapmore_cli.modelling.memory import fitting
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
 from mapmore_cli.modelling.memory.free_run import Along
 
@@ -112,6 +113,23 @@ def test_open_numbers_follow_terms_whatever_order_they_are_chosen_in():
     )
     assert fit.identified.numbers == pytest.approx([0.2], rel=1e-3)
     assert set(fit.model.states.names) == {"x", f"slow(x, {float(fit.identified.numbers[0])!r})"}
+
+
+def test_a_part_of_a_record_is_fitted_from_the_fit_of_all_of_it(monkeypatch):
+    """The numbers that were found are where the search begins: no set of starts is tried, and free
+    runs do not begin with short horizons.
+    """
+    x = wandering(1500, 5)
+    y = slow(x, 0.2, STEP) + 0.3 * x + 0.01 * np.random.default_rng(1).normal(size=1500)
+    recipe = recipe_of("y", ["x", "slow(x)"], max_terms=2)
+    near = fit_with_memory([record(x=x, y=y)], recipe)
+    some = [record(x=x, y=y, training=np.arange(1500) < 900)]
+    searched = fit_with_memory(some, recipe)
+    for search in ("_start", "refine"):
+        monkeypatch.setattr(fitting, search, None)
+    found = fit_with_memory(some, recipe, near=near)
+    assert found.identified.numbers == pytest.approx(searched.identified.numbers, rel=1e-5)
+    assert sorted(found.model.theta) == pytest.approx(sorted(searched.model.theta), rel=1e-5)
 
 
 def test_a_number_at_its_bound_is_told():

@@ -17,6 +17,8 @@ decay over a strain of 1/33.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
@@ -53,7 +55,10 @@ class SarosiHinged(Formula):
         """
         problem = self.problem(columns, y)
         columns, y = problem.columns, problem.y
-        hinged, plain = hinge.fit_hinge(columns, y), PLAIN.fit(columns, y, method)
+        blended = self.near is not None and self.near["share"] < 1.0
+        part = replace(PLAIN, near=self.near if blended else None)
+        curvature = None if self.near is None else self.near["a3"]
+        hinged, plain = hinge.fit_hinge(columns, y, curvature), part.fit(columns, y, method)
         usable, largest = plain.status == "converged", float(np.abs(y).max()) or 1.0
         own = plain.parameters if usable else dict.fromkeys(PLAIN.parameters, 0.0)
         parameters = {**hinged.parameters, "share": 1.0, **own}
