@@ -288,6 +288,7 @@ class Search:
     chosen: int  # number of the simplest that is as good
     rule: str = ""  # by which one was taken
     cut: int = 0  # structures that were not tried for want of time
+    short: int | None = None  # number of the one that was chosen before the list went on, if it did
     notes: tuple[str, ...] = ()  # for the user
 
     @property

@@ -74,7 +74,7 @@ def run_search(part: Slice, workspace: Workspace) -> None:
     )
 
 
-STAGE = Stage(name="search", revision=14, outputs=(SEARCH,), reads=search_slice, run=run_search)
+STAGE = Stage(name="search", revision=15, outputs=(SEARCH,), reads=search_slice, run=run_search)
 
 
 def with_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
@@ -107,8 +107,10 @@ _SLICE = TypeAdapter(Slice)
 
 def searching_again(run_dir: Path) -> Callable[[Dataset], ModelChoices]:
     """Return what finds a structure in the training samples of a dataset, as the search of a run
-    did in those of its own.
+    did in those of its own: where it went on with longer structures, this may as well.
     """
     recorded = load_records(run_dir, lambda _message: None)[STAGE.name].slice
     part = _SLICE.validate_json(to_json(recorded))
-    return lambda dataset: choices_of(search(dataset, part, beside=False).found.sections, part)
+    whole = RunFiles(run_dir).search()
+    beside = whole is not None and whole.short is not None
+    return lambda dataset: choices_of(search(dataset, part, beside=beside).found.sections, part)

@@ -191,6 +191,8 @@ class ModelSettings(Settings):
 
     - `type`: one of these, as `literature`
     - `budget`: computing time of each process of a search, as `5 min`
+    - `prefer`: `short` ends a search with the first list of structures; by default longer ones are
+      tried where a black box errs less by a tenth, as `short`
     - `inputs`: inputs of what is searched; all quantities that vary by default, as `[pressure,
       strain]`
     - `backbone`: formula whose residual the pieces explain; `auto` takes the formula, or none,
@@ -203,6 +205,7 @@ class ModelSettings(Settings):
 
     type: ModelType = "mapmore"
     budget: Seconds = 60.0
+    prefer: Literal["short"] | None = None
     inputs: Annotated[Sequence[Quantity], Len(1)] | None = None
     backbone: str | None = None
     name: str | None = None
@@ -254,7 +257,7 @@ class ModelSettings(Settings):
 
 
 _TYPE_OF = {
-    **dict.fromkeys(("budget", "inputs"), "auto"),
+    **dict.fromkeys(("budget", "prefer", "inputs"), "auto"),
     **{key.name: one.name for one in kinds.kinds() for key in fields(one.settings)},
     **{"name": "literature", "backbone": "mapmore", "sum": "sum"},
 }
