@@ -295,6 +295,7 @@ class Search:
     chosen: int  # index of the simplest structure that is as good
     rule: str = ""  # rule by which one was chosen
     cut: int = 0  # structures that were not tried because of the time limit
+    short: int | None = None  # number of the one that was chosen before the list went on, if it did
     notes: tuple[str, ...] = ()  # notes for the user
 
     @property

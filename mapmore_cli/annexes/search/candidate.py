@@ -16,6 +16,17 @@ from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature import TARGET
 from mapmore_cli.modelling.literature.formula import Formula
 
+MOST_PARAMETERS = 28
+"""Of a structure that is taken for a table, or as many as the cubic of all inputs has; what has
+more is only shown. Structures of a later round may have one for every `SHARE` samples.
+"""
+
+SHARE = 40
+"""Training samples for each parameter that a structure of a later round may have."""
+
+SIZED = ("simple", "longer")
+"""Kinds whose most terms are meant as they stand, whatever the number of inputs."""
+
 MOST = ("inputs", "most_moving", "samples")
 """Conditions with an upper bound."""
 
@@ -59,8 +70,8 @@ def offered_structures(family: Mapping[str, Any], of: Situation) -> Iterator[Str
             }
             kind, name = parts.pop("kind", family["kind"]), parts.pop("words")
             if "dictionary" in parts:
-                fit = {**family["fit"], **parts["fit"]}
-                if not of.timed and kind != "simple":
+                fit = {**filled(family["fit"], words), **parts.get("fit", {})}
+                if not of.timed and kind not in SIZED:
                     fit["max_terms"] = ceil(fit["max_terms"] * max(len(of.inputs) + 1, 3) / 3)
                 parts |= {"segment": {**pooled, **parts.get("segment", {})}, "fit": fit}
             yield Structure(kind, name, parts)
@@ -96,6 +107,7 @@ def vocabulary(of: Situation, **more: Any) -> dict[str, Any]:
       first, or all, that move.
     - `PLANE`, `QUADRATIC`, `CUBIC`: number of their monomials. `SLOW_ORDER`: order of products of
       slow states.
+    - `MANY`: how many terms the samples can carry, 28 at least and 200 at most.
     - `FORMULAS`: formulas whose quantities the study has.
     - `AROUND_ZERO`: inputs that take both signs. `VELOCITIES`: these, and the rates of at most two
       others.
@@ -123,6 +135,7 @@ def vocabulary(of: Situation, **more: Any) -> dict[str, Any]:
         "FIRST_REST": rest[:1],
         "MOVING_REST": rest,
         **monomials,
+        "MANY": min(max(MOST_PARAMETERS, of.samples // SHARE), 200),
         "SLOW_ORDER": 3 if len(inputs) == 1 else 2,
         "FORMULAS": [name for name in FORMULAS if _is_known(literature.get(name), of)],
         "AROUND_ZERO": zero,

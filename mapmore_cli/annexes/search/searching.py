@@ -5,12 +5,13 @@ spec is made.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from importlib.resources import files
+from itertools import chain
 from math import comb
-from operator import attrgetter, call
+from operator import call
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +20,13 @@ from pydantic import TypeAdapter
 
 from mapmore_cli.annexes.search.bench import Bench, Slice, searchable
 from mapmore_cli.annexes.search.black_boxes import BLACK_BOX, Left, Outcome, black_boxes
-from mapmore_cli.annexes.search.candidate import Structure, offered_structures
+from mapmore_cli.annexes.search.candidate import (
+    MOST_PARAMETERS,
+    SHARE,
+    Structure,
+    offered_structures,
+)
+from mapmore_cli.annexes.search.further import go_on, lacking, note_of
 from mapmore_cli.annexes.search.situation import situation_of
 from mapmore_cli.domain import plugins
 from mapmore_cli.domain.arrays import Array, BoolArray
@@ -35,7 +42,7 @@ from mapmore_cli.modelling.kinds import fed_back, parameters, runs_over_time
 from mapmore_cli.modelling.memory.records import sampled
 from mapmore_cli.modelling.pieces.remarks import exploding_curves
 from mapmore_cli.modelling.validation.significance import WITHIN, simplest_of, undominated
-from mapmore_cli.pipeline.processors import shared_out
+from mapmore_cli.pipeline.processors import free_processors, shared_out
 
 if TYPE_CHECKING:
     from mapmore_cli.fitting.stage import Progress
@@ -44,14 +51,6 @@ FAMILIES = ("tables", "states", "friction", "feedback")
 """Files of candidates in the order in which they are tried. If time is short, the last ones are
 left out.
 """
-
-MOST_PARAMETERS = 28
-"""Largest number of parameters of a structure that may be chosen for a table, or the number in the
-cubic of all inputs if that is larger. Structures with more are only shown.
-"""
-
-LESS = 0.9
-"""Ratio to the error of the chosen structure below which a black box is clearly better."""
 
 BEYOND = "fuse.extrapolation"
 """Setting for the behaviour of pieces outside the range of each curve."""
@@ -101,7 +100,8 @@ def search(
     """Try every candidate on training samples that are left out, and choose one.
 
     Held-out outputs are dropped before anything is computed. With `beside`, black boxes are
-    compared on the same folds.
+    compared on the same folds; if one of them has a clearly smaller error, longer structures are
+    tried as well (`further`).
 
     Raises
     ------
@@ -118,22 +118,22 @@ def search(
     parts = plugins.parts("families", Mapping)  # type: ignore[type-abstract]
     added = [part.value for part in parts]
     families = [*map(family, FAMILIES), *added]
-    listed = [one for known in families for one in offered_structures(known, situation)]
     bench = Bench.of(training, situation, part, dataset)
-    budget = Budget(part.model.budget)
-    jobs = [partial(_try_structure, candidate, bench, budget) for candidate in listed]
-    yardsticks = [partial(black_boxes, bench.dataset, bench.folds, situation)] if beside else []
-    done = shared_out(call, [*jobs, *yardsticks], partial(progress, "structures"))
-    outcomes = [outcome for ways in done for outcome in ways]
-    cut = done[: len(jobs)].count([])
-    ended = (
-        f"the budget of {part.model.budget:g} s ended before {cut} of {len(listed)} structures "
-        "were tried"
-    )
+    trials = Trials(bench, partial(progress, "structures"))
+    boxes = [partial(black_boxes, training, bench.folds, situation)] if beside else []
+    outcomes = trials.outcomes(families, boxes)
     most = None if situation.timed else max(MOST_PARAMETERS, comb(len(situation.inputs) + 3, 3))
     result = _choose_structure(outcomes, bench, most)
-    notes = (*[ended] * bool(cut), *uneven, *_notes_of(result, bench))
-    return replace(result, cut=cut, notes=notes)
+    if part.model.prefer is None:
+        more = None if most is None else max(most, situation.samples // SHARE)
+        result = go_on(
+            result,
+            bench,
+            lambda name: trials.outcomes([family(name)]),
+            lambda later: _choose_structure([*outcomes, *later], bench, more),
+        )
+    notes = (*trials.notes, *uneven, *_notes_of(result, bench))
+    return replace(result, cut=trials.cut, notes=notes)
 
 
 def _uneven(dataset: Dataset) -> tuple[str, ...]:
@@ -160,6 +160,44 @@ class Budget:
     def over(self) -> bool:
         """True if this process has used up its time."""
         return self.worked > self.seconds
+
+
+Work = Callable[[], list[Outcome]]
+
+
+@dataclass
+class Trials:
+    """Candidates that are tried on a bench, one round after the other within one budget."""
+
+    bench: Bench
+    progress: Callable[[int, int], None]
+    listed: int = 0
+    cut: int = 0
+    worked: float = 0.0
+
+    def outcomes(
+        self, families: Sequence[Mapping[str, Any]], others: Sequence[Work] = ()
+    ) -> list[Outcome]:
+        """Try what families offer, and do other work beside it."""
+        offered = [offered_structures(known, self.bench.situation) for known in families]
+        budget = Budget(self.bench.part.model.budget, self.worked / free_processors())
+        jobs: list[Work] = [
+            partial(_try_structure, one, self.bench, budget) for one in chain(*offered)
+        ]
+        done = shared_out(call, [*jobs, *others], self.progress)
+        self.listed += len(jobs)
+        self.cut += done[: len(jobs)].count([])
+        self.worked += sum(one.seconds for ways in done for one, _ in ways)
+        return [outcome for ways in done for outcome in ways]
+
+    @property
+    def notes(self) -> list[str]:
+        """What a reader is told where the budget ended early."""
+        ended = (
+            f"the budget of {self.bench.part.model.budget:g} s ended before {self.cut} of "
+            f"{self.listed} structures were tried"
+        )
+        return [ended] * bool(self.cut)
 
 
 def _choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: int | None) -> Search:
@@ -224,13 +262,12 @@ def _notes_of(result: Search, bench: Bench) -> list[str]:
             f"{own.words} is as good as structures with more parameters: {best.words} adds "
             "nothing that left-out data show"
         )
-    boxes = [one for one in result.tried if one.family == BLACK_BOX]
-    asked = attrgetter("parts" if bench.asks_parts else "error")
-    where = bench.parts_left_out.rpartition(" ")[2] if bench.asks_parts else "stretches"
-    least = min(boxes, key=asked, default=own)
-    if asked(least) < LESS * asked(own):
+    if result.short is not None:
+        notes.append(note_of(result))
+    if lack := lacking(result, bench):
+        where = bench.parts_left_out.rpartition(" ")[2] if bench.asks_parts else "stretches"
         notes.append(
-            f"{least.words} has an error {asked(own) / asked(least):.2g} times smaller on "
+            f"{lack[0]} has an error {lack[1]:.2g} times smaller on "
             f"left-out {where}: the chosen structure lacks something"
         )
     return notes

@@ -107,8 +107,10 @@ _SLICE = TypeAdapter(Slice)
 
 def searching_again(run_dir: Path) -> Callable[[Dataset], ModelChoices]:
     """Return a function that finds a structure from the training samples of a dataset, as the
-    search of a run did.
+    search of a run did; it may try longer structures as well, if that search did.
     """
     recorded = load_records(run_dir, lambda _message: None)[STAGE.name].slice
     part = _SLICE.validate_json(to_json(recorded))
-    return lambda dataset: choices_of(search(dataset, part, beside=False).found.sections, part)
+    whole = RunFiles(run_dir).search()
+    beside = whole is not None and whole.short is not None
+    return lambda dataset: choices_of(search(dataset, part, beside=beside).found.sections, part)

@@ -196,6 +196,8 @@ class ModelSettings(Settings):
     - `type`: Kind of the model, one of the words above. Example: `literature`
     - `budget`: Computing time of each process of a search. More time tries more structures.
       Example: `5 min`
+    - `prefer`: `short` ends a search with the first list of structures; by default longer ones are
+      tried where a black box errs less by a tenth, as `short`
     - `inputs`: Inputs that a search may use; by default all quantities that vary. Example:
       `[pressure, strain]`
     - `backbone`: A formula of the literature; the segment functions explain only what remains after
@@ -209,6 +211,7 @@ class ModelSettings(Settings):
 
     type: ModelType = "mapmore"
     budget: Seconds = 60.0
+    prefer: Literal["short"] | None = None
     inputs: Annotated[Sequence[Quantity], Len(1)] | None = None
     backbone: str | None = None
     name: str | None = None
@@ -264,7 +267,7 @@ class ModelSettings(Settings):
 
 
 _TYPE_OF = {
-    **dict.fromkeys(("budget", "inputs"), "auto"),
+    **dict.fromkeys(("budget", "prefer", "inputs"), "auto"),
     **{key.name: one.name for one in kinds.kinds() for key in fields(one.settings)},
     **{"name": "literature", "backbone": "mapmore", "sum": "sum"},
 }

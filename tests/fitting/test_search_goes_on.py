@@ -1,0 +1,150 @@
+"""The list of structures goes on where a black box errs clearly less than what it has, and ends
+where longer structures gain nothing.
+"""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from common import dataset_of
+
+from mapmore_cli.annexes.search import further, searching
+from mapmore_cli.annexes.search.bench import Slice
+from mapmore_cli.annexes.search.black_boxes import black_boxes
+from mapmore_cli.annexes.search.further import go_on
+from mapmore_cli.annexes.search.searching import choices_of, search
+from mapmore_cli.annexes.search.situation import situation_of
+from mapmore_cli.domain.results import Search, Tried
+from mapmore_cli.fitting.kinds import refit
+from mapmore_cli.modelling.forecast import forecast
+from mapmore_cli.modelling.pieces.recipe import Fuse
+from mapmore_cli.study.sections.model import ModelChoice
+
+WHOLE = Slice(None, ModelChoice(type="auto"), Fuse(), {}, None, (), False)
+SHORT = replace(WHOLE, model=ModelChoice(type="auto", prefer="short"))
+LONG = (0.10, 30)
+"""Error and parameters of a structure of a later round."""
+
+
+def choice_of(*structures, box):
+    """A search whose last structure is taken, beside a black box; all by error and parameters."""
+    tried = [
+        Tried("surface", f"structure {number}", {}, size, error=error, excess=np.log(error))
+        for number, (error, size) in enumerate(structures)
+    ]
+    tried.append(Tried("black box", "gradient boosting", {}, error=box))
+    last = len(structures) - 1
+    return Search("search", "y", "", "", 1.0, tuple(tried), last, last)
+
+
+@pytest.mark.parametrize(
+    ("box", "rounds", "asked", "chosen"),
+    [
+        (0.95, [(0.50, 30)], [], 0),  # the black box errs hardly less
+        (0.50, [(0.99, 30)], ["second"], 0),  # gains less than 5 %
+        (0.50, [(0.94, 280)], ["second"], 0),  # gains less than its parameters cost
+        (0.50, [(0.80, 12), (0.79, 13)], ["second", "third"], 1),  # the last gains nothing
+        (0.50, [(0.51, 12)], ["second"], 1),  # then the black box errs hardly less
+        (0.10, [(0.80, 12), (0.60, 13)], ["second", "third"], 2),
+    ],
+)
+def test_rounds_go_on_while_a_black_box_errs_less_and_one_gains(box, rounds, asked, chosen):
+    structures, names = [(1.0, 10)], []
+
+    def try_round(name):
+        names.append(name)
+        structures.append(rounds[len(names) - 1])
+        return [name]
+
+    first = choice_of(*structures, box=box)
+    bench = SimpleNamespace(asks_parts=False)
+    result = go_on(first, bench, try_round, lambda _later: choice_of(*structures, box=box))
+    assert (names, result.chosen) == (asked, chosen)
+    assert result.short == (0 if asked else None)
+
+
+def smooth_map(size, seed=0):
+    """A smooth map of three inputs, a fifth of it held out."""
+    rng = np.random.default_rng(seed)
+    x, z, w = rng.uniform(0, 1, (3, size))
+    y = np.sin(3 * x * z) + x * np.exp(-2 * (w - 0.4) ** 2) + np.tanh(3 * (z - w)) / 2
+    noisy = y + 0.005 * np.ptp(y) * rng.standard_normal(size)
+    return dataset_of({"x": x, "z": z, "w": w, "y": noisy}, held_out=rng.random(size) < 0.2)
+
+
+def held_out_error(dataset, found):
+    """RMSE of a structure on the held-out samples."""
+    model, (curve,) = refit(choices_of(found.sections, WHOLE), dataset), dataset.curves
+    missed = forecast(model, curve).values - curve.columns["y"]
+    return float(np.sqrt(np.mean(missed[curve.held_out] ** 2)))
+
+
+def error_of_process(dataset):
+    """RMSE of the Gaussian process of the search on the held-out samples."""
+    situation, (curve,) = situation_of(dataset), dataset.curves
+    (missed, _), *_ = next(
+        left
+        for one, left in black_boxes(dataset, [curve.held_out], situation)
+        if one.words == "gaussian process"
+    )
+    return float(np.sqrt(np.mean(missed**2)))
+
+
+def only_plain(monkeypatch):
+    """Search plane, quadratic and cubic in the first round."""
+    every = searching.family
+    plain = [one for one in every("tables")["candidates"] if one.get("kind") == "simple"]
+    families = {"tables": {**every("tables"), "candidates": plain}}
+    monkeypatch.setattr(searching, "FAMILIES", ("tables",))
+    monkeypatch.setattr(searching, "family", lambda name: families.get(name) or every(name))
+
+
+def test_a_smooth_map_gets_more_terms_unless_the_study_prefers_the_short_one(monkeypatch):
+    only_plain(monkeypatch)
+    monkeypatch.setattr(further, "ROUNDS", ("second",))
+    monkeypatch.setattr("mapmore_cli.annexes.search.black_boxes.find_spec", lambda _name: None)
+    dataset = smooth_map(1500)
+    long, short = search(dataset, WHOLE), search(dataset, SHORT)
+    assert short.short is None
+    assert short.found.words == long.tried[long.short].words == "cubic"
+    assert long.found.family == "longer"
+    assert 20 < long.found.parameters <= 60
+    assert long.found.error < 0.7 * short.found.error
+    assert any("prefer: short" in note and "cubic" in note for note in long.notes)
+    assert any("structure lacks something" in note for note in short.notes)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_large_smooth_map_is_as_good_as_a_gaussian_process(seed):
+    dataset = smooth_map(26_000, seed)
+    found = search(dataset, WHOLE).found
+    assert held_out_error(dataset, found) <= 1.05 * error_of_process(dataset)
+
+
+def additive_splines(dataset):
+    """RMSE of least squares on cubic splines of every input, on the held-out samples."""
+    (curve,) = dataset.curves
+    parts = []
+    for name in set(dataset.quantities) - {"y"}:
+        x = curve.columns[name]
+        powers = [x, x**2, x**3]
+        parts += powers + [np.maximum(x - knot, 0) ** 3 for knot in np.linspace(0, 1, 7)[1:-1]]
+    basis, y = np.column_stack([np.ones_like(x), *parts]), curve.columns["y"]
+    theta = np.linalg.lstsq(basis[~curve.held_out], y[~curve.held_out], rcond=None)[0]
+    return float(np.sqrt(np.mean((basis @ theta - y)[curve.held_out] ** 2)))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("inputs", [8, 16])
+@pytest.mark.parametrize("pairs", [0, 1], ids=["sum", "sum_and_product"])
+def test_many_inputs_are_as_good_as_additive_splines(inputs, pairs):
+    rng = np.random.default_rng(inputs)
+    x = rng.uniform(0, 1, (inputs, 2000))
+    y = sum(np.sin((2 + 0.7 * i) * one + i) / (1 + 0.2 * i) for i, one in enumerate(x))
+    y = y + pairs * x[0] * x[1] + 0.05 * rng.standard_normal(2000)
+    columns = {**dict(zip("abcdefghijklmnop", x, strict=False)), "y": y}
+    dataset = dataset_of(columns, held_out=rng.random(2000) < 0.2)
+    found = search(dataset, WHOLE).found
+    assert held_out_error(dataset, found) <= additive_splines(dataset)
