@@ -76,7 +76,7 @@ def test_stored_numbers_mean_what_the_attributes_of_netcdf_say(tmp_path, stored,
 
 def test_a_factor_that_is_a_text_is_refused(tmp_path):
     refusal(
-        ["a.h5: /F: its attribute scale_factor is no number"],
+        ["a.h5: /F: its attribute scale_factor is not a number"],
         "hdf5",
         hdf5(tmp_path / "a.h5", [1, 2], {"scale_factor": "0.1"}),
         "F",
