@@ -179,7 +179,7 @@ runs:
 
 
 def campaign(folder: Path) -> Numbers:
-    """Run the campaign of `many.md`; return the held-out NRMSE of every run and model in per cent."""
+    """Run the campaign of `many.md`; return the held-out NRMSE of its models in per cent."""
     example(folder)
     path = folder / "muscle" / "campaign.yaml"
     path.write_text(CAMPAIGN, encoding="utf-8")

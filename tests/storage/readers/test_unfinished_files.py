@@ -45,7 +45,7 @@ def test_padding_longer_than_any_line_is_not_kept(tmp_path, monkeypatch):
 @pytest.mark.parametrize("line", [b"\0" * 4096 + b"40,1.5,4", b"\0\0,1.5,4", b"1,1.5\0\0,4"])
 def test_a_line_with_nul_in_it_is_lost_whatever_columns_are_wanted(tmp_path, line):
     content = b"x,t,P\n1,2,3\n" + line + b"\n4,5,6\n"
-    with refused("a.csv:row 3: bytes of NUL stand in this line", "`missing: drop`"):
+    with refused("a.csv:row 3: the line contains NUL bytes", "`missing: drop`"):
         csv_table(tmp_path / "a", content, "P")
     kept = csv_table(tmp_path / "a", content, "P", incomplete=True)
     np.testing.assert_array_equal(kept.columns["P"], [3, np.nan, 6])
