@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.patches import FancyBboxPatch
+from matplotlib.patches import FancyBboxPatch, Rectangle
 
 QUESTION, ANSWER = "#fff3d6", "#dbe9f6"
 CHOICES = (
@@ -76,6 +77,71 @@ def decision_tree(_numbers: dict[str, list[str]]) -> Figure:
         if place < len(CHOICES) - 1:
             other = {"no": "yes", "yes": "no"}[word]
             arrow(axes, (17, y - 3.6), (17, y - 6.9), other)
+    return figure
+
+
+def block(
+    axes: Any, place: tuple[float, float], name: str, ports: tuple[Sequence[str], str]
+) -> None:
+    """Draw a block of a diagram with its inputs at the left and its output at the right."""
+    inputs, output = ports
+    axes.add_patch(Rectangle(place, 22, 9, fc="white", ec="0.2", linewidth=1.2))
+    axes.text(place[0] + 11, place[1] + 4.5, name, ha="center", va="center", fontsize=9)
+    axes.text(place[0] + 11, place[1] - 1.6, "C Caller", ha="center", fontsize=8, color="0.4")
+    for y, word in zip((6.3, 2.7), inputs, strict=True):
+        axes.text(place[0] + 0.7, place[1] + y, word, va="center", fontsize=7)
+    axes.text(place[0] + 21.3, place[1] + 4.5, output, ha="right", va="center", fontsize=7)
+
+
+def c_caller(_numbers: dict[str, list[str]]) -> Figure:
+    """Draw a diagram with the two C Caller blocks that `export-simulink.md` adds."""
+    figure, axes = blank(6.6, 3.0)
+    blocks = (((25, 18), "muscle_force", "force"), ((25, 4), "muscle_valid", "valid"))
+    for place, name, output in blocks:
+        block(axes, place, name, (("pressure", "strain"), output))
+    for y, word in ((24.3, "pressure [kPa]"), (20.7, "strain [1]")):
+        axes.text(1, y, word, va="center", fontsize=8)
+    for x, top, down in ((17, 24.3, 10.3), (20, 20.7, 6.7)):
+        axes.plot((x, x), (top, down), color="0.2", linewidth=0.9)
+        axes.plot(x, top, "o", color="0.2", markersize=3)
+        arrow(axes, (12.5, top), (25, top), "")
+        arrow(axes, (x, down), (25, down), "")
+    for y, word in ((22.5, "force [N]"), (8.5, "1 inside the training\nrange, 0 outside")):
+        arrow(axes, (47, y), (51.5, y), "")
+        axes.text(52, y, word, va="center", fontsize=8)
+    return figure
+
+
+def campaign_page(numbers: dict[str, list[str]]) -> Figure:
+    """Draw the page of a campaign: its table, and the dots of each run."""
+    runs, models = numbers["name"], [name for name in numbers if name != "name"]
+    errors = {name: np.array(numbers[name], dtype=float) for name in models}
+    ratios = [np.exp(np.mean(np.log(errors[name] / errors["sarosi"]))) for name in models]
+    figure, axes = blank(7.6, 4.4)
+    axes.add_patch(FancyBboxPatch((1.5, 1.5), 73, 41, "round,pad=0.6", fc="white", ec="0.5"))
+    axes.text(2.5, 39.6, "Both campaigns of the year", fontsize=12, weight="bold")
+    axes.text(2.5, 36.6, "NRMSE of every run and model, in per cent", fontsize=8)
+    rows = [("run", *models)]
+    rows += [(run, *(f"{errors[name][k]:.3g}" for name in models)) for k, run in enumerate(runs)]
+    rows += [("ratio, geometric mean", *(f"{ratio:.3g}" for ratio in ratios))]
+    for row, cells in enumerate(rows):
+        weight = "bold" if row == 0 else "normal"
+        for column, cell in enumerate(cells):
+            x, side = (22.5 + 8.5 * column, "right") if column else (2.5, "left")
+            color = "#1f5fa8" if column == 0 and 0 < row < len(rows) - 1 else "black"
+            look = {"ha": side, "color": color, "weight": weight, "fontsize": 8}
+            axes.text(x, 33.6 - 2.3 * row, cell, **look)
+    below = figure.add_axes((0.13, 0.155, 0.6, 0.36))
+    others = [name for name in models if name != "mapmore"]
+    best = np.min([errors[name] for name in others], axis=0)
+    dots = {"mapmore": errors["mapmore"], "sarosi": errors["sarosi"], "best of the others": best}
+    looks = (("o", "#1f77b4", 6), ("s", "#d62728", 6), ("o", "none", 12))
+    for (name, found), (marker, color, size) in zip(dots.items(), looks, strict=True):
+        look = {"color": color, "markersize": size, "markeredgecolor": "0.3"}
+        below.plot(found, runs, marker, label=name, **look)
+    below.set(xlabel="NRMSE (%)", ylim=(-0.6, len(runs) - 0.4), xlim=(0, None))
+    below.invert_yaxis()
+    below.legend(fontsize=7, bbox_to_anchor=(1.02, 1), loc="upper left")
     return figure
 
 

@@ -20,11 +20,12 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from concept_diagrams import annotated_page, decision_tree
+from concept_diagrams import annotated_page, c_caller, campaign_page, decision_tree
 from concept_numbers import (
     Numbers,
     band,
     beyond,
+    campaign,
     candidates,
     errors_by_terms,
     held_out_curve,
@@ -181,6 +182,8 @@ def columns(numbers: dict[str, list[str]]) -> list[np.ndarray]:
 PICTURES = {
     "annotated-page": Picture(held_out_curve, annotated_page),
     "which-model": Picture(lambda _: {}, decision_tree),
+    "c-caller": Picture(lambda _: {}, c_caller),
+    "campaign-page": Picture(campaign, campaign_page),
     "overfitting": Picture(errors_by_terms, draw_overfitting),
     "beyond-the-data": Picture(beyond, draw_beyond),
     "memory-loops": Picture(loops, draw_loops),

@@ -166,6 +166,38 @@ def held_out_curve(folder: Path) -> Numbers:
     return named("strain measured mapmore sarosi polynomial_2", found)
 
 
+CAMPAIGN = """\
+schema_version: 1
+campaign: year
+base: study.yaml
+relative_to: sarosi
+runs:
+  - {name: spring, set: {data.files: ["load_cycle_*.csv"]}}
+  - {name: autumn, set: {data.files: ["autumn/load_cycle_*.csv"]}}
+"""
+"""The campaign of `many.md`."""
+
+
+def campaign(folder: Path) -> Numbers:
+    """Run the campaign of `many.md`; return the held-out NRMSE of its models in per cent."""
+    example(folder)
+    path = folder / "muscle" / "campaign.yaml"
+    path.write_text(CAMPAIGN, encoding="utf-8")
+    command = [sys.executable, "-m", "mapmore_cli", "batch", str(path), "-q", "--jobs", "1"]
+    command += ["--runs", str(folder / "runs")]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    models, rows = ("mapmore", "sarosi", "polynomial_2", "plane", "quadratic", "cubic"), []
+    for name in ("spring", "autumn"):
+        table = json.loads((folder / "runs" / name / "scores.json").read_text("utf-8"))
+        errors = {
+            row["model"]: 100 * row["nrmse"]
+            for row in table["scores"]
+            if (row["split"], row["curve"]) == ("validate", "all")
+        }
+        rows.append((name, *(errors[model] for model in models)))
+    return named(" ".join(("name", *models)), rows)
+
+
 def outer_level(folder: Path) -> Numbers:
     """Hold out the highest pressure; return its curve and what two models predict there."""
     spec = example(folder)

@@ -178,9 +178,9 @@ def reference() -> str:
 _METRICS = """\
 ### Metrics
 
-What `validate.require` may limit, as `{{nrmse: 0.05, r2: 0.9}}`: {} from below, all others from
-above. A limit holds for the run's own model on the pooled validation rows, or on the training
-rows where nothing is held out.
+`validate.require` can limit these numbers, for example `{{nrmse: 0.05, r2: 0.9}}`. The limits of {}
+are lower limits, all others are upper limits. They are compared with the scores of the run's own
+model on all held-out data, or on the training data if nothing is held out.
 
 | metric | meaning | in units of |
 |---|---|---|

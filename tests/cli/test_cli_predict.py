@@ -110,7 +110,7 @@ def test_outside_of_the_range_of_each_curve():
     [
         ("", "t: the table is empty", "pressure [kPa], strain [1]"),
         ("pressure,strian\n1,2\n", "no column 'strain'", "Did you mean 'strian'?"),
-        ("pressure,strain,strain\n1,2,3\n", "'strain' stands 2 times", ""),
+        ("pressure,strain,strain\n1,2,3\n", "'strain' occurs 2 times", ""),
         (
             "pressure,strain\n1,2\n1,high\n",
             "t:row 3, column strain: 'high' is not a number",

@@ -41,7 +41,7 @@ def test_gaps_split_a_recording_into_numbered_pieces(ingest):
 def test_a_column_of_seconds_within_the_minute_goes_on_by_unwrap(ingest, unit, turn):
     stamps = [turn / 60 * (i % 60) for i in range(100)]
     clock = {"time": {"column": "t", "unit": unit}}
-    with refused("a.csv:row 62: time runs backwards", "begins anew at 60 s, say `unwrap: 60`"):
+    with refused("a.csv:row 62: time runs backwards", "restarts at 60 s, write `unwrap: 60`"):
         ingest({"a.csv": logged(*stamps)}, columns={**COLUMNS, **clock})
     clock["time"]["unwrap"] = turn
     made = ingest({"a.csv": logged(*stamps)}, columns={**COLUMNS, **clock})

@@ -97,7 +97,7 @@ def test_the_guessed_encoding_reads_the_file(ingest, tmp_path, encoding, zipped)
 
 @pytest.mark.parametrize("encoding", ["cp1252", "utf-16"])
 def test_the_reader_suggests_the_encoding(ingest, encoding):
-    with refused("not a text file in UTF-8", f"say `encoding: {encoding}`"):
+    with refused("not a text file in UTF-8", f"write `encoding: {encoding}`"):
         ingest({"a.csv": GERMAN.encode(encoding)})
 
 

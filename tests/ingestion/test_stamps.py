@@ -124,7 +124,7 @@ def test_a_force_that_is_no_number_ends_the_study(ingest, cell):
 
 def test_a_column_that_two_quantities_have_holds_no_stamps(ingest):
     both = {**COLUMNS, "time": {"column": "t"}, "voltage": {"column": "t"}}
-    with pytest.raises(DataError, match=r"row 2, column t.*a time stands here"):
+    with pytest.raises(DataError, match=r"row 2, column t.*it is a time"):
         ingest({"a.csv": log("0:00:01", "0:00:02")}, columns=both)
 
 
@@ -163,7 +163,7 @@ def test_a_frame_with_stamps_in_a_format():
     asked = {**STUDY, "columns": {**COLUMNS, "time": time}}
     found = fit({**FRAME, "t": stamps}, **asked)
     assert found.spec.data.columns["time"].format is None
-    with pytest.raises(DataError, match=r"row 0: .* a date stands here"):
+    with pytest.raises(DataError, match=r"row 0: .* it is a date"):
         fit(
             {**FRAME, "t": stamps},
             **{**asked, "columns": {**COLUMNS, "time": {**time, "format": "%I:%M"}}},

@@ -70,7 +70,7 @@ FORMAT_VERSION = "3.3"
 CHECKSUM = "checksum"
 """Attribute of the root: SHA-256 (hexadecimal) of all arrays and of the document."""
 
-_ALTERED = "its checksum does not match: its values have changed since the file was written"
+_ALTERED = "the checksum does not match: its values have changed since the file was written"
 _GIVE_OURS = "give a file from a run folder, for example runs/NAME/model.h5"
 _GET_ANOTHER = "get a fresh copy, or make the file again with `mapmore run CONFIG`"
 

@@ -319,7 +319,7 @@ def reading(label: str, kind: str, damage: Faults = Exception) -> Iterator[None]
             ) from error
         reason = " ".join(str(error).split()) or type(error).__name__
         raise DataError(
-            f"{label}: the file is damaged, or is not a {kind}: {reason[:150]}",
+            f"{label}: the file is damaged, or is no {kind}: {reason[:150]}",
             "open it in the program that wrote it and save it again; if it was cut off while "
             "copying, get it again",
         ) from error

@@ -72,8 +72,8 @@ _KINDS = (
         "quote the whole field, or correct or remove the mark",
     ),
     (rf".*{FOREIGN}.*", "its digits are of another script", "write it with the digits 0 to 9"),
-    (r"\d{1,4}([-/.])\d{1,2}\1\d{1,4}\b.*", "a date stands here", ""),
-    (r".*\d:\d.*|\d+ *[ap]\.?m\.?", "a time stands here", ""),
+    (r"\d{1,4}([-/.])\d{1,2}\1\d{1,4}\b.*", "it is a date", ""),
+    (r".*\d:\d.*|\d+ *[ap]\.?m\.?", "it is a time", ""),
     (
         rf"[+-]?\d*(?:[{THOUSANDS}]\d+)+(?:e[+-]?\d+)?",
         "it has another decimal point than the spec says, or separators of thousands",

@@ -355,7 +355,7 @@ def as_numbers(values: object, what: str, read: CellReader | None = None) -> Arr
         return numbers.reshape(array.shape)
     if kind in "Mm" and not read.clock:
         stands = "date" if kind == "M" else "duration"
-        raise DataError(f"{what}: a {stands} stands here, not a number", DATES)
+        raise DataError(f"{what}: a {stands}, not a number", DATES)
     if kind in "Mm":
         durations = array - np.datetime64(0, "s") if kind == "M" else array
         seconds = durations / np.timedelta64(1, "s") * read.second

@@ -229,7 +229,7 @@ def test_stamps_that_need_no_format(tmp_path, cells, seconds):
         )
         np.testing.assert_array_equal(table.columns["t"], seconds)
         refusal(
-            ["row 2, column t", "stands here", "column `time` alone"],
+            ["row 2, column t", "not a number: it is a", "column `time` only"],
             "csv",
             tmp_path / "a",
             "t",
@@ -244,17 +244,17 @@ def test_stamps_that_need_no_format(tmp_path, cells, seconds):
         *rows_of(
             """
 12:00:00 | 5  \
-    row 3 | '5' is a number, where a time as `hh:mm:ss` stands above
+    row 3 | '5' is a number, but the cells above are a time as `hh:mm:ss`
 5 | 12:00:00  \
-    row 3 | '12:00:00' is a time as `hh:mm:ss`, where a number stands above
+    row 3 | '12:00:00' is a time as `hh:mm:ss`, but the cells above are a number
 1:00:00.0 | 59:59.9  \
-    row 3 | `mm:ss.s`, where a time as `hh:mm:ss` stands above
+    row 3 | `mm:ss.s`, but the cells above are a time as `hh:mm:ss`
 12:00:00 | 01:00:00 PM                           row 3 | with AM and PM
 2026-03-01 12:00:00 | 2026-03-01T12:00:00+01:00  row 3 | a zone
 2026-03-01 12:00:00 | 12:00:01                   row 3
-01/02/2026 12:00:00                              row 2 | a date stands here | format:
-13/02/26 12:00:00                                row 2 | a date stands here | format:
-12:30                                            row 2 | a time stands here | format:
+01/02/2026 12:00:00                              row 2 | it is a date | format:
+13/02/26 12:00:00                                row 2 | it is a date | format:
+12:30                                            row 2 | it is a time | format:
 2026-13-01 12:00:00                              row 2 | format:
 noon                                             row 2 | is not a number
 13:00:00 PM                                      row 2 | format:
@@ -280,7 +280,11 @@ def test_the_form_of_stamps_is_known_from_block_to_block(tmp_path, monkeypatch):
         ).encode()
         (tmp_path / "a").write_bytes(content)
         refusal(
-            ["row 8, column t", "stands above"], "csv", tmp_path / "a", "t", clocks=frozenset({"t"})
+            ["row 8, column t", "the cells above"],
+            "csv",
+            tmp_path / "a",
+            "t",
+            clocks=frozenset({"t"}),
         )
 
 
@@ -365,8 +369,8 @@ def test_one_column_may_have_thousands_and_another_decimals(tmp_path):
 20 N        a unit stands behind it | unit:
 1e5 N       a unit stands behind it
 TRUE        it is TRUE or FALSE
-\uff11      digits of another script
-2026-03-01  a date stands here
+\uff11      its digits are of another script
+2026-03-01  it is a date
 """,
         parts,
     ),

@@ -33,7 +33,7 @@ BACK = [*T[:-1], "-0.5"]
 LARGE = ["950", "980", "1.010", *(f"{1 + 0.013 * i:.3f}" for i in range(3, N))]
 TEXTS, BOOKS = ("csv", "lvm", "json_lines"), ("xlsx", "xlsb", "xls", "ods")
 
-TWICE, BACKWARDS = "stands 2 times", "time runs backwards"
+TWICE, BACKWARDS = "occurs 2 times", "time runs backwards"
 OPEN, HALF = "the last line has no end", "is no JSON"
 DAMAGED, BREAKS = "the file is damaged", "the last segment is incomplete"
 NEVER, FAILED, MERGED = "was never computed", "a formula failed there", "one of the merged cells"
@@ -381,7 +381,7 @@ def test_cells_that_are_far_away(tmp_path):
     book["a"]["XFD1048576"] = None
     book["a"]["A1048576"] = 1
     book.save(tmp_path / "a.xlsx")
-    with refused("spans 1048576 rows and 2 columns", "delete what stands far away"):
+    with refused("spans 1048576 rows and 2 columns", "delete the cells far away"):
         READERS["xlsx"].read(tmp_path / "a.xlsx", TableRequest("a", ("F",)))
 
 

@@ -73,7 +73,7 @@ run/text | - | 'run/text' holds | not real numbers
 table | - | 'table' is a table of 6 | A table of 6 has: t, F
 table.force | - | no 'force' | t, F
 run/scalar run/pressure | - | 'run/scalar' has 1 samples, 'run/pressure' has 6
-link | - | a.h5: 'link' is a link that leads nowhere
+link | - | a.h5: 'link' is a link without a target
 P | runs | there is no 'P' | A group of 3 has: run_1, run_10, run_2
 x | run/pressure[*] | every element of an array of 6 | `root: run/pressure`
 """

@@ -170,9 +170,9 @@ y |  | 'y' is an array of 5 x 3 | `y[:,0]`
 y[:,3] |  | 'y[:,3]' reaches beyond an array of 5 x 3
 3 | y | reaches beyond an array of 5 x 3
 y[:,0,0] |  | reaches beyond
-y[-1] |  | '[-1]' is no index | 0-based
-y[:,0 |  | 'y[:,0' is no address
-run..P |  | 'run..P' is no address
+y[-1] |  | '[-1]' is not a valid index | 0-based
+y[:,0 |  | 'y[:,0' is not a valid address
+run..P |  | 'run..P' is not a valid address
  |  | empty address
 z |  | 'z' | complex
 run.note |  | 'run.note' holds text, not real numbers

@@ -31,7 +31,7 @@ parquet  note         column 'note' holds values of type string, not numbers
 parquet  list         column 'list' holds values of type list<element: double>, not numbers
 parquet  inner        column 'inner' holds values of type struct<x: double>, not numbers
 parquet  flag         'flag' holds TRUE and FALSE
-parquet  stamp        'stamp': a date stands here, not a number
+parquet  stamp        'stamp': a date, not a number
 parquet  p            there is no 'p'
 """
 

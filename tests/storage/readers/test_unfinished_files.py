@@ -45,7 +45,7 @@ def test_padding_longer_than_any_line_is_not_kept(tmp_path, monkeypatch):
 @pytest.mark.parametrize("line", [b"\0" * 4096 + b"40,1.5,4", b"\0\0,1.5,4", b"1,1.5\0\0,4"])
 def test_a_line_with_nul_in_it_is_lost_whatever_columns_are_wanted(tmp_path, line):
     content = b"x,t,P\n1,2,3\n" + line + b"\n4,5,6\n"
-    with refused("a.csv:row 3: bytes of NUL stand in this line", "`missing: drop`"):
+    with refused("a.csv:row 3: the line contains NUL bytes", "`missing: drop`"):
         csv_table(tmp_path / "a", content, "P")
     kept = csv_table(tmp_path / "a", content, "P", incomplete=True)
     np.testing.assert_array_equal(kept.columns["P"], [3, np.nan, 6])
@@ -72,7 +72,7 @@ def test_comments_are_left_out_and_counted(tmp_path):
     ("line", "mark"), [("# valve", "#"), ("# valve,open", "#"), ("// valve", "//"), ("% x,y", "%")]
 )
 def test_a_line_that_looks_like_a_comment_is_called_so(tmp_path, line, mark):
-    with refused("a.csv:row 3", f'say `comment: "{mark}"`'):
+    with refused("a.csv:row 3", f'write `comment: "{mark}"`'):
         csv_table(tmp_path / "a", f"t,P\n1,2\n{line}\n3,4\n".encode(), "t", "P")
 
 
@@ -159,5 +159,5 @@ def test_durations_are_seconds_in_the_column_of_the_time(tmp_path):
         parquet.write_table(pa.table({"t": times, "P": [1.0, 2.0, 3.0]}), tmp_path / "a")
         table = table_of("parquet", tmp_path / "a", "t", "P", clocks=frozenset({"t"}), second=1e3)
         np.testing.assert_array_equal(table.columns["t"], [0, 2000, np.nan])
-    with refused("'t': a duration stands here"):
+    with refused("'t': a duration, not a number"):
         table_of("parquet", tmp_path / "a", "t")

@@ -76,7 +76,7 @@ def test_stored_numbers_mean_what_the_attributes_of_netcdf_say(tmp_path, stored,
 
 def test_a_factor_that_is_a_text_is_refused(tmp_path):
     refusal(
-        ["a.h5: /F: its attribute scale_factor is no number"],
+        ["a.h5: /F: its attribute scale_factor is not a number"],
         "hdf5",
         hdf5(tmp_path / "a.h5", [1, 2], {"scale_factor": "0.1"}),
         "F",
@@ -154,7 +154,7 @@ def test_a_filter_that_is_not_installed_is_named(tmp_path):
         made = h5py.Dataset(h5py.h5d.create(file.id, b"F", h5py.h5t.NATIVE_DOUBLE, space, created))
         made.id.write_direct_chunk((0,), bytes(16), filter_mask=0)
     refusal(
-        ["a.h5: /F is packed by the filter 32001", "pip install hdf5plugin"],
+        ["a.h5: /F is compressed by the filter 32001", "pip install hdf5plugin"],
         "hdf5",
         tmp_path / "a.h5",
         "F",

@@ -99,9 +99,9 @@ def test_dates_count_as_seconds_in_the_column_of_the_time(tmp_path):
         [table.columns[i][0] for i in range(5)], [86_401, 60.5, 3600, 2.5, np.nan], atol=1e-3
     )
     told = [
-        ["row 1, column 0", "a date stands here", "format the cells as numbers"],
-        ["a time stands here"],
-        ["a time stands here"],
+        ["row 1, column 0", "it is a date", "format the cells as numbers"],
+        ["it is a time"],
+        ["it is a time"],
     ]
     for column, parts in enumerate(told):
         refusal(parts, "xlsx", path, column, header=0)

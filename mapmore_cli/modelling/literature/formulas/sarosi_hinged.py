@@ -8,11 +8,11 @@ foot `lo = b0 + b1 P + b2 strain` are joined by a hinge of width w:
     F = share (lo + w ln(1 + exp((hi - lo)/w))) + (1 - share) (Sárosi's with s1..s6)
 
 The second part is the plain formula, fitted to the same data. The two shares are proportional to
-`(r^2 + 0.01^2)^-2`, where r is the training RMSE of each part divided by max|F|. For data without a
-foot, Sárosi's formula therefore keeps its share. The plain part has no share if its exponent ran to
-a bound or is not determined by the data: outside the measured strains, its exp(+-400 strain) would
-swamp the rest, however small the share. The strain must be a fraction, because the prior of a3 is a
-decay over a strain of 1/33.
+`(r^2 + 0.01^2)^-2`, where r is the training RMSE of each part divided by max|F|. If the data have
+no foot, both parts are about equally good and share the force. The plain part has no share if its
+exponent is at a bound or not determined by the data: outside the measured strains, its exp(+-400
+strain) would swamp the rest, however small the share. The strain must be a fraction, because the
+prior of a3 is a decay over a strain of 1/33.
 """
 
 from __future__ import annotations
