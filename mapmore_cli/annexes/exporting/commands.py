@@ -49,7 +49,7 @@ def export(
     2.0, `fmu3` by FMI 3.0. `py` is one Python file without any dependency, for single samples;
     `numpy` is a module for arrays, `matlab` one function file, for Octave too. `js` is one module
     of JavaScript for browsers and Node. `table` is the output on a grid with a mask of validity:
-    CSV, MAT, and a Modelica block around text for CombiTable2D. `mujoco` is C with an actuator
+    CSV, MAT, and a Modelica block around text for CombiTable2Ds. `mujoco` is C with an actuator
     callback, `simulink` C with a function for C Caller blocks. `csv` is one lookup table, `tex` the
     equations.
 
