@@ -53,13 +53,13 @@ def texts() -> dict[Path, str]:
     examples = {script: example(script) for script in scripts()}
     pages = {script.with_suffix(".md"): text for script, text in examples.items()}
     return {
-        DOCS / "commands.md": commands(),
-        GALLERY / "index.md": gallery(),
-        **pages,
         **{
             page: COPY.sub(copied, MADE.sub(made, page.read_text(encoding="utf-8")))
             for page in DOCS.glob("*.md")
         },
+        **pages,
+        DOCS / "commands.md": commands(),  # behind the others, among which the old one is, too
+        GALLERY / "index.md": gallery(),
     }
 
 

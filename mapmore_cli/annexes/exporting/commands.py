@@ -50,7 +50,7 @@ def export(
     co-simulation with FMI 2.0, `fmu3` with FMI 3.0. `py` is one Python file without any dependency,
     for single samples; `numpy` is a module for arrays, `matlab` one function file, for Octave too.
     `js` is one module of JavaScript for browsers and Node. `table` is the output on a grid, with a
-    mask of valid points: as CSV, as MAT, and as a Modelica block with text for CombiTable2D.
+    mask of valid points: as CSV, as MAT, and as a Modelica block with text for CombiTable2Ds.
     `mujoco` is C with an actuator callback, `simulink` is C with a function for C Caller blocks.
     `csv` is one lookup table, and `tex` holds the equations.
 

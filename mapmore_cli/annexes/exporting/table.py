@@ -1,5 +1,5 @@
 """Write a model as a lookup table: CSV, a MAT file for lookup blocks, and the text that Modelica's
-CombiTable2D reads.
+CombiTable2Ds reads.
 """
 
 from __future__ import annotations
