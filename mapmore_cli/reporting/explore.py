@@ -200,8 +200,9 @@ def _interval(inputs: ReportInputs) -> dict[str, Any] | None:
 
 
 def bare_of(model: Model) -> tuple[Model, str]:
-    """Return a model of pieces whose segment functions are held nowhere, and code that gives access
-    to its curves and segments with their slopes, so that the page can join them in other ways.
+    """Return a model of pieces whose segment functions are not limited outside their samples, and
+    code that gives access to its curves and segments with their slopes, so that the page can join
+    them in other ways.
 
     `rejoin` replaces the functions of the curves.
     """
