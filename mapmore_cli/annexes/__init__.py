@@ -1,1 +1,1 @@
-"""Provide the parts without which a study can do. Each adds itself in the way of a plugin."""
+"""Provide the parts that a study does not need. Each registers itself like a plugin."""

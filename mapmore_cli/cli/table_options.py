@@ -111,5 +111,5 @@ def remedies_by_options(options: TableOptions) -> Iterator[None]:
             remedy += f" Say which it is, as `--columns NAME='{title}' --units NAME=UNIT`."
         error.message = error.message.replace("than the spec says", "than the table is read with")
         remedy = remedy.replace("NAME", name)
-        error.remedy = remedy.strip() or "mend the table"
+        error.remedy = remedy.strip() or "correct the table"
         raise

@@ -217,8 +217,8 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class KeptShape:
-    """Known shape of the output along one input, with the word of the spec: where it determines the
-    coefficients, and how a fit without it would violate it.
+    """Known shape of the output along one input: the places where it determines the coefficients,
+    and by how much a fit without it would violate it.
     """
 
     quantity: Annotated[QuantityName, "the input; of `positive` the output itself"]

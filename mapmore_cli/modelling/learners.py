@@ -29,8 +29,8 @@ class Regressor(Protocol):
 
 @dataclass(frozen=True)
 class Learner:
-    """A black box: `make` returns one with `fit` and `predict`, given the number of its inputs,
-    and `most_samples` is how many training samples it bears, of which many leave an even share.
+    """A black box. `make` takes the number of inputs and returns an object with `fit` and `predict`.
+    If there are more training samples than `most_samples`, an evenly spread part of them is used.
     """
 
     title: str

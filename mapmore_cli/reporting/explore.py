@@ -216,8 +216,9 @@ def _no_interval(inputs: ReportInputs) -> str:
 
 
 def bare_of(model: Model) -> tuple[Model, str]:
-    """Return a model of pieces whose segment functions are held nowhere, and code that gives access
-    to its curves and segments with their slopes, so that the page can join them in other ways.
+    """Return a model of pieces whose segment functions are not limited outside their samples, and
+    code that gives access to its curves and segments with their slopes, so that the page can join
+    them in other ways.
 
     `rejoin` replaces the functions of the curves.
     """

@@ -172,7 +172,7 @@ class ReportInputs:
         if unknown := [name for name in names if name not in self.models]:
             raise UsageError(
                 f"the run compares no model called {unknown[0]!r}",
-                f"choose of {', '.join(self.models[1:])}",
+                f"choose one of {', '.join(self.models[1:])}",
             )
         predictions = {name: self.validation.predictions[name] for name in (self.own, *names)}
         kept = {*predictions, REPEATABILITY}

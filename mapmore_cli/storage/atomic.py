@@ -65,8 +65,8 @@ def refuse_link(place: Path) -> None:
     """Raise WriteError if there is a link in place of a file or folder that is to be written."""
     if place.is_symlink():
         raise WriteError(
-            f"{place}: is a link, and mapmore writes through no link, because what it leads to "
-            "would be overwritten",
+            f"{place}: is a link, and mapmore does not write through links, because the file "
+            "behind it would be overwritten",
             "move the link away, or name the place that it leads to",
         )
 

@@ -271,7 +271,7 @@ def possible_path(path: str) -> str:
             f"the path {longest[:40]!r}... has {len(path)} characters, more than a system allows"
         )
     if "\0" in path:
-        raise ValueError(f"{path!r} contains a zero byte, which no path can")
+        raise ValueError(f"{path!r} contains a zero byte, which a path must not contain")
     return path
 
 

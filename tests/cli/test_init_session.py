@@ -79,7 +79,7 @@ def test_an_answer_can_be_taken_back_and_a_column_that_was_given_away_is_not_off
     assert code == 0, shown
     assert asked == len(replies) - 1
     assert shown.count("What is to be predicted?") == 2
-    assert "the target is no input" in shown
+    assert "the target cannot be an input" in shown
     offered = shown.rpartition("What drives it?")[2].partition("Enter: all")[0]
     assert "column 4" not in offered
     assert "column 3" in offered

@@ -71,8 +71,8 @@ def test_the_pressure_of_a_second_log_is_joined(untried):
 @pytest.mark.parametrize(
     ("log", "stamps", "told"),
     [
-        ("gauge", "Time_s", "no clock goes on in both logs"),
-        ("tester", "Time_ms", "no clock goes on in both logs"),
+        ("gauge", "Time_s", "the two logs have no common clock"),
+        ("tester", "Time_ms", "the two logs have no common clock"),
     ],
 )
 def test_a_log_whose_clock_is_none_cannot_be_joined(untried, log, stamps, told):

@@ -51,7 +51,7 @@ def test_what_is_held_out_is_what_a_person_says(tmp_path, said, held_out):
 
 @pytest.mark.parametrize(
     ("said", "why"),
-    [("F [N]", "is no input"), ("recordings", "nothing to hold out"), ("9", "no column")],
+    [("F [N]", "is not an input"), ("recordings", "nothing to hold out"), ("9", "no column")],
 )
 def test_what_cannot_be_held_out_is_told(tmp_path, said, why):
     write(tmp_path / "pull.csv", {"P [kPa]": 100 + K, "eps": 0.003 * (K % 7), "F [N]": 3.0 * K**2})

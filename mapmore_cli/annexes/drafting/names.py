@@ -270,9 +270,9 @@ def numbered_groups(names: Sequence[str], group: str) -> Condition:
 
 
 def group_words(names: Sequence[str], group: str) -> list[str]:
-    """Return the text that distinguishes groups in each name: the number or letter after that word;
-    otherwise the words, with specimens and sizes such as `10cm`, but without other numbers;
-    otherwise the name.
+    """Return the text of each name that distinguishes groups: the number or letter after the word
+    `group`. If there is none, it is the words, with specimens and sizes such as `10cm`, but without
+    other numbers; if there are no words, the name.
     """
     behind = re.compile(
         rf"{re.escape(group)}\w*?[\s_#=.-]*(\d+|[A-Za-z])(?![^\W\d_])", re.IGNORECASE

@@ -1,4 +1,4 @@
-"""The page of a draft: every column with its course, and what it was taken for."""
+"""Write the page of a draft: the course of every column, and the quantity that it was taken for."""
 
 from __future__ import annotations
 

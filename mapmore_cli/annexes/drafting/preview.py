@@ -193,7 +193,7 @@ def _no_table(path: Path, tops: Sequence[Top], remedy: str) -> DataError:
     if any(map(_LABELLED.fullmatch, last)):
         line = f"sed -E 's/[A-Za-z_][A-Za-z_0-9]*[:=] *//g' '{path.name}' > '{path.stem}.csv'"
         return DataError(
-            f"{path.name}: its cells are `name:number`; take the names off, as by: {line}"
+            f"{path.name}: its cells are `name:number`; remove the names, for example with: {line}"
         )
     lines = f" in its first {len(tops[0].rows)} lines" if tops and tops[0].rows else ""
     return DataError(
@@ -318,7 +318,8 @@ class _FoundTable:
 
     def line_of_titles(self, lines: Mapping[int, list[str]]) -> int | None:
         """Return the line with the most texts that names at least half of the columns of numbers
-        and is no line of units: of equals, the first, or if all are remarks, the last.
+        and is not a line of units. If several have as many texts, return the first; if all are
+        remarks, the last.
         """
 
         def rank(line: int) -> tuple[bool, int, int]:

@@ -395,7 +395,7 @@ def with_second_log(draft: Draft, second: Study, folder: Path, target: str, said
     columns |= named_by_person(said, table, "--columns", columns)
     if not {"time", "pressure"} <= columns.keys() or "time" not in draft.data["columns"]:
         raise DataError(
-            f"{second.files[0].name}: holds the pressure, and no clock goes on in both logs",
+            f"{second.files[0].name}: contains the pressure, but the two logs have no common clock",
             "write `join` by hand",
         )
     steps = np.diff(table[columns["time"].column].values[0])

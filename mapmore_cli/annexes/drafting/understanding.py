@@ -55,15 +55,17 @@ class Understood:
         column = find(table, int(said) if said.isdecimal() else said, option).column
         names = [name for name in self.inputs if self.columns[name].column == column]
         if not names:
-            raise UsageError(f"{option}: {said} is no input", f"say {', '.join(self.drives)}")
+            raise UsageError(
+                f"{option}: {said} is not an input", f"name one of {', '.join(self.drives)}"
+            )
         return names[0]
 
 
 def understood(
     study: Study, table: Table, answers: Answers, path: str, is_driven: bool = False
 ) -> Understood:
-    """Return the interpretation of a study from titles, names and a person; `is_driven` is True if
-    a second log holds an input.
+    """Return which quantities a study has, from the titles of columns, the names of files and the
+    answers of a person; `is_driven` is True if a second log holds an input.
 
     Raises
     ------

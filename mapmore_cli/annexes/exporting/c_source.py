@@ -199,7 +199,7 @@ def mujoco_files(model: Model, _wanted: Wanted) -> dict[str, str]:
         or model.output.name != "force"
     ):
         raise UsageError(
-            "an actuator of MuJoCo is a force by pressure and strain",
+            "an actuator of MuJoCo needs a model of the force with the inputs pressure and strain",
             "export this model as py, and call it in a callback",
         )
     if (inputs["strain"], model.output.unit) != ("1", "N"):

@@ -23,7 +23,7 @@ from mapmore_cli.domain.declared import (
     of_sibling,
 )
 
-QUARTER = 0.25  # fraction of the longest piece; the longest time constant that is searched
+QUARTER = 0.25  # longest time constant that is searched, as a fraction of the longest piece
 
 
 @dataclass(frozen=True)

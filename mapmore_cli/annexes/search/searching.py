@@ -212,7 +212,7 @@ def _choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: int | Non
     if not eligible.any():
         reasons = next((one.failure for one in tried if one.failure), "there was no time for any")
         raise FitError(
-            f"no structure could be fitted without some of the data: {reasons}",
+            f"no structure could be fitted with a part of the data left out: {reasons}",
             "name one, or raise `model.budget`",
         )
     target = bench.dataset.target

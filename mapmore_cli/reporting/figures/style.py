@@ -77,8 +77,8 @@ def has_font(name: str) -> bool:
 def wrong_formula(label: str) -> str | None:
     """Return the fault of a formula in a label; None if it is valid.
 
-    The depth of nesting at which Matplotlib's recursion ends depends on the caller, so a smaller
-    depth is allowed here.
+    Matplotlib parses nested formulas by recursion, and how deep it can go depends on the caller.
+    Therefore only a smaller depth is allowed.
     """
     from matplotlib.mathtext import MathTextParser
 

@@ -225,7 +225,7 @@ def take_document(file: h5py.File) -> tuple[str, Any]:
 def _without_repeated_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     members = dict(pairs)
     if len(members) < len(pairs):
-        raise ValueError("a key stands twice")
+        raise ValueError("a key occurs twice")
     return members
 
 

@@ -22,7 +22,7 @@ from mapmore_cli.storage.tables import (
 )
 from mapmore_cli.storage.tables.cells import shortened
 
-# rows with equally many digits from which on a row with fewer digits is conspicuous
+# if at least this many rows have equally many digits, a row with fewer digits is suspicious
 FEWEST_ROWS = 10
 
 DAMAGE = (OSError, EOFError, ValueError)
