@@ -54,7 +54,7 @@ def _printed(name: str, inputs: ReportInputs) -> Printed:
 
 
 def is_known(model: Model) -> bool:
-    """Tell whether all formulas of a model are known here; the package that adds one may be gone."""
+    """Tell whether all formulas of a model are known here: a package that adds one may be gone."""
     return all(_is_known(one.backbone) for one in model.every if one.backbone is not None)
 
 
