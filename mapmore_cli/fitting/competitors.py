@@ -24,7 +24,6 @@ from mapmore_cli.modelling.kinds import runs_over_time
 from mapmore_cli.modelling.learners import LEARNERS
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled_training
 from mapmore_cli.modelling.literature.formulas.sarosi_hysteresis_loss import HysteresisLoss
-from mapmore_cli.modelling.memory.states import memory_inputs
 from mapmore_cli.modelling.signals.plateau import damping_component
 from mapmore_cli.storage.artefacts import read_model
 from mapmore_cli.storage.run_folder import RunFiles
@@ -162,12 +161,9 @@ class Contest:
         """
         if body is None:
             return None
+        names = self._inputs
         if isinstance(body, Formula):
             names = sorted(literature.of(body.fit).inputs)
-        elif isinstance(body, Memory):
-            names = sorted(memory_inputs(body.model))
-        else:
-            names = self._inputs
         if not {*names} <= self._training.keys():
             return None  # a sum with inputs of its own
         if not isinstance(body, Pieces):

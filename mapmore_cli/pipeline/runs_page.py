@@ -21,7 +21,6 @@ from mapmore_cli.storage.run_folder import RunFiles, run_lock
 from mapmore_cli.storage.run_record import RUN_RECORD
 
 if TYPE_CHECKING:
-    from mapmore_cli.domain.arrays import Array
     from mapmore_cli.domain.results import Validation
     from mapmore_cli.pipeline.jobs import Finished
 
@@ -101,6 +100,8 @@ def _rows(run: Finished, known: Iterable[Row]) -> list[Row]:
 
 def _picture(validation: Validation, dataset: Any) -> tuple[str, str]:
     """Return SVG paths of the measured and the predicted values along the first held-out curve."""
+    from mapmore_cli.reporting.figures.elements import path
+
     curves = (validation.shown or dataset).curves
     number = next((i for i, curve in enumerate(curves) if curve.held_out.any()), 0)
     curve, predicted = curves[number], validation.predictions[OWN][number]
@@ -115,13 +116,8 @@ def _picture(validation: Validation, dataset: Any) -> tuple[str, str]:
     low, high = known.min(), max(known.max(), known.min() + 1e-300)
     across = np.linspace(1, WIDTH - 1, len(rows))
     scale = (HEIGHT - 2) / (high - low)
-    measured, predicted_path = (_path(across, HEIGHT - 1 - scale * (y - low)) for y in lines)
+    measured, predicted_path = (path(across, HEIGHT - 1 - scale * (y - low)) for y in lines)
     return measured, predicted_path
-
-
-def _path(x: Array, y: Array) -> str:
-    places = (f"{a:.0f} {b:.0f}" for a, b in zip(x, y, strict=True) if np.isfinite(b))
-    return "M" + "L".join(places)
 
 
 def _page(runs: Path, rows: Sequence[Row]) -> str:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mapmore_cli.domain.errors import MapmoreError
-from mapmore_cli.domain.models import Equation
+from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.domain.models import Equation, Model
+from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import equations, rules
 from mapmore_cli.modelling.learners import LEARNERS
 from mapmore_cli.modelling.literature.model import formula_equations
@@ -16,7 +17,10 @@ BLACK_BOX = (
     "It is a black box: what it has learnt is no formula of the inputs, so that there is nothing "
     "to print. It is fitted again, with the same seed, by another run of this study."
 )
-NOT_KNOWN = "It has no equation here."
+NOT_KNOWN = (
+    "It has no equation here: it is no formula, or the package that adds the formula is not "
+    "installed."
+)
 
 
 @dataclass(frozen=True)
@@ -35,18 +39,24 @@ def printed_competitors(inputs: ReportInputs) -> tuple[Printed, ...]:
 
 
 def _printed(name: str, inputs: ReportInputs) -> Printed:
-    """Return a competitor; the parts of a sum that are fitted one after the other are printed one
-    below the other.
+    """Return a competitor; the parts of one that are fitted one after the other stand one below the
+    other.
     """
     title, model = title_of(name), inputs.validation.models.get(name)
-    formulas = inputs.validation.formulas
-    parts = [fit for key, fit in formulas.items() if key in (name, f"{name} ({fit.name})")]
-    parts += [formulas[key] for key in (f"{name} (static)", f"{name} (damping)") if key in formulas]
-    try:
-        if model is not None:
-            return Printed(title, (*rules(model), *model.notes), equations(model))
-        if parts:
-            return Printed(title, (), tuple(e for fit in parts for e in formula_equations(fit, {})))
-    except MapmoreError as fault:  # the plug-in of its formula is gone
-        return Printed(title, (f"It cannot be printed: {fault.message}.",))
-    return Printed(title, (BLACK_BOX if name in LEARNERS else NOT_KNOWN,))
+    if name in LEARNERS:
+        return Printed(title, (BLACK_BOX,))
+    if model is not None and is_known(model):
+        return Printed(title, (*rules(model), *model.notes), equations(model))
+    own = (name, f"{name} (static)", f"{name} (damping)")
+    fits = [fit for key, fit in inputs.validation.formulas.items() if key in own]
+    lines = [line for fit in fits if _is_known(fit) for line in formula_equations(fit, {})]
+    return Printed(title, () if lines else (NOT_KNOWN,), tuple(lines))
+
+
+def is_known(model: Model) -> bool:
+    """Tell whether all formulas of a model are known here: a package that adds one may be gone."""
+    return all(_is_known(one.backbone) for one in model.every if one.backbone is not None)
+
+
+def _is_known(fit: FormulaFit) -> bool:
+    return bool(fit.definition) or fit.name in literature.names()

@@ -19,6 +19,7 @@ from mapmore_cli.domain.models import Model, Pieces
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling.programs import program_of
 from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths_of, interval_limits
+from mapmore_cli.reporting.competitors import is_known
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.scripts import json_text
 from mapmore_cli.reporting.table import title_of
@@ -109,6 +110,7 @@ def _competitors(inputs: ReportInputs) -> dict[str, Model]:
         for name, one in inputs.validation.models.items()
         if name in inputs.models
         and one.output == model.output
+        and is_known(one)
         and {quantity.name for quantity in one.inputs} <= known
         and _steps(one) <= steps
     }

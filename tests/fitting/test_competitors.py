@@ -13,6 +13,7 @@ from mapmore_cli.domain.recording import Curve, CurveRange, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.fitting.competitors import Contest
 from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.storage.artefacts import write_fit, write_model
 from mapmore_cli.study.experiment import Competitor
@@ -146,3 +147,17 @@ def test_at_nominal_levels_a_formula_is_fitted_and_scored_there():
         np.testing.assert_array_equal(said.values, exact.values)
     measured = contest(dataset=data).rival("polynomial_2")
     assert not np.allclose(measured.forecasts[0].values, one.forecasts[0].values, atol=0.1)
+
+
+@pytest.mark.parametrize("name", ["sarosi", "plane", "quadratic", "cubic"])
+def test_a_competitor_is_a_model_of_the_same_numbers(name):
+    """What its page prints and computes is what was scored."""
+    rival = contest().rival(name)
+    assert rival.model.output == QUANTITIES["force"]
+    for curve, output in zip(DATASET.curves, rival.forecasts, strict=True):
+        np.testing.assert_allclose(predict(rival.model, curve.columns), output.values, rtol=1e-9)
+
+
+def test_a_black_box_is_no_model():
+    pytest.importorskip("sklearn")
+    assert contest().rival("gaussian_process").model is None
