@@ -230,8 +230,8 @@ def table_1(runs: Path) -> Table:
         )
     columns = ("parameter", "H, table I .6g", "simulated muscle .4g", "± 95 % .2g")
     note = (
-        "The simulated muscles are others than H's: only signs and sizes can be held against "
-        "each other."
+        "The simulated muscles are not those of H. Therefore only the signs and the sizes of the "
+        "parameters can be compared."
     )
     return Table.of("table-1", "The muscle-like model of three muscles", columns, rows, note)
 

@@ -201,8 +201,8 @@ class LoadedModel:
         """Return the lower and the upper end of the interval that contains a sample of a new curve
         with the probability `level`, in the shape of the output.
 
-        They are NaN outside the training range. Raises `DataError` for a model whose spec has no
-        `validate: {intervals: true}`.
+        They are NaN outside the training range. If the spec has no `validate: {intervals: true}`,
+        a `Fitted` model fits again what it needs; a model that was loaded raises `DataError`.
         """
         flat, shape = self._flattened(columns)
         low, high = interval(self._with_intervals, flat, level)

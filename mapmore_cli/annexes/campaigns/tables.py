@@ -115,8 +115,8 @@ def nrmse_table(scores: CampaignScores) -> Table:
     if {*scores.best_of} & {*models}:
         rows.append(("below the best formula", *(_wins(scores, model) for model in models)))
         notes.append(
-            f"The best formula of {', '.join(scores.best_of)}: which of them is best in a run "
-            "is known only after the run."
+            f"The best formula is the one of {', '.join(scores.best_of)} with the smallest "
+            "held-out error in each run. It is known only after the run."
         )
     columns: Columns = ("run", *(Column(model, "", ".3g") for model in models))
     return Table.of("nrmse", "NRMSE of every run and model", columns, rows, *notes)
