@@ -265,15 +265,20 @@ def numbered_groups(names: Sequence[str], group: str) -> Condition:
 
 
 def group_words(names: Sequence[str], group: str) -> list[str]:
-    """Return what tells groups apart in each name: the number or letter behind that word; else the
-    words, with specimens and sizes as `10cm`, and without other numbers; else the name.
+    """Return what tells groups apart in each name: the number or letter behind that word, or the
+    number behind its first letter, as `s1` of a sample; else the words, with specimens and sizes as
+    `10cm`, and without other numbers; else the name.
     """
     behind = re.compile(
         rf"{re.escape(group)}\w*?[\s_#=.-]*(\d+|[A-Za-z])(?![^\W\d_])", re.IGNORECASE
     )
-    marks = [match[1] if (match := behind.search(name)) else "" for name in names]
+    letter = re.compile(rf"(?<![^\W\d_]){re.escape(group[0])}(\d+)", re.IGNORECASE)
+    marks, letters = (
+        [match[1] if (match := way.search(name)) else "" for name in names]
+        for way in (behind, letter)
+    )
     bare = [_NUMBER.sub(_without_number, name) for name in names]
-    ways = (texts for texts in (marks, bare) if all(texts) and len(set(texts)) > 1)
+    ways = (texts for texts in (marks, letters, bare) if all(texts) and len(set(texts)) > 1)
     return next(ways, list(names))
 
 
