@@ -75,7 +75,7 @@ class Polynomial:
     def equation(self, name: str) -> Equation:
         """Return it in coordinates `s_NAME` that are -1 and 1 at the ends of the training data."""
         from mapmore_cli.modelling.equations import as_equation  # which load SciPy
-        from mapmore_cli.modelling.expressions import folded, parse
+        from mapmore_cli.modelling.expressions import add, folded, parse
 
         factors = _powers(len(self.names), self.degree)
         terms = (
@@ -84,7 +84,7 @@ class Polynomial:
         )
         scaled = zip(self.names, self.middle.tolist(), self.half.tolist(), strict=True)
         where = {f"s_{one}": parse(f"({one} - ({m!r}))/({h!r})") for one, m, h in scaled}
-        return as_equation(name, folded(parse(" + ".join(terms))), DIGITS, where)
+        return as_equation(name, folded(add(*map(parse, terms))), DIGITS, where)
 
 
 def polynomial_fit(
