@@ -302,6 +302,7 @@ def test_a_held_quantity_that_nothing_answers_is_refused(hold):
         ("s_12", "s_12", ""),
         ("strain [1]", "strain_0", "1"),
         ("x in mm", "x", "mm"),
+        ("gap\uff08mm\uff09", "gap", "mm"),
         ("gap [in]", "gap", "in"),
         ("T1 [degC]", "T1", "degC"),
     ],

@@ -65,3 +65,10 @@ def test_a_run_that_diverges_has_no_prediction():
     _, (found,) = simple.arx(data, ["u"])
     assert np.isfinite(found[:10]).all()
     assert np.isnan(found[-100:]).all()
+
+
+def test_a_cubic_of_many_quantities_has_an_equation():
+    """It has 969 terms of sixteen quantities, more than a text of an expression may have."""
+    names = [f"s_{number}" for number in range(16)]
+    cubic = simple.Polynomial(names, 3, np.zeros(16), np.ones(16), np.linspace(1, 2, 969))
+    assert "s_15" in str(cubic.equation("cubic"))

@@ -28,6 +28,7 @@ KINDS = {"pressure": "pressure", "force": "force", "load": "force"} | dict.fromk
 """Names of columns whose titles identify them, and the kind of each quantity."""
 # whole numbers are indices, as of `s[12]` and `s_1`, but for the 1 of `strain [1]`
 _BRACKETS = re.compile(r"[\[(]\s*((?<=\s[\[(])1(?=\s*[\])])|(?!\d+\s*[\])])[^\])]+?)\s*[\])]")
+HALF_WIDTH = str.maketrans("（）［］／％", "()[]/%")  # of Chinese and Japanese texts
 _BEHIND = re.compile(r"(?:[_,/]|\bin)\s*(?!\d+$)([^\s_,/]+)$")
 
 
@@ -94,7 +95,8 @@ class TitledColumn:
     @property
     def name(self) -> str:
         """Name from the title, without the unit."""
-        bare = _BRACKETS.sub(lambda match: "" if unit_of(match[1]) else match[0], self.title)
+        title = self.title.translate(HALF_WIDTH)
+        bare = _BRACKETS.sub(lambda match: "" if unit_of(match[1]) else match[0], title)
         behind = _BEHIND.search(bare)
         bare = bare[: behind.start()] if behind is not None and unit_of(behind[1]) else bare
         name = re.sub(r"\W+", "_", spelt(bare), flags=re.ASCII).strip("_")[:40]
@@ -231,9 +233,10 @@ def _read_title(
     """Return a column. If its unit does not suit the quantity in its title, for example volts for a
     force, the title names no quantity.
     """
-    label = read_label(title)
+    plain = title.translate(HALF_WIDTH)
+    label = read_label(plain)
     is_ratio = line == "1"  # of cells that are shown in per cent, whatever the title says
-    texts = ["1"] if is_ratio else [*_BRACKETS.findall(title), *_BEHIND.findall(title), line]
+    texts = ["1"] if is_ratio else [*_BRACKETS.findall(plain), *_BEHIND.findall(plain), line]
     unit = next((one for text in texts if (one := unit_of(text))), "")
     quantity, is_plain = "", False
     if label is not None:

@@ -271,15 +271,20 @@ def numbered_groups(names: Sequence[str], group: str) -> Condition:
 
 def group_words(names: Sequence[str], group: str) -> list[str]:
     """Return the text of each name that distinguishes groups: the number or letter after the word
-    `group`. If there is none, it is the words, with specimens and sizes such as `10cm`, but without
+    `group`, or the number after its first letter, such as `s1` for a sample. If there is neither,
+    it is the words, with specimens and sizes such as `10cm`, but without
     other numbers; if there are no words, the name.
     """
     behind = re.compile(
         rf"{re.escape(group)}\w*?[\s_#=.-]*(\d+|[A-Za-z])(?![^\W\d_])", re.IGNORECASE
     )
-    marks = [match[1] if (match := behind.search(name)) else "" for name in names]
+    letter = re.compile(rf"(?<![^\W\d_]){re.escape(group[0])}(\d+)", re.IGNORECASE)
+    marks, letters = (
+        [match[1] if (match := way.search(name)) else "" for name in names]
+        for way in (behind, letter)
+    )
     bare = [_NUMBER.sub(_without_number, name) for name in names]
-    ways = (texts for texts in (marks, bare) if all(texts) and len(set(texts)) > 1)
+    ways = (texts for texts in (marks, letters, bare) if all(texts) and len(set(texts)) > 1)
     return next(ways, list(names))
 
 

@@ -171,7 +171,10 @@ def _raster(path: Path, found: _FoundTable) -> DataError:
     )
     told += "two quantities, and a sample is a cell between them; write a row for each cell"
     after = '; then give `init` the new file with `--columns "strain:%,pressure:kPa,force:N"`, in '
-    after += "the order row, column, cell"
+    after += (
+        "the order row, column, cell. Where the numbers of the first line are names of sensors, "
+    )
+    after += "put a letter before each"
     if found.top.sheet is not None:
         return DataError(f"{told}, as a sheet of three columns{after}")
     marks = {"tab": "\\t", "whitespace": " "}
