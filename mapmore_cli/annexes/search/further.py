@@ -4,15 +4,16 @@ than the structure that was found.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from operator import attrgetter
 
+import numpy as np
+
 from mapmore_cli.annexes.search.bench import Bench
 from mapmore_cli.annexes.search.black_boxes import BLACK_BOX, Outcome
 from mapmore_cli.domain.results import Search
-from mapmore_cli.modelling.validation.significance import PRICE
+from mapmore_cli.modelling.validation.significance import NOTHING, PRICE
 
 ROUNDS = ("second", "third")
 """Files of candidates, one for each later round."""
@@ -20,9 +21,9 @@ ROUNDS = ("second", "third")
 LESS = 0.9
 """Times the error of the structure that was found, below which a black box errs clearly less."""
 
-GAIN = 0.95
-"""Times the error of the structure before it, below which that of a later round is taken; the ratio
-of their parameters to the power `PRICE` counts as well.
+GAIN = 0.05
+"""Logarithm of the errors that a later round gains at least, `PRICE` ln(ratio of the numbers of
+parameters) subtracted.
 """
 
 
@@ -33,8 +34,8 @@ def lacking(result: Search, bench: Bench) -> tuple[str, float] | None:
     asked = attrgetter("parts" if bench.asks_parts else "error")
     boxes = [one for one in result.tried if one.family == BLACK_BOX]
     least = min(boxes, key=asked, default=result.found)
-    error = asked(result.found)
-    return (least.words, error / asked(least)) if asked(least) < LESS * error else None
+    ratio = asked(result.found) / max(asked(least), NOTHING)
+    return (least.words, ratio) if ratio > 1 / LESS else None
 
 
 def go_on(
@@ -54,41 +55,31 @@ def go_on(
     """
     result, later = first, list[Outcome]()
     for name in ROUNDS:
-        if lacking(result, bench) is None:
+        if not lacking(result, bench):
             break
-        before, tried = result.chosen, try_round(name)
-        if not tried:
-            continue
-        later += tried
+        later += try_round(name)
         longer = choose(later)
-        gained = gain(longer, longer.chosen, before) < GAIN
-        result = replace(longer, chosen=longer.chosen if gained else before, short=first.chosen)
-        if not gained:
-            break
+        costs = [
+            one.excess + PRICE * np.log(max(one.parameters, 1))
+            for one in (longer.found, longer.tried[result.chosen])
+        ]
+        if costs[1] - costs[0] < GAIN:
+            return replace(longer, chosen=result.chosen, short=first.chosen)
+        result = replace(longer, short=first.chosen)
     return result
 
 
-def gain(result: Search, long: int, short: int) -> float:
-    """Return the error of a structure as a fraction of that of a shorter one, as the rule weighs
-    the folds, times the ratio of their parameters to the power `PRICE`.
-    """
-    one, other = result.tried[long], result.tried[short]
-    sizes = max(one.parameters, 1) / max(other.parameters, 1)
-    return math.exp(one.excess - other.excess + PRICE * math.log(sizes))
-
-
-def note_of(result: Search) -> str:
-    """Return what the later rounds have brought, for the reader of the page."""
-    assert result.short is not None
-    long, short = result.found, result.tried[result.short]
-    if long is short:
+def note_of(result: Search, short: int) -> str:
+    """Return what the later rounds have brought, beside the structure that was found before."""
+    long, before = result.found, result.tried[short]
+    if long is before:
         return (
-            "the search went on with longer structures, because a black box errs less; none of "
-            f"them errs {1 - GAIN:.0%} less than {short.words}, which is taken"
+            "the search went on with longer structures, because a black box errs less, but none "
+            f"of them gains 5 % on {before.words}"
         )
     return (
         f"{long.words} with {long.parameters} parameters errs "
-        f"{math.exp(short.excess - long.excess):.2g} times less on left-out data than the best "
-        f"short structure, {short.words} with {short.parameters}; `model: {{type: auto, prefer: "
-        "short}` takes the short one"
+        f"{np.exp(before.excess - long.excess):.2g} times less on left-out data than "
+        f"{before.words} with {before.parameters}, the best short structure, which `model: {{type: "
+        "auto, prefer: short}` takes"
     )

@@ -119,9 +119,10 @@ def search(
     added = [part.value for part in parts]
     families = [*map(family, FAMILIES), *added]
     bench = Bench.of(training, situation, part, dataset)
-    trials = Trials(bench, partial(progress, "structures"))
     boxes = [partial(black_boxes, training, bench.folds, situation)] if beside else []
-    outcomes = trials.outcomes(families, boxes)
+    budget = Budget(part.model.budget)
+    try_all = partial(_try_all, bench, budget, partial(progress, "structures"))
+    outcomes = try_all(families, boxes)
     most = None if situation.timed else max(MOST_PARAMETERS, comb(len(situation.inputs) + 3, 3))
     result = _choose_structure(outcomes, bench, most)
     if part.model.prefer is None:
@@ -129,11 +130,15 @@ def search(
         result = go_on(
             result,
             bench,
-            lambda name: trials.outcomes([family(name)]),
+            lambda name: try_all([family(name)]),
             lambda later: _choose_structure([*outcomes, *later], bench, more),
         )
-    notes = (*trials.notes, *uneven, *_notes_of(result, bench))
-    return replace(result, cut=trials.cut, notes=notes)
+    ended = (
+        f"the budget of {budget.seconds:g} s ended before {budget.cut} of {budget.listed} "
+        "structures were tried"
+    )
+    notes = (*[ended] * bool(budget.cut), *uneven, *_notes_of(result, bench))
+    return replace(result, cut=budget.cut, notes=notes)
 
 
 def _uneven(dataset: Dataset) -> tuple[str, ...]:
@@ -150,11 +155,13 @@ def _uneven(dataset: Dataset) -> tuple[str, ...]:
 @dataclass
 class Budget:
     """Budget of a search: seconds of processor time for structures in each process, so that a busy
-    machine tries the same structures as an idle one.
+    machine tries the same structures as an idle one; and how many structures were listed and cut.
     """
 
     seconds: float
     worked: float = 0.0
+    listed: int = 0
+    cut: int = 0
 
     @property
     def over(self) -> bool:
@@ -165,39 +172,24 @@ class Budget:
 Work = Callable[[], list[Outcome]]
 
 
-@dataclass
-class Trials:
-    """Candidates that are tried on a bench, one round after the other within one budget."""
-
-    bench: Bench
-    progress: Callable[[int, int], None]
-    listed: int = 0
-    cut: int = 0
-    worked: float = 0.0
-
-    def outcomes(
-        self, families: Sequence[Mapping[str, Any]], others: Sequence[Work] = ()
-    ) -> list[Outcome]:
-        """Try what families offer, and do other work beside it."""
-        offered = [offered_structures(known, self.bench.situation) for known in families]
-        budget = Budget(self.bench.part.model.budget, self.worked / free_processors())
-        jobs: list[Work] = [
-            partial(_try_structure, one, self.bench, budget) for one in chain(*offered)
-        ]
-        done = shared_out(call, [*jobs, *others], self.progress)
-        self.listed += len(jobs)
-        self.cut += done[: len(jobs)].count([])
-        self.worked += sum(one.seconds for ways in done for one, _ in ways)
-        return [outcome for ways in done for outcome in ways]
-
-    @property
-    def notes(self) -> list[str]:
-        """What a reader is told where the budget ended early."""
-        ended = (
-            f"the budget of {self.bench.part.model.budget:g} s ended before {self.cut} of "
-            f"{self.listed} structures were tried"
-        )
-        return [ended] * bool(self.cut)
+def _try_all(
+    bench: Bench,
+    budget: Budget,
+    progress: Callable[[int, int], None],
+    families: Sequence[Mapping[str, Any]],
+    boxes: Sequence[Work] = (),
+) -> list[Outcome]:
+    """Try what families offer, and black boxes beside them."""
+    before = budget.worked
+    offered = [offered_structures(known, bench.situation) for known in families]
+    jobs: list[Work] = [partial(_try_structure, one, bench, budget) for one in chain(*offered)]
+    done = shared_out(call, [*jobs, *boxes], progress)
+    outcomes = [*chain(*done)]
+    budget.listed += len(jobs)
+    budget.cut += done[: len(jobs)].count([])
+    # forks have worked without this process knowing it
+    budget.worked = before + sum(one.seconds for one, _ in outcomes) / free_processors()
+    return outcomes
 
 
 def _choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: int | None) -> Search:
@@ -263,7 +255,7 @@ def _notes_of(result: Search, bench: Bench) -> list[str]:
             "nothing that left-out data show"
         )
     if result.short is not None:
-        notes.append(note_of(result))
+        notes.append(note_of(result, result.short))
     if lack := lacking(result, bench):
         where = bench.parts_left_out.rpartition(" ")[2] if bench.asks_parts else "stretches"
         notes.append(
