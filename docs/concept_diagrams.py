@@ -137,8 +137,13 @@ def campaign_page(numbers: dict[str, list[str]]) -> Figure:
     dots = {"mapmore": errors["mapmore"], "sarosi": errors["sarosi"], "best of the others": best}
     looks = (("o", "#1f77b4", 6), ("s", "#d62728", 6), ("o", "none", 12))
     for (name, found), (marker, color, size) in zip(dots.items(), looks, strict=True):
-        look = {"color": color, "markersize": size, "markeredgecolor": "0.3"}
-        below.plot(found, runs, marker, label=name, **look)
+        below.plot(
+            *(found, runs, marker),
+            label=name,
+            color=color,
+            markersize=size,
+            markeredgecolor="0.3",
+        )
     below.set(xlabel="NRMSE (%)", ylim=(-0.6, len(runs) - 0.4), xlim=(0, None))
     below.invert_yaxis()
     below.legend(fontsize=7, bbox_to_anchor=(1.02, 1), loc="upper left")
