@@ -52,9 +52,20 @@ MOTION = ("damping", "dynamic")
 
 
 def segmented(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check what each segmented quantity is cut by."""
+    """Check what each segmented quantity is cut by, and that no level is the target."""
     level = spec.data.levels.of if spec.data.levels else None
     has_terms = spec.model.type == "mapmore" and bool(spec.dictionary)
+    searched = spec.model.type == "auto"
+    if level == spec.target_quantity and (has_terms or searched) and not spec.has_memory:
+        yield from applying(
+            (
+                searched or spec.segment.get(level) != "none",
+                "data.levels.of",
+                "the levels are those of `{level}`, which is the target itself",
+                f"{OF_NOTHING}: name a quantity that is held constant in each recording",
+            ),
+            level=level,
+        )
     for name, cut in spec.segment.items():
         by_direction = isinstance(cut, CutByDirection)
         yield from applying(
