@@ -55,17 +55,11 @@ def segmented(spec: ExperimentSpec) -> Iterator[Finding]:
     """Check what each segmented quantity is cut by, and that no level is the target."""
     level = spec.data.levels.of if spec.data.levels else None
     has_terms = spec.model.type == "mapmore" and bool(spec.dictionary)
-    searched = spec.model.type == "auto"
-    if level == spec.target_quantity and (has_terms or searched) and not spec.has_memory:
-        yield from applying(
-            (
-                searched or spec.segment.get(level) != "none",
-                "data.levels.of",
-                "the levels are those of `{level}`, which is the target itself",
-                f"{OF_NOTHING}: name a quantity that is held constant in each recording",
-            ),
-            level=level,
-        )
+    interpolated = has_terms and spec.segment.get(level or "") != "none" and not spec.has_memory
+    if level == spec.target_quantity and (interpolated or spec.model.type == "auto"):
+        what = f"the levels are those of `{level}`, which is the target itself"
+        remedy = f"{OF_NOTHING}: name a quantity that is held constant in each recording"
+        yield Finding("data.levels.of", what, remedy)
     for name, cut in spec.segment.items():
         by_direction = isinstance(cut, CutByDirection)
         yield from applying(
