@@ -202,7 +202,7 @@ def _pooled(dataset: Dataset) -> Curve:
     for curve in curves:
         keys = [(curve.level, log_of.get(name, name)) for name in curve.recordings]
         own = np.array([numbers.setdefault(key, len(numbers)) for key in keys])
-        logs.append(own[np.zeros(curve.size, dtype=int) if curve.origin is None else curve.origin])
+        logs.append(np.broadcast_to(own[0 if curve.origin is None else curve.origin], curve.size))
     return Curve(
         "",
         None,
@@ -323,10 +323,7 @@ def _parts(
     of = _standing(situation.inputs, study, whole)
     if last or (situation.timed and of is None and asked and len(samples.logs) == 1):
         return "ends of recordings", _ends(samples), True, False
-    sizes = [curve.size for curve in dataset.curves]
-    out, ends = ([], False) if of is None else _neighbours(dataset, study, whole, of)
-    folds = [samples.training & np.repeat(curves, sizes) for curves in out]
-    folds = _fair(samples) if of is None else folds
+    folds, ends = (_fair(samples), False) if of is None else _neighbours(dataset, study, whole, of)
     columns = [samples.columns[name].astype(np.float32) for name in situation.inputs]
     taught = [
         fold for fold in folds if all(np.ptp(x[samples.training & ~fold]) > 0 for x in columns)
@@ -369,10 +366,10 @@ def _values(dataset: Dataset, of: str) -> Array:
 def _neighbours(
     dataset: Dataset, study: Dataset, whole: BoolArray, of: str
 ) -> tuple[list[BoolArray], bool]:
-    """Return curves at neighbouring values, (c,), in the way in which the study holds them out, and
-    True if they lie at an end: as many at an end as it holds out beyond that end, if it does;
-    otherwise inner ones, as many as its longest row of them, or single ones. At least two values
-    remain.
+    """Return training samples at neighbouring values, (n,), in the way in which the study holds
+    them out, and True if they lie at an end: as many values at an end as it holds out beyond that
+    end, if it does; otherwise inner ones, as many as its longest row of them, or single ones. At
+    least two values remain.
     """
     at_curves, every = _values(dataset, of), _values(study, of)
     values, trained = np.unique(every), np.unique(at_curves)
@@ -388,7 +385,9 @@ def _neighbours(
     if not ends:
         row = min(max(map(len, gaps), default=1), most)
         out += [*sliding_window_view(trained[1:-1], row)]
-    return [np.isin(at_curves, some) for some in out], ends
+    at = np.repeat(at_curves, [curve.size for curve in dataset.curves])
+    training = np.concatenate([curve.training for curve in dataset.curves])
+    return [training & np.isin(at, some) for some in out], ends
 
 
 BEYOND, WIDEST = 1 / 4, 1 / 3
@@ -419,9 +418,9 @@ def _fair(samples: Curve) -> list[BoolArray]:
     """Return the training samples, (n,), of each log of a fair size; none where there are fewer
     than two.
     """
-    rows = np.arange(samples.size)
-    logs = [samples.training & np.isin(rows, log) for log in samples.logs]
-    sizes = np.array([np.count_nonzero(log) for log in logs])
+    logs = samples.origin
+    assert logs is not None
+    sizes = np.bincount(logs, samples.training)
     low, high = (bound * (sizes @ sizes) / sizes.sum() for bound in FAIR)
-    fair = [log for log, size in zip(logs, sizes, strict=True) if low <= size <= high]
-    return fair if len(fair) > 1 else []
+    fair = np.flatnonzero((low <= sizes) & (sizes <= high))
+    return [samples.training & (logs == number) for number in fair] if len(fair) > 1 else []

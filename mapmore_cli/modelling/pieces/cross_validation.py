@@ -176,11 +176,16 @@ def _folds_along(curves: Sequence[Curve], recipe: Recipe) -> list[Folds]:
         }
         every_way = [_blocks_along(curves, name) for name in sorted(inputs)]
     else:
-        along = in_curve(curves, tuple(recipe.cuts), recipe.target, recipe.level)
-        every = [tuple(block(curve, along, number) for curve in curves) for number in range(BLOCKS)]
-        every_way = [[fold for fold in every if any(out.any() for out in fold)]]
+        every_way = [_blocks_in(curves, recipe)]
     every_way += [levels] if recipe.pooled is not None else []
     return [folds for folds in every_way if len(folds) > 2]
+
+
+def _blocks_in(curves: Sequence[Curve], recipe: Recipe) -> Folds:
+    """Return the blocks of all curves along the variable that is cut, in ascending order."""
+    along = in_curve(curves, tuple(recipe.cuts), recipe.target, recipe.level)
+    every = [tuple(block(curve, along, number) for curve in curves) for number in range(BLOCKS)]
+    return [fold for fold in every if any(out.any() for out in fold)]
 
 
 def in_curve(
@@ -230,7 +235,8 @@ def with_trusted_residual(
     """Return a model on a backbone, with as much of its residual as left-out training data support.
 
     - With three levels or more, each inner level is left out once, and the resulting `share` of the
-      residual is carried between levels.
+      residual is carried between levels. If it is 0, the residual counts at the levels alone, or nowhere if it
+      does not help on left-out inner blocks of the curves either.
     - With fewer levels, inner blocks of the curves are left out, and the residual is dropped if it
       does harm there. With two levels, nothing is known between them, so a residual that is kept
       counts only at the levels.
@@ -239,11 +245,11 @@ def with_trusted_residual(
     """
     body, unit = model.body_of(Pieces), model.output.unit
     assert body.backbone is not None
-    name = body.backbone.name
+    name, formula = body.backbone.name, body.backbone.formula
     folds = inner_folds(curves, recipe)
     if not folds:
         return model
-    left_out = leave_out(curves, recipe, quantities, body.backbone.formula, folds, progress)
+    left_out = leave_out(curves, recipe, quantities, formula, folds, progress)
     share, without, whole = left_out.share, left_out.rmse(0.0), left_out.rmse(1.0)
     errors = (
         f"on {left_out.folds} left-out part(s) its error is {without:.4g} {unit} alone, "
@@ -257,9 +263,16 @@ def with_trusted_residual(
         body = body.joined(shrink=share)
         note = f"midway between levels, {share:.0%} of the residual on {name} is used: {errors}"
         if share == 0:
-            note = (
-                f"between levels, the residual on {name} is not used, because {as_good}: {errors}"
+            blocks = _blocks_in(curves, recipe)[1:-1]
+            inside = leave_out(curves, recipe, quantities, formula, blocks)
+            helps = inside.rmse(1.0) < inside.rmse(0.0)
+            body = body if helps else _times(body, 0.0)
+            unused = (
+                f"between levels, the residual on {name} is not used"
+                if helps
+                else f"the pieces on {name} are left out"
             )
+            note = f"{unused}, because {as_good}: {errors}"
     elif body.level is None and share > 0:
         shares[SHRUNKEN] = share
         body = _times(body, share)

@@ -118,6 +118,26 @@ def test_a_residual_that_jumps_from_level_to_level_counts_at_the_levels_alone():
     )
 
 
+def test_pieces_that_help_neither_between_levels_nor_within_them_are_left_out():
+    """Noise on what the backbone explains: the residual is kept at the levels only if left-out
+    blocks of the curves gain by it.
+    """
+    rng = np.random.default_rng(0)
+    samples = [
+        changed(
+            c,
+            force=2 * c.columns["pressure"] * (1 - c.columns["strain"]) + rng.normal(0, 5, c.size),
+        )
+        for c in curves(levels=(*LEVELS, 450.0), held_out=())
+    ]
+    model = trusted(samples, tolerance=0.0)
+    assert not any(curve.segments for curve in model.body.curves)
+    assert "the pieces on polynomial_2 are left out" in model.notes[-1]
+    for curve in samples:
+        places = at(curve.level, curve.columns["strain"])
+        np.testing.assert_allclose(predict(model, places), backbone_of(model, places))
+
+
 def test_between_two_levels_the_backbone_stands_alone():
     model = trusted(bumped(curves(levels=(150.0, 350.0), held_out=()), lambda _number: 80))
     assert model.body.fusion.shrink == 0.0
