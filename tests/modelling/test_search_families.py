@@ -12,6 +12,7 @@ from common import curve_of, dataset_of
 from mapmore_cli.annexes.search import searching
 from mapmore_cli.annexes.search.bench import Bench, Slice, cut_short, searchable
 from mapmore_cli.annexes.search.candidate import offered_structures
+from mapmore_cli.annexes.search.further import ROUNDS
 from mapmore_cli.annexes.search.searching import FAMILIES, choices_of, family
 from mapmore_cli.annexes.search.situation import Situation, situation_of
 from mapmore_cli.domain.recording import Recording
@@ -62,7 +63,8 @@ def bench_of(whole, part=WHOLE):
 
 
 def offered(of):
-    return [one for name in FAMILIES for one in offered_structures(family(name), of)]
+    files = (*FAMILIES, *ROUNDS)
+    return [one for name in files for one in offered_structures(family(name), of)]
 
 
 @pytest.mark.parametrize("name", SITUATIONS)
@@ -84,6 +86,22 @@ def test_terms_grow_with_the_inputs():
     ]
     assert [each["quadratic"] for each in terms] == [6, 28]
     assert [each["cubic splines of a"] for each in terms] == [12, 28]
+
+
+def test_a_long_structure_may_have_a_parameter_for_every_forty_samples():
+    few, many = (replace(SITUATIONS["map"], samples=size) for size in (60, 4000))
+    terms = [
+        {one.words: one.sections["fit"]["max_terms"] for one in offered(of) if one.kind == "longer"}
+        for of in (few, many)
+    ]
+    assert [each["order 5 of the inputs"] for each in terms] == [28, 100]
+
+
+def test_recordings_whose_levels_are_left_out_in_turn_get_no_delays():
+    untimed = replace(SITUATIONS["record"], step=None)
+    texts = [str(one.sections["dictionary"]) for one in offered(untimed) if one.kind == "longer"]
+    assert texts
+    assert not any("[k-" in text or "lags" in text for text in texts)
 
 
 def test_the_structure_of_the_papers_is_tried_wherever_there_are_levels():

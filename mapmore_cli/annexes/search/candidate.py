@@ -87,7 +87,7 @@ def _applies(when: Mapping[str, int], of: Situation) -> bool:
         "samples": of.samples,
         "least_inputs": len(of.inputs),
         "moving": len(of.moving),
-        "steps": of.steps,
+        "steps": of.steps * of.timed,
         "tables": not of.timed,
         "ordered": of.ordered,
         "levels": of.curves if of.level in of.inputs else when.get("levels", 0),
