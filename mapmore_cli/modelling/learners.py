@@ -29,8 +29,9 @@ class Regressor(Protocol):
 
 @dataclass(frozen=True)
 class Learner:
-    """A black box. `make` takes the number of inputs and returns an object with `fit` and `predict`.
-    If there are more training samples than `most_samples`, an evenly spread part of them is used.
+    """A black box. `make` takes the number of inputs and returns an object with `fit` and
+    `predict`. If there are more training samples than `most_samples`, an evenly spread part of them
+    is used.
     """
 
     title: str
