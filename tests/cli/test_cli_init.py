@@ -29,7 +29,7 @@ def test_a_spec_for_measured_recordings_checks(source, tmp_path, mapmore, measur
 
 
 def test_the_budget_of_a_search_is_no_option_any_more(tmp_path, mapmore):
-    mapmore("init", tmp_path, "--budget", "60s", code=2, says="`init` fits nothing any more")
+    mapmore("init", tmp_path, "--budget", "60s", code=2, says="`init` no longer fits models")
 
 
 def started(mapmore, source, place):

@@ -43,7 +43,7 @@ def test_workbooks_of_other_programs(tmp_path, suffix):
         path.write_bytes(whole[:end])
         refusal(["a.xlsx: the file is damaged, or is no workbook"], "xlsx", path, "t")
     path.write_text("t\tF\n1\t2\n")
-    refusal(["a.xlsx: is a text under the name of a workbook", ".txt"], "xlsx", path, "t")
+    refusal(["a.xlsx: is a text file with the name of a workbook", ".txt"], "xlsx", path, "t")
 
 
 def test_without_header_after_skipped_rows(book):
