@@ -212,7 +212,7 @@ class Checked:
 
 def one_of(*words: str) -> Checked:
     """Mark a text that must be one of a few words."""
-    return Checked(f"is none of {', '.join(words)}", words.__contains__)
+    return Checked(f"is not one of {', '.join(words)}", words.__contains__)
 
 
 def is_label(text: str) -> bool:

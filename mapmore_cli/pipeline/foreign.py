@@ -133,7 +133,8 @@ def _data_of(path: Path, options: TableOptions, names: Sequence[str]) -> Data:
     named = (*options.columns, *options.units)
     if unknown := next((name for name in named if name not in names), ""):
         raise UsageError(
-            f"a table cannot use the key '{unknown}'", f"its keys are {', '.join(names)}"
+            f"the table cannot contain '{unknown}': the model does not use it",
+            f"name one of {', '.join(names)}",
         )
     reader, settings = reader_of(path) or READERS["csv"], dict(options.settings)
     if reader is READERS["csv"]:

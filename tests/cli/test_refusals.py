@@ -49,7 +49,7 @@ LINES = """
 4  figure no-run fit -o x.pdf --runs .       does not contain a finished run
 2  export MODEL -o out --to py --float       --float works with C only
 2  export MODEL -o out --to fmu --float      --float works with C only
-2  export MODEL -o out --to csv              --grid goes with --to csv
+2  export MODEL -o out --to csv              --grid works with --to csv
 2  export MODEL -o out --to csv --grid pressure=0:90000:100,strain=0.1  \
     outside of the training range
 2  export MODEL -o out --to java             java

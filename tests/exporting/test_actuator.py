@@ -116,7 +116,7 @@ def test_an_actuator_is_written_by_one_command(tmp_path):
         "export", tmp_path / "force.h5", "--pressure", tmp_path / "pressure.h5", "--to", "py"
     )
     assert refused.exit_code == 2
-    assert "--pressure goes with" in refused.stderr
+    assert "--pressure works with" in refused.stderr
 
 
 def test_what_cannot_be_joined_is_refused():

@@ -172,6 +172,6 @@ def test_code_that_is_not_the_model_is_not_written(to, monkeypatch):
         "simulate",
         lambda *_: replace(run, values=np.where(np.arange(100) == 50, 7.0, run.values)),
     )
-    with pytest.raises(MapmoreError, match="is not the model, and is not written"):
+    with pytest.raises(MapmoreError, match="gives other values than the model, so it is not"):
         exported(model, to)
     assert exported(model, to, verify=False)

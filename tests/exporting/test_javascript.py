@@ -100,7 +100,7 @@ def test_a_wrong_module_is_not_written(monkeypatch):
 
     other = javascript_module(pieces(z_s=0.1))
     monkeypatch.setattr(javascript, "javascript_module", lambda _model: other)
-    with pytest.raises(MapmoreError, match="is not the model, and is not written"):
+    with pytest.raises(MapmoreError, match="gives other values than the model, so it is not"):
         exported(pieces(), "js")
 
 

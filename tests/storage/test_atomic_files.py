@@ -342,7 +342,7 @@ def test_what_a_killed_start_leaves_is_no_folder_of_the_user(tmp_path):
 def test_a_folder_in_place_of_the_lock(tmp_path):
     (tmp_path / ".lock").mkdir()
     with (
-        pytest.raises(WriteError, match="is a folder or a link, where the lock"),
+        pytest.raises(WriteError, match="is a folder or a link, but this is the place of the lock"),
         run_lock(tmp_path),
     ):
         pass

@@ -245,8 +245,8 @@ def _asked_for(hold: Hold, series: Sequence[Series]) -> Series:
         listed = ", ".join(dict.fromkeys(next(iter(numbers.values())).shown for numbers in series))
         raise UsageError(
             f"--hold: no column and no number in the names is called {hold.name}",
-            f"the names have {listed or 'no number that varies'}; name the word beside one, as "
-            f"`--hold {hold.name}=WORD:UNIT`, or say none",
+            f"the names have {listed or 'no number that varies'}; give the word beside a number "
+            f"as in `--hold {hold.name}=WORD:UNIT`, or write none",
         )
     return asked
 

@@ -259,7 +259,7 @@ def with_columns(draft: Draft, known: Understood, target: str, table: Table) -> 
     return replace(draft, raw={one.column: one.values for one in table.values() if one.values})
 
 
-# What recordings need to be read
+# Settings that the reader of the recordings needs
 # --------------------------------------------------------------------------------------------------
 
 

@@ -45,7 +45,7 @@ def test_workbooks_of_other_programs(tmp_path, suffix):
         path.write_bytes(whole[:end])
         refusal(["a.xlsx: the file is damaged, or is no workbook"], "xlsx", path, "t")
     path.write_text("t\tF\n1\t2\n")
-    refusal(["a.xlsx: is a text under the name of a workbook", ".txt"], "xlsx", path, "t")
+    refusal(["a.xlsx: is a text file with the name of a workbook", ".txt"], "xlsx", path, "t")
 
 
 TEXTS = [["t", "F"], ["s", "N"], ["0", "1.000,5"], ["0,5", "-2,25"], ["1,0", " "]]
