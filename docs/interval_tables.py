@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import combinations
@@ -274,22 +274,25 @@ BANDS = ((200, 260), (400, 460))
 """Pressures (kPa) that the studies of bands hold out of every curve."""
 
 
+def band_rows(cm: int, runs: Path) -> Iterator[tuple[Cell, ...]]:
+    """Yield the rows of the muscle of that length."""
+    study = f"festo/festo_10mm_{cm}cm"
+    held, repeat = (with_intervals(f"{study}_{word}", runs) for word in ("pressure", "repeat"))
+    whole = rms(errors_within(repeat, (-math.inf, math.inf))[0])
+    for band in BANDS:
+        errors, half = errors_within(held, band)
+        again, _ = errors_within(repeat, band)
+        width = float(np.median(half))
+        inside = [100 * float(np.mean(np.abs(one) <= width)) for one in (errors, again)]
+        name = f"{cm} cm, {band[0]} to {band[1]} kPa"
+        yield name, width, inside[0], rms(errors), inside[1], rms(again), whole
+
+
 def bands(runs: Path) -> Table:
     """Return for each held-out band of pressure what lies inside, beside a later repetition of the
     same curves, whose model has measured that band.
     """
-    rows: list[tuple[Cell, ...]] = []
-    for cm in (10, 20, 30):
-        study = f"festo/festo_10mm_{cm}cm"
-        held, repeat = (with_intervals(f"{study}_{word}", runs) for word in ("pressure", "repeat"))
-        whole = rms(errors_within(repeat, (-math.inf, math.inf))[0])
-        for band in BANDS:
-            errors, half = errors_within(held, band)
-            again, _ = errors_within(repeat, band)
-            width = float(np.median(half))
-            inside = [100 * float(np.mean(np.abs(one) <= width)) for one in (errors, again)]
-            name = f"{cm} cm, {band[0]} to {band[1]} kPa"
-            rows.append((name, width, inside[0], rms(errors), inside[1], rms(again), whole))
+    rows = [row for cm in (10, 20, 30) for row in band_rows(cm, runs)]
     columns = (
         "muscle, band",
         "± [N] .3g",

@@ -13,7 +13,7 @@ from pages import own, run, write_page
 
 from mapmore_cli.domain.models import Model, Pieces
 from mapmore_cli.modelling.kinds import predict
-from mapmore_cli.reporting.table import Table
+from mapmore_cli.reporting.table import Cell, Table
 
 STUDIES = (
     "m1/dmsp-20-88-m1-static",
@@ -29,17 +29,17 @@ STEP = 1e-7
 """Of the length of a curve, from which slopes on both sides of an end are computed."""
 
 
-def ends(runs: Path) -> Table:
-    """Return how far the slope of pieces of two terms jumps where a curve ends, and what they err
-    by on held-out data, by what they do beyond that end.
+def row(study: str, way: str, runs: Path) -> tuple[Cell, ...]:
+    """Return how far the slope of a study's pieces jumps where a curve ends, in per cent of the
+    largest slope, and their error on held-out data.
     """
-    rows = []
-    for study in STUDIES:
-        for way in WAYS:
-            name = study.rpartition("/")[2]
-            files = run(study, runs, f"name={name}.{way}", *PIECES, f"fuse.extrapolation={way}")
-            jump = max(jumps(files.model()))
-            rows.append((name, way, 100 * jump, 100 * own(files).nrmse))
+    name = study.rpartition("/")[2]
+    files = run(study, runs, f"name={name}.{way}", *PIECES, f"fuse.extrapolation={way}")
+    return name, way, 100 * max(jumps(files.model())), 100 * own(files).nrmse
+
+
+def ends(runs: Path) -> Table:
+    """Return a row for every study and what its pieces do beyond the end of a curve."""
     columns = (
         "study",
         "beyond a curve's end",
@@ -47,6 +47,7 @@ def ends(runs: Path) -> Table:
         "NRMSE, held out [%] .3g",
     )
     title = "The slope of the force where the shorter of two curves ends"
+    rows = [row(study, way, runs) for study in STUDIES for way in WAYS]
     return Table.of("ends", title, columns, rows)
 
 

@@ -59,6 +59,13 @@ def test_a_measured_row(config, tmp_path, measured_data):
     ] == pytest.approx(values, rel=0.02)
 
 
+@pytest.mark.long
+def test_the_bands_of_a_muscle(tmp_path, measured_data):
+    shown = {name: [*map(float, cells)] for name, *cells in rows_of("bands", PAGE)}
+    for name, *values in interval_tables.band_rows(30, tmp_path):
+        assert shown[name] == pytest.approx(values, rel=0.02)
+
+
 def test_the_constants_of_the_program_stand_on_the_page():
     """They are those of all families, or a little larger."""
     shown, found = (
