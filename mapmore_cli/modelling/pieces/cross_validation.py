@@ -235,8 +235,8 @@ def with_trusted_residual(
     """Return a model on a backbone, with as much of its residual as left-out training data support.
 
     - With three levels or more, each inner level is left out once, and the resulting `share` of the
-      residual is carried between levels. If it is 0, the residual counts at the levels alone, or nowhere if it
-      does not help on left-out inner blocks of the curves either.
+      residual is carried between levels. If it is 0, the residual counts at the levels alone, or
+      nowhere if it does not help on left-out inner blocks of the curves either.
     - With fewer levels, inner blocks of the curves are left out, and the residual is dropped if it
       does harm there. With two levels, nothing is known between them, so a residual that is kept
       counts only at the levels.
