@@ -23,7 +23,7 @@ from mapmore_cli.domain.fits import (
     MemoryModel,
     Scaling,
 )
-from mapmore_cli.domain.joining import Fusion
+from mapmore_cli.domain.joining import Fusion, Side
 from mapmore_cli.domain.recording import CurveRange, Quantity, Signal
 
 
@@ -110,6 +110,14 @@ class Pieces(Body):
     def ranges(self) -> tuple[CurveRange, ...]:
         """Training range of every curve."""
         return self.curves
+
+    @classmethod
+    def of_one(cls, curve: CurveFunction) -> Pieces:
+        """Return the pieces of one curve, which continue beyond its limits."""
+        names = tuple(curve.limits)
+        sides: tuple[Side, Side] = ("continue", "continue")
+        fusion = Fusion(hold="none", extrapolation=dict.fromkeys(names, sides))
+        return cls(None, names, (curve,), fusion)
 
     def joined(self, **how: Any) -> Pieces:
         """Return the pieces with other fields of `Fusion`."""

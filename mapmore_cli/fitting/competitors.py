@@ -139,7 +139,8 @@ class Contest:
             if found := simple.arx(self.dataset, self._inputs):
                 arx, outputs = found
                 limits = extremes(self._training[self.dataset.target])
-                return outputs, arx.as_memory(self.model.memories[0].states, limits)
+                memories = self.model.memories  # none in a model of motion by sections
+                return outputs, arx.as_memory(memories[0].states, limits) if memories else None
         elif name != "backbone":
             degree, names = simple.DEGREES[name], self._inputs
             rows = self._rows if names else None
@@ -163,6 +164,8 @@ class Contest:
             return None
         names = self._inputs
         if isinstance(body, Formula):
+            if not literature.is_known(body.fit):
+                return None  # a joint sum has no name of its own
             names = sorted(literature.of(body.fit).inputs)
         if not {*names} <= self._training.keys():
             return None  # a sum with inputs of its own

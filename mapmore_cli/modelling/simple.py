@@ -16,7 +16,6 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, IntArray, by_blocks, in_blocks, picked, stacked
 from mapmore_cli.domain.fits import MemoryModel, Scaling, StateSet
-from mapmore_cli.domain.joining import Fusion, Side
 from mapmore_cli.domain.models import CurveFunction, Memory, Pieces, SegmentFunction
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.modelling.signals.sampling import even_share
@@ -98,9 +97,7 @@ class Polynomial:
         )
         boundaries = tuple(np.array(limits[name]) for name in self.names)
         curve = CurveFunction("all", None, limits, boundaries, (segment,))
-        go_on: tuple[Side, Side] = ("continue", "continue")
-        fusion = Fusion(hold="none", extrapolation=dict.fromkeys(self.names, go_on))
-        return Pieces(None, tuple(self.names), (curve,), fusion)
+        return Pieces.of_one(curve)
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Equation, Model
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import equations, rules
@@ -49,14 +48,14 @@ def _printed(name: str, inputs: ReportInputs) -> Printed:
         return Printed(title, (*rules(model), *model.notes), equations(model))
     own = (name, f"{name} (static)", f"{name} (damping)")
     fits = [fit for key, fit in inputs.validation.formulas.items() if key in own]
-    lines = [line for fit in fits if _is_known(fit) for line in formula_equations(fit, {})]
+    lines = [
+        line for fit in fits if literature.is_known(fit) for line in formula_equations(fit, {})
+    ]
     return Printed(title, () if lines else (NOT_KNOWN,), tuple(lines))
 
 
 def is_known(model: Model) -> bool:
     """Tell whether all formulas of a model are known here: a package that adds one may be gone."""
-    return all(_is_known(one.backbone) for one in model.every if one.backbone is not None)
-
-
-def _is_known(fit: FormulaFit) -> bool:
-    return bool(fit.definition) or fit.name in literature.names()
+    return all(
+        literature.is_known(part.backbone) for part in model.every if part.backbone is not None
+    )

@@ -7,13 +7,10 @@ from dataclasses import fields
 from html import unescape
 from pathlib import Path
 
-import numpy as np
 import pytest
 from cli_samples import OWN, by_place, edit
 
 from mapmore_cli.domain.scores import Score
-from mapmore_cli.reporting.table import title_of
-from mapmore_cli.storage.run_folder import RunFiles
 
 STAGES = ["ingest", "segment", "fit", "fuse", "validate", "report"]
 
@@ -189,32 +186,3 @@ def test_guesses_that_nobody_confirmed_are_counted(count, words, study, mapmore)
     if count == 2:
         edit(study, "{method: even, count: 2}}", "{method: even, count: 2}}  # CHECK: so many?")
     mapmore("ingest", study, code=0, says=f"{words} not confirmed")
-
-
-def computed(text, columns):
-    """What an equation of a page says, computed by Python from its text."""
-    body, _, where = text.partition(", where ")
-    known = {"exp": np.exp, "log": np.log, "sqrt": np.sqrt, **columns}
-    for line in where.split(", ") if where else ():
-        name, _, meaning = line.partition(" = ")
-        known[name] = eval(meaning.replace("^", "**"), known)  # of our own page
-    return eval(body.replace("^", "**"), known)
-
-
-def test_competitors_can_be_computed_from_the_page(finished):
-    _, runs = finished
-    page = (runs / "bench" / "report" / "index.html").read_text()
-    listed = re.search(r'<dl class="equations competitors">(.*?)</dl>', page, re.DOTALL)[1]
-    pattern = r'<dt>(.*?)</dt>.*?<code class="line">(.*?)</code>'
-    shown = {title: unescape(text) for title, text in re.findall(pattern, listed, re.DOTALL)}
-    files = RunFiles(runs / "bench")
-    predictions, dataset = files.validation().predictions, files.dataset()
-    others = [name for name in predictions if name not in ("mapmore", "arx")]
-    assert {title_of(name) for name in others} == {*shown}
-    assert {"polynomial_2", "plane", "quadratic", "cubic"} <= {*others}
-    for name in others:
-        for number, curve in enumerate(dataset.curves):
-            rows = np.linspace(0, curve.size - 1, 3).astype(int)
-            columns = {key: values[rows] for key, values in curve.columns.items()}
-            found, known = computed(shown[title_of(name)], columns), predictions[name][number]
-            np.testing.assert_allclose(found, known[rows], rtol=1e-4, atol=1e-4 * np.ptp(known))

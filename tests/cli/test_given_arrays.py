@@ -198,7 +198,7 @@ def test_clocks_are_seconds_and_nothing_else(values, seconds):
     np.testing.assert_array_equal(read(values, "time", "s"), seconds)
     np.testing.assert_allclose(read(values, "time", "ms"), 1000 * np.array(seconds))
     with pytest.raises(
-        DataError, match=r"`time` may contain|column `time` alone|cannot be converted"
+        DataError, match=r"`time` may contain|column `time` only|cannot be converted"
     ):
         read(values)
 

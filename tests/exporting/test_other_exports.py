@@ -279,7 +279,7 @@ def test_mujoco_lifts_a_weight_with_the_muscle(model, tmp_path):
 def test_what_a_simulator_cannot_hold():
     memory = WITH_MEMORY["lags"]
     for target in ("csv", "table", "mujoco", "simulink"):
-        with pytest.raises(UsageError, match=r"memory|force by pressure"):
+        with pytest.raises(UsageError, match=r"memory|the force with the inputs pressure"):
             exported(memory, target)
 
 

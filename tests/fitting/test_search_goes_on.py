@@ -124,7 +124,8 @@ def test_a_smooth_map_gets_more_terms_unless_the_study_prefers_the_short_one(mon
     dataset = smooth_map(300)
     long, short = search(dataset, WHOLE), search(dataset, SHORT)
     assert short.short is None
-    assert short.found.words == long.tried[long.short].words == "cubic"
+    assert short.found.words == long.tried[long.short].words
+    assert short.found.words.startswith("cubic")
     assert long.found.family == "longer"
     assert 20 <= long.found.parameters <= 28
     assert long.found.error < 0.8 * short.found.error

@@ -102,7 +102,7 @@ def test_a_clock_in_parts_is_added_up(tmp_path):
         ({"columns": ["h"], "format": "h", "column": "t"}, "one `column`"),
         ({"columns": ["h", "f"], "format": "h %f"}, "a format needs codes such as %H"),
         ({"columns": ["h"], "format": "kPa"}, "a format needs codes such as %H"),
-        ({"columns": ["h"], "format": "h", "unit": "s"}, "units of their own"),
+        ({"columns": ["h"], "format": "h", "unit": "s"}, "already have their units in `format`"),
         ({}, "one `column`"),
     ],
 )
@@ -247,7 +247,7 @@ def test_tables_below_each_other_are_recordings(tmp_path, mark):
     dataset = dataset_of(draft, tmp_path)
     assert [one.rows_kept for one in dataset.recordings] == [20] * 4
     draft = draft.with_data("files", [{"path": "tables.csv", "table": 9, "set": {"distance": 0}}])
-    with pytest.raises(DataError, match="there is no table 9: 5 stand below each other"):
+    with pytest.raises(DataError, match="there is no table 9: the file has 5, one below the other"):
         dataset_of(draft.without_data("levels").without_data("split"), tmp_path)
 
 
@@ -269,7 +269,7 @@ def test_a_column_tells_recordings_apart(tmp_path):
     for one in dataset.recordings:
         np.testing.assert_allclose(one.columns["time"], 0.01 * np.arange(60))
     draft = draft.with_data("recordings", {"of": "specimen"})
-    with pytest.raises(SpecError, match="no column holds `specimen`"):
+    with pytest.raises(SpecError, match="no column is called `specimen`"):
         loaded(draft, tmp_path)
 
 

@@ -70,6 +70,11 @@ def get(name: str) -> Formula:
     return _published()[name]
 
 
+def is_known(fit: FormulaFit) -> bool:
+    """Return whether the formula of a fit can be found: the fit defines it, or it has its name."""
+    return bool(fit.definition) or fit.formula in names()
+
+
 def of(fit: FormulaFit) -> Formula:
     """Return the formula that was fitted."""
     return get(fit.formula)

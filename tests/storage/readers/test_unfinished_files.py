@@ -54,7 +54,7 @@ def test_a_line_with_nul_in_it_is_lost_whatever_columns_are_wanted(tmp_path, lin
 @pytest.mark.parametrize("end", [b"\0\n", b"\0\0\r\n", b"\0 \n\0\0"])
 def test_a_nul_in_the_last_cell_is_no_padding(tmp_path, end):
     content = b"t,P\n1,2\n2," + end
-    with refused("a.csv:row 3: bytes of NUL stand in this line", "`missing: drop`"):
+    with refused("a.csv:row 3: the line contains NUL bytes", "`missing: drop`"):
         csv_table(tmp_path / "a", content, "P")
 
 
