@@ -25,7 +25,7 @@ def clean(
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """List the runs that no spec names, with their files; remove them with --yes.
+    """List the runs that no spec names; remove them with --yes.
 
     The runs of the given specs and campaigns are kept, with their variations and the runs on which
     they build or with which they are compared. A run is removed as a whole or not at all: it is

@@ -189,7 +189,7 @@ def freeze(
     runs: Runs = RUNS,
     quiet: Quiet = False,
 ) -> None:
-    """Keep the model of a run, or the models of a campaign, under a tag.
+    """Keep the models of a run or a campaign under a tag.
 
     The scores, the spec and the hashes are copied too, to ARCHIVE/NAME@TAG, where no later run
     writes.

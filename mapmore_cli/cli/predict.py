@@ -341,7 +341,7 @@ def adapt(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Adapt the model of a family to a specimen with a few measured points.
+    """Adapt the model of a family to a specimen by a few points.
 
     The force and the strain of the specimen are multiplied by one scale each, with a prior of 1 +-
     15 %. The new model has the inputs pressure and strain, and can be used like any other model.

@@ -65,7 +65,7 @@ def tune(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Compare settings, or structures, on training data that are left out.
+    """Compare settings, or structures, on left-out training data.
 
     With --over, the best setting is reported. Without it, the structure of the model is searched.
 
