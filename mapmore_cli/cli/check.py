@@ -46,7 +46,7 @@ def check(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Check a spec and its data, or a campaign, before a run.
+    """Check a spec and its data, or a campaign, before a run."""
     from mapmore_cli.cli.compared import of_campaign, of_inspection
     from mapmore_cli.pipeline.inspection import inspect
     from mapmore_cli.study.campaign import expanded
