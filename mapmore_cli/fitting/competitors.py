@@ -108,7 +108,8 @@ class Contest:
             return Rival(label, _forecasts(predictions(name, dataset, self.model)))
         curves = dataset.curves if competitor.levels is None else _at_levels(dataset)
         fit = self._fitted(name, curves, dataset.target, competitor.method, competitor.starts)
-        return self._of_formula(label, fit, _formula_says(fit, curves))
+        model = self._as_model(label, None if fit.failed else Formula(fit, None, ()))
+        return Rival(label, _forecasts(_formula_says(fit, curves)), {label: fit}, model=model)
 
     def simple_beside(self, named: Collection[str]) -> tuple[str, ...]:
         """Return the simple competitors that the model allows and that are not in `named`.
@@ -139,8 +140,7 @@ class Contest:
             if found := simple.arx(self.dataset, self._inputs):
                 arx, outputs = found
                 limits = extremes(self._training[self.dataset.target])
-                memories = self.model.memories  # none in a model of motion by sections
-                return outputs, arx.as_memory(memories[0].states, limits) if memories else None
+                return outputs, arx.as_memory(curves, limits)
         elif name != "backbone":
             degree, names = simple.DEGREES[name], self._inputs
             rows = self._rows if names else None
@@ -150,25 +150,14 @@ class Contest:
             return _formula_says(self._backbone, curves), Formula(self._backbone, None, ())
         return [np.full(curve.size, np.nan) for curve in curves], None
 
-    def _of_formula(self, label: str, fit: FormulaFit, outputs: Sequence[Array]) -> Rival:
-        """Return a fitted formula, or a sum of some, as a competitor."""
-        body = None if fit.failed else Formula(fit, None, ())
-        model = self._as_model(label, body)
-        return Rival(label, _forecasts(outputs), {label: fit}, model=model)
-
     def _as_model(self, name: str, body: Computed | None) -> Model | None:
         """Return what a competitor consists of as a model of the scored quantity, trained where the
         contest trains.
         """
         if body is None:
             return None
-        names = self._inputs
-        if isinstance(body, Formula):
-            if not literature.is_known(body.fit):
-                return None  # a joint sum has no name of its own
-            names = sorted(literature.of(body.fit).inputs)
-        if not {*names} <= self._training.keys():
-            return None  # a sum with inputs of its own
+        is_formula = isinstance(body, Formula)
+        names = sorted(literature.of(body.fit).inputs) if is_formula else self._inputs
         if not isinstance(body, Pieces):
             limits = {one: extremes(self._training[one]) for one in names}
             body = replace(body, ranges=(CurveRange("all", None, limits),))
@@ -216,8 +205,10 @@ class Contest:
         maker = maker_of("sum")
         assert isinstance(maker, FitsSums)
         assert competitor.sum is not None
-        fit, values = maker.fit_and_predict(competitor.sum, self.dataset, competitor.method)
-        return self._of_formula(competitor.label, fit, values)
+        label, dataset = competitor.label, self.dataset
+        fit, model = maker.fit_sum(label, competitor.sum, dataset, competitor.method)
+        forecasts = forecast_each(model, dataset.curves, dataset.target)
+        return Rival(label, forecasts, {label: fit}, model=None if fit.failed else model)
 
     def _composite(self, competitor: Competitor) -> Rival:
         """Return the sum of a static formula, fitted to the training data of the static run, and a

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from math import comb
 
@@ -18,6 +18,7 @@ from mapmore_cli.domain.arrays import Array, IntArray, by_blocks, in_blocks, pic
 from mapmore_cli.domain.fits import MemoryModel, Scaling, StateSet
 from mapmore_cli.domain.models import CurveFunction, Memory, Pieces, SegmentFunction
 from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.modelling.memory.records import sampled
 from mapmore_cli.modelling.signals.sampling import even_share
 
 # total degree of each polynomial, which has every monomial up to it
@@ -111,17 +112,18 @@ class Arx:
     order: int
     theta: Array
 
-    def as_memory(self, states: StateSet, limits: tuple[float, float]) -> Memory:
-        """Return it as a model with memory: it steps through time as `states` do, and has diverged
-        far beyond the `limits` of the target.
+    def as_memory(self, curves: Sequence[Curve], limits: tuple[float, float]) -> Memory:
+        """Return it as a model with memory: it steps through time as the samples of `curves` do,
+        and has diverged far beyond the `limits` of the target.
         """
         steps = range(1, self.order + 1)
         past = [f"{self.target}[k-{i}]" for i in steps]
         past += [one for name in self.names for one in (name, *(f"{name}[k-{i}]" for i in steps))]
         none, unknown = np.empty(0), np.full(len(past), np.nan)
-        own = replace(states, names=tuple(past), ranges={}, resonances={}, low=none, high=none)
+        step, uneven, _ = sampled(curves, ordered=True)
+        states = StateSet(tuple(past), step, {}, {}, none, none, 0.0, uneven)
         theta, constant = self.theta[1:], float(self.theta[0])
-        memory = MemoryModel(self.target, own, tuple(past), theta, unknown, constant, limits)
+        memory = MemoryModel(self.target, states, tuple(past), theta, unknown, constant, limits)
         return Memory(memory, ())
 
 

@@ -9,12 +9,11 @@ from mapmore_cli.annexes.sums import Part
 from mapmore_cli.annexes.sums.joint import (
     fit_jointly,
     own_inputs,
-    predict,
     refuse_shared_names,
     split,
     sum_of,
 )
-from mapmore_cli.domain.arrays import Array, extremes
+from mapmore_cli.domain.arrays import extremes
 from mapmore_cli.domain.errors import FitError, SpecError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Formula, Model
@@ -87,7 +86,7 @@ class SumMaker(Maker):
         formulas = part.model.sum or []
         if not formulas or formulas[0].formula is None:
             return FitResult(None)
-        joint, _ = self.fit_and_predict(formulas, given.dataset, None)
+        joint = _jointly(formulas, given.dataset, None)
         if joint.failed:
             raise FitError(
                 f"the fit of {joint.name} failed: {'; '.join(joint.notes)}", "take other formulas"
@@ -122,12 +121,15 @@ class SumMaker(Maker):
             )
         return sum_of(part.name, parts, output, quantities)
 
-    def fit_and_predict(
-        self, parts: Sequence[Summand], dataset: Dataset, method: str | None
-    ) -> tuple[FormulaFit, list[Array]]:
-        """Fit formulas together to the training data; return the fit, and the sum along every
-        curve.
-        """
-        training = pooled_training(dataset.curves)
-        fitted = fit_jointly(parts, training, training[dataset.target], method)
-        return fitted, [predict(fitted, parts, curve.columns) for curve in dataset.curves]
+    def fit_sum(
+        self, name: str, summands: Sequence[Summand], dataset: Dataset, method: str | None
+    ) -> tuple[FormulaFit, Model]:
+        """Fit formulas together to the training data; return the fit, and the sum as a model."""
+        joint = _jointly(summands, dataset, method)
+        parts, quantities = formula_parts(summands, joint, dataset), dataset.quantities
+        return joint, sum_of(name, parts, quantities[dataset.target], quantities)
+
+
+def _jointly(summands: Sequence[Summand], dataset: Dataset, method: str | None) -> FormulaFit:
+    training = pooled_training(dataset.curves)
+    return fit_jointly(summands, training, training[dataset.target], method)

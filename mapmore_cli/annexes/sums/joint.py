@@ -8,8 +8,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 
-import numpy as np
-
 from mapmore_cli.annexes.sums import Part, Sum
 from mapmore_cli.domain.arrays import Array, Columns, row_count
 from mapmore_cli.domain.errors import DataError, SpecError
@@ -250,12 +248,3 @@ def split(fit: FormulaFit, summands: Sequence[Summand]) -> list[FormulaFit]:
         named = replace(fit, name=formula.name, definition=formula.definition)
         parts.append(replace(named, parameters=parameters, errors=errors))
     return parts
-
-
-def predict(fit: FormulaFit, summands: Sequence[Summand], columns: Columns) -> Array:
-    """Return the sum at every row, `(n,)`; NaN with the parameters of a failed fit."""
-    values = np.zeros(row_count(columns))
-    for summand, part in zip(summands, split(fit, summands), strict=True):
-        formula = literature.of(part)
-        values += summand.sign * formula.predict(part.parameters, own_inputs(summand, columns))
-    return values

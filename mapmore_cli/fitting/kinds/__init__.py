@@ -17,7 +17,6 @@ from mapmore_cli.modelling import kinds
 from mapmore_cli.modelling.outputs.model import outputs_model
 
 if TYPE_CHECKING:
-    from mapmore_cli.domain.arrays import Array
     from mapmore_cli.domain.fits import FormulaFit, SegmentedCurve
     from mapmore_cli.domain.models import Model
     from mapmore_cli.domain.recording import Dataset
@@ -72,10 +71,10 @@ class Maker(Protocol):
 class FitsSums(Protocol):
     """A maker that can fit formulas together, as a competitor of any model."""
 
-    def fit_and_predict(
-        self, parts: Sequence[Summand], dataset: Dataset, method: str | None
-    ) -> tuple[FormulaFit, list[Array]]:
-        """Return the fit, and the sum along every curve, shape (n,) each."""
+    def fit_sum(
+        self, name: str, summands: Sequence[Summand], dataset: Dataset, method: str | None
+    ) -> tuple[FormulaFit, Model]:
+        """Return the fit, and the sum as a model with this name."""
 
 
 @runtime_checkable

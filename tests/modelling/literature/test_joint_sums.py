@@ -65,7 +65,12 @@ def test_both_muscles_are_recovered_but_for_what_their_difference_does_not_show(
     assert all(name in told for name in ("c0_1", "c1_1", "c0_2", "c1_2"))
     assert "b0_1" not in told
     later = motion(1)
-    assert joint.predict(fit, PAIR, later) == pytest.approx(
+    inputs = {
+        f"{name}_{i}": x
+        for i, part in enumerate(PAIR, 1)
+        for name, x in joint.own_inputs(part, later).items()
+    }
+    assert joint_formula(PAIR).predict(fit.parameters, inputs) == pytest.approx(
         pair_force(later), abs=1e-6 * np.abs(pair_force(later)).max()
     )
 
