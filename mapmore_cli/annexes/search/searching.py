@@ -179,7 +179,7 @@ def _try_all(
     families: Sequence[Mapping[str, Any]],
     boxes: Sequence[Work] = (),
 ) -> list[Outcome]:
-    """Try what families offer, and black boxes beside them."""
+    """Try the structures that families offer, and the black boxes."""
     before = budget.worked
     offered = [offered_structures(known, bench.situation) for known in families]
     jobs: list[Work] = [partial(_try_structure, one, bench, budget) for one in chain(*offered)]
