@@ -71,7 +71,7 @@ def go_on(
 
 
 def note_of(result: Search, short: int) -> str:
-    """Return a note that compares the result of the later rounds with the structure found before."""
+    """Return a note that compares the later rounds with the structure found before."""
     long, before = result.found, result.tried[short]
     if long is before:
         return (

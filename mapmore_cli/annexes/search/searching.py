@@ -119,7 +119,7 @@ def search(
     added = [part.value for part in parts]
     families = [*map(family, FAMILIES), *added]
     bench = Bench.of(training, situation, part, dataset)
-    boxes = [partial(black_boxes, training, bench.folds, situation)] if beside else []
+    boxes = [partial(black_boxes, bench.dataset, bench.folds, situation)] if beside else []
     budget = Budget(part.model.budget)
     try_all = partial(_try_all, bench, budget, partial(progress, "structures"))
     outcomes = try_all(families, boxes)
