@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import yaml
 from closed_loop import Lift, Loop, closed_loop, wanted_force
-from pages import DOCS, rms, run, write_page
+from pages import DOCS, asked, rms, run, write_page
 
 from datasets.rig.simulate import KPA, SimulationSpec
 from mapmore_cli.domain.arrays import Array, Columns
@@ -130,4 +129,4 @@ def figure(runs: Path, path: Path) -> None:
 
 if __name__ == "__main__":
     write_page("control.md", {"tracking": tracking})
-    figure(Path(sys.argv[1]), DOCS / "figures" / "closed-loop.svg")
+    figure(asked()[0], DOCS / "figures" / "closed-loop.svg")

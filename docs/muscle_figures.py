@@ -6,14 +6,13 @@ SVG with the numbers as CSV go to docs/figures, PDF to FOLDER where one is named
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from muscle_tables import joint_forces
-from pages import DOCS, printed, run
+from pages import DOCS, asked, printed, run
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling import literature
@@ -213,4 +212,5 @@ def write(runs: Path, folder: Path | None = None) -> None:
 
 
 if __name__ == "__main__":
-    write(Path(sys.argv[1]), Path(sys.argv[2]) if len(sys.argv) > 2 else None)
+    runs, folder = asked()
+    write(runs, Path(folder[0]) if folder else None)

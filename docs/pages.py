@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import csv
 import re
-import sys
+from argparse import ArgumentParser
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, partial
@@ -113,18 +113,25 @@ def of_campaign(name: str) -> Callable[[Path], Table]:
     return lambda runs: nrmse_table(campaign(name, runs))
 
 
+def asked() -> tuple[Path, list[str]]:
+    """Return the folder of runs, and the names behind it, that the command line gives; what begins
+    with a hyphen is no folder, and ends the program with the usage.
+    """
+    parser = ArgumentParser()
+    parser.add_argument("runs", type=Path, help="folder of runs, which are brought up to date")
+    parser.add_argument("names", nargs="*", help="what to write, if not everything")
+    arguments = parser.parse_args()
+    return arguments.runs, arguments.names
+
+
 def write_page(page: str, tables: Mapping[str, Callable[[Path], Table]]) -> None:
     """Write the tables of a page, or those of them that the command line names behind the folder of
     runs.
     """
-    runs, *names = sys.argv[1:]
+    runs, names = asked()
     write_tables(
         DOCS / page,
-        {
-            name: partial(table, Path(runs))
-            for name, table in tables.items()
-            if name in (names or tables)
-        },
+        {name: partial(table, runs) for name, table in tables.items() if name in (names or tables)},
     )
 
 

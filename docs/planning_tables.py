@@ -5,14 +5,13 @@ The measured recordings must be there (docs/data.md). It takes some minutes.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
-from pages import CONFIGS, DOCS, write_tables
+from pages import CONFIGS, DOCS, asked, write_tables
 
 from mapmore_cli.annexes.planning.planning import formulas_of
 from mapmore_cli.annexes.planning.points import Committee, MeasuredMap
@@ -358,4 +357,4 @@ def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
 
 
 if __name__ == "__main__":
-    write_tables(DOCS / "planning.md", tables(Path(sys.argv[1])))
+    write_tables(DOCS / "planning.md", tables(asked()[0]))

@@ -10,8 +10,8 @@ from __future__ import annotations
 import csv
 import heapq
 import json
-import sys
 import time
+from argparse import ArgumentParser
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import cycle, islice
@@ -250,6 +250,10 @@ def _seconds_of_a_task(tasks: int = 1_000) -> float:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) > 1:
-        record(Path(sys.argv[1]))
+    parser = ArgumentParser()
+    parser.add_argument(
+        "runs", type=Path, nargs="?", help="folder of the muscles that are recorded"
+    )
+    if (runs := parser.parse_args().runs) is not None:
+        record(runs)
     write_tables(DOCS / "scale.md", {"limits": limits})

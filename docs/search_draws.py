@@ -12,14 +12,13 @@ The measured recordings must be there (docs/data.md), and scikit-learn (extra `b
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from pages import DOCS, read_rows, run, scores, shipped, write_tables
+from pages import DOCS, asked, read_rows, run, scores, shipped, write_tables
 from search_tables import BARE, LATEST, NEAR, SETS, SLACK, WORSE, says_so
 
 from mapmore_cli.annexes.search.black_boxes import BLACK_BOX
@@ -249,8 +248,8 @@ def _summed(rows: Sequence[tuple[Cell, ...]]) -> str:
 
 
 if __name__ == "__main__":
-    folder, number, label, *names = sys.argv[1:]
-    for draw in drawn(int(number), Path(folder)):
+    folder, (number, label, *names) = asked()
+    for draw in drawn(int(number), folder):
         if draw.study in (names or SETS):
-            fill = partial(table, Path(folder), int(number), label, draw)
+            fill = partial(table, folder, int(number), label, draw)
             write_tables(PAGE, {"drawn": fill})

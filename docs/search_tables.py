@@ -9,13 +9,12 @@ The measured recordings must be there (docs/data.md), and scikit-learn (extra `b
 
 from __future__ import annotations
 
-import sys
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from pages import DOCS, read_rows, run, scores, write_tables
+from pages import DOCS, asked, read_rows, run, scores, write_tables
 
 from mapmore_cli.annexes.search.searching import formulas_beside
 from mapmore_cli.domain.recording import Quantity
@@ -368,5 +367,6 @@ def summary(rows: list[tuple[Cell, ...]]) -> list[str]:
 
 
 if __name__ == "__main__":
-    for chosen in sys.argv[2:] or ROWS:
-        write_tables(PAGE, {"search": partial(table, Path(sys.argv[1]), chosen)})
+    runs, names = asked()
+    for chosen in names or ROWS:
+        write_tables(PAGE, {"search": partial(table, runs, chosen)})

@@ -39,6 +39,14 @@ def example(tmp_path_factory):
     return folder
 
 
+@pytest.mark.parametrize(
+    ("folder", "name"), [("a b", "a-b"), ("x" * 90, "x" * 80), ("._", "example")]
+)
+def test_the_runs_of_an_example_have_the_name_of_its_folder(folder, name, tmp_path):
+    study, *_ = write_example(tmp_path / folder)
+    assert yaml.safe_load(study.read_text())["name"] == name
+
+
 def without(annex, folder):
     """Return how `mapmore` runs where a copy of the package lacks an annex."""
     copy = folder / "lacking" / "mapmore_cli"

@@ -33,14 +33,16 @@ Forecasts = tuple[Forecast, ...]
 """Forecasts of one model for every curve of the dataset."""
 
 Computed = Formula | Memory | Pieces
-"""What a competitor consists of that is computed without a learner or another run."""
+"""Body of the model of a formula, a polynomial or an ARX."""
 
 
 @dataclass(frozen=True)
 class Rival:
-    """A competitor with what it says of every curve; `formulas` are the fits behind it by the name
-    they are shown under, `own_fit` that of another run, and
-    `run` the folder of that run. `model` is None where it is no formula and no recursion.
+    """A competitor with its forecasts of every curve.
+
+    `formulas` holds its fits by the name under which they are shown. For another run, `own_fit` is
+    its fit and `run` its folder. `model` is None if the competitor is not available as a model, for
+    example a black box.
     """
 
     name: str
@@ -132,8 +134,8 @@ class Contest:
         return tuple(name for name in beside if name not in named)
 
     def _of_simple(self, name: str) -> tuple[Sequence[Array], Computed | None]:
-        """Return the predictions of a simple competitor for every curve, NaN where it has none; and
-        what it consists of, where it has some.
+        """Return the predictions of a simple competitor for every curve, and the body of its model.
+        The predictions are NaN if it could not be fitted.
         """
         curves = self.dataset.curves
         if name == "arx":
@@ -151,18 +153,18 @@ class Contest:
         return [np.full(curve.size, np.nan) for curve in curves], None
 
     def _as_model(self, name: str, body: Computed | None) -> Model | None:
-        """Return what a competitor consists of as a model of the scored quantity, trained where the
-        contest trains.
+        """Return a model of the scored quantity with this body and the training ranges of the
+        contest; None without a body, or if the body is no model of quantities of the study.
         """
         if body is None:
             return None
         is_formula = isinstance(body, Formula)
         names = sorted(literature.of(body.fit).inputs) if is_formula else self._inputs
         if not isinstance(body, Pieces):
-            limits = {one: extremes(self._training[one]) for one in names}
+            limits = {key: extremes(self._training[key]) for key in names}
             body = replace(body, ranges=(CurveRange("all", None, limits),))
         quantities = self.dataset.quantities
-        output, inputs = quantities[self.dataset.target], tuple(quantities[one] for one in names)
+        output, inputs = quantities[self.dataset.target], tuple(quantities[key] for key in names)
         return Model(name, output, inputs, body)
 
     @cached_property

@@ -166,11 +166,9 @@ def _by_fold(parts: Sequence[Forecasts], folds: Sequence[Masks]) -> Forecasts:
     """Return for each sample the forecast of the fold that leaves it out."""
     pooled = []
     for of_curve, outs in zip(zip(*parts, strict=True), zip(*folds, strict=True), strict=True):
-        whole = next(
-            (forecast for forecast, out in zip(of_curve, outs, strict=True) if out.all()), None
-        )
-        values = np.select(list(outs), [forecast.values for forecast in of_curve])
-        ready = np.select(list(outs), [forecast.ready for forecast in of_curve])
+        whole = next((each for each, out in zip(of_curve, outs, strict=True) if out.all()), None)
+        values = np.select(list(outs), [each.values for each in of_curve])
+        ready = np.select(list(outs), [each.ready for each in of_curve])
         pooled.append(whole or Forecast.of(np.where(ready, values, np.nan)))
     return tuple(pooled)
 

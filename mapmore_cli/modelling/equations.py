@@ -36,8 +36,8 @@ from mapmore_cli.modelling.expressions.states import Lagged
 from mapmore_cli.modelling.expressions.syntax import Call, Product, Sum
 
 TOLERANCE, RECURSIVE = 5e-4, 5e-7
-"""What rounding may change, as part of what an equation varies by over the training range; of the
-next sample of a recursion, which passes its errors on.
+"""Largest change by rounding, as a fraction of the range of an equation's values over the training
+range; the second is for a recursion, in which errors pass from sample to sample.
 """
 
 
@@ -59,8 +59,8 @@ def equation(
 ) -> Equation:
     """Return `y_slope sum_k theta_k D_k + y_intercept` (M2 eq 8) as text and as LaTeX.
 
-    Numbers have the fewest digits with which it errs by less than the `tolerance`, as part of its
-    range, over the `limits` of quantities or states.
+    Numbers have the fewest digits with which it errs by less than the `tolerance`, as a fraction of
+    its range, over the `limits` of quantities or states.
     """
     whole, where = summed(terms, theta, scaling, units)
     whole = folded(whole)

@@ -77,8 +77,8 @@ class Polynomial:
         ]
 
     def as_pieces(self) -> Pieces:
-        """Return it as one piece, in coordinates that are -1 and 1 at the ends of the training
-        data.
+        """Return the polynomial as one piece, in coordinates that are -1 and 1 at the ends of the
+        training data.
         """
         terms = [
             "*".join(f"{self.names[i]}^{of.count(i)}" for i in sorted({*of})) or "1"
@@ -113,8 +113,8 @@ class Arx:
     theta: Array
 
     def as_memory(self, curves: Sequence[Curve], limits: tuple[float, float]) -> Memory:
-        """Return it as a model with memory: it steps through time as the samples of `curves` do,
-        and has diverged far beyond the `limits` of the target.
+        """Return the ARX as a model with memory. Its time step is that of the samples of `curves`;
+        a run has diverged if it is far outside the `limits` of the target.
         """
         steps = range(1, self.order + 1)
         past = [f"{self.target}[k-{i}]" for i in steps]
@@ -151,7 +151,7 @@ def polynomial_fit(
 
 
 def arx(dataset: Dataset, names: Sequence[str]) -> tuple[Arx, list[Array]] | None:
-    """Return an ARX and its free run along every recording, (n_c,) each.
+    """Return the fitted ARX and its free run along every recording, (n_c,) each.
 
     It starts from the first measured output, at rest. The coefficients are fitted by least squares
     one step ahead. Of `ORDERS`, the one with the smallest error in free run on the training samples

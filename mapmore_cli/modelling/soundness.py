@@ -30,7 +30,7 @@ def unsound(model: Model) -> str | None:
                 fault = fault or f"{part.backbone.name} needs {min(missing)}, which the model lacks"
             names = (quantity.name for quantity in (part.output, *part.inputs))
             if fault or len({*names}) <= len(part.inputs):
-                return f"of the model {part.name}: {fault or 'two quantities have part name'}"
+                return f"of the model {part.name}: {fault or 'two quantities have the same name'}"
         for part in model.each:
             _try(part)
     except Exception as error:

@@ -133,6 +133,14 @@ def test_a_smooth_map_gets_more_terms_unless_the_study_prefers_the_short_one(mon
     assert any("structure lacks something" in note for note in short.notes)
 
 
+def test_black_boxes_are_tried_on_the_samples_of_the_folds(monkeypatch):
+    """Folds have fewer samples than the study, of which some are held out."""
+    only(monkeypatch, tables=is_plain)
+    monkeypatch.setattr("mapmore_cli.annexes.search.black_boxes.find_spec", lambda _name: None)
+    (box,) = (one for one in search(smooth_map(100), SHORT).tried if one.family == "black box")
+    assert 0 < box.error < 0.1
+
+
 @pytest.mark.parametrize("short", [None, 0])
 def test_searches_without_some_data_go_on_only_where_that_of_all_data_did(short, monkeypatch):
     """Black boxes cost time, and are asked for nothing where no later round may follow."""

@@ -33,6 +33,7 @@ PROJECT = HERE.parents[1]
 PACKAGE = PROJECT / "mapmore_cli"
 LIST, ROOMS = HERE / "mutants.yaml", HERE / "rooms.yaml"
 COUNT, SEED, MOST_OF_A_FILE, SECONDS = 100, 20261128, 2, 240
+SOUND = "tests/study"  # tests that pass in a copy without a fault
 COPIED = ("mapmore_cli", "tests", "docs", "configs", "datasets")
 
 COMPARED = {ast.Lt: ("<", "<="), ast.LtE: ("<=", "<"), ast.Gt: (">", ">="), ast.GtE: (">=", ">")}
@@ -252,7 +253,9 @@ def run(numbers: list[int], jobs: int = 2) -> int:
     with TemporaryDirectory() as folder:
         places: SimpleQueue[Path] = SimpleQueue()
         for job in range(jobs):
-            places.put(copy_of_project(Path(folder) / f"copy-{job}"))
+            places.put(place := copy_of_project(Path(folder) / f"copy-{job}"))
+            if not survives(None, place, [SOUND]):
+                raise SystemExit(f"{SOUND} fails without a fault: is pytest installed here?")
 
         def tried(number: int) -> tuple[int, bool, float]:
             place, started = places.get(), monotonic()

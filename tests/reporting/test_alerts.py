@@ -8,8 +8,13 @@ from report_builder import build
 
 from mapmore_cli.domain.results import AUTOCORRELATION, ResidualTest
 from mapmore_cli.domain.scores import STRUCTURE_SEEN
-from mapmore_cli.reporting.alerts import FEW_CURVES, WORST_FIRST
+from mapmore_cli.reporting.alerts import FEW_CURVES, WORST_FIRST, unconfirmed_sentence
 from mapmore_cli.reporting.report import render_page
+
+
+def test_guesses_are_counted_in_plain_words():
+    assert unconfirmed_sentence(1).startswith("1 guess of the spec is not confirmed")
+    assert unconfirmed_sentence(2).startswith("2 guesses of the spec are not confirmed")
 
 
 @pytest.fixture(scope="module")

@@ -23,6 +23,7 @@ from mapmore_cli.domain.fits import MemoryModel, StateSet
 from mapmore_cli.domain.models import Memory
 from mapmore_cli.domain.recording import Signal
 from mapmore_cli.domain.results import PiecesFit
+from mapmore_cli.modelling.soundness import unsound
 from mapmore_cli.storage import artefacts
 
 CURVE = "body/curves/000"
@@ -167,6 +168,13 @@ def test_parts_that_do_not_fit_together_are_no_fault_of_the_program(kind, record
     KINDS[kind][0](path, record)
     with suppress(MapmoreError):
         use(path, random.Random(1))
+
+
+def test_a_model_with_one_name_for_two_quantities_is_refused_in_words():
+    model = examples()["model"]
+    assert unsound(model) is None
+    twice = unsound(replace(model, inputs=model.inputs * 2))
+    assert twice == f"of the model {model.name}: two quantities have the same name"
 
 
 @pytest.mark.parametrize("value", [np.zeros(3), h5py.Empty("f8"), 1.5, b"\xff\xfe"])

@@ -338,7 +338,7 @@ def _of_points(
     name, dataset = choices.name, training_only(whole)
     columns = pooled_training(dataset.curves)
     inputs = [quantity.name for quantity in refit(choices, dataset).inputs]
-    names = tuple(name for name in inputs if np.ptp(columns[name]) > 0)
+    names = tuple(quantity for quantity in inputs if np.ptp(columns[quantity]) > 0)
     if not names:
         raise DataError(
             f"{name}: all training samples have the same inputs", "measure a second place first"
@@ -349,11 +349,15 @@ def _of_points(
             f"plan with at most {max(STEPS)} inputs",
         )
     _checked(prices, names)
-    x, y = spread_out(np.column_stack([columns[name] for name in names]), columns[dataset.target])
+    x, y = spread_out(
+        np.column_stack([columns[quantity] for quantity in names]), columns[dataset.target]
+    )
     measured = MeasuredMap(names, x, y)
     steps = STEPS[len(names)]
     places = measured.grid(steps)
-    known = [np.concatenate([curve.columns[name] for curve in whole.curves]) for name in names]
+    known = [
+        np.concatenate([curve.columns[quantity] for curve in whole.curves]) for quantity in names
+    ]
     free = measured.unmeasured(places, np.column_stack(known), steps)
     if not free.any():
         raise DataError(

@@ -70,14 +70,13 @@ class Slice:
 
 @dataclass(frozen=True)
 class Bench:
-    """What all structures are tried on: training samples alone, and what is left out of them in
-    turn.
+    """Data with which all structures are compared: training samples, and the folds that are left
+    out.
 
-    Each of the folds (n,) has all samples, curve after curve. The first `blocks` of them are
-    stretches of curves, the others whole levels, recordings or ends of them. `weights` (f,) add up
-    to 1: where the study holds an end out (`ends`), folds that leave an end out have all of it. Of
-    the `study`, an even share of all that there is, what is held out included, the inputs alone are
-    looked at.
+    Each fold, (n,), covers all samples, curve after curve. The first `blocks` folds leave out
+    stretches of curves, the others whole levels, recordings or their ends. The `weights`, (f,), add
+    up to 1. If the study holds out an end (`ends`), only folds that leave out an end have a weight.
+    The `study` holds evenly thinned samples, including held-out ones, whose outputs are not used.
     """
 
     dataset: Dataset

@@ -17,15 +17,16 @@ from mapmore_cli.modelling.literature import TARGET
 from mapmore_cli.modelling.literature.formula import Formula
 
 MOST_PARAMETERS = 28
-"""Of a structure that is taken for a table, or as many as the cubic of all inputs has; what has
-more is only shown. Structures of a later round may have one for every `SHARE` samples.
+"""Largest number of parameters of a structure that is chosen for a table, unless the cubic of all
+inputs has more; larger structures are only shown. In a later round, a structure may have one
+parameter for every `SHARE` samples.
 """
 
 SHARE = 40
 """Training samples for each parameter that a structure of a later round may have."""
 
 SIZED = ("simple", "longer")
-"""Kinds whose most terms are meant as they stand, whatever the number of inputs."""
+"""Kinds whose `max_terms` does not grow with the number of inputs."""
 
 MOST = ("inputs", "most_moving", "samples")
 """Conditions with an upper bound."""
@@ -53,7 +54,7 @@ class Structure:
 
 def offered_structures(family: Mapping[str, Any], of: Situation) -> Iterator[Structure]:
     """Yield the candidates that a family offers for a study: its `candidates` with their words
-    filled in, and with its `fit` if they have none.
+    filled in; settings of its `fit` count unless a candidate has its own.
     """
     if family.get("timed") and not of.timed:
         return
@@ -107,7 +108,7 @@ def vocabulary(of: Situation, **more: Any) -> dict[str, Any]:
       first, or all, that move.
     - `PLANE`, `QUADRATIC`, `CUBIC`: number of their monomials. `SLOW_ORDER`: order of products of
       slow states.
-    - `MANY`: how many terms the samples can carry, 28 at least and 200 at most.
+    - `MANY`: number of terms that the samples support, `MOST_PARAMETERS` to 200.
     - `FORMULAS`: formulas whose quantities the study has.
     - `AROUND_ZERO`: inputs that take both signs. `VELOCITIES`: these, and the rates of at most two
       others.

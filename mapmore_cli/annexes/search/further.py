@@ -1,5 +1,5 @@
-"""The later rounds of a search: the list of candidates goes on where a black box errs clearly less
-than the structure that was found.
+"""Continue a search in later rounds with further candidates, if a black box errs clearly less than
+the structure that was found.
 """
 
 from __future__ import annotations
@@ -19,17 +19,18 @@ ROUNDS = ("second", "third")
 """Files of candidates, one for each later round."""
 
 LESS = 0.9
-"""Times the error of the structure that was found, below which a black box errs clearly less."""
+"""Multiple of the error of the structure that was found, below which a black box errs clearly less.
+"""
 
 GAIN = 0.05
-"""Logarithm of the errors that a later round gains at least, `PRICE` ln(ratio of the numbers of
-parameters) subtracted.
+"""Smallest gain for which the search continues: the decrease of the logarithm of the error, minus
+`PRICE` times the logarithm of the ratio of the numbers of parameters.
 """
 
 
 def lacking(result: Search, bench: Bench) -> tuple[str, float] | None:
     """Return the black box that errs clearly less than the structure that was found, on the kind of
-    data that is held out, and how many times less; None where no black box does.
+    data that is held out, and how many times less; None if no black box does.
     """
     asked = attrgetter("parts" if bench.asks_parts else "error")
     boxes = [one for one in result.tried if one.family == BLACK_BOX]
@@ -46,12 +47,12 @@ def go_on(
 ) -> Search:
     """Return the choice after later rounds.
 
-    A round begins where a black box errs clearly less than the structure found so far. The rounds
-    end where the best structure of one gains less than `GAIN`.
+    A round begins if a black box errs clearly less than the structure found so far. The rounds end
+    if the best structure of a round gains less than `GAIN`.
 
-    - `first`: what the first round found.
-    - `try_round`: tries the candidates of a file.
-    - `choose`: chooses among the first round and all outcomes of later rounds.
+    - `first`: result of the first round.
+    - `try_round`: function that tries the candidates of a file.
+    - `choose`: function that chooses among the first round and all outcomes of later rounds.
     """
     result, later = first, list[Outcome]()
     for name in ROUNDS:
@@ -70,7 +71,7 @@ def go_on(
 
 
 def note_of(result: Search, short: int) -> str:
-    """Return what the later rounds have brought, beside the structure that was found before."""
+    """Return a note that compares the later rounds with the structure found before."""
     long, before = result.found, result.tried[short]
     if long is before:
         return (

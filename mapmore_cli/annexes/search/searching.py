@@ -119,7 +119,7 @@ def search(
     added = [part.value for part in parts]
     families = [*map(family, FAMILIES), *added]
     bench = Bench.of(training, situation, part, dataset)
-    boxes = [partial(black_boxes, training, bench.folds, situation)] if beside else []
+    boxes = [partial(black_boxes, bench.dataset, bench.folds, situation)] if beside else []
     budget = Budget(part.model.budget)
     try_all = partial(_try_all, bench, budget, partial(progress, "structures"))
     outcomes = try_all(families, boxes)
@@ -179,7 +179,7 @@ def _try_all(
     families: Sequence[Mapping[str, Any]],
     boxes: Sequence[Work] = (),
 ) -> list[Outcome]:
-    """Try what families offer, and black boxes beside them."""
+    """Try the structures that families offer, and the black boxes."""
     before = budget.worked
     offered = [offered_structures(known, bench.situation) for known in families]
     jobs: list[Work] = [partial(_try_structure, one, bench, budget) for one in chain(*offered)]

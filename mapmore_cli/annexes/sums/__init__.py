@@ -23,7 +23,7 @@ class Part:
     """A model in a sum.
 
     An input may be the output of another model, for example the pressure behind a valve; `fed`
-    holds such models by the name of the input.
+    holds such models, whose output has the name of the input.
     """
 
     model: Annotated[Model, "the model"]

@@ -115,8 +115,8 @@ class SumMaker(Maker):
             ]
             refuse_shared_names(
                 [
-                    (part.model.name, [q.name for q in part.model.inputs], part.inputs)
-                    for part in parts
+                    (each.model.name, [q.name for q in each.model.inputs], each.inputs)
+                    for each in parts
                 ]
             )
         return sum_of(part.name, parts, output, quantities)

@@ -169,12 +169,12 @@ def joint_formula(summands: Sequence[Summand]) -> Formula:
     parts = [
         _numbered(literature.get(str(summand.formula)), i) for i, summand in enumerate(summands, 1)
     ]
-    forms = [part.form or LinearForm(part.text, part.linear, {}) for part in parts]
+    own_forms = [part.form or LinearForm(part.text, part.linear, {}) for part in parts]
     signs = [float(summand.sign) for summand in summands]
     form = LinearForm(
-        _sum(signs, [form.text for form in forms]),
-        tuple(name for form in forms for name in form.linear),
-        {name: text for form in forms for name, text in form.printed.items()},
+        _sum(signs, [own.text for own in own_forms]),
+        tuple(name for own in own_forms for name in own.linear),
+        {name: text for own in own_forms for name, text in own.printed.items()},
     )
     names = [
         f"{'-' if sign < 0 else '+'} {part.name}" for sign, part in zip(signs, parts, strict=True)

@@ -154,7 +154,7 @@ class SumVerbs(Verbs):
             else (_whole(model),)
         )
         named = [
-            (model.name, kinds.equations(model, units)) for part in parts for model in part.models
+            (inner.name, kinds.equations(inner, units)) for part in parts for inner in part.models
         ]
         return whole + tuple(
             replace(equation, id=f"{name}: {equation.id}")
@@ -163,7 +163,7 @@ class SumVerbs(Verbs):
         )
 
     def rules(self, model: Model) -> Iterator[str]:
-        """Yield how the parts are combined, in sentences."""
+        """Yield the rules of every part, each after the name of its model."""
         for part in _body(model).parts:
             for inner in part.models:
                 yield from (f"{inner.name}: {rule}" for rule in kinds.rules(inner))

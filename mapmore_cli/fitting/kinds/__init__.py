@@ -36,8 +36,8 @@ def added_up(_path: str) -> Model:
 @dataclass(frozen=True)
 class Given:
     """Everything from which a model is made: data, segmentation, and the models of needed runs by
-    the path of their spec; where a fit to more of the same samples is there, numbers that are
-    searched for begin at those that it found (`near`).
+    the path of their spec. If there is a fit `near`, to more of the same samples, the search for
+    parameters begins at those of that fit.
     """
 
     dataset: Dataset
@@ -152,7 +152,9 @@ def refit_near(
     near: FitResult | None,
     model_of: Callable[[str], Model] = added_up,
 ) -> tuple[Model, FitResult]:
-    """Return what `refit` does, and its fit, whose search begins at the numbers of a fit `near`."""
+    """Return the model of `refit`, and its fit. The search for parameters begins at those of a fit
+    `near`, unless that is None.
+    """
     from mapmore_cli.fitting.kinds.pieces import segmented
 
     given = Given(dataset, segmented(dataset, part), model_of, near=near)

@@ -17,8 +17,8 @@ from mapmore_cli.modelling.shape.violations import verified
 def fitted(
     name: str, part: ModelChoices, dataset: Dataset, near: FormulaFit | None = None
 ) -> FormulaFit:
-    """Return a formula fitted to all training samples of a dataset, from the parameters of a fit
-    `near` where there is one.
+    """Return a formula fitted to all training samples of a dataset. The search begins at the
+    parameters of a fit `near`, unless that is None.
 
     Raises FitError if the fit has no usable result, because the model depends on it.
     """

@@ -272,7 +272,7 @@ def frols(
 def choose(
     P: ArrayLike, y: ArrayLike, stopping: Stopping, weighing: Weighing | None = None
 ) -> Choice:
-    """Choose as `frols`, without names and without standard errors."""
+    """Choose terms like `frols`, without names and without standard errors."""
     P, y = np.asarray(P, dtype=np.float64), np.asarray(y, dtype=np.float64)
     if P.ndim != 2 or y.ndim != 1 or len(P) != len(y) or P.size == 0:
         raise ValueError(
@@ -342,7 +342,7 @@ def frols_together(
 
 
 def choose_together(problems: Sequence[Regression], stopping: Stopping) -> tuple[Choice, ...]:
-    """Choose as `frols_together`, without standard errors."""
+    """Choose terms like `frols_together`, without standard errors."""
 
     def select(sigmas: Sequence[Array | None]) -> Sequence[Selection]:
         if len(problems) == 1:

@@ -71,7 +71,7 @@ def get(name: str) -> Formula:
 
 
 def is_known(fit: FormulaFit) -> bool:
-    """Return whether the formula of a fit can be found: the fit defines it, or it has its name."""
+    """Return True if the fit defines its formula, or if its formula is one of `names`."""
     return bool(fit.definition) or fit.formula in names()
 
 

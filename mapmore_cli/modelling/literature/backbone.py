@@ -44,11 +44,11 @@ def fit_formula(
     """Fit a formula to the training samples of all curves.
 
     `lengths` holds the muscle's `length` and `diameter` in m, for formulas that need them. `starts`
-    is the name of published starting values, `near` are parameters to begin the default method at.
+    is the name of published starting values; `near` holds parameters at which the default method
+    begins.
     """
     columns = pooled_training(curves)
-    begun = sorted((near or {}).items())
-    key = _digest(columns, name, target, method, starts, begun, *sorted(lengths.items()))
+    key = _digest(columns, name, target, method, starts, near, *sorted(lengths.items()))
     if key not in _FITTED:
         formula = literature.get(name).of_muscle(lengths)
         if starts is not None:

@@ -65,8 +65,8 @@ class Formula:
       linear.
     - `published_starts`: starting values that papers print, by the name that a spec uses.
     - `start`: name of the starting values that `levenberg_marquardt` uses, or `random`.
-    - `near`: parameters near the least error, as those of a fit to more of the same samples are:
-      the default method begins there and does not search.
+    - `near`: parameters at which the default method begins instead of a search for starting
+      values, for example those of a fit to more of the same samples; None without.
     - `title`: usual name in texts; `name` if it is empty.
     - `about`: explanation of the formula; by default the docstring of its module.
     - `component`: component of the force for which it was published: `static`, `damping` or
@@ -189,8 +189,6 @@ class Formula:
                 f"write `method: {solvers.LEVENBERG_MARQUARDT}` beside `starts`",
             )
         problem = self.problem(columns, y)
-        if self.near is not None and method == default:
-            problem = replace(problem, start=self.near)
         # without parameters there is nothing to search
         return self._result(problem, solvers.METHODS[method if self.fitted else default](problem))
 
@@ -236,7 +234,7 @@ class Formula:
             {name: derivative(expression, name) for name in names},
             {name: column[order] for name, column in inputs.items()},
             target[order],
-            start=self.published_starts.get(self.start),
+            start=self.near or self.published_starts.get(self.start),
         )
 
     def _result(self, problem: LeastSquares, solution: solvers.Solution) -> FormulaFit:

@@ -41,8 +41,8 @@ def fit_with_memory(
 
     Operator parameters that the dictionary leaves free are estimated first. Then they and the
     coefficients are adjusted to minimise the error in free run. `progress` is called with how many
-    numbers of terms were tried in free run, and how many will be. The search for numbers and
-    coefficients begins at those of a fit `near`, to more of the same samples, where there is one.
+    numbers of terms were tried in free run, and how many will be. If there is a fit `near`, to more
+    of the same samples, the search begins at its parameters and coefficients.
 
     Raises DataError if a quantity is missing, no sample has enough history, a state cannot be fed
     back, the dictionary needs more memory than there is, or no model has a finite free run.
@@ -56,7 +56,7 @@ def fit_with_memory(
         )
     start = np.empty(0)
     if numbers.states:
-        start = numbers.found(near.identified) if near else _start(records, recipe, numbers)
+        start = numbers.begun_at(near.identified) if near else _start(records, recipe, numbers)
     training, held_out = TrainingData(records, recipe, numbers.numbers(start)), None
     if recipe.stop == "free_run":
         chosen, held_out = _sized_in_free_run(records, recipe, numbers.numbers(start), progress)
@@ -114,8 +114,9 @@ def fit_outputs(records: Sequence[Record], recipes: Sequence[MemoryRecipe]) -> l
 def _refined(
     problem: FreeRunProblem, choice: TermChoice, numbers: Array, near: MemoryFit | None
 ) -> Point:
-    """Return the point of least error in free run, searched from the coefficients of one step
-    ahead; or at once over whole runs, from those of a fit `near` that has the same terms.
+    """Return the point with the smallest error in free run. The search begins at the coefficients
+    of the one-step-ahead fit; or, over whole runs at once, at those of a fit `near` that has the
+    same terms.
     """
     chosen = choice.selection.chosen.tolist()
     if near is not None and {*near.selection.chosen.tolist()} == {*chosen}:

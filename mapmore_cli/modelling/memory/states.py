@@ -241,7 +241,7 @@ def find_resonance(
     def pooled(operator: str, *numbers: float) -> Array:
         setting = Setting(numbers, step)
         return _training_values(
-            [along(OPERATORS[operator], record, setting) for record in driving], training
+            [along(OPERATORS[operator], column, setting) for column in driving], training
         )
 
     x = _training_values(driving, training)

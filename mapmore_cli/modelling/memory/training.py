@@ -119,12 +119,12 @@ class Unknown:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What each number is called, (m)."""
-        return tuple(f"{parameter.key} of {one.name}" for one, parameter in self.places)
+        """Names of the parameters, (m)."""
+        return tuple(f"{parameter.key} of {operated.name}" for operated, parameter in self.places)
 
-    def found(self, before: Identified | None) -> Array:
-        """(m,) where the numbers that were identified `before` lie in the search; the middle, where
-        they were not.
+    def begun_at(self, before: Identified | None) -> Array:
+        """Return the search coordinates of the parameters that were identified `before`, (m,); the
+        middle of the bounds for all others.
         """
         at: Array = self.bounds.mean(axis=0)
         if before is not None:

@@ -445,7 +445,7 @@ def rule_of_weights(body: Pieces) -> str:
 
 
 def rule_of_levels(body: Pieces) -> str:
-    """Say what holds between two levels, as `across_levels` writes it."""
+    """Return the rule for values between two levels, as `across_levels` writes it, in words."""
     between = "(1 - t) times the lower curve plus t times the upper"
     if body.fusion.levels == "pchip":
         between = (
@@ -467,7 +467,7 @@ RULE_OF_SLOPES = (
     "d and v the following ones: ((2*u + v)*c - u*d)/(u + v), but 0 where that and c differ in "
     "sign, and at most 3*c where c and d do. With two levels it is c."
 )
-"""What `_slope` writes, in words."""
+"""Rule for the slopes at levels, as `_slope` writes it, in words."""
 
 
 def cell_weights(x: Array, boundaries: Array, fusion: Fusion) -> Array:

@@ -85,7 +85,7 @@ def _block_with_slopes(block: Block, slopes: dict[str, Slopes], count: int) -> B
                 outer = [Name(f"{name}_by{i}") for i in range(len(arguments))]
                 statements.append(
                     Use(
-                        (name, *(statement.name for statement in outer)),
+                        (name, *(slope.name for slope in outer)),
                         FUNCTION.format(function),
                         arguments,
                     )

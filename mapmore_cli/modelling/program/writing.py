@@ -210,8 +210,8 @@ def limit(m: Writer, ranges: Sequence[CurveRange], level: str | None, inputs: In
 
 def pruned(model: Program) -> Program:
     """Return the program with only the statements that its results and its memory depend on."""
-    limits = names_in(side for limit in model.limits for side in (limit.value, limit.at or ZERO))
-    body, used = pruned_block(model.body, limits)
+    asked = names_in(side for limit in model.limits for side in (limit.value, limit.at or ZERO))
+    body, used = pruned_block(model.body, asked)
     functions = list[Function]()
     for function in reversed(model.functions):  # each uses earlier ones only
         if function.name in used:

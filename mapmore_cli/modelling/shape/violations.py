@@ -102,7 +102,7 @@ def with_shape(
     binds: Mapping[ShapeWord, Ranges] = MappingProxyType({}),
 ) -> Model:
     """Return the model with a record of the shape that it keeps and that determines its
-    coefficients, and of the cost compared with the `plain` model.
+    coefficients, and of the cost compared with the `unshaped` model.
     """
     kept = tuple(
         KeptShape(

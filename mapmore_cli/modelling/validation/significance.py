@@ -109,7 +109,7 @@ def simplest_of(
     median: bool = False,
 ) -> Ranked:
     """Rank models with numbers of parameters `sizes`, (s,), by their `errors`, (s, f), as fractions
-    of a range, on the same f folds. There must be at least two folds.
+    of a range, on the same f folds.
 
     Let `d_if = ln e_if - ln e_bf`, where b is the model with the smallest mean logarithm, and let
     the fold weights w add up to 1. Model i is within one standard error if `m_i = sum_f w_f d_if <=

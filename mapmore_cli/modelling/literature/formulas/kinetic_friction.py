@@ -59,7 +59,7 @@ extends, while all other terms oppose the motion.""",
         ("B0", "B1", "B2", "B3", "B4"),
         "B0 + B1*abs(strain_rate) + B2*strain_rate^2 + B3*exp(-abs(strain_rate)/B4)",
         (
-            "Generalised kinetic friction with powers of the magnitude of the rate. Other than "
+            "Generalised kinetic friction with powers of the magnitude of the rate. Unlike "
             "in `peternel`, every term opposes the motion."
         ),
     ),
