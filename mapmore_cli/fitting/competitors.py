@@ -110,8 +110,8 @@ class Contest:
             return Rival(label, _forecasts(predictions(name, dataset, self.model)))
         curves = dataset.curves if competitor.levels is None else _at_levels(dataset)
         fit = self._fitted(name, curves, dataset.target, competitor.method, competitor.starts)
-        model = self._as_model(label, None if fit.failed else Formula(fit, None, ()))
-        return Rival(label, _forecasts(_formula_says(fit, curves)), {label: fit}, model=model)
+        fitted = self._as_model(label, None if fit.failed else Formula(fit, None, ()))
+        return Rival(label, _forecasts(_formula_says(fit, curves)), {label: fit}, model=fitted)
 
     def simple_beside(self, named: Collection[str]) -> tuple[str, ...]:
         """Return the simple competitors that the model allows and that are not in `named`.
@@ -158,8 +158,9 @@ class Contest:
         """
         if body is None:
             return None
-        is_formula = isinstance(body, Formula)
-        names = sorted(literature.of(body.fit).inputs) if is_formula else self._inputs
+        names = self._inputs
+        if isinstance(body, Formula):
+            names = sorted(literature.of(body.fit).inputs)
         if not isinstance(body, Pieces):
             limits = {key: extremes(self._training[key]) for key in names}
             body = replace(body, ranges=(CurveRange("all", None, limits),))
