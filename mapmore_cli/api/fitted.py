@@ -99,7 +99,7 @@ class Scores(tuple[Mapping[str, Any], ...]):
 
 @dataclass(frozen=True)
 class Study:
-    """What `fit` received: the spec as a `document`, the `frames` in memory, and the folder at
+    """Arguments of `fit`: the spec as a `document`, the `frames` in memory, and the folder at
     which paths start.
 
     `frames` is empty if files are read. With `check`, an error of `mapmore check` ends the fit.

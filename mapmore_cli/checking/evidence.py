@@ -33,7 +33,7 @@ MIDDLE = (0.1, 0.9)  # fractions of the pressure range
 
 @dataclass(frozen=True)
 class Settling:
-    """How a pressure settles.
+    """Settling of a pressure.
 
     A sample is settled if its rate is below `limit` per second, a round number; the rate is
     computed in a `window` in s. `share` is the settled share of all samples, and `share_between`
@@ -142,7 +142,7 @@ class Unequal:
 
     @property
     def is_large(self) -> bool:
-        """True if repetitions hardly ever differ so much."""
+        """Return True if repetitions hardly ever differ so much."""
         return self.apart > SOME
 
     def words(self) -> str:

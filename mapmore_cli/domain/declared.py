@@ -39,7 +39,7 @@ class Handler(Protocol):
 
 
 class Info(Protocol):
-    """What pydantic knows about a value. `context` is the loader's `study.fields.Context`, or
+    """Pydantic's information about a value. `context` is the loader's `study.fields.Context`, or
     None.
     """
 

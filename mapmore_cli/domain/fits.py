@@ -279,7 +279,7 @@ class FormulaFit(Fit):
 
     @property
     def failed(self) -> bool:
-        """True if the fit gave no usable parameters."""
+        """Return True if the fit gave no usable parameters."""
         return self.status == "failed"
 
 
@@ -337,7 +337,7 @@ class StateSet:
 
     @property
     def scaled(self) -> bool:
-        """True if states are scaled to their training range."""
+        """Return True if states are scaled to their training range."""
         return len(self.low) > 0
 
 

@@ -42,7 +42,7 @@ TRANSITIONS: Mapping[str, Transition] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Joining(Settings):
-    """How segment functions are joined, in the spec and in the model (M2 eq 9-11).
+    """Rules for joining segment functions, in the spec and in the model (M2 eq 9-11).
 
     - `transition`: Course of a weight over a transition zone (M2 figure 5). `linear` has kinks at
       the ends of the zone, smoother courses have none. Example: `cubic`
@@ -76,7 +76,7 @@ class Joining(Settings):
 
 @dataclass(frozen=True, kw_only=True)
 class Fusion(Joining):
-    """How the pieces are joined (M2 eq 9-12).
+    """Rules for joining the pieces (M2 eq 9-12).
 
     With `hold: samples`, a segment function is held constant outside its samples, at a distance of
     `z_s` times their width, if transition zones reach that far. With `none`, it is evaluated

@@ -144,7 +144,7 @@ class Curve:
 
     @property
     def training(self) -> BoolArray:
-        """True for training samples, (n,)."""
+        """Return True for training samples, (n,)."""
         return ~self.held_out if self.at_rest is None else ~(self.held_out | self.at_rest)
 
     def at(self, rows: IntArray | BoolArray) -> Curve:

@@ -129,8 +129,8 @@ class ResidualTest:
 
     @property
     def fails(self) -> bool:
-        """True if noise alone would have so many values outside in less than one of a hundred
-        cases, when each single value is outside with a probability of 5 %.
+        """Return True if noise alone would have so many values outside in less than one of a
+        hundred cases, when each single value is outside with a probability of 5 %.
         """
         n, chance = self.tested, 0.05
         counts = range(self.beyond, n + 1)

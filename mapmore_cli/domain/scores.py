@@ -23,7 +23,7 @@ model's error, and no model.
 
 @dataclass(frozen=True)
 class Measure:
-    """How a number of a score row is computed and shown.
+    """Rule for computing and showing a number of a score row.
 
     - `of`: function of the samples of the row.
     - `heading`: heading of its column on pages, with `UNIT` for the unit of the target; the number
@@ -178,13 +178,13 @@ class Score:
 
     @property
     def far(self) -> bool:
-        """True if the normaliser is large mostly because the target lies far from zero."""
+        """Return True if the normaliser is large mostly because the target lies far from zero."""
         return self.nrmse_range > FAR_FROM_ZERO * self.nrmse
 
     @property
     def runs_free(self) -> bool:
-        """True if the model feeds its own output back, so that the measured past would have helped
-        it.
+        """Return True if the model feeds its own output back, so that the measured past would have
+        helped it.
         """
         return math.isfinite(self.rrse_one_step) and self.rrse_one_step != self.rrse
 
@@ -218,7 +218,7 @@ class Limit:
 
     @property
     def kept(self) -> bool:
-        """True if the value keeps the limit; a NaN never does."""
+        """Return True if the value keeps the limit; a NaN never does."""
         return (
             self.value >= self.limit if MEASURES[self.metric].at_least else self.value <= self.limit
         )

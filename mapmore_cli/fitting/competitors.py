@@ -54,7 +54,7 @@ class Rival:
 
     @property
     def failed(self) -> bool:
-        """True if a fit gave no usable parameters."""
+        """Return True if a fit gave no usable parameters."""
         return any(fit.failed for fit in self.formulas.values())
 
 

@@ -34,7 +34,7 @@ class Need:
 
 @dataclass(frozen=True)
 class Workspace:
-    """Where a stage works.
+    """Folders, files and messages with which a stage works.
 
     `run_dir` holds the committed outputs of the earlier stages. A stage writes its own outputs into
     `out` under their final names, and the runner moves them into place all at once. `spec_dir` is

@@ -34,8 +34,8 @@ Component = Literal["static", "hysteresis", "damping"]
 
 @dataclass(frozen=True)
 class IngestSlice:
-    """What ingest depends on: the quantity that is `measured`, its `component` that is modelled,
-    and the model's unit of every quantity.
+    """Settings on which `ingest` depends: the quantity that is `measured`, its `component` that is
+    modelled, and the model's unit of every quantity.
 
     `static` is the spec of the run whose model is subtracted to obtain the damping force. `also`
     holds further quantities that are modelled.

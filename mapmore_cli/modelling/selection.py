@@ -35,7 +35,7 @@ Stop = Literal["tolerance", "bic", "aicc", "press", "free_run"]
 
 @dataclass(frozen=True, kw_only=True)
 class Fit(Settings):
-    """How terms are chosen (M2 eq 2-7).
+    """Rules for choosing terms (M2 eq 2-7).
 
     - `scaling`: How inputs are scaled before they enter terms. `unit_square` moves the origin to a
       corner of the data. A product of two inputs then needs four terms; `max_abs` (division by the

@@ -24,8 +24,9 @@ from mapmore_cli.study.units import default_unit, is_same, unit_of
 
 @dataclass(frozen=True)
 class TableOptions:
-    """How a table is read: `settings` in the form of a spec, for example `{"delimiter": ";"}`; and
-    for each quantity, the title or index of its column (`columns`) and its unit (`units`).
+    """Options for reading a table: `settings` in the form of a spec, for example `{"delimiter":
+    ";"}`; and for each quantity, the title or index of its column (`columns`) and its unit
+    (`units`).
     """
 
     settings: Mapping[str, Any] = field(default_factory=dict)
@@ -34,7 +35,7 @@ class TableOptions:
 
     @property
     def says_something(self) -> bool:
-        """True if any option was given."""
+        """Return True if any option was given."""
         return bool(self.settings or self.columns or self.units)
 
 

@@ -23,7 +23,7 @@ ABSENT = ("NoneType", "NAType", "NaTType", "MaskedConstant")
 
 @dataclass(frozen=True)
 class Door:
-    """How numbers are read from values that users pass.
+    """Reader of numbers from values that users pass.
 
     - `convert`: function that converts numbers from a unit, given as text, to the wanted unit.
     - `cell`: function that reads the number in a text, a date or a duration, like a cell of a file.

@@ -81,7 +81,7 @@ class RunOutcome:
 
 @dataclass(frozen=True)
 class Options:
-    """How a run is brought up to date.
+    """Options for bringing a run up to date.
 
     - `force`: True to repeat stages that are up to date.
     - `rehash`: True to read sources and outputs again even if their size and time are unchanged.

@@ -1,4 +1,4 @@
-"""What a page prints of competitors: their equations with numbers, or why there are none."""
+"""Print competitors on a page: their equations with numbers, or why there are none."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ class FigureStyle:
 
 @dataclass(frozen=True)
 class ReportInputs:
-    """Everything that the report shows. Numbers of the report are either here or summaries of
+    """Contents of the report. Numbers of the report are either here or summaries of
     numbers here.
 
     - `muscle`: labels of the muscle as the spec gives them (`name`, `kind`, `length`, ...), ready
@@ -158,7 +158,7 @@ class ReportInputs:
 
     @property
     def pooled_held_out(self) -> BoolArray:
-        """True for held-out samples, over all curves, (n,)."""
+        """Return True for held-out samples, over all curves, (n,)."""
         return np.concatenate([curve.held_out for curve in self.dataset.curves])
 
     def errors_of(self, model: str) -> Array:
@@ -231,27 +231,29 @@ class ReportInputs:
 
     @property
     def has_pieces(self) -> bool:
-        """False if the model is a formula only."""
+        """Return False if the model is a formula only."""
         return self.model.pieces is not None and bool(self.model.pieces.segments)
 
     @property
     def over_time(self) -> bool:
-        """True if curves are recordings of motion (step responses), which are drawn over time."""
+        """Return True if curves are recordings of motion (step responses), which are drawn over
+        time.
+        """
         return any(curve.at_rest is not None for curve in self.dataset.curves)
 
     @property
     def has_memory(self) -> bool:
-        """True if the model, or a part of it in a sum, runs along recordings."""
+        """Return True if the model, or a part of it in a sum, runs along recordings."""
         return runs_over_time(self.model)
 
     @property
     def timed(self) -> bool:
-        """True if curves are drawn over time."""
+        """Return True if curves are drawn over time."""
         return self.as_recorded or in_time(self.model, self.dataset)
 
     @property
     def holds_out(self) -> bool:
-        """True if some samples are held out."""
+        """Return True if some samples are held out."""
         return any(curve.held_out.any() for curve in self.dataset.curves)
 
     @property
@@ -280,7 +282,7 @@ class ReportInputs:
 
     @property
     def turned(self) -> bool:
-        """True if the model is inverted to be scored."""
+        """Return True if the model is inverted to be scored."""
         return is_turned(self.model, self.dataset)
 
     @property
@@ -304,7 +306,7 @@ class ReportInputs:
 
     @property
     def rules(self) -> tuple[str, ...]:
-        """How the equations of the model are combined, in sentences."""
+        """Return how the equations of the model are combined, in sentences."""
         return rules(self.model)
 
     @property

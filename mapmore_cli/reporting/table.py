@@ -124,7 +124,7 @@ class Table:
 
     @cached_property
     def numeric(self) -> tuple[bool, ...]:
-        """True for columns of numbers, which are aligned to the right."""
+        """Return True for columns of numbers, which are aligned to the right."""
         return tuple(
             any(isinstance(row[j], int | float) for row in self.rows)
             for j in range(len(self.columns))

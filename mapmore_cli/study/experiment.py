@@ -233,7 +233,7 @@ class Competitor(Section):
 
     @property
     def is_file(self) -> bool:
-        """True if the competitor is a frozen model in a file."""
+        """Return True if the competitor is a frozen model in a file."""
         return self.model is not None and self.model.endswith(".h5")
 
     @property
@@ -503,12 +503,12 @@ class ExperimentSpec(Section):
 
     @property
     def has_memory(self) -> bool:
-        """True if the run's own model has terms with memory."""
+        """Return True if the run's own model has terms with memory."""
         return self.model.type == "mapmore" and remembers(self.dictionary)
 
     @property
     def runs_over_time(self) -> bool:
-        """True if the run's own model runs along recordings."""
+        """Return True if the run's own model runs along recordings."""
         return self.has_memory or self.model.over_time
 
     @model_validator(mode="after")

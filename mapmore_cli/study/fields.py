@@ -92,7 +92,7 @@ class Section(BaseModel):
 
 @dataclass(frozen=True)
 class Context:
-    """What validators know about the spec: its folder, its units, and its quantities.
+    """Validators' information about the spec: its folder, its units, and its quantities.
 
     With `partial`, faulty parts were removed from the spec before validation, so that required keys
     may be missing.

@@ -78,7 +78,7 @@ class Written(str):
 
     @property
     def is_quantity(self) -> bool:
-        """True if the text is a number with a unit."""
+        """Return True if the text is a number with a unit."""
         return is_quantity(self)
 
 

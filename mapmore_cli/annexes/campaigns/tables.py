@@ -63,7 +63,7 @@ class CampaignScores:
 
     @property
     def sparse(self) -> bool:
-        """True if most models occur in a few runs only."""
+        """Return True if most models occur in a few runs only."""
         return sum(map(len, self.pooled.values())) < SPARSE * len(self.runs) * len(self.models)
 
     @property

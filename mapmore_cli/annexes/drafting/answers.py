@@ -87,7 +87,7 @@ class Answers:
 
     @property
     def has_places(self) -> bool:
-        """True if a column is named by its number in the list of one layout."""
+        """Return True if a column is named by its number in the list of one layout."""
         named = [*self.columns.values(), *self.target.values(), *(self.inputs or {}).values()]
         said = [str(one.column) for one in named] + [*self.recordings, self.group or ""]
         return any(re.fullmatch(r"\d+(\.\.\d+)?", text) for text in said)

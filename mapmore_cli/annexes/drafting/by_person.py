@@ -1,4 +1,4 @@
-"""What columns are called and what they are for, as a person says; and what a person is asked."""
+"""Name columns and their purposes as a person says, and ask a person about them."""
 
 from __future__ import annotations
 

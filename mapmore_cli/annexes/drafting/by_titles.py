@@ -1,4 +1,4 @@
-"""What columns are called and what they are for, as their titles and their units say."""
+"""Name columns and their purposes by their titles and units."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ class TitledColumn:
 
     @property
     def described(self) -> str:
-        """Its name with its range, and its unit where that is known, or with its texts."""
+        """Return its name with its range, and its unit where that is known, or with its texts."""
         if self.texts:
             return f"{self.called}  {len(self.texts)} texts, {self.texts[0]} to {self.texts[-1]}"
         return f"{self.called}  {range_of(self.values, self.unit or '1')}"
@@ -105,18 +105,18 @@ class TitledColumn:
 
     @property
     def moves(self) -> bool:
-        """True if its values are not all equal."""
+        """Return True if its values are not all equal."""
         return len(self.values) > 0 and float(np.ptp(np.concatenate(self.values))) > 0
 
     @property
     def kinds(self) -> Array:
-        """Its distinct values, (m,)."""
+        """Return its distinct values, (m,)."""
         return np.unique(np.concatenate(self.values)) if self.values else np.empty(0)
 
     @property
     def rises(self) -> bool:
-        """True if it increases in every file, except for a few steps back, and seldom repeats a
-        value.
+        """Return True if it increases in every file, except for a few steps back, and seldom
+        repeats a value.
         """
         return self.moves and all(
             len(one) > 1
@@ -143,13 +143,13 @@ class TitledColumn:
 
     @property
     def counts(self) -> bool:
-        """True if it increases by one from row to row."""
+        """Return True if it increases by one from row to row."""
         return all(len(one) > 1 and (np.diff(one) == 1).all() for one in self.values)
 
     @property
     def blocks(self) -> int:
-        """How many recordings it may tell apart: the rows of each text, or of each number of those
-        that count, stand together in a file; 0 where it tells none apart.
+        """Return how many recordings it may tell apart: the rows of each text, or of each number of
+        those that count, stand together in a file; 0 where it tells none apart.
         """
         series = self.numbered or self.values
         changes = sum(int(np.count_nonzero(np.diff(x))) for x in series)
@@ -167,13 +167,13 @@ class TitledColumn:
 
     @property
     def is_time(self) -> bool:
-        """True if the title or the unit says that it is the time."""
+        """Return True if the title or the unit says that it is the time."""
         by_unit = not self.quantity and bool(unit_of(self.unit, "s"))
         return self.quantity == "time" or by_unit
 
     @property
     def may_be_clock(self) -> bool:
-        """True if it increases like a clock and its title does not say what it is."""
+        """Return True if it increases like a clock and its title does not say what it is."""
         return not self.title and self.rises and not self.turn
 
     def as_quantity(self, name: str) -> NamedColumn:

@@ -160,7 +160,7 @@ class Experiment:
 
     @property
     def is_timed(self) -> bool:
-        """True if the samples have a clock."""
+        """Return True if the samples have a clock."""
         return "time" in self.recordings[0].columns
 
 

@@ -240,8 +240,9 @@ class _FoundTable:
 
     @property
     def is_raster(self) -> bool:
-        """Whether the first line has values of a quantity, as the first column has of another: both
-        go on in order, and the corner holds no number. Numbers that count by ones are titles.
+        """Return whether the first line has values of a quantity, as the first column has of
+        another: both go on in order, and the corner holds no number. Numbers that count by ones are
+        titles.
         """
         above = [at for at in range(self.first) if _nonempty(self.rows[at])]
         corner, *across = self.rows[above[-1] if above else self.first]

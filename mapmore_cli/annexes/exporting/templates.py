@@ -32,7 +32,7 @@ Warn = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Wanted:
-    """How a model is exported: in `single` precision, on the points of a `grid`, compared with
+    """Options of an export: in `single` precision, on the points of a `grid`, compared with
     `predict` if `verify`; `warn` is called with whatever could not be done.
     """
 

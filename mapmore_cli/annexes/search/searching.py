@@ -165,7 +165,7 @@ class Budget:
 
     @property
     def over(self) -> bool:
-        """True if this process has used up its time."""
+        """Return True if this process has used up its time."""
         return self.worked > self.seconds
 
 

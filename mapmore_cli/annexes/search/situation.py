@@ -61,7 +61,7 @@ class Situation:
 
     @property
     def timed(self) -> bool:
-        """True if recordings are in the order of time at equal steps."""
+        """Return True if recordings are in the order of time at equal steps."""
         return self.step is not None
 
     @property

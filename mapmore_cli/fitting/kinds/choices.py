@@ -21,7 +21,8 @@ SegmentSection = Mapping[str, Segmented]
 
 @dataclass(frozen=True)
 class ModelChoices:
-    """What a model depends on. A stage before the model reads only the sections that it needs.
+    """Choices of a spec on which a model depends. A stage before the model reads only the sections
+    that it needs.
 
     - `lengths`: dimensions of the muscle (m) that its formula needs.
     - `summands`: specs of the runs whose models are added.
@@ -49,7 +50,7 @@ class ModelChoices:
 
     @property
     def over_time(self) -> bool:
-        """True if the model runs along recordings, to which it is fitted as a whole."""
+        """Return True if the model runs along recordings, to which it is fitted as a whole."""
         return self.kind in ("memory", "state_space")
 
 

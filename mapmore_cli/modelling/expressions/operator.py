@@ -41,7 +41,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Setting:
-    """What a state of an operator depends on besides its source.
+    """Numbers on which a state of an operator depends besides its source.
 
     - `numbers`: numbers from the name of the state, or estimated in training.
     - `step`: time between samples, s.
@@ -179,14 +179,14 @@ class Operator:
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """How many numbers the name of a state may have; zero is among them if training can
+        """Return how many numbers the name of a state may have; zero is among them if training can
         estimate them.
         """
         return (0, len(self.parameters)) if self.found else (len(self.parameters),)
 
     @property
     def found(self) -> bool:
-        """True if training estimates the numbers that a name leaves out."""
+        """Return True if training estimates the numbers that a name leaves out."""
         return self.needs == "oscillator" or self.starts is not None
 
     @property

@@ -61,7 +61,7 @@ class _State:
 
     @property
     def goes_by_order(self) -> bool:
-        """True if the state needs the order of samples, but not the time between them."""
+        """Return True if the state needs the order of samples, but not the time between them."""
         return all(
             not OPERATORS[part.operator].timed
             if isinstance(part, Operated)

@@ -78,8 +78,8 @@ class ReadyPiece:
 
     @cached_property
     def restarts(self) -> BoolArray:
-        """True for samples at which a run may restart, (n,), because all earlier values that it
-        needs are known.
+        """Return True for samples at which a run may restart, (n,), because all earlier values that
+        it needs are known.
         """
         known = np.isfinite(self.measured) & np.isfinite(self.history).all(axis=0)
         back = np.concatenate([[0], np.cumsum(~known)])

@@ -37,7 +37,8 @@ CELLS = 20
 
 @dataclass(frozen=True)
 class Cuts(Settings):
-    """How the range of one variable is cut into segments. The key `method` is one of these words:
+    """Rule that cuts the range of one variable into segments. The key `method` is one of these
+    words:
 
     - `even`: segments of equal width. Neighbours are joined until each holds `min_samples`.
     - `breakpoints`: segments between given boundaries. Neighbours are joined in the same way.
@@ -72,7 +73,7 @@ class Cuts(Settings):
 
     @property
     def joins(self) -> bool:
-        """True if segments with too few samples are joined with their neighbours."""
+        """Return True if segments with too few samples are joined with their neighbours."""
         return self.method in ("even", "breakpoints")
 
     def __post_init__(self) -> None:
@@ -138,7 +139,7 @@ class BelowAbove(Settings):
 
 @dataclass(frozen=True, kw_only=True)
 class Fuse(Joining):
-    """How pieces are joined (M2 eq 9-12).
+    """Rules for joining pieces (M2 eq 9-12).
 
     - `extrapolation`: What the model does outside the range of each curve (M2 eq 12): one word for
       all variables, or a mapping from each variable to a word or to `{below, above}`. The default

@@ -62,12 +62,12 @@ class Shift:
 
     @property
     def ambiguous(self) -> bool:
-        """True if another shift is nearly as good."""
+        """Return True if another shift is nearly as good."""
         return self.ratio < RATIO
 
     @property
     def lost_in_noise(self) -> bool:
-        """True if noise alone could cause such a peak."""
+        """Return True if noise alone could cause such a peak."""
         return self.sigmas < SIGMAS
 
 

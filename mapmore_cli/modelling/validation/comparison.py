@@ -57,7 +57,7 @@ class CurvePlace(NamedTuple):
 
 @dataclass(frozen=True)
 class CurveChange:
-    """How a curve of the later model differs from that of the earlier one.
+    """Difference of a curve of the later model from that of the earlier one.
 
     - `ratio`, `weight`: `sum(a b)/sum(a^2)` with the earlier output a and the later output b at the
       points of the grid. It is the factor from a to b. Its weight in the factor of all curves is
@@ -98,8 +98,8 @@ class TermChange:
 
     @property
     def moved(self) -> bool:
-        """True if the coefficient changed by more than twice the standard error of the difference,
-        or if only one model has the term.
+        """Return True if the coefficient changed by more than twice the standard error of the
+        difference, or if only one model has the term.
         """
         return (
             self.before is None
@@ -140,8 +140,8 @@ class Comparison:
 
     @property
     def changed(self) -> bool:
-        """True if there is a change of the muscle that is both certain (the interval excludes one)
-        and large enough to be of interest (larger than the margin).
+        """Return True if there is a change of the muscle that is both certain (the interval
+        excludes one) and large enough to be of interest (larger than the margin).
         """
         low, high = self.interval
         large = abs(self.ratio - 1) > max(self.margin, self.resolution)

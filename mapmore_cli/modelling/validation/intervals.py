@@ -233,7 +233,7 @@ class Offsets:
 
     @property
     def errs_between(self) -> bool:
-        """True if the errors of left-out levels are clearly larger than these differences
+        """Return True if the errors of left-out levels are clearly larger than these differences
         explain.
         """
         from scipy.special import fdtri

@@ -1,4 +1,4 @@
-"""Where a quantity over a grid lies above a level, as outlines."""
+"""Outline where a quantity over a grid lies above a level."""
 
 from __future__ import annotations
 

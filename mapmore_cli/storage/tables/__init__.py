@@ -72,7 +72,7 @@ class TableRequest:
 
     @property
     def marks_of_thousands(self) -> set[str]:
-        """What stands between thousands in any column."""
+        """Return the marks between thousands of all columns."""
         return {*filter(None, [self.thousands, *self.thousands_of.values()])}
 
     def cells(self, column: SourceColumn) -> CellReader:

@@ -178,8 +178,8 @@ class CellReader:
 
     @property
     def reads_more_than_numbers(self) -> bool:
-        """Whether its cells are texts, or stamps that are no numbers, or have a decimal point of
-        their own.
+        """Return whether its cells are texts, or stamps that are no numbers, or have a decimal
+        point of their own.
         """
         is_stamped = self.clock and bool(self.format or self.form not in ("", NUMBER))
         return self.texts is not None or is_stamped

@@ -68,7 +68,7 @@ class Member:
 
     @property
     def is_array(self) -> bool:
-        """True for an array, which holds values instead of members."""
+        """Return True for an array, which holds values instead of members."""
         return not self.names and self.count is None
 
     def named(self, name: str) -> Member:

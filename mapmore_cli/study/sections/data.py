@@ -246,7 +246,7 @@ class Split(Section):
 
     @property
     def leaves_out(self) -> bool:
-        """True if every level or every group is left out once."""
+        """Return True if every level or every group is left out once."""
         return self.leave_one_level_out or self.leave_one_group_out
 
     def _contradictions(self) -> Sequence[Row]:
@@ -280,7 +280,7 @@ class Groups(Section):
 
     @property
     def has_effects(self) -> bool:
-        """True if an offset or a gain of each group is removed from the target."""
+        """Return True if an offset or a gain of each group is removed from the target."""
         return self.offset or self.gain
 
 
@@ -306,7 +306,7 @@ class Apart(Section):
 
 
 class GapRule(Section):
-    """What happens to a recording in which samples are missing for some time.
+    """Rule for a recording in which samples are missing for some time.
 
     - `longer_than`: A time between two samples that counts as a gap if it is longer than this.
       Example: `0.5 s`

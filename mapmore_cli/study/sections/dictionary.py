@@ -306,7 +306,7 @@ class Families(Section):
 
     @property
     def bounded(self) -> bool:
-        """True if `sign` or `bounds` limits the coefficients."""
+        """Return True if `sign` or `bounds` limits the coefficients."""
         return self.sign is not None or self.bounds is not None
 
     @property

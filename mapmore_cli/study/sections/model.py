@@ -260,7 +260,7 @@ class ModelSettings(Settings):
 
     @property
     def over_time(self) -> bool:
-        """True if models of this type always run along recordings, whatever the dictionary
+        """Return True if models of this type always run along recordings, whatever the dictionary
         contains.
         """
         return self.type in plugins.entry_points("kinds") and kinds.named(self.type).over_time
