@@ -49,6 +49,16 @@ def test_what_is_held_out_is_what_a_person_says(tmp_path, said, held_out):
     checked(draft, tmp_path)
 
 
+@pytest.mark.parametrize("clock", [{}, {"t [s]": 0.02 * np.arange(80)}])
+def test_levels_in_order_are_not_cut_at_the_last_one(tmp_path, clock):
+    """The last samples are a pressure of their own: to hold them out is to extrapolate."""
+    pressure, strain = 100 * np.repeat(np.arange(1, 5), 20), np.tile(np.linspace(0, 0.2, 20), 4)
+    columns = {"P [kPa]": pressure, "eps": strain, "F [N]": pressure * (0.5 - 2 * strain)}
+    write(tmp_path / "pull.csv", clock | columns)
+    draft = drafted(tmp_path)
+    assert draft.data["split"] == {"validate": {"pressure": [300]}}
+
+
 @pytest.mark.parametrize(
     ("said", "why"),
     [("F [N]", "is not an input"), ("recordings", "nothing to hold out"), ("9", "no column")],

@@ -185,7 +185,7 @@ def with_experiment(
         draft = _as_memory_study(draft, recordings).with_section("target", target)
         if "gaps" in draft.data:  # pieces of a recording have their own ids
             done = replace(done, recordings=read(draft))
-        return _with_split(draft, done, held_out)
+        return _with_split(draft, done, held_out, has_memory=True)
     if held is not None:
         draft = _with_levels(_with_static_samples(draft, recordings, held), held)
     draft = _with_split(draft, done, held_out)
@@ -258,11 +258,13 @@ def _with_levels(draft: Draft, held: Held) -> Draft:
     return draft.with_data("levels", levels, why)
 
 
-def _with_split(draft: Draft, done: Experiment, wanted: str | None) -> Draft:
+def _with_split(
+    draft: Draft, done: Experiment, wanted: str | None, *, has_memory: bool = False
+) -> Draft:
     """Return the draft with held-out data: those that a person names; otherwise inner levels;
     without levels, inner values from names, or recordings; otherwise the last samples of each
-    recording, unless these lie outside the others. The note says whether the held-out data lie
-    between or outside the training data.
+    recording, unless the study has no memory and these lie outside the others. The note says
+    whether the held-out data lie between or outside the training data.
 
     Raises UsageError if nothing of what a person said can be held out.
     """
@@ -274,7 +276,7 @@ def _with_split(draft: Draft, done: Experiment, wanted: str | None) -> Draft:
     way = wanted or next(iter(inside), WHOLE if is_whole else LAST_SAMPLES)
     held_out: Section = {}
     if way == LAST_SAMPLES:
-        held_out, why = _last_or_between(done, is_free=wanted is None and not done.is_timed)
+        held_out, why = _last_or_between(done, is_free=wanted is None and not has_memory)
     elif way == WHOLE:
         held_out, why = _whole_recordings(done, logs), "between: whole recordings"
     else:
