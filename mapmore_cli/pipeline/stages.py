@@ -215,7 +215,7 @@ def _finished(part: ModelChoices, model: Model, dataset: Dataset) -> Model:
 
 FUSE = Stage(
     name="fuse",
-    revision=13,
+    revision=14,
     outputs=(MODEL,),
     reads=model_choices,
     run=fuse,

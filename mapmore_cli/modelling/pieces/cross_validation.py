@@ -188,6 +188,33 @@ def _blocks_in(curves: Sequence[Curve], recipe: Recipe) -> Folds:
     return [fold for fold in every if any(out.any() for out in fold)]
 
 
+def repeats_left_out(curves: Sequence[Curve]) -> Folds:
+    """Return the folds for a study that holds out whole recordings of curves on which it trains:
+    each training recording of every curve is left out once. No fold is returned for any other
+    study, or if each curve has only one training recording.
+    """
+    folds: Folds = []
+    is_repeated = False
+    trained = [_recordings_in(curve, curve.training) for curve in curves]
+    for curve, numbers in zip(curves, trained, strict=True):
+        held_out = _recordings_in(curve, curve.held_out)
+        is_repeated |= bool(numbers and held_out and not {*numbers} & {*held_out})
+    for place in range(max(map(len, trained))):
+        fold = tuple(
+            curve.training & (curve.origin == numbers[place])
+            if len(numbers) > max(place, 1)
+            else np.zeros(curve.size, dtype=bool)
+            for curve, numbers in zip(curves, trained, strict=True)
+        )
+        folds += [fold] if is_repeated and any(out.any() for out in fold) else []
+    return folds
+
+
+def _recordings_in(curve: Curve, rows: BoolArray) -> list[int]:
+    """Return the numbers of the recordings that samples of a curve come from; none if unknown."""
+    return [] if curve.origin is None else np.unique(curve.origin[rows]).tolist()
+
+
 def in_curve(
     curves: Sequence[Curve], segmented: Sequence[str], target: str, level: str | None
 ) -> str:
@@ -236,7 +263,8 @@ def with_trusted_residual(
 
     - With three levels or more, each inner level is left out once, and the resulting `share` of the
       residual is carried between levels. If it is 0, the residual counts at the levels alone, or
-      nowhere if it does not help on left-out inner blocks of the curves either.
+      nowhere if it does not help there either: on left-out repeats, if the study holds out
+      repeats, and otherwise on left-out inner blocks of the curves.
     - With fewer levels, inner blocks of the curves are left out, and the residual is dropped if it
       does harm there. With two levels, nothing is known between them, so a residual that is kept
       counts only at the levels.
@@ -263,8 +291,8 @@ def with_trusted_residual(
         body = body.joined(shrink=share)
         note = f"midway between levels, {share:.0%} of the residual on {name} is used: {errors}"
         if share == 0:
-            blocks = _blocks_in(curves, recipe)[1:-1]
-            inside = leave_out(curves, recipe, quantities, formula, blocks)
+            parts = repeats_left_out(curves) or _blocks_in(curves, recipe)[1:-1]
+            inside = leave_out(curves, recipe, quantities, formula, parts)
             helps = inside.rmse(1.0) < inside.rmse(0.0)
             body = body if helps else _times(body, 0.0)
             unused = (

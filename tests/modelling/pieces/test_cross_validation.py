@@ -27,6 +27,7 @@ from mapmore_cli.modelling.pieces.cross_validation import (
     inner_folds,
     leave_out,
     possible_backbones,
+    repeats_left_out,
     simplest_backbone,
     thin,
     with_trusted_residual,
@@ -136,6 +137,52 @@ def test_pieces_that_help_neither_between_levels_nor_within_them_are_left_out():
     for curve in samples:
         places = at(curve.level, curve.columns["strain"])
         np.testing.assert_allclose(predict(model, places), backbone_of(model, places))
+
+
+@pytest.mark.parametrize(("held_out", "is_kept"), [(2, True), (None, False)])
+def test_where_repeats_are_held_out_left_out_repeats_say_what_counts_at_the_levels(
+    held_out, is_kept
+):
+    """A wave of each level's own sign returns in every repeat. It cannot be continued into a
+    left-out block of the curve, nor to another level.
+    """
+    repeats = np.repeat(np.arange(3), 120)
+    samples = []
+    for number, level in enumerate((*LEVELS, 450.0)):
+        strain = np.tile(np.linspace(0, 0.2, 120), 3)
+        wave = 40 * (-1) ** number * np.sin(60 * np.pi * strain)
+        noise = np.random.default_rng(number).normal(0, 1, strain.size)
+        samples.append(
+            replace(
+                curve_of(
+                    {
+                        "pressure": np.full(strain.size, level),
+                        "strain": strain,
+                        "force": 2 * level * (1 - strain) + wave + noise,
+                    },
+                    name=f"pressure={level:g}",
+                ),
+                level=level,
+                held_out=repeats == held_out,
+                recordings=("first", "second", "third"),
+                origin=repeats,
+            )
+        )
+    assert len(repeats_left_out(samples)) == (2 if is_kept else 0)
+    model = trusted(samples)
+    assert model.body.fusion.shrink == 0
+    assert any(curve.segments for curve in model.body.curves) == is_kept
+
+
+def test_one_repeat_is_never_left_out():
+    sample = curve_of({"strain": np.arange(40.0), "force": np.ones(40)})
+    of_two = replace(
+        sample,
+        held_out=np.arange(40) < 20,
+        recordings=("a", "b"),
+        origin=np.repeat([0, 1], 20),
+    )
+    assert repeats_left_out([sample]) == repeats_left_out([of_two]) == []
 
 
 def test_between_two_levels_the_backbone_stands_alone():
