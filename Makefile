@@ -59,7 +59,7 @@ docs: .venv/development  # the site, into build/site; needs no network
 measured: .venv/formats  # the tables of docs/measured-static.md, memory.md, campaigns.md, damping.md, limits.md, wrist.md and muscle-like.md; needs the measured recordings (docs/data.md)
 	$(BIN)/mapmore batch configs/campaigns/measured_static.yaml configs/campaigns/m1.yaml configs/campaigns/m1_terms.yaml
 	$(BIN)/python docs/measured_tables.py runs
-	$(BIN)/mapmore batch configs/campaigns/coiled.yaml configs/campaigns/coiled_loads.yaml
+	$(BIN)/mapmore batch configs/campaigns/coiled.yaml configs/campaigns/coiled_other_load.yaml
 	$(BIN)/python docs/memory_tables.py runs
 	$(BIN)/python docs/campaign_tables.py runs
 	$(BIN)/python docs/damping_tables.py runs

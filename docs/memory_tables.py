@@ -290,7 +290,7 @@ def whole_rmse(files: RunFiles) -> float:
 
 
 if __name__ == "__main__":
-    campaigns = {name: of_campaign(name) for name in ("coiled", "coiled_loads")}
+    campaigns = {name: of_campaign(name) for name in ("coiled", "coiled_other_load")}
     tables = (
         coiled_models,
         coiled_parts,

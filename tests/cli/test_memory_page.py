@@ -17,7 +17,7 @@ FEWER = "steps-2-500g"
 """Beside a competitor that does not predict all of its samples, this one has fewer; the table of
 cuts has it by itself.
 """
-AGAIN = {"coiled": ["loops-2-200g", FEWER], "coiled_loads": ["loads-2-400g-from-300g-500g"]}
+AGAIN = {"coiled": ["loops-2-200g", FEWER], "coiled_other_load": ["loads-2-400g-from-300g-500g"]}
 """Runs of the campaigns that are done again: one that needs no cutting, one that does, and one of
 another load.
 """

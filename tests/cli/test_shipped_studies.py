@@ -144,7 +144,7 @@ SCORED = {"festo_10mm_family": "family", "printed_cylinder": "cylinder"}
 IN_CAMPAIGNS = {
     "coiled_loops": ("coiled", "loops-1-200g"),
     "coiled_steps": ("coiled", "steps-1-200g"),
-    "coiled_loads": ("coiled_loads", "loads-1-200g-from-100g-300g"),
+    "coiled_loads": ("coiled_other_load", "loads-1-200g-from-100g-300g"),
 }
 """Studies that a campaign runs by another name: table and row of docs/memory.md."""
 
@@ -162,6 +162,15 @@ def names(paths):
 def test_there_are_studies_of_both_kinds():
     assert len(SIMULATED) >= 2
     assert len(MEASURED) >= 3
+
+
+def test_no_shipped_campaign_writes_into_the_folder_of_a_study():
+    campaigns = {
+        yaml.safe_load(path.read_text(encoding="utf-8"))["campaign"]
+        for path in (CONFIGS / "campaigns").glob("*.yaml")
+    }
+    assert campaigns
+    assert campaigns.isdisjoint(load(path).name for path in STUDIES)
 
 
 @pytest.fixture(scope="module")
