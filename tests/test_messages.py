@@ -163,10 +163,12 @@ def rows_of(heading):
     return re.findall(r"^\| ([^|]+) \| ([^|]+) \|", section, re.MULTILINE)
 
 
-def patterns():
-    """The messages in the first cells, and in the second cells of the table of alerts."""
+def patterns(*of):
+    """The messages in the first cells of the sections whose headings begin like this; in the second
+    cells of the table of alerts.
+    """
     for heading in re.findall(r"^## (.*)$", PAGE, re.MULTILINE):
-        if heading.startswith(("Alerts", "Warnings")):
+        if heading.startswith(of):
             for first, second in rows_of(heading):
                 sentence = second if re.fullmatch(r"`[a-z ]+`", first) else first
                 yield from re.findall(r"`([^`]+)`", sentence)
@@ -200,7 +202,20 @@ def test_every_kind_of_alert_has_a_row():
 def test_every_warning_has_a_row_and_every_row_is_a_warning():
     texts = {text for _, text in warnings_of_the_code()}
     texts |= {text for _, text in texts_from(KINDS)}
-    shown = [*patterns()]
+    shown = [*patterns("Alerts", "Warnings")]
     assert len(texts) > 70
     assert [text for text in texts if not any(is_of(one, text) for one in (*shown, *PARTS))] == []
     assert [one for one in shown if not any(is_of(one, text) for text in texts)] == []
+
+
+def test_errors_that_the_page_explains_are_texts_of_the_code():
+    """Not every error has a row, because an error says itself what to do."""
+    texts = "\n".join(
+        template(node).replace("\n", " ")
+        for path in PACKAGE.rglob("*.py")
+        for node in ast.walk(tree_of(path))
+        if isinstance(node, ast.JoinedStr | ast.Constant)
+    )
+    shown = [*patterns("Errors")]
+    assert len(shown) > 25
+    assert [one for one in shown if not is_of(one, texts)] == []
