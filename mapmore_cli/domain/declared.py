@@ -70,7 +70,9 @@ class Settings:
 
     @classmethod
     def _noted(cls, value: object, info: Info) -> object:
-        """Report to the loader which keys this mapping may have, for messages about unknown keys."""
+        """Report to the loader which keys this mapping may have, for messages about unknown
+        keys.
+        """
         if info.context is not None and isinstance(value, Mapping):
             info.context.note(value, [key.name for key in fields(cls)])
         return value

@@ -113,7 +113,9 @@ class Pieces(Body):
 
     @classmethod
     def of_one(cls, curve: CurveFunction) -> Pieces:
-        """Return a model body of a single curve, which continues outside the limits of the curve."""
+        """Return a model body of a single curve, which continues outside the limits of the
+        curve.
+        """
         names = tuple(curve.limits)
         sides: tuple[Side, Side] = ("continue", "continue")
         fusion = Fusion(hold="none", extrapolation=dict.fromkeys(names, sides))

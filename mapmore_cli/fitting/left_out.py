@@ -134,7 +134,9 @@ def left_out(
 
 
 def _held_out(dataset: Dataset, outs: Sequence[BoolArray]) -> Dataset:
-    """Return the dataset with the samples in `outs` held out instead of its own held-out samples."""
+    """Return the dataset with the samples in `outs` held out instead of its own held-out
+    samples.
+    """
     curves = zip(dataset.curves, outs, strict=True)
     return replace(dataset, curves=tuple(replace(curve, held_out=out) for curve, out in curves))
 

@@ -67,7 +67,9 @@ class Section(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _noted(cls, value: object, info: ValidationInfo) -> object:
-        """Report to the loader which keys this mapping may have, for messages about unknown keys."""
+        """Report to the loader which keys this mapping may have, for messages about unknown
+        keys.
+        """
         if isinstance(info.context, Context) and isinstance(value, dict):
             keys = [field.alias or name for name, field in cls.model_fields.items()]
             info.context.note(value, keys)
