@@ -144,7 +144,9 @@ class Unequal:
 
     @property
     def is_large(self) -> bool:
-        """Return True if the difference is larger than almost any difference between repetitions."""
+        """Return True if the difference is larger than almost any difference between
+        repetitions.
+        """
         return self.apart > SOME
 
     def words(self) -> str:

@@ -91,7 +91,9 @@ used.
 
 @dataclass(frozen=True)
 class Kept:
-    """Contents of the findings file: the findings, and a mark of everything on which they depend."""
+    """Contents of the findings file: the findings, and a mark of everything on which they
+    depend.
+    """
 
     mark: str
     issues: tuple[Issue, ...]

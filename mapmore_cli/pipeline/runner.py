@@ -70,7 +70,9 @@ is up to date.
 
 @dataclass(frozen=True)
 class RunOutcome:
-    """The outcome of a run: `done` or `up-to-date` for every stage, and the reasons why stages ran."""
+    """The outcome of a run: `done` or `up-to-date` for every stage, and the reasons why
+    stages ran.
+    """
 
     name: str
     run_dir: Path
