@@ -9,8 +9,8 @@ import os
 import sys
 
 YOUNG = 50_000
-"""Number of objects between garbage collections. Objects of imports live as long as the program,
-and scanning them again and again would take a tenth of its time.
+"""Number of objects between garbage collections. Objects that imports create live as long as the
+program, and scanning them repeatedly would take a tenth of its time.
 """
 
 
@@ -23,7 +23,7 @@ def main() -> None:
         gc.set_threshold(YOUNG)
         from mapmore_cli import THREADS
 
-        # as in a stage; a process with threads cannot be forked
+        # as in a stage: a process with several threads cannot be forked
         os.environ |= dict.fromkeys(THREADS, "1")
 
         from mapmore_cli.cli.app import main as run
@@ -32,7 +32,7 @@ def main() -> None:
     except (KeyboardInterrupt, SystemError) as end:
         if isinstance(end, SystemError) and not isinstance(end.__cause__, KeyboardInterrupt):
             raise
-        print("interrupted", file=sys.stderr)  # also if Ctrl-C arrived inside a C function
+        print("interrupted", file=sys.stderr)  # Ctrl-C may also have arrived inside a C function
         sys.exit(130)
 
 

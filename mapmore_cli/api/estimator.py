@@ -27,11 +27,11 @@ from mapmore_cli.modelling.expressions.states import IDENTIFIER
 from mapmore_cli.modelling.frols.engine import frols
 from mapmore_cli.pipeline.frames import Door, labels_of
 
-TOLERANCE = 1e-4  # default tolerance of `stop: tolerance`
+TOLERANCE = 1e-4  # default tolerance with `stop: tolerance`
 FEWEST = 3  # number of terms that a model may have even with few samples
-# fraction of a power of a column that rounding may remove from its difference to others
+# rounding may remove this fraction of a power of a column from its differences to other powers
 LOST = 1e-10
-ROUNDING = 1e-13  # fraction of the sum of its parts; a smaller coefficient is zero
+ROUNDING = 1e-13  # a coefficient that is smaller than this fraction of the sum of its parts is zero
 
 
 class NotFitted(ValueError, AttributeError):
@@ -117,8 +117,9 @@ class FROLS:
         return self
 
     def _centre_of(self, values: Array) -> Array:
-        """Return the offset that is subtracted from each column, (m,): the mean of a column that is
-        so far from zero that its powers would differ by rounding errors only, otherwise 0.
+        """Return the offset that is subtracted from each column, (m,). It is the mean of the column
+        if the column is so far from zero that its powers would differ only by rounding errors,
+        otherwise 0.
         """
         mean, spread = values.mean(axis=0), values.std(axis=0)
         far = spread * (LOST / np.finfo(float).eps) ** (1 / max(self.order, 1)) < np.abs(mean)
@@ -178,7 +179,7 @@ class FROLS:
         """Return R² of the prediction."""
         predicted = self.predict(X)
         target = _target(y, len(predicted))
-        unit = float(np.abs(target).max()) or 1.0  # so that its square is finite
+        unit = float(np.abs(target).max()) or 1.0  # dividing by this unit keeps the squares finite
         predicted, target = predicted / unit, target / unit
         spread = float(np.sum((target - target.mean()) ** 2))
         return 1.0 - float(np.sum((target - predicted) ** 2)) / spread if spread else 0.0

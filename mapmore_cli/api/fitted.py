@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
 HERE = "fit(...)"
-"""Name in messages of the spec that the keyword arguments form."""
+"""Name that messages give to the spec that the keyword arguments form."""
 
 PATIENCE = 2.0
 """Seconds after which a fit shows its progress."""

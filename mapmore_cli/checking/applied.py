@@ -50,7 +50,7 @@ OF_CHECK: tuple[Rule, ...] = (
     fits.contradicted_shape,
     curves.beyond_training,
 )
-"""Rules that only `check` applies: hints, and facts that a run reports itself with its scores."""
+"""Rules that only `check` applies: hints, and facts that a run reports together with its scores."""
 
 
 def issues_of(

@@ -17,18 +17,20 @@ from mapmore_cli.modelling.signals.rates import rate
 from mapmore_cli.modelling.signals.sampling import PART, correlation, even_parts, even_share
 from mapmore_cli.study.units import convert
 
-FEWEST = 30  # samples; with fewer, a finding may be chance
-COMPARED = 200  # recordings that are compared with each other; more are thinned evenly
-# fraction of a range or a correlation; columns that agree this closely are the same
+FEWEST = 30  # smallest number of samples; with fewer, a finding may be due to chance
+# largest number of recordings that are compared with each other; more are thinned evenly
+COMPARED = 200
+# columns that agree to within this fraction of their range, or of a correlation of one, are the
+# same
 ROUNDING = 1e-4
 LITTLE = 0.01  # fraction of samples or of a range that may be chance
 SOME = 0.05  # fraction of samples or of a range that is worth a warning
-MUCH = 0.5  # fraction of samples, of a value or of a difference that counts as most of it
+MUCH = 0.5  # a fraction of samples, of a value or of a difference that counts as most of it
 
-SLOW = 0.04  # fraction of the pressure range per second
-SHORTEST = 0.1  # s, smallest width of the window for the rate
-SAMPLES = 8  # samples that the window must contain
-MIDDLE = (0.1, 0.9)  # fractions of the pressure range
+SLOW = 0.04  # largest rate of a settled pressure, as a fraction of the pressure range per second
+SHORTEST = 0.1  # smallest width of the window for the rate, s
+SAMPLES = 8  # smallest number of samples in the window
+MIDDLE = (0.1, 0.9)  # limits of the middle of the pressure range, as fractions of the range
 
 
 @dataclass(frozen=True)
@@ -130,9 +132,9 @@ class Unequal:
 
     @property
     def effects(self) -> list[str]:
-        """Effects that explain most of the difference, with the names of `data.groups`: the better
-        of the two, or both if they leave far less together; empty if most of the difference
-        remains.
+        """Names of the effects that explain most of the difference, as they are written in
+        `data.groups`: the one that explains more, or both if much less remains with both. Empty if
+        most of the difference remains.
         """
         best = min(("gain", "offset"), key=lambda effect: self.left[effect])
         both = "offset gain"
@@ -142,7 +144,9 @@ class Unequal:
 
     @property
     def is_large(self) -> bool:
-        """Return True if repetitions hardly ever differ so much."""
+        """Return True if the difference is larger than almost any difference between
+        repetitions.
+        """
         return self.apart > SOME
 
     def words(self) -> str:
@@ -238,7 +242,7 @@ def _rms(values: Array) -> float:
 # Single samples
 # --------------------------------------------------------------------------------------------------
 
-STANDS_OUT = 4.0  # ratio of a spike to the largest other change
+STANDS_OUT = 4.0  # smallest ratio of the height of a spike to the largest other change
 
 
 def spikes(values: Array) -> IntArray:
@@ -263,7 +267,7 @@ def spikes(values: Array) -> IntArray:
     span = float(np.ptp(np.delete(values, lone)))
     steps = np.delete(np.abs(np.diff(values)), np.union1d(lone - 1, lone))
     usual = max(STANDS_OUT * float(steps.max(initial=0.0)), span / STANDS_OUT)
-    # in a constant record, no distance counts as far
+    # in a record of constant values, no distance counts as far
     return lone[height[lone] > usual] if span else none
 
 

@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from mapmore_cli.study.loader import LoadedSpec
 
 Severity = Literal["error", "warning", "hint"]
-"""An error makes the study wrong or impossible, a warning probably wrong. A hint says what could be
-better.
+"""An error means that the study is wrong or impossible, and a warning that it is probably wrong. A
+hint says what could be better.
 """
 
 Cause = Literal["spec", "data"]
-"""What must be corrected."""
+"""What must be corrected to remove a finding."""
 
 
 @dataclass(frozen=True)
@@ -45,19 +45,21 @@ class Issue:
 
     @property
     def text(self) -> str:
-        """The place, the message and the id, with the remedy on its own line."""
+        """The finding as text: place, message and id, with the remedy on a line of its own."""
         return f"{self.place}: {self.message} [{self.id}]\n  {self.remedy}"
 
     @property
     def sentence(self) -> str:
-        """The message, the remedy and the id. The place is left out, because a run stays up to date
-        when the lines of its spec move.
+        """The finding as a sentence: message, remedy and id. The place is left out, because a run
+        stays up to date when the lines of its spec move.
         """
         return f"{self.message}; {self.remedy} [{self.id}]"
 
 
 def is_for_the_spec(errors: Iterable[Issue]) -> bool:
-    """Return True if the spec must be corrected first; the data are checked again after that."""
+    """Return True if one of the errors is in the spec. The spec must then be corrected first, and
+    after that the data are checked again.
+    """
     return any(issue.cause == "spec" for issue in errors)
 
 
@@ -79,15 +81,19 @@ def refusal(issues: Iterable[Issue]) -> SpecError | DataError | None:
 
 
 FINDINGS = "check.json"
-"""Name of the file in the run folder."""
+"""Name of the file in the run folder that holds the findings."""
 
 REVISION = 4
-"""Number that is raised when a rule changes, so that older findings no longer count."""
+"""Revision of the rules. It is raised when a rule changes, so that findings of older rules are not
+used.
+"""
 
 
 @dataclass(frozen=True)
 class Kept:
-    """Contents of the file: the findings, and what they depend on."""
+    """Contents of the findings file: the findings, and a mark of everything on which they
+    depend.
+    """
 
     mark: str
     issues: tuple[Issue, ...]

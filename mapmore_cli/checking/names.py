@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from mapmore_cli.study.units import CANONICAL, spell_pressures, unit_of
 
 POSITIONS = ("strain", "displacement", "length")
-"""Quantities that say how far a muscle has contracted; the most informative comes first."""
+"""Quantities that measure how far a muscle has contracted, the most informative first."""
 
 _WORDS = {
     "time": "t time times timestamp seconds elapsed zeit uhrzeit clock tout temps tiempo tempo tijd"
@@ -50,16 +50,17 @@ def read_label(name: str) -> ColumnTitle | None:
     """Return the meaning of a column's name: `pressure_kPa` and `P [kPa]` are pressures in kPa;
     None for a name without a known meaning.
 
-    The first word that names a quantity decides, and a unit is expected after it. Without such a
-    word, a unit of pressure decides.
+    The first word that names a quantity is used, and a unit is expected after it. If no word names
+    a quantity, a unit of pressure shows that it is a pressure.
     """
-    # camel case, and `pL` of a pair; kPa and MPa are not split
+    # camel case is split, and so is the `L` or `R` of a pair such as `pL`; kPa and MPa are not
+    # split
     apart = re.sub(
         r"(?<=[a-z]{3})(?=[A-Z])|(?<=\bp)(?=[LRAB]\b)", " ", spell_pressures(name).replace("_", " ")
     )
     parts = [(match[0].casefold(), match.end()) for match in _WORD.finditer(apart)]
     named = [(word, end) for word, end in parts if word in _OF_WORD]
-    # the `V` in `y_V` means volts
+    # `V` after a quantity, as in `y_V`, means volts
     named = [
         word_and_end for word_and_end in named if word_and_end == parts[0] or word_and_end[0] != "v"
     ]
@@ -84,5 +85,5 @@ def unit_in(quantity: str, text: str) -> str | None:
         return None
     units = [unit_of(word, like) for word in _TOKEN.findall(spell_pressures(text))]
     known = [unit for unit in units if unit is not None]
-    # of `x in mm`, the preposition is no inch
+    # in `x in mm`, the preposition `in` is no inch
     return next((unit for unit in known if unit != "in"), next(iter(known), None))

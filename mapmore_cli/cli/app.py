@@ -59,8 +59,8 @@ REMOVED = {
 """Explanation and replacement for commands that no longer exist."""
 
 AS_JSON = "mapmore.json"
-"""Key of the context: True if the command line asks for JSON, in which errors are then also
-reported.
+"""Key in the context of Typer: True if the command line asks for JSON. Errors are then reported in
+JSON as well.
 """
 
 
@@ -74,7 +74,9 @@ def _function(name: str) -> Callable[..., None]:
 
 
 def _command(name: str, function: Callable[..., None], any_line: bool = False) -> Command:
-    """Return the command that calls a function. With `any_line`, it accepts any arguments."""
+    """Return the command that calls a function. With `any_line`, it accepts any arguments, for a
+    command that only reports an error.
+    """
     settings = {"ignore_unknown_options": any_line, "allow_extra_args": any_line}
     alone = typer.Typer(add_completion=False, rich_markup_mode=None)
     alone.command(name, context_settings=settings)(function)
@@ -82,10 +84,10 @@ def _command(name: str, function: Callable[..., None], any_line: bool = False) -
 
 
 def _absent(name: str, fault: UsageError) -> Command:
-    """Return a command that only reports why it is missing."""
+    """Return a command that only reports why the command `name` is not installed."""
 
     def absent() -> None:
-        """Not installed."""
+        """Report that this command is not installed."""
         raise fault
 
     return _command(name, absent, any_line=True)
@@ -99,7 +101,9 @@ class Commands(TyperGroup):
 
     def list_commands(self, ctx: Context) -> list[str]:  # noqa: ARG002 - as click calls it
         """Return the names of all commands, in the order of the work."""
-        if not self.commands:  # look for installed commands only when the command line is known
+        # installed commands are looked up only when the command line is known, because
+        # `--no-plugins` may exclude them
+        if not self.commands:
             added = plugins.entry_points("commands")
             for name in added.keys() & MODULES.keys():
                 plugins.leave_plugin_out("commands", name, ValueError("mapmore has such a command"))
@@ -128,7 +132,7 @@ class Commands(TyperGroup):
         if "--no-plugins" in args:
             plugins.leave_out_others()
         if "--no-color" in args:
-            os.environ["NO_COLOR"] = "1"  # Rich and other programs read this variable
+            os.environ["NO_COLOR"] = "1"  # Rich and other programs obey this variable
         for anywhere in {"--debug", "--no-plugins", "--no-color"} & {*args}:
             args = [anywhere, *(arg for arg in args if arg != anywhere)]
         for _ in range(args.count("--env")):
@@ -176,7 +180,9 @@ def _print_version(wanted: bool) -> None:
 
 
 def _let_read(names: list[str]) -> list[str]:
-    """Let specs read more environment variables, in this process and in its child processes."""
+    """Allow specs to read further environment variables, in this process and in its child
+    processes.
+    """
     if names:
         os.environ["MAPMORE_ENV"] = ",".join([*names, os.environ.get("MAPMORE_ENV", "")])
     return names

@@ -75,7 +75,8 @@ def check(
                 ),
                 as_json,
             )
-            if inspection.verdict is not None:  # the issues are part of the document
+            # with `--json`, the issues are a part of the printed document
+            if inspection.verdict is not None:
                 print(message(inspection.verdict), file=sys.stderr)
                 raise Exit(exit_code(inspection.verdict))
             return

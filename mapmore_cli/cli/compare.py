@@ -156,8 +156,8 @@ def _draw(names: Sequence[str], models: Sequence[Path], figure: Path) -> None:
 
 
 def _limit(fail_on: str | None) -> float | None:
-    """Return the relative change that is too large; None without a limit, or if the word `changed`
-    decides.
+    """Return the relative change that is too large; None if there is no limit, or if it is the word
+    `changed`.
     """
     if fail_on in (None, "changed"):
         return None

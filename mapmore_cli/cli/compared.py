@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 ONE_CURVE = 2 / 3
-"""Weight of one curve from which on the result is mainly about that curve."""
+"""If one curve has a larger weight than this, the result is mainly about that curve."""
 
 
 def of_comparisons(names: Sequence[str], results: Sequence[Comparison]) -> View:
@@ -53,8 +53,8 @@ ANSWER = (
 def of_campaigns(
     names: Sequence[str], results: Mapping[str, Comparison], what: str = "runs"
 ) -> View:
-    """Return the comparison of every run of two campaigns, or every output of two models, with its
-    earlier version.
+    """Return the comparison of every run of a campaign with the same run of an earlier campaign, or
+    of every output of a model with an earlier model.
     """
     runs = [{"run": run, **members(result, *ANSWER)} for run, result in results.items()]
     counts = Counter(result.answer for result in results.values())
@@ -123,7 +123,7 @@ def _of_settings(comparison: Comparison) -> Iterator[str]:
 
 
 def search_document(search: Search) -> Document:
-    """Return a search as a JSON document."""
+    """Return the structures that a search tried, and its choice, as a JSON document."""
     keys = ("family", "structure=words", "sections", "parameters", "error")
     errors = ("standard_error=spread", "above_best=excess", "parts_error=parts", "seconds")
     tried = [

@@ -147,7 +147,9 @@ _documents: ContextVar[TextIO | None] = ContextVar("_documents", default=None)
 
 @contextmanager
 def documents_alone() -> Iterator[None]:
-    """Let only documents go to stdout: what a plugin prints meanwhile goes to stderr."""
+    """Keep stdout for JSON documents: everything that a plugin prints within the context goes to
+    stderr.
+    """
     token = _documents.set(sys.stdout)
     try:
         with redirect_stdout(sys.stderr):
@@ -164,7 +166,7 @@ def _as_json(value: object) -> object:
         value = {field.name: getattr(value, field.name) for field in fields(value)}
     if isinstance(value, Mapping):
         return {str(key): _as_json(item) for key, item in value.items()}
-    # a NumPy value; NumPy is not imported for documents without arrays
+    # this is a NumPy value; NumPy is not imported for documents without arrays
     if hasattr(value, "tolist"):
         return _as_json(value.tolist())
     if isinstance(value, (list, tuple)):

@@ -188,7 +188,7 @@ def _lines_of(
     reporter: Reporter,
 ) -> tuple[Iterator[str], str]:
     """Return the lines of a table in the names and units of the model, and its name in messages.
-    The table has its columns in one of some `ways`.
+    `ways` holds the sets of columns that the table may have.
     """
     from mapmore_cli.pipeline.foreign import foreign_lines, is_foreign, units_of
 
@@ -215,7 +215,7 @@ def _open_table(
         return lines_of(table, told), str(table)
     try:
         os.read(0, 0)
-    except OSError as fault:  # the file is closed, or a folder
+    except OSError as fault:  # stdin may be closed, or be a folder
         raise UsageError(
             f"stdin: cannot be read ({os.strerror(fault.errno or 0)})",
             "pipe a table into it, or name a file",

@@ -50,7 +50,7 @@ class Reporter:
         self._quiet = quiet
         self._verbose = verbose
         self._bar: Progress | None = None
-        # what is in progress, and the time of its next message
+        # the work in progress, and the time of its next message
         self._task, self._due = (
             "",
             0.0,
@@ -148,8 +148,8 @@ class Reporter:
             from rich.console import Console
             from rich.progress import Progress
 
-            # Drawn here at most ten times a second, because a thread of Rich's would compete with
-            # the computation.
+            # The bar is drawn here at most ten times a second, because Rich's own thread would
+            # compete with the computation.
             self._bar = Progress(console=Console(stderr=True), transient=True, auto_refresh=False)
             self._bar.start()
             self._bar.add_task(what)

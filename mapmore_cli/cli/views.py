@@ -70,7 +70,7 @@ def of_file(path: Path, warn: Callable[[str], None], unverified: bool) -> View:
 
 
 def of_stage(stage: str, run_dir: Path) -> View:
-    """Return the results of a stage."""
+    """Return the results of one stage of a run, as its command prints them."""
     if stage in RESULTS:
         return _of_hdf5(run_dir / RESULTS[stage])
     paths = sorted((run_dir / RUN_PAGE).parent.rglob("*"))
@@ -155,7 +155,7 @@ def _of_hdf5(
 
 
 def _of_json(path: Path) -> View:
-    """Return `scores.json` or `run.json` unchanged; the table has the part that fits on a
+    """Return `scores.json` or `run.json` unchanged; the table holds the part of it that fits on a
     screen.
     """
     remedy = "give a file that mapmore wrote"

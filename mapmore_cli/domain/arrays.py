@@ -22,7 +22,7 @@ from mapmore_cli.domain.declared import Checked, QuantityName
 
 _Shape = tuple[Any, ...]
 
-# written out, because NumPy 2.5 made NDArray an alias
+# written out because `NDArray` is a type alias of another form since NumPy 2.5
 Array = np.ndarray[_Shape, np.dtype[np.float64]]
 """Measured or computed values; shapes are given where the array is used."""
 
@@ -59,8 +59,9 @@ def row_count(columns: Columns) -> int:
 
 
 ROWS, WIDE = 1 << 14, 1 << 17
-"""Samples in a block: a column of 128 KB, so that values computed from it stay in the processor's
-cache; and in a block for work with a high cost per call, such as a model.
+"""Numbers of samples in a block. Columns of the first length have 128 KB, so that values computed
+from them stay in the processor's cache. The second is for work with a high cost per call, such as
+calls of a model.
 """
 
 
@@ -87,7 +88,7 @@ def extremes(column: Array, mask: BoolArray | None = None) -> tuple[float, float
     """
     if mask is not None and not mask.all():
         return _ends_of(blocks_where(column, mask))
-    # the contents of the file do not change
+    # extremes can be remembered, because the contents of the file do not change
     of = _map_of(column)
     known = {} if of is None else _mapped.setdefault(of, {})
     place = (column.__array_interface__["data"][0], column.shape, column.strides)
@@ -102,12 +103,12 @@ def _ends_of(blocks: Iterable[Array]) -> tuple[float, float]:
 
 
 def blocks_where(column: Array, mask: BoolArray) -> Iterator[Array]:
-    """Yield the values of a column on the rows of `mask`, block by block."""
+    """Yield the values of a column at the rows in which `mask` is True, block by block."""
     return (values[where] for values, where in in_blocks(column, mask))
 
 
 LONG = 8_000_000
-"""Bytes from which on a column is kept in a file: a million numbers."""
+"""Smallest size, in bytes, of a column that is kept in a file: a million numbers."""
 
 MOST = 200
 """Largest number of columns in files at the same time, because each keeps a file open. Further
@@ -115,12 +116,12 @@ columns stay in memory.
 """
 
 SCRATCH: ContextVar[str | None] = ContextVar("SCRATCH", default=None)
-"""Folder of these files, which have no name and end with their columns or with the program; None
-for the temporary folder of the system.
+"""Folder of the files that hold long columns; None for the temporary folder of the system. The
+files have no name, and disappear with their columns or with the program.
 """
 
 _mapped: WeakKeyDictionary[mmap.mmap, dict[Any, tuple[float, float]]] = WeakKeyDictionary()
-"""Known extremes of columns that are in files."""
+"""Smallest and largest values that were already computed, for columns that are in files."""
 
 
 def stacked(blocks: Iterable[Sequence[Any]]) -> list[Any]:
@@ -140,7 +141,9 @@ def stacked(blocks: Iterable[Sequence[Any]]) -> list[Any]:
 
 
 def _in_files(blocks: Iterable[Sequence[Any]], like: Sequence[Any]) -> list[Any]:
-    """Keep columns in files, with the types and the numbers of columns of the blocks `like`."""
+    """Write the columns to files, block by block, and return them as arrays mapped from these
+    files. Their types and widths are those of the blocks `like`.
+    """
     with ExitStack() as opened:
         files = [opened.enter_context(tempfile.TemporaryFile(dir=SCRATCH.get())) for _ in like]
         for block in blocks:
@@ -160,7 +163,7 @@ def by_blocks(function: Callable[..., Any], *columns: Any, rows: int = ROWS) -> 
     """Return `function(*columns)`, computed in blocks. Each row of the result may depend only on
     the same row of the columns.
     """
-    if len(columns[0]) <= rows:  # one of thousands of short curves
+    if len(columns[0]) <= rows:  # a curve is often short, and there may be thousands of them
         return function(*(column[:rows] for column in columns))
     return stacked([function(*block)] for block in in_blocks(*columns, rows=rows))[0]
 
@@ -177,8 +180,8 @@ def row_by_row(function: Callable[[dict[str, Any]], Any], columns: Mapping[str, 
 
 
 def picked(values: Any, rows: Rows | BoolArray) -> Any:
-    """Return the values at some rows, (n,), or their row numbers. The rows are numbers or a mask. A
-    long column is read in small parts.
+    """Return the values at some rows, (n,), given as row numbers or as a mask. If `values` are row
+    numbers, the result is row numbers too. A long column is read in small parts.
     """
     if isinstance(rows, range):
         return values[rows.start : rows.stop]

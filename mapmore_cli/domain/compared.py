@@ -15,7 +15,7 @@ from mapmore_cli.domain.arrays import Array, BoolArray
 
 @dataclass(frozen=True)
 class Normaliser:
-    """Divisor of errors. A table always names it."""
+    """Divisor of errors, with its name, which every table shows."""
 
     name: str
     value: float
@@ -29,8 +29,9 @@ class Normaliser:
 
 
 class SampleBlock(NamedTuple):
-    """Samples, (n,) each, with the predictions of a model; NaN if there is no prediction or no
-    known value. `recorded` also includes the history with which a model with memory starts.
+    """Samples with the predictions of a model, (n,) each. A value is NaN if it is unknown or if
+    there is no prediction. `recorded` also has the measured values of the history with which a
+    model with memory starts.
     """
 
     recorded: Array

@@ -32,10 +32,10 @@ class Handler(Protocol):
     """Function that pydantic passes, with which the schema of a type is made."""
 
     def __call__(self, source: object, /) -> dict[str, object]:
-        """Return the schema of the type without our changes."""
+        """Return the schema that pydantic makes of the type by itself."""
 
     def generate_schema(self, source: object, /) -> dict[str, object]:
-        """Return the schema of another type."""
+        """Return the schema of a type that may differ from the handled one."""
 
 
 class Info(Protocol):
@@ -60,7 +60,9 @@ class Settings:
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: object, handler: Handler) -> object:
-        """Accept mappings too, although the values in them are strict."""
+        """Return a schema that also accepts mappings. The values in a mapping are still checked
+        strictly.
+        """
         schema = {**handler(source), "strict": False}
         ref = schema.pop("ref", None)
         noted = before(schema, cls._noted)
@@ -68,7 +70,9 @@ class Settings:
 
     @classmethod
     def _noted(cls, value: object, info: Info) -> object:
-        """Report to the loader which keys a mapping may have."""
+        """Report to the loader which keys this mapping may have, for messages about unknown
+        keys.
+        """
         if info.context is not None and isinstance(value, Mapping):
             info.context.note(value, [key.name for key in fields(cls)])
         return value
@@ -80,7 +84,8 @@ class Settings:
 
 
 def before(schema: object, function: Callable[[Any, Any], object]) -> dict[str, object]:
-    """Return a schema of pydantic that applies `function` to the value and its `Info` first.
+    """Return a schema of pydantic that first applies `function` to the value and its `Info`, and
+    then validates the result with `schema`.
 
     `info.context` is the loader's `study.fields.Context`, or None.
     """
@@ -99,8 +104,8 @@ class Contradiction(ValueError):
 
 
 def from_fields(of: type[S], settings: object, **own: object) -> S:
-    """Return an `of` with the fields that it shares with `settings`, and with the values in
-    `own`.
+    """Return an object of the class `of`. Its fields have the values in `own`, otherwise those of
+    the fields of `settings` with the same names.
     """
     names = [field.name for field in fields(of)]  # type: ignore[arg-type]
     shared = {name: getattr(settings, name) for name in names if hasattr(settings, name)}

@@ -1,5 +1,5 @@
-"""Define an error class with an exit code for each way in which a command can end, and warnings
-about other runs.
+"""Define the errors that end a command, one class for each exit code, and warnings about other
+runs.
 
 Scripts rely on the codes (docs/messages.md, "Exit codes"). The command line turns a `MapmoreError`
 into its message and its code, and any other exception into an internal fault.
@@ -21,10 +21,12 @@ _PATHS = (
     errno.EIO,
     errno.ESRCH,
 )
-"""Errors of the file system for paths that lead to nothing readable."""
+"""Error numbers of the file system for a path that leads to nothing that can be read."""
 
 _NO_MEMORY = ("annot allocate memory", "failed to map segment")
-"""Messages of the system for too little memory, also while a library is loaded."""
+"""Parts of the messages with which the system reports too little memory, also while it loads a
+library.
+"""
 
 
 class MapmoreError(Exception):
@@ -77,7 +79,9 @@ def explained(error: BaseException) -> BaseException:
 
 
 def error_text(error: BaseException) -> str:
-    """Return the message of an error for the user; a fault of the program itself is one line."""
+    """Return the message of an error for the user. An error that is a fault of the program itself
+    is described in one line.
+    """
     error = explained(error)
     if isinstance(error, MapmoreError):
         return str(error)
@@ -136,8 +140,8 @@ class Stopped(KeyboardInterrupt):
 
 
 class RunWarning(str):
-    """A warning about another run than the one that was requested. The text names the run; `run`
-    and `message` hold both parts separately.
+    """A warning about another run than the requested one, for example a run that it needs. The text
+    begins with the name of the run; `run` and `message` hold the two parts separately.
     """
 
     run: str

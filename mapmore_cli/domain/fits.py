@@ -274,7 +274,9 @@ class FormulaFit(Fit):
 
     @property
     def formula(self) -> str:
-        """Key by which the formula is looked up: its definition, or its name."""
+        """Key by which the formula is found in the formulas of the literature: its definition if it
+        has one, otherwise its name.
+        """
         return self.definition or self.name
 
     @property
@@ -287,15 +289,17 @@ class FormulaFit(Fit):
 # --------------------------------------------------------------------------------------------------
 
 PIECE = "memory"
-"""Name of the model with memory in tables and equations in which other models have segments."""
+"""Name of a model with memory in tables and equations, at the place at which other models have the
+names of segments.
+"""
 
 
 @dataclass(frozen=True)
 class StateSet:
     """States with memory, and everything that their values on a new recording depend on.
 
-    Widths of `play`, `stop` and `saturate` are fractions of `ranges`. Scaled states are clipped
-    `margin` beyond [0, 1].
+    Widths of `play`, `stop` and `saturate` are fractions of `ranges`. Scaled states are limited to
+    the interval from -`margin` to 1 + `margin`.
     """
 
     names: Annotated[
@@ -371,7 +375,7 @@ class MemoryModel:
         """
         states = self.states
         width = states.high - states.low if states.scaled else np.ones(len(states.names))
-        # a state that was constant in training is zero
+        # the slope is zero for a state that was constant in training
         slope = np.divide(1.0, width, out=np.zeros(len(width)), where=width > 0)
         low = states.low if states.scaled else np.zeros(len(width))
         return Scaling(

@@ -1,5 +1,5 @@
-"""Escape foreign text for another language: terminals, CSV, C, Python, TeX and XML. Every writer of
-files uses these functions.
+"""Escape text from users and files, so that it does no harm in terminals, CSV, C, Python, TeX and
+XML. Every writer of files uses these functions.
 
 The rule is an alphabet, not a list of dangerous words: every character outside a small alphabet is
 escaped, and the alphabet has no character that could end a comment, a string or a line.
@@ -13,14 +13,14 @@ import unicodedata
 from itertools import accumulate
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
-"""Characters that a terminal obeys instead of showing them (except tabs and line feeds), and marks
-that change the direction of writing.
+"""Control characters (except tabs and line feeds), which a terminal obeys instead of showing them,
+and marks that change the direction of writing.
 """
 
 _BROKEN = re.compile(rf"{_CONTROL.pattern}|[\t\n\ud800-\udfff]")
 
 _FORMULA = ("=", "+", "-", "@")
-"""First characters of cells that a spreadsheet would compute."""
+"""First characters of cells that a spreadsheet takes for a formula and computes."""
 
 PLAIN = frozenset(string.ascii_letters + string.digits + " .,:;=+-_()[]<>/^|%'")
 """Characters that may stand in comments unchanged: no double quotes, backslashes, asterisks,
@@ -29,8 +29,8 @@ question marks, number signs, dollars or line ends.
 
 
 def printable(text: str) -> str:
-    """Return the text with its control characters escaped, for example `\\x1b` for the character
-    that begins commands to a terminal.
+    r"""Return the text with its control characters escaped, for example `\x1b` for the character
+    with which commands to a terminal begin.
     """
     return _CONTROL.sub(lambda match: match[0].encode("unicode_escape").decode("ascii"), text)
 
@@ -61,8 +61,8 @@ def tex_comment(*lines: str) -> list[str]:
 
 
 def xml_text(text: str, kept: str = "") -> str:
-    """Return the text without characters that XML cannot contain even escaped: only printable
-    characters and those in `kept` remain.
+    """Return the text without the characters that XML must not contain, even if they are escaped.
+    Only printable characters and those in `kept` remain.
     """
     return text.translate(
         {
@@ -96,12 +96,16 @@ _TEX = str.maketrans(
     | {"–": "--", "²": r"\textsuperscript{2}", "³": r"\textsuperscript{3}"}
     | {letter: _greek(letter) for letter in "αβγδεζηθικλμνξπρςστυφχψωΓΔΘΛΞΠΣΥΦΨΩ"}
     | {c: f"\\{c}" for c in "&%$#_{}"}
-    | {c: f"{{{c}}}" for c in "[]*"}  # otherwise an argument of the line break before a row
+    # without braces, LaTeX would take brackets or a star at the start of a row for an argument of
+    # the line break before it
+    | {c: f"{{{c}}}" for c in "[]*"}
 )
 
 
 def tex_text(text: str) -> str:
-    """Return one line of LaTeX source that prints the text and does nothing else."""
+    """Return LaTeX source on one line that prints the text unchanged and contains no commands of
+    the text's own.
+    """
     return _printed(text).translate(_TEX)
 
 

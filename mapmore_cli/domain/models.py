@@ -113,14 +113,16 @@ class Pieces(Body):
 
     @classmethod
     def of_one(cls, curve: CurveFunction) -> Pieces:
-        """Return the pieces of one curve, which continue beyond its limits."""
+        """Return a model body of a single curve, which continues outside the limits of the
+        curve.
+        """
         names = tuple(curve.limits)
         sides: tuple[Side, Side] = ("continue", "continue")
         fusion = Fusion(hold="none", extrapolation=dict.fromkeys(names, sides))
         return cls(None, names, (curve,), fusion)
 
     def joined(self, **how: Any) -> Pieces:
-        """Return the pieces with other fields of `Fusion`."""
+        """Return the pieces with some rules for joining them (fields of `Fusion`) replaced."""
         return replace(self, fusion=replace(self.fusion, **how))
 
     @property
@@ -225,8 +227,8 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class KeptShape:
-    """Known shape of the output along one input: the places where it determines the coefficients,
-    and by how much a fit without it would violate it.
+    """Known shape of the output along one input, the places at which it determines the
+    coefficients, and by how much a fit without this shape would violate it.
     """
 
     quantity: Annotated[QuantityName, "the input; of `positive` the output itself"]
@@ -237,8 +239,9 @@ class KeptShape:
 
 @dataclass(frozen=True)
 class Shape:
-    """The shape that a model keeps over its training range, extended by the share `beyond`,
-    wherever the training output is more than the share `slack` of its range above its minimum.
+    """The shape that a model keeps over its training range, extended by the fraction `beyond`.
+    Places at which the training output lies in the lowest part of its range (the fraction `slack`)
+    are excepted.
 
     Errors are root mean squares, with the shape and without it.
     """

@@ -1,11 +1,12 @@
 """Find extensions of `mapmore`: files in one of its own folders, or entry points of other packages.
 
-Both have one form. An entry point `NAME = "module"` or `NAME = "module:OBJECT"` in the group
-`mapmore.GROUP` names the same contents as one of our files: for `readers`, a `READER` or several
-`READERS`. Groups are `formulas`, `readers`, `operators`, `families`, `figures`, `exports`, `kinds`
-and `commands`; our annexes also use `stages` and `python`. Nothing is imported before it is needed.
-A part that is broken, or has the name of one of our parts, is named in a warning and left out. If
-the variable MAPMORE_NO_PLUGINS is set, only our own parts are used.
+Both have the same form. An entry point `NAME = "module"` or `NAME = "module:OBJECT"` in the group
+`mapmore.GROUP` leads to the same contents as one of mapmore's own files: for `readers`, a `READER`
+or several `READERS`. Groups are `formulas`, `readers`, `operators`, `families`, `figures`,
+`exports`, `kinds` and `commands`; mapmore's annexes also use `stages` and `python`. Nothing is
+imported before it is needed. A part that is broken, or that has the name of a part of mapmore, is
+left out with a warning. If the environment variable MAPMORE_NO_PLUGINS is set, only mapmore's own
+parts are used.
 """
 
 from __future__ import annotations
@@ -45,8 +46,8 @@ class Added(NamedTuple, Generic[P]):
 
 
 def parts(group: str, form: type[P], package: str = "") -> Iterator[Added[P]]:
-    """Yield every part of a group, of the type `form`: those in the files of our `package` in the
-    order of their names, then those of entry points.
+    """Yield every part of a group. Parts have the type `form`. Those in the files of mapmore's
+    folder `package` come first, in the order of their names, then those of entry points.
 
     The name of a part is its attribute `name`, or the name of its entry point. If two have the same
     name, the first counts.
@@ -66,7 +67,8 @@ def parts(group: str, form: type[P], package: str = "") -> Iterator[Added[P]]:
                 if part.name in names:
                     raise ValueError(f"there is already a `{part.name}`")
                 added.append(Added(part.name, part.value, part.source))
-        except Exception as fault:  # whatever is wrong there, the other parts must work
+        # a plugin may raise any exception, and the other parts must still work
+        except Exception as fault:
             leave_plugin_out(group, name, fault.__cause__ or fault)
             continue
         names.update(part.name for part in added)
@@ -89,7 +91,9 @@ def _owner(point: EntryPoint) -> str:
 
 
 def blamed(fault: BaseException) -> str | None:
-    """Return the package whose plugin was running when something failed; None for our own."""
+    """Return the name of the package whose plugin was running when an exception was raised; None
+    for code of mapmore itself.
+    """
     packages = {point.module.partition(".")[0] for point in _installed()}
     frames = (frame for frame, _ in walk_tb(fault.__traceback__))
     names = (str(frame.f_globals.get("__name__")).partition(".")[0] for frame in frames)
@@ -111,7 +115,7 @@ OURS = "mapmore"
 """The package whose parts no other package can replace."""
 
 NONE_OF_OTHERS = "MAPMORE_NO_PLUGINS"
-"""Variable that leaves out the plugins of other packages, also in worker processes."""
+"""Environment variable that leaves out the plugins of other packages, also in worker processes."""
 
 
 def leave_out_others() -> None:
@@ -130,12 +134,15 @@ def _installed() -> tuple[EntryPoint, ...]:
     for package in [distribution(OURS)] if os.environ.get(NONE_OF_OTHERS) else distributions():
         try:
             ours = [point for point in package.entry_points if point.group.startswith("mapmore.")]
-            # the first on Python's path is the one that is imported
+            # if a package is installed twice, the first on Python's path is the one that is
+            # imported
             if not ours or package.name in packages:
                 continue
             packages.add(package.name)
-            _ = [point.module for point in ours]  # checks the form of the value
-        except Exception as fault:  # whatever is wrong there, the other packages must work
+            # an entry point of the wrong form raises an error here
+            _ = [point.module for point in ours]
+        # a package may raise any exception, and the other packages must still work
+        except Exception as fault:
             left_out = f"the plug-ins of {_name_of(package)} are left out"
             why = f"its entry_points.txt cannot be read ({type(fault).__name__}: {fault})"
             warnings.warn(f"{left_out}: {why}", PluginLeftOut, stacklevel=2)
@@ -147,14 +154,14 @@ def _installed() -> tuple[EntryPoint, ...]:
 def _name_of(package: Distribution) -> str:
     try:
         return str(package.name)
-    except Exception:  # its other files are broken too
+    except Exception:  # the package's other metadata are broken as well
         return str(package.locate_file(""))
 
 
 @cache
 def entry_points(group: str) -> dict[str, EntryPoint]:
-    """Return the entry points of a group by name. If two have the same name, ours counts, otherwise
-    the first by module; a warning names the other.
+    """Return the entry points of a group by name. If two have the same name, the one of mapmore is
+    used, otherwise the first in the alphabetical order of their modules. A warning names the other.
     """
     by_name = dict[str, EntryPoint]()
     of_group = (point for point in _installed() if point.group == f"mapmore.{group}")
@@ -170,8 +177,8 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
 
 @contextmanager
 def _printing_to_stderr() -> Iterator[None]:
-    """Redirect everything that is printed meanwhile to stderr, also by libraries in C, because only
-    results belong on stdout.
+    """Redirect everything that is printed within the context to stderr, also by libraries in C,
+    because stdout is for results only.
     """
     with redirect_stdout(sys.stderr):
         kept = os.dup(1)

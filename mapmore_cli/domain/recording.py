@@ -23,10 +23,12 @@ from mapmore_cli.domain.arrays import (
 from mapmore_cli.domain.declared import Count, Label, QuantityName, one_of
 
 STATIC_FORCE, DAMPING = "static_force", "damping"
-"""Names of the prediction of a static model for a step response, and of its residual (M2 eq 1)."""
+"""Name of the column with the prediction of a static model for a step response, and name of the
+column with the residual (M2 eq 1).
+"""
 
 DIRECTION = "direction"
-"""Name in formulas and segments of the quantity that distinguishes rise (+1) and fall (-1)."""
+"""Name of the quantity that distinguishes rise (+1) from fall (-1), in formulas and segments."""
 
 
 def uncertainty_of(name: str) -> str:
@@ -89,7 +91,7 @@ class Recording:
         return row_count(self.columns)
 
     def at(self, rows: IntArray) -> Recording:
-        """Return the recording with these samples only."""
+        """Return the recording with the samples in `rows` only."""
         columns = {name: picked(x, rows) for name, x in self.columns.items()}
         return replace(self, columns=columns, first_row=0)
 
@@ -163,8 +165,8 @@ class Curve:
         )
 
     def limits(self, name: str) -> tuple[float, float]:
-        """Return the range of a quantity over the training samples, and over the raw samples from
-        which they were made.
+        """Return the smallest and the largest value of a quantity over the training samples and
+        over the raw samples from which these were made.
         """
         least, largest = extremes(self.columns[name], self.training)
         low, high = self.measured.get(name, (least, largest))
@@ -176,7 +178,7 @@ class Curve:
         return (slice(None),) if self.origin is None else self.logs
 
     def together(self, parts: Sequence[Array]) -> Array:
-        """Return one column, (n,), put together from those of its stretches."""
+        """Return one column, (n,), put together from its values in each of the `stretches`."""
         if self.origin is None:
             return parts[0]
         whole = np.empty(self.size)
@@ -218,7 +220,9 @@ class Dataset:
 
     @property
     def each(self) -> tuple[Dataset, ...]:
-        """The dataset of each single output; the other outputs are no inputs."""
+        """The dataset of each single output. The other outputs are left out, so that they cannot be
+        inputs.
+        """
         return tuple(replace(self, target=name, also=()) for name in (self.target, *self.also))
 
     @property
@@ -235,7 +239,8 @@ class Dataset:
 class Signal:
     """An input that is computed from another one over time.
 
-    A rate is `factor` times the derivative by the time in seconds; one unit of time is `seconds` s.
+    A rate is `factor` times the derivative by the time in seconds. `seconds` is the number of
+    seconds in one unit of the time.
     """
 
     name: Annotated[QuantityName, "name of the input"]

@@ -87,8 +87,8 @@ class OutputsFit(Fit):
 
 @dataclass(frozen=True)
 class ErrorBand:
-    """Samples whose absolute value lies between `low` and `high`. The RMSE is by model, NaN for a
-    model without predictions there.
+    """Samples whose absolute value lies between `low` and `high`. `rmse` holds the RMSE of each
+    model, NaN for a model without predictions there.
     """
 
     low: Annotated[float, "least absolute value", "[target]"]
@@ -100,7 +100,7 @@ class ErrorBand:
 AUTOCORRELATION = "autocorrelation"
 
 RARE = 0.01
-"""Probability below which noise does not count as the reason."""
+"""Probability below which noise alone is not accepted as an explanation."""
 
 
 @dataclass(frozen=True)
@@ -129,8 +129,8 @@ class ResidualTest:
 
     @property
     def fails(self) -> bool:
-        """Return True if noise alone would have so many values outside in less than one of a
-        hundred cases, when each single value is outside with a probability of 5 %.
+        """Return True if noise alone would put so many values outside their bounds in less than one
+        of a hundred cases. Noise puts each single value outside with a probability of 5 %.
         """
         n, chance = self.tested, 0.05
         counts = range(self.beyond, n + 1)
@@ -150,9 +150,8 @@ class Validation:
     """Predictions of the run's own model (`mapmore`) and of its competitors, and their scores.
 
     `predictions[model][c]` is `(n_c,)`, row for row of curve number c of `shown`, or of the whole
-    dataset if it is short. `formulas` and `fits` are the fits behind competitors, `models`
-    what computes them. Scores, `bands`
-    and `residual_tests` are of all samples.
+    dataset if it is short. `formulas` and `fits` are the fits of competitors, and `models` are
+    their models. Scores, `bands` and `residual_tests` are computed from all samples.
     """
 
     predictions: Annotated[
@@ -233,7 +232,8 @@ class Forecast:
     # prediction of the model, in free run if it has memory; NaN before there is history, and after
     # a run has diverged
     values: Array
-    # samples with enough history for a prediction; a NaN among them has diverged
+    # samples with enough history for a prediction; if the prediction of such a sample is NaN, the
+    # run has diverged
     ready: BoolArray
     one_step: Array | None = (
         None  # prediction of every sample from the measured past; None for a model without memory
@@ -268,11 +268,11 @@ class Tried:
     parameters: int = 0  # free parameters of its model of all training data
     errors: tuple[
         float, ...
-        # RMSE on each fold of a model without it, as a fraction of `Search.scale`; empty if a fit
-        # failed
+        # RMSE on each fold, of a model fitted without this fold, as a fraction of `Search.scale`;
+        # empty if a fit failed
     ] = ()
     error: float = math.nan  # root mean square of these errors
-    # the same over left-out levels or recordings; NaN if there are too few of them
+    # the same for folds of left-out levels or recordings; NaN if there are too few of these
     parts: float = math.nan
     # mean over all folds of the logarithm of the ratio of its error to that of the best structure
     excess: float = math.nan
@@ -283,7 +283,7 @@ class Tried:
 
 @dataclass(frozen=True)
 class Search:
-    """All structures that were tried, in the order of the list."""
+    """All structures that a search tried, in the order in which it tried them, and its choice."""
 
     name: str
     target: str
@@ -292,10 +292,11 @@ class Search:
     scale: float  # divisor of errors, in the unit of the target
     tried: tuple[Tried, ...]
     best: int  # index of the structure with the smallest error
-    chosen: int  # index of the simplest structure that is as good
+    chosen: int  # index of the structure that was chosen: the simplest one that is as good
     rule: str = ""  # rule by which one was chosen
-    cut: int = 0  # structures that were not tried because of the time limit
-    short: int | None = None  # number of the one that was chosen before the list went on, if it did
+    cut: int = 0  # number of structures that were not tried because of the time limit
+    # number of the structure that was chosen before longer structures were tried, if they were
+    short: int | None = None
     notes: tuple[str, ...] = ()  # notes for the user
 
     @property

@@ -1,4 +1,4 @@
-"""Define the numbers with which a validation ends."""
+"""Define the results of a validation as numbers: scores, limits, published values and alerts."""
 
 from __future__ import annotations
 
@@ -13,11 +13,13 @@ from mapmore_cli.domain.compared import Compared, ratio
 from mapmore_cli.domain.declared import Label
 
 OWN = "mapmore"
-"""Name of the run's own model in its scores, and of the needed static model in a sum."""
+"""Name of the run's own model in its scores. In a sum, it is also the name of the static model in
+`needs`.
+"""
 
 REPEATABILITY = "repeatability"
-"""Name of the rows that say how much repeated measurements differ. This is the floor of every
-model's error, and no model.
+"""Name of the rows that show how much repeated measurements differ. These rows belong to no model:
+no model can be expected to have a smaller error.
 """
 
 
@@ -178,13 +180,15 @@ class Score:
 
     @property
     def far(self) -> bool:
-        """Return True if the normaliser is large mostly because the target lies far from zero."""
+        """Return True if the normaliser is large mainly because the target lies far from zero, so
+        that the NRMSE is misleadingly small.
+        """
         return self.nrmse_range > FAR_FROM_ZERO * self.nrmse
 
     @property
     def runs_free(self) -> bool:
-        """Return True if the model feeds its own output back, so that the measured past would have
-        helped it.
+        """Return True if the model feeds its own output back. Its predictions from the measured
+        past then have smaller errors than its free run.
         """
         return math.isfinite(self.rrse_one_step) and self.rrse_one_step != self.rrse
 
@@ -198,17 +202,19 @@ _NUMBERS = {
     if hint.__origin__ in (int, float)
 }
 MEASURES: Mapping[str, Measure] = {name: marks[-1] for name, marks in _NUMBERS.items()}
-"""The numbers of a score row."""
+"""Each number of a score row, by its name: how it is computed and shown."""
 assert all(isinstance(measure, Measure) for measure in MEASURES.values()), "a score has no formula"
 METRICS: Mapping[str, str] = {name: marks[0] for name, marks in _NUMBERS.items()}
-"""Meaning of each number."""
+"""Meaning of each number of a score row, by its name."""
 OF_TARGET = frozenset(name for name, marks in _NUMBERS.items() if "[target]" in marks)
-"""Numbers in the unit of the target."""
+"""Names of the numbers that have the unit of the target."""
 
 
 @dataclass(frozen=True)
 class Limit:
-    """A limit for a number in the score row of a run's own model, with the value of that number."""
+    """A limit that the spec sets for a number in the score row of the run's own model, with the
+    value of this number.
+    """
 
     metric: str
     model: str
@@ -241,7 +247,7 @@ class Published:
     source: str
     nrmse: Mapping[str, float] = field(default_factory=dict)  # fractions
     rmse: Mapping[str, float] = field(default_factory=dict)  # in the unit of the target
-    # lower bounds, if no more was printed
+    # lower bounds, if the publication gives only these
     rmse_at_least: Mapping[str, float] = field(default_factory=dict)
 
     def shown_rmse(self, model: str) -> float | str | None:
@@ -255,8 +261,8 @@ class Published:
 
 @dataclass(frozen=True)
 class ScoreTable:
-    """Numerical results of a validation: the rows, the unit of every target, models without scores,
-    what a reader must know first, and findings of residual tests by target.
+    """Numerical results of a validation: the rows, the unit of every target, the models without
+    scores, warnings that a reader must know first, and findings of the residual tests by target.
     """
 
     scores: tuple[Score, ...]

@@ -21,7 +21,7 @@ from mapmore_cli.modelling.learners import LEARNERS
 from mapmore_cli.modelling.signals.sampling import even_share
 
 DELAYS = (0, 1, 2, 4, 8, 16, 32)
-"""Samples by which inputs are delayed if the run's own model uses the past."""
+"""Delays of the inputs, in samples, if the run's own model uses the past."""
 
 
 def predictions(name: str, dataset: Dataset, model: Model) -> list[Array]:
@@ -53,7 +53,7 @@ def learned(name: str, x: Array, y: Array) -> Callable[[Array], Array]:
     middle, height = float(y.mean()), float(_width(y))
     learner = LEARNERS[name].make(x.shape[1])
     with warnings.catch_warnings():
-        # a search that stopped early is valid; its score shows how good it is
+        # a search of scikit-learn that stopped early is valid, and its score shows how good it is
         warnings.filterwarnings("ignore", module="sklearn")
         learner.fit((x - centre) / width, (y - middle) / height)
     return lambda of: _learner_says(learner, (of - centre) / width) * height + middle
@@ -61,7 +61,7 @@ def learned(name: str, x: Array, y: Array) -> Callable[[Array], Array]:
 
 def features(curve: Curve, names: Sequence[str], delays: Sequence[int]) -> Array:
     """Return the inputs of every sample and the delayed inputs within its recording, (n, features).
-    The first sample stands for all earlier ones.
+    Samples before the beginning of a recording are equal to its first sample.
     """
     delayed = np.empty((curve.size, len(names) * len(delays)))
     for rows in curve.logs:
@@ -76,13 +76,15 @@ def features(curve: Curve, names: Sequence[str], delays: Sequence[int]) -> Array
 
 
 def _width(values: Array) -> Array:
-    """Return standard deviations; 1 for constant columns."""
+    """Return the standard deviation of each column; 1 for constant columns, so that division by it
+    is possible.
+    """
     deviation = values.std(axis=0)
     return np.where(deviation > 0, deviation, 1.0)
 
 
 def _learner_says(learner: Any, inputs: Array) -> Array:
-    """Return predictions, (n,); NaN if an input is NaN."""
+    """Return the predictions of a fitted baseline, (n,); NaN if an input is NaN."""
     output = np.full(len(inputs), np.nan)
     known = np.isfinite(inputs).all(axis=1)
     if known.any():

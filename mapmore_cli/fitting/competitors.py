@@ -33,16 +33,16 @@ Forecasts = tuple[Forecast, ...]
 """Forecasts of one model for every curve of the dataset."""
 
 Computed = Formula | Memory | Pieces
-"""Body of the model of a formula, a polynomial or an ARX."""
+"""Body of a model that a contest computes itself: a formula, a polynomial or an ARX."""
 
 
 @dataclass(frozen=True)
 class Rival:
     """A competitor with its forecasts of every curve.
 
-    `formulas` holds its fits by the name under which they are shown. For another run, `own_fit` is
-    its fit and `run` its folder. `model` is None if the competitor is not available as a model, for
-    example a black box.
+    `formulas` holds the fits of its formulas, by the names under which they are shown. If the
+    competitor is another run, `own_fit` is the fit of that run and `run` its folder. `model` is
+    None if the competitor is not available as a model, for example a black box.
     """
 
     name: str
@@ -60,8 +60,8 @@ class Rival:
 
 @dataclass(frozen=True)
 class Contest:
-    """The data and the other runs of a comparison. `model` is the run's own model; `static_run` is
-    the run of the static force in `needs`.
+    """The data and the other runs with which a model and its competitors are compared. `model` is
+    the run's own model; `static_run` is the run of the static force in `needs`.
 
     `lengths` are the muscle's `length` and `diameter` (m). Paths of frozen models start at the
     folder `spec_dir`. If the dataset is a fold of a cross-validation, `refit` fits the model of
@@ -114,7 +114,7 @@ class Contest:
         return Rival(label, _forecasts(_formula_says(fit, curves)), {label: fit}, model=fitted)
 
     def simple_beside(self, named: Collection[str]) -> tuple[str, ...]:
-        """Return the simple competitors that the model allows and that are not in `named`.
+        """Return the names of the simple competitors that suit the model and are not in `named`.
 
         They are polynomials of its inputs, its backbone if the model has more than that, and an ARX
         model if it runs over time.
@@ -178,8 +178,8 @@ class Contest:
 
     @property
     def _inputs(self) -> list[str]:
-        """Inputs for the prediction of the scored quantity: the model's inputs, and also its output
-        if it is inverted.
+        """Inputs from which the scored quantity is predicted. If the model is inverted, its output
+        is one of them and the scored quantity is not.
         """
         return [
             q.name for q in (self.model.output, *self.model.inputs) if q.name != self.dataset.target
@@ -280,7 +280,7 @@ class Contest:
 
 
 def _at_levels(dataset: Dataset) -> list[Curve]:
-    """Return the curves with the level quantity at its nominal value."""
+    """Return the curves with the level quantity of all samples replaced by its nominal value."""
     name = dataset.level
     return [
         replace(curve, columns={**curve.columns, name: np.full(curve.size, curve.level)})

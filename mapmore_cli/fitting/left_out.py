@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from mapmore_cli.fitting.stage import Progress, Workspace
 
 Said = dict[str, Forecasts]
-"""Forecasts of every curve, by the name of the model."""
+"""Forecasts of every curve, for each model by its name."""
 
 Compare = Callable[[Contest], tuple[Said, Sequence[str]]]
 """Function that returns the forecasts of every model of a comparison whose fit did not fail, and
@@ -43,7 +43,7 @@ warnings for the user.
 """
 
 Masks = tuple[BoolArray, ...]
-"""Samples that are left out, for every curve."""
+"""Samples that are left out, as a mask for every curve."""
 
 
 MOST_SEARCHES = 12
@@ -97,8 +97,8 @@ def left_out(
     fitted_to: str,
     group: str | None = None,
 ) -> tuple[Dataset, Said, list[str]]:
-    """Return the dataset with every sample held out, forecasts of each curve by models of the other
-    levels, and warnings.
+    """Leave out each level once. Return the dataset with every sample held out, the forecasts of
+    each curve by models that were fitted to the other levels, and warnings.
 
     With `group`, the quantity that distinguishes groups, each group is left out instead of a level.
     Everything is made again without it: the structure if it was searched, cuts, terms, backbone,
@@ -134,13 +134,17 @@ def left_out(
 
 
 def _held_out(dataset: Dataset, outs: Sequence[BoolArray]) -> Dataset:
-    """Return the dataset with other samples held out."""
+    """Return the dataset with the samples in `outs` held out instead of its own held-out
+    samples.
+    """
     curves = zip(dataset.curves, outs, strict=True)
     return replace(dataset, curves=tuple(replace(curve, held_out=out) for curve, out in curves))
 
 
 def _level_folds(dataset: Dataset) -> list[Masks]:
-    """Return, for every level, which samples of each curve are at it."""
+    """Return, for every level, a fold that leaves out the samples at this level, as a mask for each
+    curve.
+    """
     levels = dict.fromkeys(curve.level for curve in dataset.curves)
     return [
         tuple(np.full(curve.size, curve.level == level) for curve in dataset.curves)
@@ -149,8 +153,8 @@ def _level_folds(dataset: Dataset) -> list[Masks]:
 
 
 def _group_folds(dataset: Dataset, of: str) -> list[Masks]:
-    """Return for every value of the quantity the samples of each curve that have it. Raises
-    DataError if there is only one value.
+    """Return, for every value of the quantity, a fold that leaves out the samples with this value,
+    as a mask for each curve. Raises DataError if there is only one value.
     """
     values = np.unique(np.concatenate([curve.columns[of] for curve in dataset.curves]))
     if len(values) < 2:
@@ -163,7 +167,7 @@ def _group_folds(dataset: Dataset, of: str) -> list[Masks]:
 
 
 def _by_fold(parts: Sequence[Forecasts], folds: Sequence[Masks]) -> Forecasts:
-    """Return for each sample the forecast of the fold that leaves it out."""
+    """Return forecasts in which each sample has the value from the fold that leaves it out."""
     pooled = []
     for of_curve, outs in zip(zip(*parts, strict=True), zip(*folds, strict=True), strict=True):
         whole = next((each for each, out in zip(of_curve, outs, strict=True) if out.all()), None)
@@ -200,8 +204,9 @@ seen them.
 
 
 def trained_on(run_dir: Path, dataset: Dataset) -> bool:
-    """Return True if the model of another run was trained with samples that a dataset holds out:
-    with rows of the same numbers, beyond the number that its training samples share by chance.
+    """Return True if the model of another run was trained with samples that a dataset holds out.
+    Samples are recognised by rows with the same numbers, and more rows must agree than the training
+    samples share by chance.
     """
     other = RunFiles(run_dir).dataset()
     names = [name for name in dataset.curves[0].columns if name in other.curves[0].columns]
@@ -227,8 +232,8 @@ def residuals(
     model: Model,
     run_dir: Path | None = None,
 ) -> LeftOut:
-    """Leave out each part of the training data, fit everything again, and return the errors as an
-    estimate for the `model`.
+    """Leave out each part of the training data in turn, fit everything again, and return the errors
+    at the left-out parts. They are an estimate of the errors of `model`.
 
     `needed` holds the folders of the runs whose models are added; they are fitted again as well. If
     `run_dir` contains a search of the structure, the search is repeated too. Held-out data are
@@ -349,8 +354,8 @@ def _part_name(dataset: Dataset, curve: Curve) -> str:
 
 
 def _refitted_sum(choices: ModelChoices, needed: Mapping[str, Path], dataset: Dataset) -> Model:
-    """Return a model of any kind, fitted to the training samples of a dataset. `needed` holds the
-    folders of the runs whose models are added.
+    """Fit a model of any kind to the training samples of a dataset. In a sum, the models of other
+    runs are fitted again too; `needed` holds the folders of these runs.
     """
     return refit(choices, dataset, lambda path: _summand_without(needed[path], dataset))
 

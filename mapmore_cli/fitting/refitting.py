@@ -1,5 +1,5 @@
-"""Fit models again to parts of the training data, with folds that are left out one after the other,
-and return their errors there.
+"""Fit models again with parts of the training data left out, and return their errors at these
+parts.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from mapmore_cli.domain.results import Forecast
 from mapmore_cli.modelling.forecast import forecast
 
 FEWEST = 3
-"""Number of levels or recordings from which on they are left out. With fewer, blocks are left out,
-because one or two folds give no standard error.
+"""Smallest number of levels or recordings that are left out one by one. If there are fewer, blocks
+are left out, because one or two folds give no standard error.
 """
 
 
@@ -48,8 +48,8 @@ def without(dataset: Dataset, masks: Sequence[BoolArray]) -> Dataset:
 
 
 def missed_by(model: Model, dataset: Dataset, masks: Sequence[BoolArray]) -> list[Missed]:
-    """Return every curve with left-out samples, with the forecast of a model of the other
-    samples.
+    """Return every curve that has left-out samples, with these samples and the forecast of the
+    curve by a model that was fitted to the other samples.
     """
     curves = zip(dataset.curves, masks, strict=True)
     return [(curve, out, forecast(model, curve)) for curve, out in curves if out.any()]
@@ -58,8 +58,9 @@ def missed_by(model: Model, dataset: Dataset, masks: Sequence[BoolArray]) -> lis
 def left_out_of(
     dataset: Dataset, masks: Sequence[BoolArray], remade: Callable[[Dataset], Model]
 ) -> list[Missed]:
-    """Return every curve with left-out samples, with the forecast of a model that `remade` fits
-    without them. Raises the same errors as the fit.
+    """Fit a model without the samples in `masks` by calling `remade`. Return every curve that has
+    left-out samples, with these samples and the model's forecast. Raises the same errors as the
+    fit.
     """
     rest = without(dataset, masks)
     return missed_by(remade(rest), rest, masks)

@@ -1,4 +1,4 @@
-"""Define a stage of the pipeline: five parts, the same for each of the six stages."""
+"""Define the parts of which each of the six stages of the pipeline consists."""
 
 from __future__ import annotations
 

@@ -21,8 +21,10 @@ from mapmore_cli.study.sections.logs import Join
 from mapmore_cli.study.units import convert
 
 REPEATS = "time stamps repeat"
-MOST_GLITCHES = 0.01  # fraction of the samples; a clock that was set back loses more
-# multiple of the usual step; a longer gap is worth a warning if the spec does not define gaps
+# largest share of samples that are removed as glitches; a clock that was set back would lose more
+MOST_GLITCHES = 0.01
+# a gap longer than this multiple of the usual step is worth a warning, if the spec does not define
+# gaps
 CONSPICUOUS = 10
 
 MOST_SAMPLES, MOST_TIMES = 10_000_000, 100
@@ -60,7 +62,7 @@ SHORT_TURNS = (1.0, 60.0)
 
 def without_glitches(samples: Samples, rule: str) -> Samples:
     """Remove the smallest number of samples so that the stamps never decrease, if the spec says
-    `drop`; if many would have to go, remove none.
+    `drop`; if too many would have to be removed, remove none.
     """
     time = samples.columns["time"]
     if rule != "drop" or not len(sampling.find_resets(time)):
@@ -200,8 +202,8 @@ def _resampled(samples: Samples, step: float) -> Samples:
 def with_joined(
     tables: Sequence[Samples], source: Source, data: Data, units: Mapping[str, str], meter: Meter
 ) -> list[Samples]:
-    """Return the recordings of a file with the quantities of the logs that are joined to it; NaN
-    where those have no value.
+    """Return the recordings of a file with the quantities of the logs that are joined to it; NaN at
+    samples for which these have no value.
 
     Raises DataError for logs that do not fit: another number of recordings or rows.
     """
@@ -273,8 +275,8 @@ def _found_shift(
     Two records with the same unit must rise together. With different units, one may fall while the
     other rises.
 
-    Raises DataError if nothing changes, if noise would give an equal result, or if another shift is
-    nearly as good.
+    Raises DataError if nothing changes in a record, if noise alone could give the same result, or
+    if another shift is nearly as good.
     """
     match = join.match
     assert match is not None
@@ -293,7 +295,7 @@ def _found_shift(
         raise DataError(
             f"no shift can be found from {pair}, because one of them never changes", others
         )
-    # one digit more than is certain
+    # the number is shown with one digit more than is certain
     value = f"{found.value:.{max(0, 1 - math.floor(math.log10(found.half_width)))}f}"
     best = f"{value} {units['time']} (correlation of their changes {found.correlation:.3f})"
     if found.lost_in_noise:
@@ -329,8 +331,8 @@ def _found_shift(
 
 
 def _ordered_signal(samples: Samples, name: str) -> tuple[Array, Array]:
-    """Return stamps and values of the first log without missing values; of repeated stamps, the
-    first.
+    """Return stamps and values of the first log without missing values; of samples with the same
+    stamp, only the first.
     """
     time, values = samples.columns["time"], samples.columns[name]
     there = np.flatnonzero(np.isfinite(time) & np.isfinite(values))

@@ -42,8 +42,8 @@ PLATEAU = "plateau"
 """Column that is 1 on the plateau of a step response, and 0 elsewhere."""
 
 MOSTLY = 0.9
-"""Share of a plateau that must be out of range for a warning. At the highest level, noise brings
-half of a plateau out of range.
+"""Share of the samples of a plateau that must lie outside the training range for a warning. At the
+highest level, noise alone puts half of them outside.
 """
 
 Plateau = Literal["auto"] | tuple[float, float]
@@ -122,7 +122,9 @@ def with_damping(
 
 
 MEANT = 0.25
-"""Fraction of the smallest distance between levels within which a value names a level."""
+"""Largest distance between a value that a user writes and the level that it means, as a fraction of
+the smallest distance between levels.
+"""
 
 
 @dataclass(frozen=True)
@@ -182,7 +184,9 @@ class LevelPart:
         return len(self.places)
 
     def behind(self, share: float) -> BoolArray:
-        """Return True for the samples that come after a share of their log, (n,)."""
+        """Return True for the samples in the last part of their log, (n,), after the fraction
+        `share` of its samples.
+        """
         late: BoolArray = by_blocks(
             lambda part: (row_numbers(part) + 0.5) / self.whole > share, self.places
         )
@@ -202,7 +206,8 @@ def level_set(levels: Levels, recordings: Sequence[Recording]) -> LevelSet:
                 "Give the levels, for example `at: [80, 150]`.",
             )
     else:
-        at = np.sort(np.array(levels.at, dtype=float)) + 0.0  # no -0 in the ids of curves
+        # adding zero turns -0 into 0, so that no id of a curve contains it
+        at = np.sort(np.array(levels.at, dtype=float)) + 0.0
     within = levels.within if levels.within is not None else default_within(at)
     return LevelSet(of, at, within, nominal=levels.value == "nominal")
 
@@ -267,7 +272,8 @@ def join_branches(part: LevelPart, cycles: Cycles, target: str) -> LevelPart:
     of `cycles.over` (M1 IV.A).
 
     Every quantity becomes the mean of its branches; `hysteresis` is added for the target, unless
-    that is `over` itself, which both branches share. The time has no meaning afterwards.
+    the target is `over` itself, which is the same in both branches. The time has no meaning
+    afterwards.
     """
     over = cycles.over
     where = (

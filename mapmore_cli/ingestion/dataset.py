@@ -57,8 +57,8 @@ from mapmore_cli.study.sections.data import Between, Data, Holdout
 from mapmore_cli.study.sections.logs import FileEntry
 
 BAD = "is left out as a bad file"
-FEW = 10  # remaining samples below which a recording is worth a warning
-MUCH = 0.5  # dropped fraction above which a recording is worth a warning
+FEW = 10  # a recording with fewer remaining samples is worth a warning
+MUCH = 0.5  # a recording that loses a larger fraction of its samples is worth a warning
 
 
 def build_dataset(
@@ -149,9 +149,9 @@ def build_dataset(
 
 
 def _check(data: Data) -> None:
-    """Refuse constants that not every recording has, or that are also columns or derived
-    quantities, columns that only some files have, and settings that need the order of time after
-    it is lost.
+    """Refuse contradictions in `data`: a quantity that is set for some recordings only, or that is
+    also a column or derived; a column that only some files have; and settings that need the order
+    of time after the order is lost.
     """
     entries = [entry for entry in data.files if isinstance(entry, FileEntry)]
     for name in sorted({name for one in entries for name in one.columns} - data.columns.keys()):
@@ -188,8 +188,8 @@ def _mended(
     notes: list[str],
     warnings: list[str],
 ) -> list[Recording]:
-    """Return the pieces of a log in the order of time; a log without gaps is one piece. Findings
-    are added to `notes` and `warnings`.
+    """Clean the samples of a log and return its pieces in the order of time; a log without gaps is
+    one piece. Findings are added to `notes` and `warnings`.
 
     The steps are, in this order: constants, time stamps and gaps, equal time steps, derived
     quantities, conditions on samples.
@@ -252,7 +252,8 @@ def _losses(recording: Recording) -> Iterator[str]:
         )
 
 
-# largest value of a quantity; powers and squares of larger values overflow
+# smallest and largest magnitude of a quantity; powers and squares of values outside these limits
+# underflow or overflow
 LEAST, MOST = (
     1e-30,
     1e30,
@@ -283,8 +284,8 @@ def _check_sizes(samples: Samples, units: Mapping[str, str]) -> None:
 def held_out(
     parts: Sequence[LevelPart], choice: Holdout | None, levels: LevelSet | None, folder: Path
 ) -> list[BoolArray]:
-    """Return for each part which of its samples are held out, (n,). With several conditions, all
-    must hold.
+    """Return a mask for each part, (n,), that is True for held-out samples. If there are several
+    conditions, a held-out sample fulfils all of them.
 
     Raises DataError if a condition matches nothing, or if no sample is left for training.
     """
@@ -307,8 +308,8 @@ def held_out(
 def _conditions(
     parts: Sequence[LevelPart], choice: Holdout, levels: LevelSet | None, folder: Path
 ) -> Iterator[BoolArray]:
-    """Yield for each condition which samples fulfil it, (n,), over all parts one after the
-    other.
+    """Yield a mask for each condition, (n,), that is True for the samples that fulfil it. The mask
+    covers all parts one after the other.
     """
 
     def is_named(source: str, pattern: str) -> bool:
@@ -336,7 +337,7 @@ def _conditions(
         yield np.concatenate([part.behind(1 - choice.last) for part in parts])
     if choice.last_cycles is not None and choice.of is not None:
         yield _last_cycles(parts, choice.of, choice.last_cycles)
-    # the nearest whole number of samples, drawn without replacement
+    # the nearest whole number of samples is drawn, without replacement
     if choice.fraction is not None:
         drawn = np.random.default_rng(choice.seed or 0).permutation(sum(sizes))[
             : round(choice.fraction * sum(sizes))
@@ -347,8 +348,9 @@ def _conditions(
 def _matching(
     kind: str, patterns: Sequence[str], names: Sequence[str], matches: Callable[[str, str], bool]
 ) -> list[bool]:
-    """Return which of the names are meant: those that equal a pattern, or those that match it as a
-    glob if none does. Brackets can be part of a name (`book[Run1]`) as well as of a glob.
+    """Return True for each name that the patterns select. A pattern selects the names that equal
+    it; if there are none, it selects the names that match it as a glob. Brackets can be part of a
+    name (`book[Run1]`) as well as of a glob.
     """
     held: set[str] = set()
     for pattern in patterns:
@@ -374,8 +376,8 @@ def _at_levels(parts: Sequence[LevelPart], values: Sequence[float], levels: Leve
 
 
 def _within(parts: Sequence[LevelPart], name: str, choice: Sequence[float] | Between) -> BoolArray:
-    """Hold out the samples whose quantity lies in one of the intervals, or has one of the values.
-    Each value must occur.
+    """Return True for the samples whose quantity lies in one of the intervals or has one of the
+    values. Raises DataError for a value that does not occur.
     """
     if isinstance(choice, Between):
         wanted = [
@@ -410,8 +412,8 @@ def _within(parts: Sequence[LevelPart], name: str, choice: Sequence[float] | Bet
 
 
 def _last_cycles(parts: Sequence[LevelPart], of: str, share: float) -> BoolArray:
-    """Hold out the last cycles of each log, whose pieces and levels are put together in the order
-    of time.
+    """Return True for the samples of the last cycles of each log. The pieces and levels of a log
+    are put together in the order of time first.
     """
     sources = {part.log: part.recording.name for part in reversed(parts)}
     log = np.repeat([part.log for part in parts], [part.size for part in parts])
@@ -427,7 +429,9 @@ def _last_cycles(parts: Sequence[LevelPart], of: str, share: float) -> BoolArray
 
 
 def meant_levels(choice: Holdout | None, levels: LevelSet | None) -> list[str]:
-    """Return a note for every level whose number in `validate` differs from the measured one."""
+    """Return a note for every level that `split.validate` names by a number that differs from the
+    measured level.
+    """
     if (
         choice is None
         or levels is None

@@ -1,5 +1,5 @@
-"""Find what ingest depends on: its slice of the spec, and the files that its globs match. Also
-report the progress of reading.
+"""Collect everything on which the stage `ingest` depends: its part of the spec, and the files that
+the globs match. Also report the progress of reading.
 """
 
 from __future__ import annotations
@@ -79,8 +79,8 @@ def slice_of(spec: ExperimentSpec) -> IngestSlice:
 @dataclass(frozen=True)
 class Log:
     """A file to read: its name relative to the folder of the spec, and the sheet or the number of
-    the table if its entry gives one; or a `table` in memory with this name.
-    `columns` are those that it calls otherwise than the other logs.
+    the table if its entry gives one; or a `table` in memory with this name. `columns` holds the
+    columns whose names in this log differ from those in the other logs.
     """
 
     path: Path
@@ -228,8 +228,8 @@ def _part_of(log: Log) -> tuple[str | None, int | None]:
 
 
 def _logs_to_join(join: Join, count: int, folder: Path) -> list[Log]:
-    """Return the log to join to each of `count` files: the same for all, or one for each in
-    order.
+    """Return, for each of `count` files, the log that is joined to it: the same log for all files,
+    or one log for each in their order.
     """
     logs = [log for log, _ in _found(join.files, folder)]
     if len(logs) not in (1, count):
@@ -244,8 +244,8 @@ def _logs_to_join(join: Join, count: int, folder: Path) -> list[Log]:
 def expand(pattern: str, folder: Path, may_be_empty: bool = False) -> list[Path]:
     """Return the files that a glob matches, sorted by POSIX path. Relative globs start at `folder`.
 
-    A path that exists exactly as written is taken literally, with its brackets. Raises DataError
-    for a folder, for an empty file unless `may_be_empty`, and if nothing matches.
+    If a path exists exactly as it is written, brackets in it are no wildcards. Raises DataError for
+    a folder, for an empty file unless `may_be_empty`, and if nothing matches.
     """
     literal = folder / pattern
     if literal.is_dir():
@@ -286,10 +286,10 @@ def expand(pattern: str, folder: Path, may_be_empty: bool = False) -> list[Path]
 
 
 def _matches(pattern: str, folder: Path) -> Iterator[Path]:
-    """Return everything that a glob matches. `**` enters each folder once, by whatever links it is
-    reached, because links may lead back up.
+    """Return everything that a glob matches. `**` enters each folder only once, even if several
+    links lead to it, because links may lead back to a parent folder.
 
-    Raises DataError if it leads through more folders than a study has.
+    Raises DataError if it leads through more than `MOST_FOLDERS` folders.
     """
     entered = count(1)
     yield from _below(PurePath(pattern).parts, folder, pattern, entered)
@@ -354,7 +354,7 @@ def relative_name(path: Path, folder: Path) -> str:
     """Return the POSIX path relative to `folder`, which is the same on every machine with the same
     tree.
     """
-    with suppress(ValueError):  # ten times as fast for a path inside the folder
+    with suppress(ValueError):  # for a path inside the folder, this is ten times as fast
         inside = path.relative_to(folder)
         if ".." not in inside.parts:
             return inside.as_posix()
@@ -362,8 +362,8 @@ def relative_name(path: Path, folder: Path) -> str:
 
 
 def unique_ids(sources: Sequence[str]) -> list[str]:
-    """Return names for recordings after their files, without the suffixes of compression and
-    format, and with parent folders if names repeat.
+    """Return unique names for recordings, made from the names of their files without the suffixes
+    of compression and format. Parent folders are added if names repeat.
     """
     parts = [PurePosixPath(_without_suffix(source)).parts for source in sources]
     depth = [1] * len(parts)
@@ -388,7 +388,7 @@ def _without_suffix(source: str) -> str:
     )
 
 
-SHOWN = 4  # names listed in a message
+SHOWN = 4  # largest number of names in a message
 
 
 def _what_exists(path: Path) -> str:
@@ -411,9 +411,9 @@ MEGABYTE = 10**6
 
 
 class Meter:
-    """Counter of the bytes read from all logs of a study (a joined log counts each time that it is
-    read), which calls `progress`. It also keeps the number of each text in columns of `texts`,
-    which is the same in all logs.
+    """Counter of the bytes that were read from all logs of a study, which reports them by calling
+    `progress`. A joined log counts each time that it is read. `texts` holds the number that stands
+    for each text in a column of texts; it is the same in all logs.
     """
 
     def __init__(self, sources: Sequence[Source], progress: Progress) -> None:
@@ -423,8 +423,8 @@ class Meter:
         self.texts: dict[str, dict[str, float]] = {}
 
     def within(self, log: Log) -> Callable[[int], None]:
-        """Begin with a log, and return a function that is called with the number of bytes read from
-        it.
+        """Begin to count the bytes of another log. Return the function that the reader calls with
+        the number of bytes that it has read.
         """
         before = self._before
         self._before += log.bytes

@@ -18,7 +18,9 @@ ORDER = 3
 """Order of the polynomial of all inputs that all groups share."""
 
 TOLD_APART = 1e-6
-"""Fraction of a group's indicator that must remain after the polynomial is subtracted."""
+"""Smallest fraction of a group's indicator column that must remain after the part that the
+polynomial explains is subtracted. If less remains, the offset of the group cannot be determined.
+"""
 
 SPREAD = 0.5
 """Prior standard deviation of the logarithm of a gain: two of three specimens or sessions lie
@@ -38,7 +40,7 @@ class GroupEffects:
     unknown: tuple[float, ...]
 
     def taken_off(self, curve: Curve, target: str) -> Curve:
-        """Return the curve with its target as for a group of gain 1 and offset 0, `(y - b_g) /
+        """Return the curve without the effects of its groups: the target becomes `(y - b_g) /
         gain_g`. Samples of unknown groups are unchanged.
         """
         values = curve.columns[target].copy()
@@ -94,7 +96,7 @@ def group_effects(curves: Sequence[Curve], groups: Groups, target: str) -> Group
         _polynomial([inputs[name] for name in names], len(y)), full_matrices=False
     )
     common = basis.U[:, TOLD_APART * basis.S[0] < basis.S]
-    # the last group is minus the sum of the others, so that the mean is zero
+    # the offset of the last group is minus the sum of the others, so that the mean is zero
     coded = np.vstack([np.eye(len(values) - 1), -np.ones(len(values) - 1)])
     if groups.offset:
         _require_apart(common, coded[member], groups.of, names)
@@ -124,7 +126,8 @@ def _require_apart(common: Array, coded: Array, of: str, names: Sequence[str]) -
 
 class _GroupFit:
     """Least-squares problem of the groups. Each group is represented by the triangular factor of
-    its `tables`, (n_g, k + 2), which hold polynomials, a one, and the target.
+    its table, (n_g, k + 2), in `tables`. The columns of a table are the terms of the polynomial, a
+    column of ones, and the target.
     """
 
     def __init__(self, tables: Sequence[Array], coded: Array, offset: bool) -> None:
@@ -146,7 +149,7 @@ class _GroupFit:
 
     def log_gains(self) -> Array:
         """Return the logarithms of the gains with the largest posterior probability."""
-        # imported here because it would cost every run without groups half a second
+        # imported here because the import would cost every run without groups half a second
         from scipy.optimize import least_squares
 
         def unlikely(free: Array) -> Array:

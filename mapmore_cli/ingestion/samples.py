@@ -25,12 +25,14 @@ from mapmore_cli.study.sections.logs import Keep, Logs, SourceColumn
 from mapmore_cli.study.units import convert, is_canonical, is_same, unit_of_file
 
 TURNS = (3600.0, 86400.0)
-"""Times after which clocks restart, s: those that show minutes after an hour, those that show the
-time of day at midnight.
+"""Times after which clocks restart, s. A clock that shows minutes restarts after an hour, and one
+that shows the time of day at midnight.
 """
 
 NEAR_TURN = 0.9
-"""Smallest fraction of such a time by which the clock goes back; it may have rested there."""
+"""Smallest step backwards that counts as a restart, as a fraction of the time after which the clock
+restarts. The step can be smaller than the whole time, because the log may have paused.
+"""
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,7 @@ class Samples(RawTable):
     """Samples of one table, with their `columns` by quantity in the model's units.
 
     - `left_out`: rows of samples that were left out, by reason.
-    - `merged`: by how many samples resampling reduced the table.
+    - `merged`: the number of samples by which resampling reduced the table.
     - `notes`: findings and corrections, for the reader of the report.
     """
 
@@ -59,7 +61,7 @@ class Samples(RawTable):
         )
 
     def some(self) -> Samples:
-        """Return the samples. Raises DataError if none is left."""
+        """Return the samples unchanged. Raises DataError if none is left."""
         if self.size:
             return self
         losses = "; ".join(f"{len(rows)}: {reason}" for reason, rows in self.left_out.items())
@@ -152,8 +154,8 @@ def read_tables(
 
 
 def _second(table: Logs, units: Mapping[str, str]) -> float:
-    """Return the length of a second in the unit of the time column; 1 without one, and for a clock
-    in several columns, each of which has a unit.
+    """Return the length of a second in the unit of the time column. It is 1 if there is no such
+    column, and for a clock in several columns, each of which has its own unit.
     """
     clock = table.columns.get("time")
     if clock is None or clock.columns:
@@ -232,10 +234,10 @@ def _in_model_units(raw: RawTable, table: Logs, data: Data, units: Mapping[str, 
 
 
 def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> Iterator[str]:
-    """Yield doubts if the spec and the file disagree about a column. Raises DataError if both
-    cannot be true.
+    """Yield warnings if the spec and the file disagree about a column. Raises DataError if they
+    contradict each other.
 
-    A `scale` in the spec is believed, except for its sign.
+    The size of a `scale` in the spec is accepted, but its sign is examined.
     """
     for name, column in table.columns.items():
         told, what = raw.noted.get(column.column), f"{raw.label}: '{column.column}'"
@@ -251,7 +253,8 @@ def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> I
         free = column.unit is None and (
             name == "input" or (units[name] == "1" and not is_canonical(name))
         )
-        # the unit of a command, or of a quantity without a canonical name, is unknown
+        # a command, or a quantity without a canonical name, has no unit with which the file could
+        # disagree
         if not told.unit.strip() or scales or free:
             continue
         unit = unit_of_file(told.unit, declared)
@@ -303,8 +306,8 @@ def unwrapped(values: Array, period: float) -> Array:
 
 
 def going_on(time: Array, turns: Sequence[float]) -> Array:
-    """Return the offsets of the stamps of a clock, (n,), that restarts after one of some
-    `turns`.
+    """Return the offsets, (n,), that must be added to the stamps of a clock so that it continues.
+    The clock restarts after one of the times in `turns`.
     """
     before, steps = time[:-1], np.diff(time)
     added = np.sum(
@@ -342,8 +345,8 @@ def recordings_apart(
 ) -> list[Samples]:
     """Return the samples of each recording in a table, without missing values. Rows with the same
     value of `recordings.of` are one recording, in the order of first occurrence; without it, the
-    whole table is one.
-    `texts` are the numbers of the texts of columns that hold such.
+    whole table is one. `texts` holds, for each column of texts, the number that stands for each
+    text.
 
     Raises DataError for missing values if they are errors, and if no sample is left.
     """

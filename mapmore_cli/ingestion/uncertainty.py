@@ -18,8 +18,8 @@ from mapmore_cli.study.units import convert, is_quantity, split_quantity
 Rule = float | str | dict[str, float]
 
 LEAST = 1e-3
-"""Fraction of the median of a curve. With a smaller uncertainty, one sample would weigh as much as
-a million.
+"""Smallest uncertainty of a sample, as a fraction of the median uncertainty of its curve. With a
+smaller one, the sample would have the weight of a million others.
 """
 
 
@@ -77,6 +77,6 @@ def _deviation(curve: Curve, name: str, rule: Rule, data: Data, units: Mapping[s
         return np.full(curve.size, rule)
     if is_quantity(rule):
         return np.abs(curve.columns[name]) * convert(split_quantity(rule)[0], "%", "1")
-    # a column with an unknown unit has the unit of the quantity
+    # if a column has an unknown unit, it is the unit of the quantity
     unit = units[name] if units[rule] == "1" else units[rule]
     return convert(curve.columns[rule], unit, units[name], difference=True)

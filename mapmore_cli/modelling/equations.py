@@ -36,14 +36,15 @@ from mapmore_cli.modelling.expressions.states import Lagged
 from mapmore_cli.modelling.expressions.syntax import Call, Product, Sum
 
 TOLERANCE, RECURSIVE = 5e-4, 5e-7
-"""Largest change by rounding, as a fraction of the range of an equation's values over the training
-range; the second is for a recursion, in which errors pass from sample to sample.
+"""Largest change of an equation's values that rounding its numbers may cause, as a fraction of the
+range of these values over the training range. The second number is for recursions, in which errors
+pass from sample to sample and add up.
 """
 
 
 FAR, FARTHEST = 7.0, 600.0
-"""Largest magnitudes of the exponent of an exponential: beyond the first, the exponential is
-rewritten; beyond the second, floats overflow.
+"""Limits of an exponent in `exp(...)`, in magnitude. Beyond the first, the exponential is rewritten
+so that its coefficient stays readable; beyond the second, floats overflow.
 """
 
 
@@ -59,8 +60,9 @@ def equation(
 ) -> Equation:
     """Return `y_slope sum_k theta_k D_k + y_intercept` (M2 eq 8) as text and as LaTeX.
 
-    Numbers have the fewest digits with which it errs by less than the `tolerance`, as a fraction of
-    its range, over the `limits` of quantities or states.
+    Numbers are rounded to the fewest digits with which the error of the equation stays below the
+    `tolerance`. The error is a fraction of the range of the equation's values over the `limits` of
+    quantities or states.
     """
     whole, where = summed(terms, theta, scaling, units)
     whole = folded(whole)
@@ -78,8 +80,8 @@ def equation(
             for short, line in where.items()
         }
         values = [evaluate(parse(to_text(term, digits)), {**at, **known}, len(u)) for term in parts]
-        # term by term, because the whole may be longer than the longest expression that can be
-        # parsed
+        # Each term is evaluated separately, because the text of the whole sum may be longer than
+        # the parser accepts.
         return np.asarray(np.sum(values, axis=0))
 
     with np.errstate(all="ignore"):  # a term may be undefined somewhere in the ranges

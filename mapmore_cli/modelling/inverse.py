@@ -192,11 +192,13 @@ class _Line:
     given: Mapping[str, Array]
 
     def missing(self, x: Array, rows: IntArray) -> Array:
-        """Return output minus wanted output, (m,)."""
+        """Return the model's output minus the wanted output at x, (m,)."""
         return self.value(self._columns(x, rows))[0] - self.wanted[rows]
 
     def both(self, x: Array, rows: IntArray) -> tuple[Array, Array]:
-        """Return output minus wanted output, and the derivative along the input, (m,) each."""
+        """Return the model's output minus the wanted output, and the derivative of the output along
+        the input, (m,) each.
+        """
         value, *slopes = self.slopes(self._columns(x, rows))
         return value - self.wanted[rows], slopes[self.names.index(self.name)]
 
@@ -216,7 +218,7 @@ class _Line:
         rows = np.repeat(np.arange(n), len(places) - 1)
         starts, ends = np.tile(places[:-1], n), np.tile(places[1:], n)
         turns, of = self._turning_points(starts, ends, rows, SPLITS)
-        # the map may jump at a knot
+        # The map may jump at a knot, so the parts end just beside the knots.
         beside = np.nextafter(knots[:-1], np.inf), np.nextafter(knots[1:], -np.inf)
         fixed = np.concatenate([places, *beside])
         x = np.concatenate([np.tile(fixed, n), turns])
@@ -312,8 +314,8 @@ def may_turn_twice(
 
 
 def _bisected(f: Callable[[Array, IntArray], Array], low: Array, high: Array) -> Array:
-    """Return where f(places, their numbers) changes its sign between `low` and `high`, shape
-    (m,).
+    """Return the places between `low` and `high`, shape (m,), at which f changes its sign. f takes
+    places and their indices.
     """
     which = np.arange(len(low))
     if not len(low):

@@ -207,7 +207,8 @@ def numbers_in_reach(model: Model) -> Iterator[None]:
     example in a file that somebody changed.
     """
     try:
-        with np.errstate(over="ignore"):  # infinity is not finite, too
+        # an overflow becomes infinity, which the test for finite values finds
+        with np.errstate(over="ignore"):
             yield
     except ExpressionError as fault:
         raise DataError(

@@ -1,8 +1,8 @@
-"""Black boxes as competitors, each declared once: what a learner that knows nothing of muscles
-makes of the same samples.
+"""Declare the black-box competitors: general regression methods that know nothing of muscles and
+are fitted to the same samples.
 
-They come from scikit-learn (extra `baselines`), which is imported when one is made. Settings and
-seeds are the same for every study.
+They come from scikit-learn (extra `baselines`), which is imported only when a black box is used.
+Settings and seeds are the same for every study.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ class Regressor(Protocol):
 
 @dataclass(frozen=True)
 class Learner:
-    """A black box. `make` takes the number of inputs and returns an object with `fit` and
-    `predict`. If there are more training samples than `most_samples`, an evenly spread part of them
-    is used.
+    """A black box: a regression method of scikit-learn. `make` takes the number of inputs and
+    returns a regressor. If there are more training samples than `most_samples`, an evenly spread
+    part of them is used.
     """
 
     title: str
@@ -68,10 +68,11 @@ def _neural_network(_inputs: int) -> Regressor:
 
 LEARNERS: Mapping[str, Learner] = MappingProxyType(
     {
-        # a Gaussian process costs the cube of its samples
+        # the time and memory of a Gaussian process grow with the third and second power of the
+        # number of samples
         "gaussian_process": Learner("Gaussian process", 400, _gaussian_process),
         "gradient_boosting": Learner("Gradient boosting", 20_000, _gradient_boosting),
         "mlp": Learner("Neural network", 5_000, _neural_network),
     }
 )
-"""The black boxes by the names that specs have for them."""
+"""Black boxes by their names in a spec."""

@@ -18,9 +18,14 @@ from mapmore_cli.domain.declared import (
     always_in,
 )
 
-AUTO = "auto"  # word for what is chosen by training data that were left out, for example a backbone
-LEAST_RIDGE = 1e-9  # a smaller ridge, except zero, would be lost in the rounding of the Gram matrix
-# default ratio of terms that are selected before pruning to terms that are kept
+# word in a spec for a setting that is chosen by cross-validation on training data, for example the
+# backbone
+AUTO = "auto"
+# a smaller ridge would be lost in the rounding errors of the Gram matrix; only zero is allowed
+# below
+LEAST_RIDGE = 1e-9
+# default number of terms that are selected before pruning, divided by the number of terms that are
+# kept
 FORWARD = 3
 
 TERMS_OF_ONE_MODEL = 12

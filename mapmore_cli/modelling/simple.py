@@ -32,9 +32,11 @@ SIMPLE: Mapping[str, str] = {name: name.capitalize() for name in (*DEGREES, "bac
 }
 """The simple competitors with their titles. Every validation has those that its model allows."""
 
-ORDERS = (1, 2, 4, 8)  # samples that an ARX looks back; the free run on training data chooses
-MOST_ROWS = 50_000  # training rows that a fit takes, an even share
-LARGEST = 1e3  # times the largest measured output, from which a free run has diverged
+# numbers of samples that an ARX may look back; the free run on training data chooses one
+ORDERS = (1, 2, 4, 8)
+# largest number of training rows for a fit; of more rows, an evenly spread part is used
+MOST_ROWS = 50_000
+LARGEST = 1e3  # a free run has diverged if it exceeds the largest measured output by this factor
 
 
 Rows = tuple[Array, Array]
@@ -49,7 +51,8 @@ def training_rows(dataset: Dataset, names: Sequence[str]) -> Rows:
     x = np.column_stack(inputs)
     known = np.isfinite(x).all(axis=1) & np.isfinite(y)
     x, y = x[known], y[known]
-    order = np.lexsort([y, *x.T])  # the order of the rows must not change a digit
+    # rows are sorted, so that their order in the file cannot change a digit of the fit
+    order = np.lexsort([y, *x.T])
     return even_share(x[order], MOST_ROWS), even_share(y[order], MOST_ROWS)
 
 
@@ -153,9 +156,9 @@ def polynomial_fit(
 def arx(dataset: Dataset, names: Sequence[str]) -> tuple[Arx, list[Array]] | None:
     """Return the fitted ARX and its free run along every recording, (n_c,) each.
 
-    It starts from the first measured output, at rest. The coefficients are fitted by least squares
-    one step ahead. Of `ORDERS`, the one with the smallest error in free run on the training samples
-    is taken. The result is None if every free run diverges.
+    The free run starts at rest at the first measured output. The coefficients are fitted by least
+    squares one step ahead. Of `ORDERS`, the one with the smallest error in free run on the training
+    samples is taken. The result is None if every free run diverges.
     """
     best, least = None, np.inf
     for order in ORDERS:
@@ -190,9 +193,7 @@ def _training_samples(dataset: Dataset, names: Sequence[str]) -> list[Array]:
 
 
 def _thinning(dataset: Dataset) -> int:
-    """Return the number n of which every n-th sample is taken, so that few more remain than a fit
-    uses.
-    """
+    """Return n: every n-th sample is kept, about four times as many as a fit uses."""
     return max(1, sum(curve.size for curve in dataset.curves) // (4 * MOST_ROWS))
 
 
@@ -207,9 +208,7 @@ def _monomials(x: Sequence[Array] | Array, degree: int) -> Array:
 
 
 def _powers(inputs: int, degree: int) -> list[tuple[int, ...]]:
-    """Return the indices of the inputs whose product each monomial is, in the order of the
-    monomials.
-    """
+    """Return, for each monomial in their order, the indices of the inputs that are its factors."""
     return [
         of
         for total in range(degree + 1)
@@ -218,8 +217,8 @@ def _powers(inputs: int, degree: int) -> list[tuple[int, ...]]:
 
 
 def _one_step_fit(dataset: Dataset, names: Sequence[str], order: int) -> Array | None:
-    """Return the coefficients: the constant, `order` of the output, then `order + 1` of each
-    input.
+    """Fit an ARX of this order one step ahead. Return its coefficients: the constant, `order`
+    coefficients of the output, then `order + 1` of each input.
     """
     every, tables, outputs = _thinning(dataset), [], []
     for curve in dataset.curves:
@@ -243,8 +242,11 @@ def _one_step_fit(dataset: Dataset, names: Sequence[str], order: int) -> Array |
 
 
 def _run(curve: Curve, fitted: Arx) -> Array:
-    """Return the free run along every recording of a curve, (n,); NaN from where it diverges."""
-    from scipy.signal import lfilter  # a fifth of the seconds of a run without any
+    """Return the free run along every recording of a curve, (n,); NaN from the row at which it
+    diverges.
+    """
+    # imported here, because the import takes a fifth of the time of a run without an ARX
+    from scipy.signal import lfilter
 
     names, order, theta = fitted.names, fitted.order, fitted.theta
     y = curve.columns[fitted.target]
@@ -252,8 +254,8 @@ def _run(curve: Curve, fitted: Arx) -> Array:
     most = LARGEST * max(np.abs(x[np.isfinite(x)]).max(initial=1e-300) for (x,) in in_blocks(y))
 
     def at_rest(coefficients: Array, first: float) -> Array:
-        """Return the contribution to samples 0, 1, ... of earlier values that were always equal to
-        the first one.
+        """Return what earlier values contribute to the samples 0, 1, ..., if all of them were equal
+        to the `first` one.
         """
         return np.array([coefficients[step:].sum() * first for step in range(order)])
 

@@ -1,4 +1,4 @@
-"""Check whether a stored model can be evaluated, once, when it is read.
+"""Check once, when a stored model is read, that it can be evaluated.
 
 Types and single values are checked before. Here, the parts must fit together. A model is refused if
 its kind finds a fault (`faults`), or if a trial on a few rows ends with an internal error.
@@ -40,7 +40,9 @@ def unsound(model: Model) -> str | None:
 
 
 def _try(model: Model) -> None:
-    """Do with a model what commands do. An error message for users counts as a valid answer."""
+    """Apply to a model the operations that the commands use. An error that is reported to users is
+    an acceptable result.
+    """
     asked = (*model.inputs, model.output)
     names = [quantity.name for quantity in asked] + [
         *kinds.fed_back(model),

@@ -64,7 +64,7 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
         )
     _check_finished(run_dir)
     name = _entry(run_dir / RUN_RECORD, "name")
-    # a record from a stranger may contain any path
+    # the record of a run that comes from a stranger may contain any path as a name
     if not isinstance(name, str) or not TAG.fullmatch(name):
         raise DataError(
             f"{run_dir / RUN_RECORD}: does not contain the name of the run",
@@ -100,7 +100,7 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
             try:
                 unfinished.rename(place)
             except OSError as fault:
-                # another process has created it meanwhile
+                # another process has created the folder in the meantime
                 if fault.errno in (errno.ENOTEMPTY, errno.EEXIST):
                     raise refusal from fault
                 raise
@@ -108,7 +108,7 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
 
 
 def _entry(path: Path, *keys: str) -> object:
-    """Return the value under some keys of a JSON file; None if there is no value or no file."""
+    """Return the value at a path of keys in a JSON file; None if there is no value or no file."""
     try:
         entry = json.loads(path.read_text(encoding="utf-8"))
         for key in keys:
@@ -131,8 +131,8 @@ def _check_finished(run_dir: Path) -> None:
 
 
 def find_model(text: str, runs: Path, archive: Path) -> Path:
-    """Return the model file that a word on the command line means: a file, a run folder, the name
-    of a run, `NAME@TAG`, or a tag that only one run has.
+    """Return the model file that `text`, a word on the command line, stands for: a file, a run
+    folder, the name of a run, `NAME@TAG`, or a tag that only one run has.
 
     Raises DataError if there is none, or if a frozen model has been changed; UsageError if several
     runs have the tag.
@@ -248,7 +248,7 @@ def _other_settings(*runs: Mapping[str, StageRecord]) -> Iterator[str]:
         slices = [run[stage].slice for run in runs if stage in run]
         for place, values in enumerate(slices):
             known = {key: values[key] for key in MADE_BY if key in values}
-            with suppress(ValidationError):  # the record is from a newer version
+            with suppress(ValidationError):  # keys in a record of a newer version may be unknown
                 known = recorded(made_by.model_validate_json(json.dumps(known)))
             slices[place] = known
         if len(slices) == 2:

@@ -1,5 +1,5 @@
-"""Read tables for `predict` and `invert` that are no CSV in the model's names and units, like
-recordings of a spec, and return them as lines of CSV.
+"""Read tables for `predict` and `invert` that are not CSV files with the model's names and units.
+They are read like the recordings of a spec, and returned as lines of CSV.
 """
 
 from __future__ import annotations
@@ -40,7 +40,9 @@ class TableOptions:
 
 
 def is_foreign(path: Path, options: TableOptions) -> bool:
-    """Return True if a table must be read by a reader of recordings."""
+    """Return True if a table must be read by one of the readers of recordings, because it is no
+    plain CSV file or because options were given.
+    """
     if options.says_something:
         return True
     if not path.is_file():
@@ -51,9 +53,9 @@ def is_foreign(path: Path, options: TableOptions) -> bool:
 
 
 def columns_of(model: Model, solved_for: str | None = None) -> Sequence[Sequence[str]]:
-    """Return the possible sets of columns of a table: with the rates and directions that are inputs
-    of the model, or without those that can be computed; with the output instead of an input that is
-    `solved_for`.
+    """Return the sets of columns that a table for the model may have. Rates and directions that are
+    inputs of the model may be columns, or may be missing if they can be computed. If an input is
+    `solved_for`, the table has the output instead of it.
     """
     if solved_for is not None:
         inputs = (quantity.name for quantity in model.inputs if quantity.name != solved_for)
@@ -76,8 +78,8 @@ def foreign_lines(
     warn: Callable[[str], None],
 ) -> Iterator[str]:
     """Yield the lines of a CSV table of quantities in the given `units`, with the columns of the
-    first of the `ways` that the file has, and the column `recording`, of numbers or texts, if there
-    is one.
+    first set in `ways` that the file has. A column `recording`, with numbers or texts, is included
+    if there is one.
 
     Raises DataError for a file that cannot be read, or a unit in a title that contradicts the unit
     in which it is read; UsageError for settings that its reader does not use.
@@ -101,7 +103,7 @@ def foreign_lines(
 
 
 def _quoted(text: str) -> str:
-    """Return a text as a field of CSV holds it."""
+    """Return a text as a field of a CSV file, in quotation marks if it needs them."""
     doubled = text.replace('"', '""')
     return f'"{doubled}"' if {*text} & {*',"\r\n'} else text
 
@@ -159,8 +161,8 @@ def _data_of(path: Path, options: TableOptions, names: Sequence[str]) -> Data:
 
 
 def _refuse_titles(options: TableOptions, names: Sequence[str], units: Mapping[str, str]) -> None:
-    """Raise DataError for a title that ends with another unit than the one in which the column is
-    read.
+    """Raise DataError if the title of a column ends with a unit that differs from the unit in which
+    the column is read.
     """
     for name in names:
         title, unit = str(options.columns.get(name, "")), options.units.get(name, units[name])

@@ -23,11 +23,11 @@ ABSENT = ("NoneType", "NAType", "NaTType", "MaskedConstant")
 
 @dataclass(frozen=True)
 class Door:
-    """Reader of numbers from values that users pass.
+    """Converter of the values that users pass to arrays of numbers.
 
     - `convert`: function that converts numbers from a unit, given as text, to the wanted unit.
     - `cell`: function that reads the number in a text, a date or a duration, like a cell of a file.
-      Without it, these are refused.
+      If it is None, such values are refused.
     - `clock`: True if dates and durations are wanted. They become seconds (since 1970) before
       `convert`.
     """
@@ -56,7 +56,7 @@ class Door:
         if type(values).__name__ in ABSENT:
             return np.nan
         if isinstance(values, list | tuple):
-            plain = (int, float)  # fast path for the common case
+            plain = (int, float)  # fast path for the common case of plain numbers
             numbered = enumerate(values)
             return [
                 value
@@ -74,7 +74,7 @@ class Door:
 
     def _array(self, values: Any, what: str, axis: str) -> object:
         if hasattr(values, "dims") and "units" not in values.attrs:
-            values = values.data  # an xarray object with an array of NumPy or pint inside
+            values = values.data  # an xarray object contains an array of NumPy or pint
         unit, bare = in_unit(values)
         if unit is not None:
             return self.convert(self.numbers(bare, what, axis), unit)

@@ -1,6 +1,4 @@
-"""Implement `mapmore check`: everything that can be said about a study before a model is
-computed.
-"""
+"""Implement `mapmore check`: apply all rules to a study before a model is computed."""
 
 from __future__ import annotations
 
@@ -25,8 +23,8 @@ ORDER = ("error", "warning", "hint")
 
 @dataclass(frozen=True)
 class Inspection:
-    """The curves (unless none could be made), all issues, the worst first, and the settings and the
-    folder with which the data were read.
+    """Result of an inspection: the curves (unless they could not be made), all issues, the worst
+    first, and the settings and the folder with which the data were read.
     """
 
     dataset: Dataset | None
@@ -82,7 +80,8 @@ def inspect(
             return _sorted(None, [*issues_of_other, _no_curves(fault, loaded)], read_by)
         raise
     issues = issues_of(loaded, dataset, hints=True)
-    # an error that would end a run that this one needs, or is compared with, would end this run too
+    # an error that would end a run on which this one builds, or with which it is compared, would
+    # end this run too
     for key, other in needed.items():
         try:
             issues_of_other = issues_of(

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Job:
-    """A run to do: its spec with settings on top, the folder of runs, options, and the last
-    stage.
+    """A run that is to be brought up to date: its spec with overrides, the folder of runs, options,
+    and the last stage.
     """
 
     config: Path
@@ -31,8 +31,8 @@ class Job:
     until: str = "report"
 
     def elsewhere(self) -> Job:
-        """Return the same run for another machine: with absolute paths, and waiting while an
-        earlier, lost start of it is still writing.
+        """Return the same job for another machine. Its paths are absolute, and it waits if an
+        earlier start of the same job, whose connection was lost, is still writing.
         """
         campaign = self.options.campaign
         options = replace(
@@ -45,7 +45,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Finished:
-    """A completed run, after `seconds`, with the `limits` for its scores."""
+    """A completed run, the `seconds` that it took, and the `limits` for its scores."""
 
     name: str
     run_dir: Path
@@ -61,8 +61,8 @@ class Finished:
     def of(
         cls, loaded: LoadedSpec, outcome: RunOutcome, warnings: Sequence[str], started: float
     ) -> Finished:
-        """Return the result of a spec whose run is up to date, with the `warnings` that came
-        meanwhile; `started` is a value of `time.perf_counter`.
+        """Return the result of a spec whose run is up to date, with the `warnings` of this run.
+        `started` is the value of `time.perf_counter` at its start.
         """
         table = RunFiles(outcome.run_dir).scores()
         published = loaded.spec.report.published

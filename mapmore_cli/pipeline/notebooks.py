@@ -58,7 +58,7 @@ class LoadedModel:
     """
 
     model: Model
-    scores: Sequence[Mapping[str, Any]] = ()  # rows of scores.json beside the file
+    scores: Sequence[Mapping[str, Any]] = ()  # rows of the scores.json beside the model file
     held_out: tuple[Curve, ...] = field(default=(), kw_only=True)
 
     def __repr__(self) -> str:
@@ -241,7 +241,8 @@ class LoadedModel:
 
     def _flattened(self, columns: dict[str, ArrayLike]) -> tuple[dict[str, Array], tuple[int, ...]]:
         signals = self.model.signals
-        # quantities from which given rates and directions are computed
+        # quantities from which the rates and directions that were passed could be computed; they
+        # are not needed
         spare = {"time", *(signal.of for signal in signals)} if signals else set[str]()
         known = (
             {*columns} if "time" in columns else {*columns, *(signal.name for signal in signals)}
@@ -313,7 +314,8 @@ def with_canonical_columns(
     frames: Sequence[object], columns: Mapping[str, Any], made: Collection[str]
 ) -> dict[str, Any]:
     """Return the section `columns`, extended by unused columns of all frames whose labels are
-    canonical names, except quantities that are in the section already or `made` from others.
+    canonical names, except quantities that are already in the section, or that are `made` from
+    others (derived).
     """
     frame, *others = frames
     used = {label for entry in columns.values() for label in columns_in(frame, source_of(entry))}
@@ -387,7 +389,8 @@ def tables_of(
             own = column_of(
                 frame, source_of(entry), label, name, unit, settings.get("format")
             ).view()
-            own.flags.writeable = False  # the array may belong to the user
+            # the array may belong to the caller, so it must not be changed
+            own.flags.writeable = False
             arrays[name] = own
         lengths = {name: len(values) for name, values in arrays.items()}
         if len(set(lengths.values())) > 1:
@@ -408,7 +411,8 @@ def section_of(tables: Iterable[str], columns: Mapping[str, Entry]) -> dict[str,
     for name, entry in columns.items():
         read[name] = {**(entry if isinstance(entry, Mapping) else {}), "column": name}
         if name == "time":
-            read[name].pop("format", None)  # the arrays contain numbers already
+            # the arrays already contain numbers instead of time stamps
+            read[name].pop("format", None)
     return {"files": [*tables], "reader": "hdf5", "columns": read}
 
 

@@ -57,7 +57,7 @@ class Predictor:
 
     @property
     def names(self) -> list[str]:
-        """Names of the added columns, (m,)."""
+        """Names of the m columns that are added."""
         outputs = [output.name for output in self.model.outputs]
         turned = self.reading.turned_for
         names = [f"{name}_predicted" for name in ([turned] if turned else outputs)] + [FLAG]
@@ -77,8 +77,8 @@ class Predictor:
     def numbers(
         self, columns: Columns, rows: IntArray, runs: Sequence[Callable[[Columns], SimulatedRun]]
     ) -> tuple[Array, BoolArray, list[int]]:
-        """Return all added columns except the flags for complete rows, (n, m - 1), the flags, (n,),
-        and the rows at which a free run diverges.
+        """Return, for complete rows, the added columns except the flags, (n, m - 1); the flags for
+        rows outside the training range, (n,); and the rows at which a free run diverges.
 
         If signals are computed from other columns, a recording is processed stretch by stretch.
         `rows` are the row numbers for messages.
@@ -94,7 +94,7 @@ class Predictor:
             inputs = {name: x[part] for name, x in columns.items()}
             try:
                 inputs = with_signals(reading.signals, inputs)
-            except DataError:  # too few samples in the window of a rate
+            except DataError:  # the window of a rate may hold too few samples
                 continue
             # far outside the range, a term may overflow; the flag reports this
             with np.errstate(all="ignore"), numbered(rows[part]):

@@ -38,8 +38,8 @@ def one_blas_thread() -> Iterator[None]:
     """Restrict BLAS to one thread, so that sums are the same on every machine and runs do not
     compete for processors.
 
-    A library that is already loaded is told directly. One that is loaded later, such as SciPy's,
-    reads the environment when it starts.
+    A library that is already loaded is restricted by a call. A library that is loaded later, such
+    as SciPy's, reads the environment variables when it starts.
     """
     with variables_set(dict.fromkeys(THREADS, "1")):
         loaded = "scipy.linalg" in sys.modules or "scipy.special" in sys.modules
@@ -76,15 +76,16 @@ def processes(count: int, method: str, work: object = None) -> Iterator[ProcessP
     """Start `count` worker processes by `method` (`fork` or `spawn`).
 
     They end with the context, and with this process, however it ends. If an error or an interrupt
-    ends the context, they are killed during their work. `work` is what `_do_numbered` uses in
-    forks, which have it without pickling.
+    ends the context, they are killed during their work. Forks get `work`, the function and the
+    items for `_do_numbered`, with the memory of this process, so that it need not be pickled.
     """
     from multiprocessing import active_children, get_context
 
     begin = partial(_begin, os.getpid(), work)
     try:
         pool = ProcessPoolExecutor(count, get_context(method), initializer=begin)
-    # the system keeps locks between processes as small files, or has none
+    # the system keeps locks between processes as small files, which may fail, or it has no such
+    # locks
     except (OSError, NotImplementedError) as fault:
         raise WriteError(
             f"a worker process cannot be started: {getattr(fault, 'strerror', None) or fault}",
@@ -100,7 +101,9 @@ def processes(count: int, method: str, work: object = None) -> Iterator[ProcessP
 
 
 _shared: object = None
-"""In a worker process: the items of work."""
+"""In a worker process: the function and the items of the work, which it has from the parent
+process.
+"""
 
 
 def _begin(parent: int, work: object) -> None:
@@ -114,15 +117,15 @@ def _begin(parent: int, work: object) -> None:
         import ctypes
 
         ctypes.CDLL(None).prctl(1, int(signal.SIGKILL), 0, 0, 0)  # PR_SET_PDEATHSIG
-        if os.getppid() != parent:  # the parent ended before
+        if os.getppid() != parent:  # the parent process ended before this one was ready
             os._exit(1)
     else:
         Thread(target=_watch_parent, daemon=True).start()
 
 
 def _watch_parent() -> NoReturn:
-    """Wait for the end of a pipe that only the parent holds open, and then end this process. Run
-    folders stay valid at any moment.
+    """Wait for the end of a pipe that only the parent process holds open, and then end this
+    process: the parent no longer exists. Run folders stay valid at any moment.
     """
     from multiprocessing import parent_process
 
@@ -133,8 +136,8 @@ def _watch_parent() -> NoReturn:
 
 @contextmanager
 def deaf_to_interrupts() -> Iterator[None]:
-    """Let processes that start within the context ignore Ctrl-C, because each would answer with a
-    traceback. In this process, it is delayed.
+    """Let processes that start within the context ignore Ctrl-C, because each of them would print a
+    traceback. In this process, Ctrl-C takes effect after the context.
     """
     if sys.platform == "win32":
         yield
@@ -150,10 +153,11 @@ def free_processors() -> int:
     """Return the number of processes for parallel work: one if forks are not safe, or if all
     processors are busy.
 
-    A fork of a process with threads may hang, and on macOS even one without threads. So forks are
-    used only on Linux, from a process with one thread. A worker process makes none.
+    A fork of a process with threads may hang, and on macOS even one without threads. Therefore,
+    forks are used only on Linux, and only by a process with one thread. A worker process starts no
+    further processes.
     """
-    threads = "/proc/self/task"  # missing if /proc is not mounted
+    threads = "/proc/self/task"  # the folder is missing if /proc is not mounted
     if sys.platform != "linux" or not os.access(threads, os.R_OK):
         return 1
     if sum(1 for _ in os.scandir(threads)) != 1:
@@ -183,7 +187,7 @@ def shared_out(
     delivered: dict[int, R] = {}
     count = min(len(items), free_processors() if workers is None else workers)
     if count > 1:
-        # no resources for processes, so all items are done here
+        # if there are no resources for processes, this process does all items below
         with suppress(OSError, WriteError), processes(count, "fork", (work, items)) as pool:
             with deaf_to_interrupts():
                 futures = [pool.submit(_do_numbered, number) for number in range(len(items))]
@@ -200,6 +204,8 @@ def shared_out(
 
 
 def _do_numbered(number: int) -> object:
-    """Do the item of work with this number in a worker process."""
+    """Do one item of the work of `shared_out` in a worker process. `number` is the index of the
+    item.
+    """
     work, items = cast(tuple[Callable[[object], object], Sequence[object]], _shared)
     return work(items[number])

@@ -28,8 +28,7 @@ RECORDING = "recording"
 """Column that distinguishes recordings, if a table has it."""
 
 GAP = 10
-"""Multiple of the usual time step. A longer step is a gap, after which nothing of the past is
-known.
+"""Multiple of the usual time step. A longer step is a gap, and the past before a gap is not used.
 """
 
 
@@ -174,7 +173,7 @@ class Sheet:
 
     def places(self, wanted: Iterable[str], added: Sequence[str] = ()) -> dict[str, int]:
         """Return the indices of the `wanted` columns. Raises DataError if one is missing, or if the
-        table has a column that is `added`.
+        table already has one of the columns in `added`.
         """
         if there := next((name for name in added if name in self.names), None):
             raise DataError(f"{self.label}: already has a column {there}", "rename or remove it")

@@ -32,8 +32,8 @@ LEFT_OUT = (
 
 @dataclass(frozen=True)
 class ReportSlice:
-    """Part of the resolved spec that only the report shows. A change of any other part makes an
-    earlier stage stale.
+    """Part of the resolved spec that only the report depends on. A change of any other part makes
+    an earlier stage stale.
     """
 
     name: str
@@ -56,8 +56,8 @@ def report_slice(spec: ExperimentSpec) -> ReportSlice:
 
 
 def write_pages(part: ReportSlice, workspace: Workspace) -> None:
-    """Collect the results of the run and write the page; if the structure was searched, with the
-    structures that were tried.
+    """Collect the results of the run and write its page. If the structure was searched, the page
+    also shows the structures that were tried.
     """
     from mapmore_cli.reporting.report import write_report
 
@@ -175,8 +175,8 @@ def _collected(
 
 
 def faults_of(style: FigureStyle) -> list[str]:
-    """Return warnings about a font that this machine does not have. Raises SpecError for an invalid
-    formula in a label.
+    """Check the style of the figures. Return a warning if this machine does not have the font.
+    Raises SpecError for an invalid formula in a label.
     """
     if style.font is None and not style.labels:
         return []
@@ -199,7 +199,8 @@ def faults_of(style: FigureStyle) -> list[str]:
 
 
 LOOKS = "report.style."
-"""Prefix of the keys of a run's spec that may be replaced to draw its results again."""
+"""Prefix of the keys in a run's spec that may have other values when its results are drawn again.
+"""
 
 
 def drawn_figure(

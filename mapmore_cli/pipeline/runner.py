@@ -1,4 +1,5 @@
-"""Bring a run up to date: like make, with fingerprints instead of times.
+"""Bring a run up to date: run the stages whose inputs have changed, as `make` does, but recognised
+by hashes instead of file times.
 
 A run folder is valid after every step: a stage builds its outputs beside the old ones, they are
 moved into place, and the stage's entry in `run.json`, which is written last, commits them. Anything
@@ -69,8 +70,8 @@ is up to date.
 
 @dataclass(frozen=True)
 class RunOutcome:
-    """The outcome of a run: `done` or `up-to-date` for every stage, and the reasons of those that
-    ran.
+    """The outcome of a run: `done` or `up-to-date` for every stage, and the reasons why
+    stages ran.
     """
 
     name: str
@@ -116,7 +117,7 @@ def explain(
     run_dir = runs / loaded.spec.name
     how = (run_dir, load_records(run_dir, warn), options.rehash, options.force)
     reasons = {plan.stage.name: plan.reason for plan in plan_stages(stages, until, loaded, *how)}
-    if until not in reasons:  # the result of a search is not known yet
+    if until not in reasons:  # the stages after a search are not known before its result is
         every = [stage.name for stage in pipeline()]
         reasons |= dict.fromkeys(every[1 : every.index(until) + 1], f"follows from {SEARCH_STAGE}")
     return list(reasons.items())
@@ -181,7 +182,8 @@ def _origin(loaded: LoadedSpec, run_dir: Path, campaign: Path | None) -> Origin:
         and loaded.path.name in (RESOLVED_SPEC, FOUND)
         and loaded.path.resolve().parent.parent == run_dir.resolve().parent
     ):
-        return before  # the resolved spec in the run folder belongs to the run itself
+        # the resolved spec in the run folder belongs to the run itself, so that the origin stays
+        return before
     rival = here.rival_of(before, run_dir) if before is not None else None
     if rival is not None:
         raise WriteError(
@@ -193,8 +195,8 @@ def _origin(loaded: LoadedSpec, run_dir: Path, campaign: Path | None) -> Origin:
 
 
 def _from(run_dir: Path, path: Path) -> str:
-    """Return the path relative to the run folder; only the name if the path would lead over the
-    root, because files of a run must not name anybody's folders.
+    """Return the path relative to the run folder; only the name if the relative path would lead
+    through the root folder, because files of a run must not contain names of private folders.
     """
     path, run_dir = path.resolve(), run_dir.resolve()
     if os.path.commonpath([path, run_dir]) == path.anchor:
@@ -204,8 +206,8 @@ def _from(run_dir: Path, path: Path) -> str:
 
 @dataclass(frozen=True)
 class _Run:
-    """A run in its folder, and the functions to which it reports. `stages` differ from those of the
-    pipeline; `written` are further files that the record does not list yet.
+    """A run in its folder, and the functions to which it reports. `stages` replace those of the
+    pipeline unless they are None; `written` lists further files that are not in the record yet.
     """
 
     loaded: LoadedSpec
@@ -219,14 +221,15 @@ class _Run:
     written: dict[str, Stamp] = field(default_factory=dict)
 
     def settled(self, until: str) -> list[StagePlan] | None:
-        """Return the plans if nothing is to be done, without taking the lock of the run, because
-        others may be reading it; None if something may be to do.
+        """Return the plans of the stages if all are up to date; None if there may be work to do.
+        The lock of the run is not taken, because other processes may be reading the run.
 
         Results are moved into place as a whole and committed last, so results that look complete
         are complete. If another process is working, the lock decides.
         """
         records, runs = known_records(self.run_dir), self.run_dir.parent
-        if until not in records:  # sources need not be checked twice
+        # the sources of a stage without a record need not be checked twice
+        if until not in records:
             return None
         plans = list(self.planned(until, records))
         whole = (
@@ -262,7 +265,7 @@ class _Run:
         if self.loaded.spec.model.type != AUTO:
             records.pop(SEARCH_STAGE, None)
         if load_origin(self.run_dir) != self.origin:
-            # also for a new run, whose folder is recognised as a run folder from now on
+            # this also recognises the folder of a new run as a run folder from now on
             self.save(records)
         plans, kept = list[StagePlan](), dict(records)
         for plan in self.planned(until, records):
@@ -302,8 +305,8 @@ class _Run:
         self.written[name] = take_stamp(path)
 
     def tell_taken(self, paths: Sequence[str]) -> None:
-        """Warn about files that were moved out of the way because the run did not write them in
-        this form.
+        """Warn about files that were moved to the trash, because they are not as the run wrote
+        them.
         """
         if paths:
             self.warn(
@@ -349,8 +352,8 @@ class _Run:
         return plan.stage is pipeline()[0] and plan.stage.name != until
 
     def known_findings(self, ingest: StagePlan) -> tuple[findings.Issue, ...] | None:
-        """Return the findings of the rules for these data; None if they are not known, or if they
-        end the run, because places in the spec may have moved.
+        """Return the findings of the rules for these data; None if they are not known. Also None if
+        they contain an error, because the places in its message may have moved since.
         """
         issues = findings.kept(self.run_dir, findings.mark_of(self.loaded, ingest.now.fingerprint))
         ends = self.options.check and issues is not None and findings.refusal(issues)
@@ -406,7 +409,8 @@ class _Run:
                     "brings it up to date"
                 )
         elif not current:
-            known = findings.sentences(self.run_dir)  # a variation has most of the same findings
+            # a variation of the study has mostly the same findings, which are not repeated
+            known = findings.sentences(self.run_dir)
             try:
                 bring_up_to_date(
                     other.loaded,

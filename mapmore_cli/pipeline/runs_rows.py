@@ -13,7 +13,7 @@ from mapmore_cli.domain.scores import OWN, Alert
 
 PAGE = "index.html"
 MARK = '<script type="application/json" id="runs">'
-"""Text before the rows in a page, which distinguishes it from a page of the user."""
+"""Text before the rows in a page of all runs. A page without it belongs to the user."""
 
 
 @dataclass(frozen=True)
@@ -24,8 +24,8 @@ class Row:
     - `alerts`: sentences that warn about the number, the worst first.
     - `ended`: time at which the scores were written, in seconds since 1970.
     - `picture`: measured and predicted values along a curve, as two SVG paths.
-    - `seconds`: how long each stage took when it last ran; pages of reports have no times, so that
-      the same input gives the same bytes.
+    - `seconds`: how long each stage took when it last ran; the pages of single runs have no times,
+      so that the same input gives the same bytes.
     """
 
     run: str
@@ -58,8 +58,8 @@ class Row:
 
 
 def rows_of(place: Path) -> list[Row] | None:
-    """Return the rows of a page: empty if there is no page yet, None for a page of somebody
-    else.
+    """Return the rows of a page: empty if there is no page yet, None for a page that mapmore did
+    not write.
     """
     if not place.exists() and not place.is_symlink():
         return []

@@ -13,11 +13,12 @@ from mapmore_cli.study.experiment import Competitor, ExperimentSpec
 class ScoresSlice:
     """Part of the spec on which the scores depend, besides the model.
 
-    `target` is the scored quantity; `seen_as` is the same if the model must be inverted for it.
-    `static` is the spec of the static run in `needs`, `lengths` are the muscle's dimensions in m,
-    `cycles_of` is the quantity whose cycles are held out, `robust` is the section `fit` if its loss
-    is robust, and `folds` holds the settings for the models if every level is left out once.
-    `structure_seen` names the data with which the structure was chosen, if these are held out.
+    `target` is the scored quantity. If the model must be inverted for it, `seen_as` holds the
+    scored quantity too, and is None otherwise. `static` is the spec of the static run in `needs`,
+    `lengths` are the muscle's dimensions in m, `cycles_of` is the quantity whose cycles are held
+    out, `robust` is the section `fit` if its loss is robust, and `folds` holds the settings of the
+    models if every level is left out once (cross-validation). `structure_seen` names the data with
+    which the structure was chosen, if these are held out.
     """
 
     target: str
@@ -36,8 +37,8 @@ class ScoresSlice:
 
 
 def scores_slice(spec: ExperimentSpec) -> ScoresSlice:
-    """Return the part of the spec that the stage reads. Settings for sums and load-cycle formulas
-    are included only if these are possible.
+    """Return the part of the spec that the stage reads. Settings for sums and for load-cycle
+    formulas are included only if the study can have such competitors.
     """
     spec = with_definitions(spec)
     target = spec.target if isinstance(spec.target, str) else spec.target.column

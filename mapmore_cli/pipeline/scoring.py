@@ -117,8 +117,8 @@ def _rows(
 
 
 def _with_seen(scores: list[Score], rivals: list[Rival], dataset: Dataset) -> list[Score]:
-    """Return the rows, with those of runs that were trained with held-out samples marked as
-    `seen`.
+    """Return the score rows with a mark `seen` at the models of other runs that were trained with
+    held-out samples.
     """
     saw = {
         rival.name for rival in rivals if rival.run is not None and trained_on(rival.run, dataset)
@@ -132,7 +132,9 @@ def _with_seen(scores: list[Score], rivals: list[Rival], dataset: Dataset) -> li
 def _warn_of_fits(
     warn: Warn, formulas: Mapping[str, FormulaFit], forecasts: Said, dataset: Dataset
 ) -> None:
-    """Warn about minima that fit nearly as well, and about free runs that diverge."""
+    """Warn about formulas for which other minima fit nearly as well, and about free runs that
+    diverge.
+    """
     for name, fit in formulas.items():
         for sentence in rival_minima(name, fit):
             warn(sentence)
@@ -166,8 +168,8 @@ def _with_interval(model: Model, curve: Curve, output: Forecast) -> Forecast:
 
 
 def _diverged(name: str, curve: Curve, row: int, dataset: Dataset) -> str:
-    """Return a sentence that says where a free run left all bounds, so that its scores are
-    empty.
+    """Return a sentence that says at which place a free run diverged, and that its scores are
+    therefore empty.
     """
     log = next(number for number, rows in enumerate(curve.logs) if row in rows)
     at = f"sample {int(np.searchsorted(curve.logs[log], row))}"

@@ -82,8 +82,8 @@ INGEST = Stage(
 
 
 def segment_slice(spec: ExperimentSpec) -> ModelChoices:
-    """Return what the segments depend on. Dictionary, model and fit are included only if a boundary
-    is placed by comparing fits.
+    """Return the sections of a spec on which the segments depend. Dictionary, model and fit are
+    included only if segment boundaries are chosen by comparing fits.
     """
     spec = with_definitions(spec)
     levels, cuts = spec.data.levels, spec.segment
@@ -125,8 +125,8 @@ SEGMENT = Stage(
 
 
 def fit(part: ModelChoices, workspace: Workspace) -> None:
-    """Fit what the kind of model needs: every segment, one model with memory, a formula, or nothing
-    if models are added.
+    """Fit the model: every segment, one model with memory, or a formula. Nothing is fitted if the
+    models of other runs are added.
     """
     from mapmore_cli.modelling.frols.offsets import constant_alone, far_from_zero
     from mapmore_cli.modelling.literature.backbone import pooled_training
@@ -160,7 +160,7 @@ FITTING = Stage(name="fit", revision=14, outputs=(FIT,), reads=fit_choices, run=
 
 
 def fuse(part: ModelChoices, workspace: Workspace) -> None:
-    """Join the fits into a model, and write it."""
+    """Make the model from the fits, and write it."""
     from mapmore_cli.modelling.outputs.model import outputs_model
     from mapmore_cli.storage.artefacts import write_model
     from mapmore_cli.storage.run_record import tool_versions
@@ -189,7 +189,7 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
         if (why := interval_limits(left_out)) is not None:
             workspace.warn(f"validate.intervals: {why}")
         model = replace(model, left_out=left_out)
-    # for a reader who has only this file
+    # the provenance is for a reader who has only the model file
     provenance = {**tool_versions(), "spec": to_json(part, indent=1).decode()}
     write_model(workspace.out / MODEL, model, provenance)
 

@@ -29,8 +29,8 @@ MODEL_STAGE = "fuse"
 
 
 def pipeline(searched: bool = False) -> tuple[Stage, ...]:
-    """Return the six stages in order; if the structure is `searched`, with the stage that does so.
-    They are imported when they are first needed.
+    """Return the six stages in order; if the structure is `searched`, also the stage that searches
+    it. They are imported when they are first needed.
     """
     from mapmore_cli.pipeline import report, stages, validate
 
@@ -64,7 +64,7 @@ class Needed:
 
 
 def known_records(run_dir: Path) -> dict[str, StageRecord]:
-    """Return the committed stages of a run, without any message."""
+    """Return the committed stages of a run. A damaged record counts as empty, without a warning."""
     return load_records(run_dir, lambda _message: None)
 
 
@@ -119,8 +119,8 @@ def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
 
 
 def _varied(loaded: LoadedSpec, variation: Need) -> LoadedSpec:
-    """Return the spec with other settings and without competitors: it is itself one, and the
-    competitors of the spec may not suit it.
+    """Return the spec of a variation: with other settings and without competitors. The variation is
+    itself a competitor, and the competitors of the spec may not suit it.
     """
     overrides = {
         "name": f"{loaded.spec.name}.{variation.key}",
@@ -148,10 +148,10 @@ LONGEST_REASON = 6
 class StagePlan:
     """Inputs and settings from which a stage would be made now.
 
-    `part` is the slice of the spec. `now` is the entry that the stage would have; its outputs are
-    the committed files that still exist. `reason` says why the stage must run, None if it is up to
-    date; `now` is then its entry with the present file times, so that the next run need not read
-    the files again.
+    `part` is the stage's part of the spec. `now` is the entry that the stage would have in the
+    record; its outputs are the committed files that still exist. `reason` says why the stage must
+    run; it is None if the stage is up to date. In that case, `now` has the present times of the
+    files, so that the next run need not read them again.
     """
 
     stage: Stage
@@ -171,7 +171,7 @@ def plan_stages(
     force: bool = False,
 ) -> Iterator[StagePlan]:
     """Yield the plan of every stage up to `until`, in order, from the files as they are now.
-    `stages` differ from those of the `pipeline`.
+    `stages` replace those of the `pipeline`, unless they are None.
 
     After a search, later stages use the structure that it found. If there is none yet, the plans of
     later stages are unknown, and the search is the last.
@@ -218,8 +218,8 @@ def plans_of(
 
 
 def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
-    """Return the spec with the structure that the search of its run found; unchanged if it asks for
-    no search, or if none is finished.
+    """Return the spec with the structure that the search of its run found; unchanged if the spec
+    asks for no search, or if no search is finished.
     """
     if loaded.spec.model.type != AUTO:
         return loaded
@@ -228,8 +228,8 @@ def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
 
 
 def _model_mark(run: Needed, stages: Sequence[Stage] | None, runs: Path, rehash: bool) -> str:
-    """Return the fingerprint of the model of another run, whether it exists yet or not; for a
-    compared run, of its present model.
+    """Return the fingerprint of the model of another run, which need not exist yet. For a compared
+    run, it is the fingerprint of the present model.
     """
     if run.is_kept(runs):
         record = known_records(runs / run.loaded.spec.name)[MODEL_STAGE]
@@ -320,7 +320,7 @@ def slice_differences(stage: str, old: object, new: Mapping[str, Any]) -> list[s
     """
     if old == new:
         return []
-    if not isinstance(old, dict):  # a record that somebody edited
+    if not isinstance(old, dict):  # somebody may have edited the record
         return list(_differences(stage, old, new))
     return [
         text
@@ -339,7 +339,7 @@ def place_in_spec(key: str, stage: str) -> str:
     sections = {field.alias or name: field.annotation for name, field in fields}
     if key in sections:
         return key
-    # `levels` of fuse is a key of its own section, so the first match counts
+    # the first section counts: `levels` is `data.levels`, because `fuse` is compared as a section
     for name, section in sections.items():
         if key in getattr(section, "model_fields", getattr(section, "__dataclass_fields__", ())):
             return f"{name}.{key}"
@@ -347,7 +347,9 @@ def place_in_spec(key: str, stage: str) -> str:
 
 
 def _differences(place: str, old: object, new: object) -> Iterator[str]:
-    """Yield the values below a place that differ, each with its own place."""
+    """Yield the differences between two values at a place in the spec. In mappings and lists, each
+    differing value is shown with its own place.
+    """
     if isinstance(old, dict) and isinstance(new, dict):
         for key in new | old:
             yield from _differences(f"{place}.{key}", old.get(key, NOT_SET), new.get(key, NOT_SET))

@@ -1,4 +1,4 @@
-"""Collect the sentences that warn about the number of a verdict: one list for the page, `--json`
+"""Collect the sentences that warn about the error in a verdict, as one list for the page, `--json`
 and stderr.
 """
 
@@ -17,8 +17,8 @@ from mapmore_cli.modelling.kinds import outside_range
 from mapmore_cli.reporting.table import title_of
 
 FEW_CURVES = 3
-"""Number of held-out curves below which an error says little about other curves and has no standard
-error.
+"""Smallest number of held-out curves for a useful error. With fewer, the error says little about
+other curves and has no standard error.
 """
 
 
@@ -99,8 +99,8 @@ def _of_residuals(test: ResidualTest) -> tuple[str, str, str]:
 
 
 def _of_held_out(dataset: Dataset, model: Model, left_out: bool) -> Iterator[tuple[str, str, str]]:
-    """Yield alerts about the number of held-out samples and curves, and their place. Where nothing
-    is held out for good, every part may have been `left_out` in turn.
+    """Yield alerts about the number of held-out samples and curves, and their place. If no samples
+    are held out permanently, `left_out` is True if every part was left out once (cross-validation).
     """
     held_out = [curve for curve in dataset.curves if curve.held_out.any()]
     if not held_out:

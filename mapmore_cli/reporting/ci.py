@@ -13,7 +13,9 @@ from mapmore_cli.reporting.table import Table, markdown_text, to_markdown
 
 @dataclass(frozen=True)
 class RunReport:
-    """The end of a run: `failure` is the reason if it failed; `limits` are those for its scores."""
+    """How a run ended: `failure` is the reason if it failed, and `limits` are the limits for its
+    scores.
+    """
 
     name: str
     seconds: float = 0.0

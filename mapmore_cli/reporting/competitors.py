@@ -38,8 +38,8 @@ def printed_competitors(inputs: ReportInputs) -> tuple[Printed, ...]:
 
 
 def _printed(name: str, inputs: ReportInputs) -> Printed:
-    """Return a competitor; the parts of one that are fitted one after the other stand one below the
-    other.
+    """Return a competitor for printing. If it consists of formulas that are fitted one after the
+    other, their equations stand below each other.
     """
     title, model = title_of(name), inputs.validation.models.get(name)
     if name in LEARNERS:
@@ -55,7 +55,9 @@ def _printed(name: str, inputs: ReportInputs) -> Printed:
 
 
 def is_known(model: Model) -> bool:
-    """Tell whether all formulas of a model are known here: a package that adds one may be gone."""
+    """Return True if this program knows all formulas of a model. A package that added one of them
+    may no longer be installed.
+    """
     return all(
         literature.is_known(part.backbone) for part in model.every if part.backbone is not None
     )

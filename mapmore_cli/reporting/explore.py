@@ -28,7 +28,7 @@ MOST_SAMPLES = 4000
 """Largest number of training samples, and of held-out samples, of an output on its page."""
 
 PLACES = 41
-"""Number of levels at which a page holds the width of intervals."""
+"""Number of levels for which a page contains the width of intervals."""
 
 _EXPORTED = re.compile(r"\nexport \{ (.*) \};\n$")
 
@@ -60,7 +60,7 @@ def explored(every: Sequence[ReportInputs]) -> Explored | None:
         """Store the code of a model; return True if there is any."""
         try:
             code[key] = wrapped(key, model, more)
-        except MapmoreError:  # a part of it has no closed expression
+        except MapmoreError:  # a part of the model has no closed expression
             return False
         return True
 
@@ -89,8 +89,8 @@ def explored(every: Sequence[ReportInputs]) -> Explored | None:
 
 
 def wrapped(key: str, model: Model, more: str = "") -> str:
-    """Return the exported module of a model as a function that is called at once, because a page
-    cannot import modules. Its result is `mapmore.models[key]`, which also holds `more`.
+    """Return the exported JavaScript module of a model as a function that calls itself, because a
+    page cannot import modules. Its result is `mapmore.models[key]`, which also holds `more`.
 
     Raises DataError if a part of the model has no closed expression.
     """
@@ -101,7 +101,7 @@ def wrapped(key: str, model: Model, more: str = "") -> str:
 
 def _competitors(inputs: ReportInputs) -> dict[str, Model]:
     """Return the competitors that the page can compute beside its model: they predict the same
-    quantity from its inputs, and run in its steps where they have memory.
+    quantity from its inputs, and, if they have memory, have its time step.
     """
     model = inputs.model
     known, steps = {one.name for one in model.inputs}, _steps(model)
@@ -117,12 +117,14 @@ def _competitors(inputs: ReportInputs) -> dict[str, Model]:
 
 
 def _steps(model: Model) -> set[float]:
-    """Return the times between samples by which a model runs; none where it has no memory."""
+    """Return the times between samples of the parts of a model with memory, s; an empty set if it
+    has no memory.
+    """
     return {memory.states.step for memory in model.memories}
 
 
 def _known(inputs: ReportInputs, key: str) -> dict[str, Any]:
-    """Return the data that the script needs for any model."""
+    """Return the data that the script of a page needs for every kind of model."""
     model, timed = inputs.model, inputs.has_memory
     curves = inputs.dataset.curves
     names = [quantity.name for quantity in model.inputs]
@@ -206,8 +208,8 @@ def _interval(inputs: ReportInputs) -> dict[str, Any] | None:
 
 
 def _no_interval(inputs: ReportInputs) -> str:
-    """Return a sentence on why there is no interval, or on what it does not contain; empty where it
-    is complete.
+    """Return a sentence on why there is no interval, or on what it does not contain; empty if the
+    interval is complete.
     """
     if inputs.left_out is not None:
         limits = interval_limits(inputs.left_out)
@@ -218,9 +220,9 @@ def _no_interval(inputs: ReportInputs) -> str:
 
 
 def bare_of(model: Model) -> tuple[Model, str]:
-    """Return a model of pieces whose segment functions are not limited outside their samples, and
-    code that gives access to its curves and segments with their slopes, so that the page can join
-    them in other ways.
+    """Return what a page needs to join the pieces of a model in other ways. The first result is the
+    model without limits of its segment functions outside their samples. The second is JavaScript
+    code that gives access to its curves and segments with their slopes.
 
     `rejoin` replaces the functions of the curves.
     """
@@ -241,8 +243,8 @@ def bare_of(model: Model) -> tuple[Model, str]:
 
 
 def pieces_of(body: Pieces, equations: Mapping[str, str]) -> dict[str, Any]:
-    """Return how the pieces are joined, the range to which each was fitted, and its equation, by
-    its id.
+    """Return data for the page: the rules by which the pieces are joined, and for each piece, by
+    its id, its equation and the range to which it was fitted.
     """
     fusion = body.fusion
     return {

@@ -26,8 +26,8 @@ MOST_LINES = 7
 """Largest number of lines that can be distinguished in one panel."""
 
 FAR_OFF = 10.0
-"""Ratio to the error of the run's own model from which on a model does not affect the scale of a
-figure.
+"""A model does not affect the scale of a figure if its error exceeds that of the run's own model by
+this factor.
 """
 
 
@@ -74,12 +74,11 @@ class FigureStyle:
 
 @dataclass(frozen=True)
 class ReportInputs:
-    """Contents of the report. Numbers of the report are either here or summaries of
-    numbers here.
+    """Contents of the report. All numbers of the report are these, or summaries of these.
 
     - `muscle`: labels of the muscle as the spec gives them (`name`, `kind`, `length`, ...), ready
       to print.
-    - `whole`: the dataset, of which tables need only counts.
+    - `whole`: the dataset with all samples; tables show only the numbers of its samples.
     - `spec_text`: the resolved spec.
     - `provenance`: versions, hashes and the like, in the order in which to print them.
     - `command`: command that repeats the run; empty if its spec is unknown.
@@ -196,7 +195,9 @@ class ReportInputs:
 
     @property
     def shown(self) -> tuple[str, ...]:
-        """The models that figures show; of the simple competitors, only the best."""
+        """The models that figures show: all, except that only the best of the simple competitors is
+        shown.
+        """
         errors = self.pooled_errors
         best = min(
             (model for model in self.models if model in SIMPLE),

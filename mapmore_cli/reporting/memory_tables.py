@@ -8,7 +8,7 @@ from mapmore_cli.reporting.table import Cell, Table
 
 def states_table(states: StateSet) -> Table:
     """Return everything that training estimated about the states: the oscillators, the ranges of
-    operators, the scales.
+    inputs for operators, and the scales.
     """
     rows: list[tuple[Cell, ...]] = []
     for name, (hertz, damping) in states.resonances.items():

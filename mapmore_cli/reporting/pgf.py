@@ -11,8 +11,8 @@ from mapmore_cli.domain.foreign import tex_label, tex_text
 
 
 class _Renderer(RendererPgf):
-    """Renderer that needs no TeX: letters are measured in the fonts of the other formats. Names are
-    escaped, so that TeX executes none of them.
+    """Renderer that needs no TeX: the sizes of letters are those in the fonts of the other formats.
+    Names are escaped, so that TeX executes none of them.
     """
 
     def get_text_width_height_descent(self, s, prop, ismath):  # type: ignore[no-untyped-def]

@@ -61,7 +61,7 @@ def render_page(
     """
     pages = ((inputs, figures), *others)
     outputs = [_words_of(*own) for own in pages]
-    for output in outputs[1:]:  # texts about the whole run are shown at the first output
+    for output in outputs[1:]:  # texts about the whole run are shown only once, at the first output
         output["alerts"] = [one for one in output["alerts"] if one not in outputs[0]["alerts"]]
     known = explored([own for own, _ in pages]) if inputs.explore else None
     texts, words = [*map(text_of, EVERYWHERE)], {"data": "", "uplot_css": ""}
@@ -126,7 +126,8 @@ def _write_files(
     """Write the files of one output beside the page, and return its figures."""
     for suffix, written in TABLE_FILES.items():
         for table in all_tables(inputs) if suffix in formats else ():
-            if suffix == "csv" or table.rows:  # a document needs no empty table
+            # empty tables are not written for a document in LaTeX
+            if suffix == "csv" or table.rows:
                 path = out / "tables" / f"{inputs.prefix}{table.name}.{suffix}"
                 _write_file(path, written(table))
     sections: dict[str, list[RenderedFigure]] = {}
@@ -165,11 +166,12 @@ def _write_panels(
     folder.mkdir(exist_ok=True)
     stems: set[str] = set()
     for drawing, panel in panels:
-        # letters that all systems accept
+        # only characters that all systems accept in file names
         words = re.sub(r"[^A-Za-z0-9=+-]+", "_", panel.key).strip("_")[:80]
         name = stem = f"{drawing.name}.{words}" if words else drawing.name
         number = 1
-        while stem.lower() in stems:  # some file systems ignore capitals
+        # some file systems do not distinguish capital and small letters
+        while stem.lower() in stems:
             number += 1
             stem = f"{name}.{number}"
         stems.add(stem.lower())

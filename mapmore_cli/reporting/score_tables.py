@@ -46,7 +46,8 @@ def score_table(
     published: Published | None = None,
     failed: Sequence[str] = (),
 ) -> Table:
-    """Return the pooled scores, those of held-out data first, with the models in the given order.
+    """Return the table of the pooled scores, held-out data first, with the models in the given
+    order.
 
     `units` holds the unit of every target. A publication's numbers are shown beside the validation
     rows, because only these are comparable. Models in `failed` have no scores; they get a row that
@@ -101,7 +102,7 @@ def curve_scores_table(scores: Sequence[Score], units: Mapping[str, str]) -> Tab
 def _metrics(
     scores: Sequence[Score], unit: str
 ) -> tuple[list[Column | str], list[tuple[Cell, ...]]]:
-    """Return the columns and rows of scores; only columns with a value."""
+    """Return the columns and rows of a table of scores. A column without any value is left out."""
     shown = {
         one.heading.replace("UNIT", unit): name
         for name, one in MEASURES.items()
@@ -116,7 +117,9 @@ EQUAL_WITHIN = 0.01
 
 
 def scored(table: ScoreTable, dataset: Dataset) -> Quantity:
-    """Return the quantity of the rows, which may be an input of an inverted model."""
+    """Return the scored quantity of a table. It is an input of the model if the model is
+    inverted.
+    """
     name = next(iter(table.units), dataset.target)
     return dataset.quantities[name if name in dataset.quantities else dataset.target]
 
@@ -129,8 +132,8 @@ def verdict_sentence(
     alert: str = "",
     warnings: Sequence[str] = (),
 ) -> str:
-    """Compare the pooled error of the model `own` with the best of the others, on held-out data
-    where there are any.
+    """Return a sentence that compares the pooled error of the model `own` with the smallest error
+    of the others, on held-out data if there are any.
 
     `target` is the scored quantity. `failed` names the competitors without scores, because their
     fit failed. If one of the `warnings` says that held-out data chose the structure, it comes
@@ -201,7 +204,7 @@ def _error(score: Score, unit: str) -> str:
 
 
 def _of(unit: str) -> str:
-    """Return a unit as it follows a number."""
+    """Return a unit in the form in which it follows a number."""
     return "" if unit in ("", "1") else f" {unit}"
 
 
@@ -235,8 +238,8 @@ def _comparison(ours: Score, others: Sequence[Score], failed: Sequence[str]) -> 
 
 
 def pieces_sentence(scores: Sequence[Score], own: str, backbone: str) -> str:
-    """Compare the pooled error of the model `own` with that of its `backbone`; return an empty text
-    if one of them has no score.
+    """Return a sentence that compares the pooled error of the model `own` with that of its
+    `backbone`; empty if one of them has no score.
     """
     errors = {score.model: score.rmse for score in deciding(scores)}
     alone = errors.get(backbone, errors.get("backbone", math.nan))

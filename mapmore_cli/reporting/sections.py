@@ -35,7 +35,7 @@ class Section:
 
 @runtime_checkable
 class Paged(Protocol):
-    """A kind of a plugin whose fits have a section on pages."""
+    """A kind of model from a plugin that shows its fits in a section of its own on pages."""
 
     def section(self) -> Section:
         """Return the section; it has no tables if a run has no such fit."""

@@ -27,13 +27,13 @@ NO_CRITERIA = (
 
 
 def summary_table(fit: FitResult, model: Model, scores: ScoreTable, weighed: bool = False) -> Table:
-    """Return a row for each coefficient of the formula, and of every segment or of the model with
-    memory; `weighed` says that samples did not count alike in the fit.
+    """Return a table with a row for each coefficient: of the formula, and of every segment or of
+    the model with memory. `weighed` is True if samples had different weights in the fit.
 
-    Coefficients of terms are of scaled coordinates, those of formulas in their own units. The notes
-    have n, the number of parameters, AIC and BIC of plain least squares; the first equations of the
-    model in physical units; the assumptions of the standard errors; and the coefficients whose 95 %
-    interval includes zero.
+    Coefficients of terms belong to scaled coordinates; parameters of formulas have their own units.
+    The notes give n, the number of parameters, AIC and BIC of plain least squares; the first
+    equations of the model in physical units; the assumptions of the standard errors; and the
+    coefficients whose 95 % interval includes zero.
     """
     rows, unclear = list[tuple[Cell, ...]](), list[str]()
     notes, sizes = list[str](), list[str]()
@@ -80,7 +80,9 @@ def _in_physical_units(model: Model) -> Iterator[str]:
 def _fitted_numbers(
     fit: FitResult, model: Model
 ) -> Iterator[tuple[str, str, float, float, float, float]]:
-    """Yield part, term, coefficient, standard error, ERR and half the 95 % interval of each."""
+    """Yield, for each coefficient, its part of the model, its term, its value and standard error,
+    the ERR of the term, and half the width of the 95 % interval.
+    """
     if formula := fit.formula:
         freedom = formula.samples - len(formula.parameters)
         for name, value in formula.parameters.items():

@@ -1,5 +1,5 @@
 """Represent a table as data, render it (CSV, text, Markdown, LaTeX, HTML), and provide what all
-pages share: templates, and names of models for people.
+pages share: templates, and readable names of models.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ WRITTEN = re.compile(r"(.*?)(?: \[(.*?)\])?(?: (#?\.\d+\w))?", re.DOTALL)
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table. `unit` is empty if there is none to show; `spec` formats its floats for
-    people.
+    """A column of a table. `unit` is empty if there is none to show; `spec` is the format of its
+    floats.
 
     Equations have two forms: `text`, which LaTeX leaves out, and LaTeX `source`, which LaTeX
     typesets. A column `model` holds names of models.
@@ -201,10 +201,10 @@ def to_text(table: Table) -> str:
 
 _MARKUP = re.compile(
     r"[\\`*|~$]"
-    r"|(?<![A-Za-z0-9])_|_(?![A-Za-z0-9])"  # within a word it has no special meaning
-    r"|\](?=[(\[:])"  # end of the text of a link or a picture
+    r"|(?<![A-Za-z0-9])_|_(?![A-Za-z0-9])"  # within a word, `_` has no special meaning
+    r"|\](?=[(\[:])"  # `]` is special only at the end of the text of a link or a picture
     r"|(?<=:)/(?=/)|(?<=www)\."  # addresses become links
-    # headings, lists, quotations and rules
+    # these characters are special only where they begin headings, lists, quotations or rules
     r"|^(?:>|[-+](?=\s|$)|[#=-]+(?=\s|$))"
 )
 
@@ -236,7 +236,8 @@ def to_latex(table: Table) -> str:
     """
     kept = [j for j, column in enumerate(table.columns) if column.form != "text"]
     sources = [j for j in kept if table.columns[j].form == "source"]
-    equation = rf"p{{{0.75 / max(len(sources), 1):.3g}\linewidth}}"  # of the page's width
+    # the widths are fractions of the width of the page
+    equation = rf"p{{{0.75 / max(len(sources), 1):.3g}\linewidth}}"
     numbers = ["r" if number else "l" for number in table.numeric]
     align = "".join(equation if j in sources else numbers[j] for j in kept)
     head = [

@@ -29,7 +29,7 @@ from mapmore_cli.reporting.table import Cell, Column, Columns, Table, cells_of
 
 
 def bands_table(sizes: Sequence[ErrorBand], unit: str) -> Table:
-    """Return a row for each band, a column for each model."""
+    """Return the table of errors with a row for each band and a column for each model."""
     models = list(sizes[0].rmse) if sizes else []
     errors = [Column(model, unit, ".3g") for model in models]
     columns: Columns = (f"from [{unit}]", f"to [{unit}]", "samples", *errors)
@@ -42,7 +42,9 @@ def bands_table(sizes: Sequence[ErrorBand], unit: str) -> Table:
 
 
 def recordings_table(dataset: Dataset) -> Table:
-    """Return the rows read, kept and dropped (by reason) of every file."""
+    """Return a table with the numbers of rows of every file that were read, kept, and dropped for
+    each reason.
+    """
     reasons = list(dict.fromkeys(reason for one in dataset.recordings for reason in one.dropped))
     columns = ("recording", "file", "read", "kept")
     dropped = [Column(f"dropped: {reason}") for reason in reasons]
@@ -103,8 +105,8 @@ def _single_valued(dataset: Dataset, along: str | None) -> list[float]:
 
 
 def segments_table(inputs: ReportInputs) -> Table:
-    """Return the place of every segment, its scaling, and the training RMSE of its own function
-    before fusion.
+    """Return a table of the segments: the range of each, its scaling, and the training RMSE of its
+    own function before the pieces are joined.
     """
     places = {
         segment.id: segment_ends(curve, segment)
@@ -130,7 +132,9 @@ def segments_table(inputs: ReportInputs) -> Table:
 
 
 def training_rmse(fit: SegmentFit) -> float:
-    """Return the RMSE of a segment's own function before fusion, in the unit of the target."""
+    """Return the RMSE of a segment's own function before the pieces are joined, in the unit of the
+    target.
+    """
     mean_square = max(fit.selection.sse, 0.0) / fit.selection.samples
     return math.sqrt(mean_square) * abs(fit.scaling.y_slope)
 
@@ -145,8 +149,8 @@ def segment_ends(curve: SegmentedCurve, segment: Segment) -> list[float]:
 
 
 def terms_table(fit: FitResult) -> Table:
-    """Return the terms in the order of selection, with error reduction ratio, running sum,
-    runner-up and the margin over it.
+    """Return a table of the terms in the order of selection, with the error reduction ratio of
+    each, the sum of the ratios so far, the runner-up, and the margin over the runner-up.
     """
     columns = (
         *("segment", "step", "term", "ERR [%] .4f", "sum of ERR [%] .4f", "runner-up"),
@@ -224,7 +228,7 @@ def coefficients_table(fit: FitResult, unit: str, model: Model | None = None) ->
     return Table.of("coefficients", title, columns, rows, *notes)
 
 
-MOST_NAMED = 12  # terms named in a sentence
+MOST_NAMED = 12  # largest number of terms that a sentence names
 
 
 def outliers_table(outliers: Sequence[Outlier], unit: str) -> Table:
@@ -274,8 +278,8 @@ def limits_tables(model: Model) -> Iterator[Table]:
 
 
 def shape_table(inputs: ReportInputs) -> Table:
-    """Return by how much the model violates the known shape of its output along inputs, and where
-    the shape determined its coefficients.
+    """Return a table of the known shape of the output along inputs: by how much the model violates
+    it, and the ranges in which it determined the coefficients.
     """
     unit, shape = inputs.model.output.unit, inputs.model.shape
     known = {(one.quantity, one.word): one for one in (shape.kept if shape else ())}
@@ -372,8 +376,8 @@ def same_models(fitted: Sequence[tuple[str, FormulaFit]]) -> tuple[str, ...]:
     """Return a sentence for every pair of different formulas that are the same model here.
 
     They are the same if the same samples are fitted with the same sum of squares. For example,
-    tondu_lopez with a fitted area is chou_hannaford in other parameters, whenever that describes a
-    braid.
+    tondu_lopez with a fitted area is chou_hannaford in other parameters, if the parameters of the
+    latter describe a braid.
     """
     known = [(name, fit) for name, fit in fitted if not fit.failed and fit.sse > 0.0]
     return tuple(
@@ -398,8 +402,8 @@ def rival_minima(name: str, formula: FormulaFit) -> Iterator[str]:
 
 
 def folds_table(choices: Sequence[FoldError], unit: str) -> Table:
-    """Return the cross-validation errors behind the decision between the formula alone and the
-    formula with segments.
+    """Return a table of the cross-validation errors by which mapmore chose between the formula
+    alone and the formula with segments.
     """
     best = min((choice.rmse for choice in choices), default=math.nan)
     columns = ("choice", f"RMSE of left-out samples [{unit}]", "folds", "least error")

@@ -1,5 +1,5 @@
-"""Write files that are either the old or the new ones, whatever happens, and explain to the user
-what the file system refuses.
+"""Write files so that each is either the old or the new one, whatever happens. Also turn errors of
+the file system into messages for the user.
 """
 
 from __future__ import annotations
@@ -43,17 +43,18 @@ _REFUSED = {
 
 
 def is_special(path: Path) -> bool:
-    """Return True if `path` is something other than a regular file, which is written into and never
-    replaced: a pipe, a terminal, `/dev/null`.
+    """Return True if `path` is no regular file but, for example, a pipe, a terminal or `/dev/null`.
+    Data are then written into it, and it is never replaced.
     """
     other = path.exists() and not path.is_file() and not path.is_dir()
-    # the target of a user's link is not what the user named
+    # a link that the user made is not followed, because its target is not what the user named
     return _is_of_system(path) or (other and not path.is_symlink())
 
 
 def _is_of_system(path: Path) -> bool:
     """Return True if a path has a name in `/dev`, `/dev/fd` or `/proc`, for example `/dev/stdout`.
-    It is written into even if it is a file or a link to one, because another program holds it open.
+    Data are written into it even if it is a file or a link to one, because another program holds it
+    open.
 
     A file in a folder of `/dev`, for example `/dev/shm`, is an ordinary file.
     """
@@ -84,8 +85,8 @@ def unfinished_beside(path: Path, folder: bool = False) -> Iterator[Path]:
     """Make an empty file or folder that is to become `path`. It is removed at the end unless it was
     moved there.
 
-    Remains of killed processes for the same file are removed. This process holds its own with a
-    lock of the system, which ends with the process.
+    Remains of killed processes for the same file are removed. This process marks its own with a
+    lock of the operating system, which ends with the process.
     """
     if not path.name:  # the current folder
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
@@ -96,11 +97,13 @@ def unfinished_beside(path: Path, folder: bool = False) -> Iterator[Path]:
         handle = _locked(unfinished)
         if unfinished.exists():
             break
-        _let_go(handle)  # another process took it for abandoned before it was locked
+        # another process removed it before it was locked, because it looked abandoned
+        _let_go(handle)
     try:
         yield unfinished
     finally:
-        with suppress(OSError) if folder else nullcontext():  # the next process clears it away
+        # if the folder cannot be removed, the next process removes it
+        with suppress(OSError) if folder else nullcontext():
             remove(unfinished)
         _let_go(handle)
 
@@ -115,7 +118,7 @@ def scratch_folder() -> Iterator[Path]:
 
 
 def _clear_abandoned(path: Path) -> None:
-    """Remove the unfinished files and folders for `path` that no process holds."""
+    """Remove the unfinished files and folders for `path` that no process has locked."""
     name = re.compile(rf"{re.escape(TEMPORARY)}[0-9a-f]{{12}}-{re.escape(path.name)}", re.DOTALL)
     found = list[str]()
     with suppress(OSError):  # a folder that cannot be listed may still be writable
@@ -123,7 +126,7 @@ def _clear_abandoned(path: Path) -> None:
     for left in (path.parent / entry for entry in found):
         if (handle := _locked(left, patient=False)) is not None:
             try:
-                with suppress(OSError):  # remains of another user
+                with suppress(OSError):  # the remains may belong to another user
                     remove(left)
             finally:
                 os.close(handle)
@@ -133,7 +136,7 @@ def _locked(place: Path, patient: bool = True) -> int | None:
     """Lock a file or folder against other processes that ask for the lock. Return None if another
     process holds it, or if the system has no such locks.
     """
-    # on such a system, nothing shows that an unfinished file is abandoned, so all of them stay
+    # without locks, nothing shows that an unfinished file is abandoned, so all of them stay
     if sys.platform == "win32":
         return None
     import fcntl
@@ -163,8 +166,8 @@ def remove(place: Path) -> None:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[BufferedRandom]:
-    """Open a file that replaces `path` when the block ends without error: it is written beside it,
-    flushed to the disk, and moved over it.
+    """Open a file that replaces `path` when the block ends without error: the new file is written
+    beside `path`, flushed to the disk, and moved over it.
 
     In an unfinished folder, it is written directly and not flushed, because `sync_tree` flushes the
     whole folder before it is moved. Raises WriteError if `path` is a link.
@@ -193,8 +196,8 @@ def _opened(path: Path, how: int, mode: str) -> IO[bytes]:
 
 @contextmanager
 def written(path: Path) -> Iterator[IO[bytes]]:
-    """Open a file that is written as a whole like `replacing`; something that is no regular file,
-    such as a pipe or `/dev/null`, is opened directly.
+    """Open a file for writing as a whole, as `replacing` does. If `path` is no regular file, for
+    example a pipe or `/dev/null`, it is opened directly.
     """
     if not is_special(path):
         with replacing(path) as file:
@@ -234,8 +237,8 @@ def sync_folder(folder: Path) -> None:
 
 @contextmanager
 def refusals_told(folder: Path) -> Iterator[None]:
-    """Convert a full disk, or a refusal that concerns something in `folder`, into a WriteError;
-    other faults pass through.
+    """Convert an error into a WriteError if the disk is full, or if the file system refuses access
+    to something in `folder`. Other errors are not changed.
 
     A refusal elsewhere is handled elsewhere, for example by a stage that cannot read a recording.
     """

@@ -26,7 +26,7 @@ from mapmore_cli.storage.stamps import take_stamp
 LOCK = ".lock"
 
 ASIDE = ".old-"
-"""Prefix of the name of a folder that makes way for a new one."""
+"""Prefix of the name to which an old folder is renamed while a new one takes its place."""
 
 TRASH = ".trash"
 """Folder beside the runs into which removed files are moved."""
@@ -52,9 +52,9 @@ def contents_of(run_dir: Path, rehash: bool = False) -> Contents:
     """Return the contents of a run folder. `rehash` reads files even if their size and time are
     unchanged.
 
-    Links, folders without a recorded file, and folders with their own record are not entered,
-    because they belong to somebody else as a whole. So does everything if the record names another
-    run, for example in a copy of a folder.
+    Links, folders without a recorded file, and folders with their own record are not searched,
+    because everything in them belongs to somebody else. If the record names another run, for
+    example in a copy of a folder, everything belongs to somebody else.
     """
     known = written_files(run_dir)
     folders = {parent.as_posix() for path in known for parent in PurePosixPath(path).parents}
@@ -88,7 +88,7 @@ def contents_of(run_dir: Path, rehash: bool = False) -> Contents:
 
 
 def _is_left(place: Path, path: str) -> bool:
-    """Return True if a folder is the remains of a killed process."""
+    """Return True if a folder was left behind by a killed process."""
     return bool(UNFINISHED.fullmatch(path)) and not place.is_symlink()
 
 
@@ -108,7 +108,7 @@ def remove_own(run_dir: Path, own: Sequence[str], now: bool) -> None:
         to_trash(run_dir, paths)
     (run_dir / LOCK).unlink(missing_ok=True)
     for folder, _, _ in os.walk(run_dir, topdown=False):
-        with suppress(OSError):  # a file that was added meanwhile keeps its folder
+        with suppress(OSError):  # a folder is kept if a file was added to it in the meantime
             Path(folder).rmdir()
 
 
@@ -142,9 +142,9 @@ def to_trash(run_dir: Path, paths: Sequence[str], without: str = "") -> Path:
 
 
 def put_back(run_dir: Path, output: str, known: Mapping[str, Stamp]) -> list[str]:
-    """Clear the folder that stepped aside for a new `output`: the run's own files are removed, and
-    everything else is moved into the new folder. Return the paths of files whose place is taken,
-    which are moved to the trash.
+    """Clear the old folder that was renamed when a new `output` took its place. The run's own files
+    are removed, and all others are moved into the new folder. If the new folder has a file of the
+    same name, the old file is moved to the trash; return the paths of these files.
     """
     aside, moved = run_dir / f"{ASIDE}{output}", list[str]()
     for old in list(_below(aside)):

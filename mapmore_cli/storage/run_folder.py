@@ -52,7 +52,7 @@ RESULTS: Mapping[str, str] = MappingProxyType(
 """File with the result of each stage; `report` has a page instead."""
 
 NOTHING: Mapping[str, Stamp] = MappingProxyType({})
-"""Contents of an empty record."""
+"""Stamps of a record without files."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class RunFiles:
             raise DataError(f"{path}: is damaged", "delete it, and run the study again") from fault
 
     def scores(self) -> ScoreTable:
-        """Return the scores without the predictions."""
+        """Return the scores of the run, which are stored without the predictions."""
         return read_scores(self.folder / "scores.json")
 
 
@@ -137,7 +137,8 @@ def run_lock(run_dir: Path, patient: bool = False) -> Iterator[None]:
     except Timeout:
         remedy = "wait until it is done, or choose another folder with --runs"
         raise WriteError(f"{run_dir}: another process is writing this run", remedy) from None
-    except (OSError, NotImplementedError) as fault:  # for example on network drives
+    # for example, a network drive may have no locks
+    except (OSError, NotImplementedError) as fault:
         what = getattr(fault, "strerror", None) or "its file system has no locks"
         raise WriteError(
             f"{run_dir}: cannot be locked ({what})", "choose a local folder with --runs"
@@ -190,8 +191,8 @@ def refuse_foreign(folder: Path, record: str) -> None:
 
 
 def _is_ours(record: Path) -> bool:
-    """Return True if a record may be one of ours, even a damaged one; False for a complete document
-    of somebody else.
+    """Return True if a record may have been written by mapmore, even if it is damaged; False for an
+    intact document of another program.
     """
     try:
         document = json.loads(record.read_bytes())
@@ -202,8 +203,8 @@ def _is_ours(record: Path) -> bool:
 
 
 def recover(run_dir: Path, outputs: Iterable[str]) -> None:
-    """Remove the remains of an interrupted process, and restore those `outputs` that had stepped
-    aside.
+    """Remove the remains of an interrupted process, and restore those `outputs` that it had renamed
+    to make room for new ones.
     """
     with refusals_told(run_dir):
         for output in outputs:
@@ -219,7 +220,9 @@ def recover(run_dir: Path, outputs: Iterable[str]) -> None:
 
 
 def is_tidy(run_dir: Path) -> bool:
-    """Return False if a process is working, or was killed during its work."""
+    """Return True if no process is working in the folder of a run, and none was killed during its
+    work.
+    """
     return not any(
         UNFINISHED.fullmatch(name) or name.startswith(ASIDE)
         for name in os.listdir(run_dir)  # noqa: PTH208
@@ -229,7 +232,7 @@ def is_tidy(run_dir: Path) -> bool:
 @contextmanager
 def stage_folder(run_dir: Path, stage: str) -> Iterator[Path]:
     """Make a new folder inside the run's, on the same file system, and remove it when the stage
-    ends, in whatever way. Long columns are stored there meanwhile.
+    ends, in whatever way. Long columns are stored in it while the stage works.
     """
     with unfinished_beside(run_dir / stage, folder=True) as folder:
         token = SCRATCH.set(str(folder))
@@ -256,9 +259,9 @@ def swap_in(
     """Move finished `outputs` from `folder` into the run, each as a whole, after all of them are on
     the disk.
 
-    A file that `known` does not list unchanged belongs to somebody else: in a folder it stays, and
-    if it would be overwritten, it is moved to the trash. Returns the paths of the files that were
-    moved.
+    A file belongs to somebody else if `known` does not list it, or if it has changed since. If a
+    new file takes its place, it is moved to the trash; otherwise it stays. Return the paths of the
+    files that were moved.
     """
     sync_tree(folder)
     for output in outputs:

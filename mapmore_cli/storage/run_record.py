@@ -1,5 +1,5 @@
-"""Read and write `run.json`: from what every stage of a run was made, and with which versions. A
-stage's entry is written last and commits its outputs.
+"""Read and write `run.json`: the inputs, settings and versions with which every stage of a run was
+made. A stage's entry is written last and commits its outputs.
 
 Sizes, times and hashes show whether files are still the ones that were read or written. There are
 no absolute paths, users, hosts or environment variables.
@@ -32,12 +32,12 @@ from mapmore_cli.domain.foreign import csv_cell
 from mapmore_cli.domain.scores import Score, ScoreTable
 from mapmore_cli.storage.atomic import write_text
 
-LONGEST_NAME = 255  # bytes of a file's name, which file systems take
+LONGEST_NAME = 255  # largest number of bytes in the name of a file on common file systems
 
 
 def _as_path(text: str) -> str:
-    """Return a recorded path; raises ValueError for one that no file can have, since asking for
-    such a file is an error of its own.
+    """Return a recorded path unchanged. Raises ValueError for a path that no file can have, because
+    the file system would raise other errors for it.
     """
     names = [os.fsencode(name) for name in text.split("/")]
     if b"\0" in b"".join(names) or max(map(len, names)) > LONGEST_NAME:
@@ -65,15 +65,17 @@ class Stamp:
     ctime_ns: int = 0
 
     def is_of(self, state: Sequence[int]) -> bool:
-        """Return True if a file in this `state` is unchanged since the stamp was taken."""
+        """Return True if a file with this `state` (`seals.state_of`) is unchanged since the stamp
+        was taken.
+        """
         known = (self.size, self.mtime_ns, self.inode, self.ctime_ns)
         size, mtime_ns, *rest = zip(known, state, strict=True)
         return all(a == b for a, b in (size, mtime_ns)) and all(a in (0, b) for a, b in rest)
 
 
 def refuse_newer(path: Path, found: str, known: str) -> None:
-    """Raise DataError if a file's major version is above the one that this program knows, or is no
-    version.
+    """Raise DataError if the version of a file, `found`, is no version, or if its major number is
+    above the one that this program knows.
     """
     try:
         major = int(found.split(".")[0])
@@ -150,8 +152,8 @@ class Origin:
     settings: tuple[str, ...] = ()
 
     def rival_of(self, other: Origin, run_dir: Path) -> str | None:
-        """Return the file that claims the run's name too: another spec, or a campaign with other
-        settings; None if there is none.
+        """Return the other file that makes a run with the same name: another spec, or a campaign
+        with other settings. None if there is none.
         """
         if other.spec != self.spec:
             return other.spec if (run_dir / other.spec).is_file() else None
@@ -172,22 +174,20 @@ _DAMAGE = (OSError, ValueError, TypeError, KeyError, AttributeError, OverflowErr
 
 
 def _read_json(path: Path) -> Any:
-    if not path.is_file():  # reading a pipe would wait
+    if not path.is_file():  # reading a pipe would wait for its writer
         raise FileNotFoundError(path)
     return _document(path.read_text(encoding="utf-8"))
 
 
 @lru_cache(maxsize=4)
 def _document(text: str) -> Any:
-    """Return a document, which must not be changed, because the document of a run is cached for
-    repeated reading.
-    """
+    """Parse the text of a JSON document. The result is cached, so it must not be changed."""
     return json.loads(text)
 
 
 def stale_stages(records: Mapping[str, StageRecord]) -> dict[str, str]:
-    """Return committed stages whose results were made from other results than the present ones,
-    with the earlier stage that was repeated since.
+    """Return the stages whose results were made from results of an earlier stage that are no longer
+    present, each with the name of that earlier stage, which was repeated since.
     """
     reasons: dict[str, str] = {}
     done = [name for name in STAGES if name in records]
@@ -206,7 +206,8 @@ def load_origin(run_dir: Path) -> Origin | None:
 
 
 def load_records(run_dir: Path, warn: Callable[[str], None]) -> dict[str, StageRecord]:
-    """Return the committed stages of a run by name; if `run.json` is damaged, warn and return none.
+    """Return the committed stages of a run by name; if `run.json` is damaged, warn and return an
+    empty dict.
 
     Raises DataError for a record of a newer format.
     """

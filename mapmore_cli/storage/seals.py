@@ -16,7 +16,7 @@ from typing import TypedDict
 from mapmore_cli.storage.atomic import write_text
 
 SEAL = ".seal"
-"""File in the run folder, which can be lost without harm."""
+"""File in the run folder with the seal. If it is lost, the run is only planned again."""
 
 REVISION = 2
 """Number that is raised when `Answer` has other keys, so that runs with an older seal are
@@ -29,7 +29,8 @@ class Answer(TypedDict):
 
     - `patterns`, `recordings`: the file patterns in the spec, and the files that they matched.
     - `stages`: the stages that are up to date.
-    - `published`, `limits`: the numbers with which its scores are compared, as JSON values.
+    - `published`, `limits`: published scores and limits with which the scores of the run are
+      compared, as JSON values.
     - `warnings`: findings of the rules.
     - `alerts`: sentences that warn about its scores, as JSON values.
     """
@@ -46,7 +47,8 @@ class Answer(TypedDict):
 class Sealed(TypedDict):
     """A run that is up to date as long as its files are unchanged.
 
-    - `question`: the request, and the version of the program, as JSON values.
+    - `question`: what was requested (spec and options), and the version of the program, as JSON
+      values.
     - `texts`: SHA-256 of the specs, by path relative to the run's folder.
     - `files`: states of sources and results, by path relative to the run's folder.
     - `answer`: results of the run.
@@ -74,8 +76,8 @@ def states_of(run_dir: Path, paths: Iterable[str]) -> dict[str, list[int]]:
 
 
 def file_at(run_dir: Path, path: str) -> Path:
-    """Return the file at a path relative to a folder, which may not exist yet, or may be reached by
-    a link.
+    """Return the file at a path relative to a run folder. The folder may not exist yet, or may be a
+    link.
     """
     return Path(os.path.normpath(run_dir / path))
 
@@ -87,7 +89,7 @@ def write_seal(run_dir: Path, sealed: Sealed) -> None:
 
 
 def read_seal(run_dir: Path) -> Sealed | None:
-    """Return the seal of a run; None if there is none, or if it was changed."""
+    """Return the seal of a run; None if there is none, or if the seal file was changed."""
     try:
         digest, _, body = (run_dir / SEAL).read_bytes().partition(b"\n")
     except OSError:

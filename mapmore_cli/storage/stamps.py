@@ -1,8 +1,8 @@
 """Decide whether files are still the ones that were read or written.
 
 A long result file contains a checksum of its values, computed while they were written. It replaces
-the hash of the file, which need not be read again. A file whose values do not have this checksum is
-hashed itself, and so has another hash.
+the hash of the file, which need not be read again. If the values of a file do not have the checksum
+in it, the file itself is hashed, so that its hash differs.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from mapmore_cli.storage.seals import state_of
 
 
 def take_stamp(path: Path, known: Stamp | None = None, rehash: bool = False) -> Stamp:
-    """Return the stamp of a file. The hash is taken from `known` if the state is the same, unless
-    `rehash`. Raises OSError if the file cannot be read.
+    """Return the stamp of a file. The hash is taken from `known` if the state of the file is the
+    same, unless `rehash` is True. Raises OSError if the file cannot be read.
     """
     # The state is taken before reading: if a file changes meanwhile, its time differs from its
     # stamp, and it is read again next time.

@@ -22,8 +22,8 @@ from mapmore_cli.study.yaml_loader import as_overrides, read_source
 
 
 class Variant(Section):
-    """One run of a campaign: a spec (by default the `base` of the campaign), the `name` of the run,
-    and the keys to `set`, which have the form of `--set`.
+    """One run of a campaign: its spec (by default the `base` of the campaign), its `name`, and
+    other values for some keys of the spec (`set`, with the same keys as the option `--set`).
     """
 
     base: SpecPath | None = None
@@ -49,10 +49,13 @@ class Campaign(Section):
     title: str | None = None
     base: SpecPath | None = None
     runs: Annotated[list[Variant], Field(min_length=1)]
-    relative_to: str | None = None  # the model whose errors all others are divided by
+    # name of the run by whose errors those of all other runs are divided
+    relative_to: str | None = None
     best_of: list[
         str
-    ] = []  # formulas of which the best one in each run, chosen afterwards, is a competitor
+        # formulas whose best one in each run is shown as one competitor; it is chosen by the scores
+        # themselves
+    ] = []
 
     def _contradictions(self) -> Sequence[Row]:
         return [
@@ -70,8 +73,8 @@ class Entry:
     """A spec to run, with overrides as on the command line; `campaign` is the file that lists it,
     or None.
 
-    `called` is the name of the run, or the name of its spec if it has none. The folder is added if
-    another run of the campaign has the same name.
+    `called` is the name of the run, or the name of its spec if the run has none. If another run of
+    the campaign has the same name, the folder is added.
     """
 
     config: Path
@@ -85,7 +88,7 @@ def is_campaign(path: Path) -> bool:
     try:
         lines = read_source(path).text.splitlines()
     except SpecError:
-        return False  # loading the file reports the reason
+        return False  # whoever loads the file reports why it cannot be read
     return any(line.startswith("campaign:") for line in lines)
 
 
@@ -115,8 +118,9 @@ class Expanded:
 def expanded(
     configs: Sequence[Path], overrides: Sequence[str]
 ) -> tuple[list[Expanded], list[Entry]]:
-    """Return every campaign among the files, and all runs to do. A file that is a spec is one run.
-    `overrides` are applied last.
+    """Return every campaign among the files, and the list of all runs. A file that is no campaign
+    is the spec of one run. `overrides` are applied to every run, after the settings of its
+    campaign.
     """
     campaigns: list[Expanded] = []
     entries: list[Entry] = []

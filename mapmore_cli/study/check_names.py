@@ -1,5 +1,5 @@
-"""Check names and terms: every quantity exists, and a model with memory has a time and no setting
-that has no effect.
+"""Check names and terms: every quantity exists, a model with memory has a time, and no setting is
+without effect.
 """
 
 from __future__ import annotations
@@ -34,7 +34,8 @@ NO_TIME = "add `time` to `columns`, or `sample_time` to `data`"
 ONE = "a dictionary with memory makes one model of whole recordings, without segments"
 OF_NOTHING = "a model must not use its target as an input"
 DERIVED = ("damping", "hysteresis")
-"""Targets that no column holds, so that no term can feed them back."""
+"""Targets that are computed and that no column holds, so that terms cannot use their past values.
+"""
 
 
 def unknown_quantity(
@@ -56,8 +57,8 @@ NAMED = (
     *("data.files.*.keep.*.quantity", "data.uncertainty.*", "data.cycles.over", "data.levels.of"),
     *("data.split.validate.of", "segment.*.of", "validate.as"),
 )
-"""Places of a spec at which a text names a quantity of the study, unless it is a number with a
-unit.
+"""Places of a spec at which a text is the name of a quantity of the study, unless it is a number
+with a unit.
 """
 
 
@@ -75,7 +76,7 @@ def names_of_quantities(spec: ExperimentSpec) -> Iterator[Finding]:
             if isinstance(name, str) and not is_quantity(name):
                 yield from unknown_quantity(name, spec.quantities, loc)
     hold_out, beyond = spec.data.split.hold_out, spec.fuse.extrapolation
-    # `none` cancels the segments of the spec that this one extends
+    # the word `none` cancels the segments of the spec that this spec extends
     cut = [name for name, how in spec.segment.items() if (name, how) != (DIRECTION, "none")]
     keys: list[tuple[Loc, Collection[str]]] = [
         (("data", "uncertainty"), spec.data.uncertainty),
@@ -124,9 +125,7 @@ def derivations(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def expression_findings(text: str, loc: Loc, have: Sequence[str]) -> Iterator[Finding]:
-    """Yield the faults of an expression of the quantities of a study, all taken at the same
-    time.
-    """
+    """Yield the faults of an expression in which every quantity stands for its present value."""
     for part in (yield from _states_in(text, loc, have)):
         if part.name != part.quantity and part.quantity in have:
             remedy = "use the state in the `dictionary` instead, or derive rates by `rate_of`"
@@ -140,8 +139,8 @@ def expression_findings(text: str, loc: Loc, have: Sequence[str]) -> Iterator[Fi
 def _states_in(
     text: str, loc: Loc, have: Sequence[str], is_expression: bool = True
 ) -> Generator[Finding, None, list[State]]:
-    """Return the states in an expression, or the state that a text names, and check that their
-    quantities exist.
+    """Check that the quantities of states exist, yield findings, and return the states. The text is
+    an expression that contains states, or the name of one state.
     """
     fault, remedy = "an expression", None
     if not is_expression:
@@ -158,8 +157,8 @@ def _states_in(
 
 
 def clocks(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require the time for everything that depends on the clock, and distinct names for joined
-    quantities.
+    """Check that the time is known if a setting depends on the clock, and that joined logs have
+    quantities with distinct names.
     """
     data = spec.data
     no_time = "time" not in data.measured
@@ -264,8 +263,8 @@ def _of_target(used: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterat
 
 
 def _partners(family: Products, loc: Loc) -> Iterator[Finding]:
-    """Check that the names in `with` of products are among their terms. The names of families
-    inside products are known only to the fit.
+    """Check that the names in `with` of products occur among their terms. If products contain
+    families, the check is left to the fit, because the terms of families are not known earlier.
     """
     texts = [text for text in family.of if isinstance(text, str)]
     names = [_state_name(text) for text in texts]
@@ -287,7 +286,7 @@ def _state_name(text: str) -> str:
 
 
 def _word(name: str, text: str) -> int:
-    """Return the offset of a name in an expression, where it is not a part of a longer name."""
+    """Return the offset at which a name stands in an expression as a whole word."""
     match = re.search(rf"(?<![A-Za-z0-9_]){re.escape(name)}(?![A-Za-z0-9_])", text)
     return match.start() if match else 0
 
@@ -335,7 +334,9 @@ def along_recordings(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def idle(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check that settings for pieces, and settings for memory, have something to act on."""
+    """Refuse settings that have no effect: those of pieces if the model has none, and those of
+    memory if no term has memory.
+    """
     if spec.has_memory:
         yield from _of_pieces(spec)
     elif spec.model.type == "mapmore":

@@ -107,8 +107,8 @@ def segmented(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def leaving_out(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require levels or groups that can be left out, and a model that can be fitted without
-    them.
+    """Check cross-validation: there are levels or groups that can be left out, and the model can be
+    fitted without them.
     """
     data, whole = spec.data, spec.has_memory or spec.model.type == "sum"
     for way, example, there in (
@@ -135,8 +135,8 @@ def leaving_out(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def groups(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require a quantity that distinguishes the groups, and gains and offsets that the data can
-    determine.
+    """Check that a quantity distinguishes the groups, and that the data can determine their gains
+    and offsets.
     """
     groups, left_out = spec.data.groups, spec.data.split.leave_one_group_out
     if groups is None:
@@ -169,7 +169,7 @@ def groups(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def recordings_apart(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require columns for the quantities whose values distinguish recordings."""
+    """Check that the quantities whose values distinguish recordings come from columns."""
     of = spec.data.recordings.quantities if spec.data.recordings is not None else []
     missing = [name for name in of if name not in spec.data.measured or name == "time"]
     yield from applying(
@@ -205,8 +205,8 @@ def after_cycles(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def chosen_levels(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check that the values of the level quantity that are held out, or that alone are trained on,
-    are levels.
+    """Check that the values of the level quantity in `split.validate` and `fit.train_level` are
+    levels.
     """
     levels, hold_out, trains = spec.data.levels, spec.data.split.hold_out, spec.fit.train_level
     if levels is None:
@@ -229,8 +229,8 @@ def chosen_levels(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def target(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require what a target is computed from: its quantity, load cycles, plateaus, or the runs in
-    `needs`.
+    """Check that everything exists from which the target is computed: its quantity, load cycles,
+    plateaus, or the runs in `needs`.
     """
     needs, plateau, have = spec.needs, spec.data.plateau, spec.data.quantities
     missing = [f"`needs.{name}`" for name in ("static", "damping") if getattr(needs, name) is None]
@@ -297,7 +297,7 @@ HELD = {
     "validate.as": "validation.as_",
     "validate.intervals": "validation.intervals",
 }
-"""Attribute of the spec that holds a setting, if it is not the name of the setting."""
+"""Attribute of the spec that holds a setting, for settings whose attribute has another name."""
 
 
 def several(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -340,8 +340,8 @@ def several(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def kind(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require what the kind of model needs, and a model that can be inverted if it is scored as one
-    of its inputs.
+    """Check that the spec has all settings that the kind of model needs, and that the model can be
+    inverted if `validate.as` asks for it.
     """
     model, scored_as, is_pieces = spec.model, spec.validation.as_, spec.model.type == "mapmore"
     family = () if model.family is None else ("pressure", "strain", model.family.of)
@@ -442,7 +442,7 @@ def unknown_formula(
     spec: ExperimentSpec, name: str | None, loc: Loc, others: Sequence[str] = ()
 ) -> Iterator[Finding]:
     """Yield a finding if no formula has the given name."""
-    # a fault of an own formula is reported at its definition
+    # a faulty own formula is reported at its definition
     if name is not None and name not in spec.own_formulas:
         known = (*literature.names(), *spec.own_formulas, *others)
         yield Finding(loc, f"there is no literature model `{name}`", did_you_mean(name, known))

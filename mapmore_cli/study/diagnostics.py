@@ -1,4 +1,6 @@
-"""Collect the mistakes of a spec with their places, explain them, and show them all at once."""
+"""Collect the mistakes of a spec with their places in the files, explain them, and show all of them
+at once.
+"""
 
 from __future__ import annotations
 
@@ -65,7 +67,8 @@ def locate(finding: Finding, root: Node) -> Mistake:
     at = node.start if on_key else node.at
     if finding.offset and isinstance(node.value, str):
         written = _source_line(at)[at.column - 1 :]
-        for quote in ("", '"', "'"):  # without a match, the source writes the text in another way
+        # if no quotes match, the source writes the text in another way
+        for quote in ("", '"', "'"):
             if written.startswith(quote + node.value):
                 at = replace(at, column=at.column + len(quote) + finding.offset)
                 break
@@ -74,7 +77,7 @@ def locate(finding: Finding, root: Node) -> Mistake:
 
 def applying(*rows: tuple[bool, Loc | str, str, str], **known: object) -> Iterator[Finding]:
     """Yield a finding for each row whose condition is true. A row holds the condition, the path,
-    what is wrong, and what would be right.
+    the description of the mistake, and the correction.
 
     The texts are templates: `{name}` is replaced by the keyword argument `name`, and `{{` is a
     brace.
@@ -157,11 +160,11 @@ def _source_line(at: Position) -> str:
 # --------------------------------------------------------------------------------------------------
 
 Explained = tuple[str, str | None]
-"""What is wrong, and what would be right or None."""
+"""Description of a mistake, and its correction or None."""
 
 MOST_ERRORS = 200
-"""Largest number of errors that are explained: a list of thousands of wrong values is one
-mistake.
+"""Largest number of errors of pydantic that are explained. A list of thousands of wrong values is
+only one mistake.
 """
 
 _EXPECTED = {
@@ -188,12 +191,12 @@ _SAID: dict[str, tuple[str, str | None]] = {
     "too_short": ("is empty", "give at least {min_length}"),
     "too_long": ("has too many values: {shown}", "give {max_length}"),
 }
-"""For each kind of error of pydantic: what is wrong with the value, and what would be right."""
+"""For each kind of error of pydantic: the description of the mistake, and its correction."""
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 
 
 KeysAt = Callable[[Loc], Sequence[str]]
-"""Function that returns the keys that the sections at a path know."""
+"""Function that returns the keys that are allowed at a path."""
 
 
 def explain(error: ValidationError, root: Node, keys_at: KeysAt) -> list[Mistake]:
@@ -214,11 +217,11 @@ def explain(error: ValidationError, root: Node, keys_at: KeysAt) -> list[Mistake
 
 
 def lost(error: ValidationError, root: Node, keys_at: KeysAt) -> Iterator[tuple[Loc, Loc | None]]:
-    """Yield the path of each value or section that pydantic rejected, together with the path of the
-    key that is missing as a consequence.
+    """Yield the path of each value or section that pydantic rejected, and the path of the required
+    key that is missing because of it.
 
-    For an unknown key, this is the key that was meant. The second path is None if the unknown key
-    resembles no missing key.
+    If an unknown key resembles a missing one, the missing key is the one that was meant. Otherwise,
+    the second path is None.
     """
     for details in error.errors(include_url=False):
         loc, _ = _split(details["loc"], root)
@@ -237,8 +240,8 @@ def _problem(details: ErrorDetails, root: Node, keys_at: KeysAt) -> Mistake:
     loc, rest = _split(details["loc"], root)
     node = nearest(root, loc)
     name = f"`{_dotted(loc)}`" if loc else "the spec"
-    # the key would be read as a quantity, but its value shows that a key with a similar name was
-    # meant
+    # The key is taken for the name of a quantity, but its value shows that a key with a similar
+    # name was meant.
     for depth, key in enumerate(loc, start=1):
         known = keys_at(loc[: depth - 1])
         near = () if key in known else get_close_matches(str(key), known, n=1, cutoff=0.75)
@@ -320,7 +323,9 @@ def _dotted(loc: Loc) -> str:
 
 
 def _value_in_words(value: object) -> str:
-    """Return the words for a value in a message: its type, and the value itself if it is short."""
+    """Return the description of a value for a message: its type, and the value itself if it is
+    short.
+    """
     if value is None:
         return "empty"
     if isinstance(value, dict | list):

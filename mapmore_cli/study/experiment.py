@@ -103,7 +103,7 @@ OF_PATHS = ("needs.static", "needs.damping", "data.files")
 
 
 def _with_paths(settings: Mapping[str, Any], change: Callable[[str], object]) -> dict[str, Any]:
-    """Return keys of a spec in which `change` was applied to every path."""
+    """Return settings of a spec with `change` applied to every value that is a path."""
 
     def changed(value: object) -> object:
         if isinstance(value, list):
@@ -346,8 +346,8 @@ class Report(Section):
 
 
 def _given_memory(dictionary: object, info: ValidationInfo) -> bool:
-    """Return True if a dictionary that is not validated yet has terms with memory. A dictionary of
-    wrong form gives False; its fault is reported elsewhere.
+    """Return True if a dictionary that is not validated yet has terms with memory. The result is
+    False for a dictionary of the wrong form, whose fault is reported elsewhere.
     """
     try:
         return isinstance(dictionary, list) and remembers(
@@ -358,7 +358,9 @@ def _given_memory(dictionary: object, info: ValidationInfo) -> bool:
 
 
 def _pooled(value: Mapping[str, Any]) -> bool:
-    """Return True if a spec that is not validated yet has one segment with all its curves."""
+    """Return True if a spec that is not validated yet fits one function to all curves together,
+    without segments.
+    """
     data, segment = value.get("data"), value.get("segment") or {}
     levels = data.get("levels") if isinstance(data, dict) else None
     whole = isinstance(segment, dict) and all(cut == "none" for cut in segment.values())
@@ -455,13 +457,13 @@ class ExperimentSpec(Section):
         elif model is None and (adds or dictionary is None):
             value["model"] = {"type": "sum" if adds else "auto"}
         if isinstance(fit, dict) and _given_memory(dictionary, info):
-            # step counts and widths in physical units stay readable
+            # states are not scaled, so that numbers of samples and widths stay in physical units
             fit.setdefault("scaling", "none")
             _sized_by_data(fit)
         elif isinstance(fit, dict) and dictionary and _pooled(value):
             _sized_by_data(fit)
         elif isinstance(fit, dict) and target == "damping":
-            # pure products, which a shifted origin would turn into sums
+            # products of powers remain products only if the origin is not shifted
             fit.setdefault("scaling", "max_abs")
         return value
 
@@ -513,8 +515,8 @@ class ExperimentSpec(Section):
 
     @model_validator(mode="after")
     def _structured(self, info: ValidationInfo) -> ExperimentSpec:
-        """Require a dictionary or a formula unless the structure is searched, and refuse them if it
-        is.
+        """Require a dictionary or a formula, unless the structure is found by a search; in that
+        case, refuse both.
         """
         parts = [
             name

@@ -1,5 +1,5 @@
 """Define the building blocks of the spec's models: the strict base class, numbers with units,
-paths, and what a validator knows about the rest of the spec.
+paths, and the information that a validator has about the rest of the spec.
 """
 
 from __future__ import annotations
@@ -52,8 +52,8 @@ def as_target(value: object) -> object:
 
 
 Row = tuple[bool, str, str, *tuple[str, ...]]
-"""A possible contradiction: whether it applies, what is wrong, what to do, and the keys at which it
-is shown.
+"""A possible contradiction: True if it applies, the description of the mistake, the remedy, and the
+keys at which the mistake is shown.
 """
 
 
@@ -67,7 +67,9 @@ class Section(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _noted(cls, value: object, info: ValidationInfo) -> object:
-        """Report to the loader which keys a mapping may have."""
+        """Report to the loader which keys this mapping may have, for messages about unknown
+        keys.
+        """
         if isinstance(info.context, Context) and isinstance(value, dict):
             keys = [field.alias or name for name, field in cls.model_fields.items()]
             info.context.note(value, keys)
@@ -99,7 +101,7 @@ class Context:
     """
 
     folder: Path
-    # of the quantities whose unit the spec gives
+    # units of the quantities for which the spec gives one
     units: Mapping[str, str] = field(default_factory=dict)
     quantities: frozenset[str] = frozenset(CANONICAL)
     target: str = "force"  # the quantity that is modelled
@@ -110,7 +112,9 @@ class Context:
 
     @classmethod
     def of(cls, root: Node, partial: bool = False) -> Context:
-        """Return what a spec says about its units and quantities, as far as it is well-formed."""
+        """Return the units and quantities of a spec, read from those of its parts that are
+        well-formed.
+        """
         spec = written(root)
         spec["target"] = as_target(spec.get("target"))
 
@@ -135,7 +139,9 @@ class Context:
         self.known.setdefault(id(value), (value, []))[1].extend(keys)
 
     def keys_at(self, value: Any, loc: Loc) -> tuple[str, ...]:
-        """Return the keys that are known to the sections that read this part of the input."""
+        """Return the keys that may stand in this part of the input, according to all sections that
+        read it.
+        """
         for step in loc:
             value = value[step]
         return tuple(dict.fromkeys(self.known.get(id(value), ({}, []))[1]))
@@ -146,8 +152,8 @@ class Context:
         """Return the number that a text with a unit stands for, as a value or as a `difference` of
         two values. Anything else is returned unchanged.
 
-        Raises Contradiction for a wrong unit. If the unit of the place is unknown, another key is
-        wrong and is reported there.
+        Raises Contradiction for a wrong unit. If the unit at this place is unknown, another key is
+        faulty, and the fault is reported at that key.
         """
         if not isinstance(value, Written) or not value.is_quantity:
             return value
@@ -213,7 +219,9 @@ def _column_unit(place: Place) -> str | None:
 
 
 def _metric_unit(place: Place) -> str | None:
-    """Return the unit of a metric, or of the target that is named below the metric."""
+    """Return the unit of the metric that is the key above the number. For a metric with one limit
+    for each target, it is the unit for that target.
+    """
     if place.key in OF_TARGET:
         return place.unit_of(place.target)
     return place.unit_of(place.quantity) if place.text.way[-2] in OF_TARGET else "1"
@@ -227,7 +235,9 @@ Share = Annotated[float, always_in("1")]
 
 
 def _share_of_value(value: object, info: ValidationInfo) -> object:
-    """Keep `2 %` as a text, unless the quantity itself is measured in per cent."""
+    """Keep a text such as `2 %` unchanged, because it is a share of the measured value. If the
+    quantity itself is measured in per cent, it is an ordinary number.
+    """
     if not isinstance(value, Written) or not isinstance(info.context, Context):
         return value
     place = Place(info.context, value)
@@ -260,8 +270,8 @@ LONGEST_NAME, LONGEST_PATH = 255, 4000
 
 
 def possible_path(path: str) -> str:
-    """Return a path that a file system can use, or the definition of a formula. Raises ValueError
-    for a name of more than 255 bytes, or one with a zero byte.
+    """Return the path if a file system can use it, or if it is the definition of a formula. Raises
+    ValueError for a name of more than 255 bytes, and for a zero byte.
     """
     if is_definition(path):
         return path
@@ -296,8 +306,8 @@ def moved_path(path: str, info: SerializationInfo, bare: bool) -> str:
 
 
 def from_folder(path: str, written_in: Path, folder: Path, bare: bool = False) -> str:
-    """Return a path that was relative to one folder, relative to another folder. With `bare`, names
-    without a folder stay unchanged.
+    """Return a path that starts at the folder `written_in` as a path that starts at `folder`. With
+    `bare`, names without a folder stay unchanged.
     """
     if written_in == folder or Path(path).is_absolute() or (bare and "/" not in path):
         return path
@@ -319,12 +329,12 @@ PathOrName = Annotated[
     AfterValidator(possible_path),
     PlainSerializer(partial(moved_path, bare=True)),
 ]
-"""The same, or a name without a folder."""
+"""A path as in `SpecPath`, or a name without a folder, which stays unchanged."""
 
 
 def stray_variables(root: Node, context: Context) -> Iterator[tuple[Node, str]]:
-    """Yield the texts that contain a variable although they are no paths, each with what is
-    wrong.
+    """Yield each text that contains a variable although it is no path, together with a description
+    of the mistake.
     """
     children = root.value.values() if isinstance(root.value, dict) else root.value
     if isinstance(children, str):

@@ -93,8 +93,8 @@ class Loaded(Generic[M]):
         return self._text()
 
     def _text(self, given_only: bool = False, moved: tuple[Path, Path] | None = None) -> str:
-        """Return the spec as YAML. `moved` holds the folder at which its paths start now, and the
-        folder at which they shall start.
+        """Return the spec as YAML. With `moved`, a pair of folders, paths that start at the first
+        folder are rewritten to start at the second.
         """
         document = self.spec.model_dump(
             mode="json",
@@ -198,7 +198,7 @@ def _validated(
     problems += [Mistake(node.at, fault, VARIABLES) for node, fault in strays]
     known = {problem.at for problem in problems}
     raise_if_any([*problems, *(problem for problem in later if problem.at not in known)])
-    # without a file there are no comments
+    # a spec without a file has no comments
     if isinstance(spec, ExperimentSpec) and path.is_file():
         spec._unconfirmed = questions_in(path.read_text(encoding="utf-8-sig"))
     return Loaded(spec, path, path.parent, tuple(overrides), root, source)
@@ -214,7 +214,7 @@ def _further_mistakes(
         return []
     sections = set[str | int]()
     while True:
-        # remove the last items of a list first, so that the indices of the others stay valid
+        # Remove the last items of a list first, so that the indices of the others stay valid.
         for loc, meant in sorted(lost(error, root, keys_at), key=_place_among_items, reverse=True):
             if meant is not None and _echoes(meant):
                 return []
@@ -227,14 +227,14 @@ def _further_mistakes(
                 for finding in check(model.model_validate(document, context=context))
                 if not ("dictionary" in sections and finding.loc[0] == "fit")
             ]
-        # a removed part was required, so that its section is removed next
+        # A required part was removed, so its section is removed next.
         except ValidationError as still:
             error, keys_at = still, partial(context.keys_at, document)
 
 
 def _echoes(loc: Loc) -> bool:
-    """Return True if the loss of this part would cause further mistakes elsewhere: a whole section,
-    or a part of `data` that defines quantities or levels.
+    """Return True if removing this part would cause mistakes elsewhere: it is a whole section, or a
+    part of `data` that defines quantities or levels.
     """
     return len(loc) < 2 or (
         loc[0] == "data" and (len(loc) < 4 or loc[1] in ("files", "levels", "split"))
@@ -257,12 +257,12 @@ def questions_in(text: str) -> tuple[str, ...]:
     that it concerns.
     """
     questions = []
-    # this search is much faster
+    # the test for the word is much faster than the search
     for match in _QUESTION.finditer(text) if "CHECK" in text else ():
         words = [match["text"]]
         start = text.rfind("\n", 0, match.start()) + 1
         key = _KEY.search(text, start)  # key of the same line, or of the line below the comment
-        # a comment above its line may have several lines
+        # a comment above the line of its key may have several lines
         if not text[start : match.start()].strip():
             below = text[match.end() + 1 :].splitlines()
             after = takewhile(
@@ -345,7 +345,7 @@ def _file_at(node: Node, spelt: Callable[[str], str], folder: Path, remedy: str)
 
 def _with_formulas(root: Node, problems: list[Mistake]) -> Node:
     """Return the tree in which each path in `formulas` is replaced by the contents of its file. A
-    single formula need not be in a list.
+    single formula may stand there without a list.
     """
     listed = root.child("formulas")
     if listed is None:
@@ -363,10 +363,10 @@ def _with_formulas(root: Node, problems: list[Mistake]) -> Node:
 
 
 def _with_units(root: Node) -> Node:
-    """Return the tree with a unit in `units` for every column without a canonical name: by default,
-    a quantity keeps the unit of its column.
+    """Return the tree with an entry in `units` for every column whose quantity has no canonical
+    name: by default, such a quantity keeps the unit of its column.
 
-    Per cent become plain numbers unless `units` names the quantity.
+    A unit of per cent becomes a plain number, unless `units` names the quantity.
     """
     units = root.child("units") or Node({}, root.at)
     if not isinstance(units.value, dict):

@@ -27,7 +27,9 @@ from mapmore_cli.study.yaml_loader import parse
 KEY = re.compile(
     r"^- `(\w+)`(?: \((.+?)\))?: (.*?)(?:(?:, as|\.? Example:) `([^`]+)`)?$\n?", re.MULTILINE
 )
-"""Line of a section's docstring that explains a key: `- `z_s` (unit): text. Example: `0.25``."""
+"""Pattern of a line that explains a key in the docstring of a section: `- `z_s` (unit): text.
+Example: `0.25``.
+"""
 
 
 class _Documented(GenerateJsonSchema):
@@ -65,7 +67,7 @@ def _told(section: JsonSchemaValue, of: type) -> JsonSchemaValue:
         if key in said_of:
             _, own_unit, value["description"], example = said_of[key].groups()
             node = parse(SourceText("an example", Path(), example or "", numbered=False), [])
-            # plain values without places
+            # values as plain JSON, without the information about their places
             value["examples"] = json.loads(json.dumps([written(node)]))
             unit = own_unit or unit
         if unit is not None:
@@ -108,7 +110,7 @@ def json_schema() -> JsonSchemaValue:
         "required": schema.pop("required"),
         "properties": {"data": {"required": sections["Data"]["required"]}},
     }
-    # `extends` merges mappings, but not lists
+    # `extends` merges mappings, but not lists, so the keys of list items remain required
     for name in {*_sections_within(schema, sections, ("items", "prefixItems", "$defs", "default"))}:
         sections[name].pop("required", None)
     return {
@@ -133,8 +135,8 @@ def write_schema_beside(spec: Path) -> Path | None:
 def _sections_within(
     schema: object, sections: dict[str, Any], skipped: Sequence[str]
 ) -> Iterator[str]:
-    """Yield the names of the sections in a schema from top to bottom, each followed by those inside
-    it. A name can occur several times.
+    """Yield the names of the sections that a schema refers to, from top to bottom, each followed by
+    the sections inside it. A name can occur several times.
     """
     if isinstance(schema, list):
         for item in schema:
@@ -143,7 +145,7 @@ def _sections_within(
         name = str(schema.get("$ref", "")).removeprefix("#/$defs/")
         if name in sections:
             yield name
-            # families within products are described with `products`
+            # families inside products are described together with `products`
             others = {key: value for key, value in sections.items() if key != name}
             yield from _sections_within(sections[name], others, skipped)
         for key, value in schema.items():

@@ -1,5 +1,5 @@
-"""Convert units, at the boundary of the spec only: inside, every array is in the unit of the model
-and carries the name of that unit.
+"""Convert units where numbers enter from a spec or a file. After that, every array is in the unit
+of the model.
 
 Common units are converted with a table of exact factors, which a test compares with pint. Pint
 knows all other units. It is imported for these only, because it loads in 0.4 s of processor time,
@@ -86,7 +86,7 @@ _COMMON = [
     *("in", *_WEIGHTS.values(), "N*m", "degC", "K", "kPa/ms"),
     *(f"{unit}/s" for unit in ("1", "%", "mm", "m", "N", "V", "Pa", "kPa", "bar", "psi")),
 ]
-"""Units that are suggested for a misspelt unit."""
+"""Units among which a suggestion for a misspelt unit is chosen."""
 _KNOWN = {
     *_COMMON,
     *_ABSOLUTE.values(),
@@ -127,7 +127,7 @@ _ANY_CASE = {unit.casefold(): unit for unit in _KNOWN}
 _BRACKETS = re.compile(r"[\[(]([^][()]+)[])]$")
 _POWER = re.compile(r"(\w+?)(?:\^?([23])|([²³]))$")
 
-# a unit matches in one way only
+# a text can be split into a number and a unit in one way only
 _QUANTITY = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)(.*)", re.ASCII | re.DOTALL)
 _FACTOR = r"\(*(?:1|%|[^\W\d]\w*)(?:(?:\^|\*\*)-?\d)?\)*"
 _UNIT = re.compile(rf"{_FACTOR}(?:(?:\s*[*/·]\s*|\s+){_FACTOR})*")
@@ -152,7 +152,7 @@ def default_unit(
     """
     if name in changes:
         return changes[name]
-    # a cycle of rates is reported elsewhere
+    # a rate that depends on itself is reported elsewhere
     others = {key: of for key, of in rates.items() if key != name}
     if name in rates or name.endswith("_rate"):
         of = rates.get(name, name.removesuffix("_rate"))
@@ -275,7 +275,8 @@ def parse_quantity(text: str, unit: str, *, difference: bool = False) -> float:
     dimension.
     """
     number, source_unit = split_quantity(text)
-    # round to 15 digits, so that a decimal number stays one: 110 kPa, not 110.00000000000001
+    # the result is rounded to 15 digits, so that a decimal number stays one: 110 kPa, not
+    # 110.00000000000001
     if source_unit is None:
         return number
     return float(f"{convert(number, source_unit, unit, difference=difference):.15g}")
@@ -324,8 +325,8 @@ def unit_of(text: str, like: str | None = None) -> str | None:
 
 
 def unit_of_file(text: str, like: str) -> str | None:
-    """Return a unit from a file (`BAR`, `psig`, `seconds since 2020-01-01`) in mapmore's spelling;
-    None for an unknown unit.
+    """Return the unit that a text in a file gives (`BAR`, `psig`, `seconds since 2020-01-01`), in
+    mapmore's spelling; None for an unknown unit.
 
     Of several possible spellings, the one that is convertible to the unit `like` is used.
     """
@@ -408,8 +409,8 @@ def _pint_unit(unit: str) -> Unit:
 
 
 def _without_zero(unit: Unit) -> Unit:
-    """Return pint's unit for differences of values. It differs for units with a zero of their own,
-    such as degC.
+    """Return pint's unit for differences of values. For a unit whose zero is not the natural zero,
+    such as degC, pint has a separate unit of differences.
     """
     quantity = _registry().Quantity
     width: Unit = (quantity(1.0, unit) - quantity(0.0, unit)).units

@@ -39,8 +39,8 @@ _RESOLVERS = {
         (_TAG + tag, re.compile(f"(?:{pattern})\\Z", re.ASCII)) for tag, pattern in _SCALARS.items()
     ]
 }
-"""Tags, and the patterns that PyYAML tries in this order, for scalars with any first character
-(None).
+"""Table by which PyYAML finds the type of an unquoted scalar: tags with patterns, which it tries in
+this order. The key None means any first character.
 """
 
 DEEPEST = 40
@@ -83,7 +83,7 @@ def _on_one_line(node: yaml.Node) -> int:
         return ONE_LINE if "\n" in node.value else len(node.value) + 2
     parts = [part for part in node.value for part in (part if isinstance(part, tuple) else (part,))]
     size = 2 + sum(map(_on_one_line, parts))
-    # `polynomial: {...}` needs no braces of its own
+    # `polynomial: {...}` as an item of a list needs no braces of its own
     is_wrapped = len(parts) == 2 and isinstance(parts[1], yaml.CollectionNode)
     node.flow_style = size <= ONE_LINE and not is_wrapped
     return size
@@ -110,8 +110,8 @@ class _CoreDumper(yaml.SafeDumper):
         """Escape the line breaks that exist in Unicode only; PyYAML would write them unescaped and
         read them back as spaces.
 
-        Words that readers of YAML 1.1 take for true or false, for example the key `on`, are quoted
-        as well.
+        Words that a reader of YAML 1.1 takes for true or false, for example the key `on`, are
+        quoted as well.
         """
         style = (
             '"'
@@ -143,7 +143,7 @@ class _Part:
 
 
 def dump(value: object) -> str:
-    """Return YAML that `CoreLoader` reads back to the same value.
+    """Return YAML text from which `CoreLoader` reads the same value.
 
     The keys of a document are written one by one and cached: the specs of a campaign differ in few
     keys, and writing YAML is slower than reading it.
@@ -173,8 +173,8 @@ def as_overrides(settings: Mapping[str, Any]) -> tuple[str, ...]:
 # --------------------------------------------------------------------------------------------------
 
 READABLE = "MAPMORE_"
-"""Prefix of the environment variables that any spec may read. A spec from a stranger must not be
-able to read a key or a password.
+"""Prefix of the environment variables that any spec may read. The prefix protects all others: a
+spec from a stranger must not be able to read a password.
 """
 
 MORE = "MAPMORE_ENV"
@@ -183,7 +183,7 @@ that worker processes know them too.
 """
 
 VARIABLES = "set it, give a default as `${NAME:-default}`, or write `$${` for a plain `${`"
-"""Remedy for a variable that cannot be expanded."""
+"""Remedy in the message about a variable that cannot be expanded."""
 
 _REFERENCE = re.compile(r"\$\$\{|\$\{([^{}]*)(\}?)")
 _BODY = re.compile(r"([A-Za-z_][A-Za-z0-9_]*)(:-(.*))?", re.DOTALL)
@@ -252,11 +252,13 @@ def _variable_value(reference: re.Match[str]) -> str:
 # Reading
 # --------------------------------------------------------------------------------------------------
 
-LARGEST = 5_000_000  # bytes of a file; enough for a campaign of a hundred thousand runs
-KEPT = 100_000  # characters of the longest text that is cached
-_MOST_VALUES = 50_000  # values that aliases may repeat; nine levels of nine aliases would make 4e8
+# largest size of a file in bytes; it is enough for a campaign of a hundred thousand runs
+LARGEST = 5_000_000
+KEPT = 100_000  # largest number of characters of a text that is cached
+# largest number of values that aliases may repeat; nine levels of nine aliases would make 4e8
+_MOST_VALUES = 50_000
 
-_PLAINER = (  # message of PyYAML, its meaning, and the remedy
+_PLAINER = (  # for each message of PyYAML, its meaning in plain words and the remedy
     (
         "cannot start any token",
         "a character that is not allowed here",
@@ -356,7 +358,7 @@ def _tree_of(source: SourceText) -> tuple[Node, tuple[Mistake, ...]]:
         root = _composed(source.text)
     except yaml.YAMLError as error:
         _explain_fault(error, source)
-    except (ValueError, OverflowError):  # raised by `chr` inside PyYAML
+    except (ValueError, OverflowError):  # `chr` raises these errors inside PyYAML
         escape = re.search(r"\\U(?!00(?:0|10))[0-9A-Fa-f]{8}", source.text)
         fault = f"{(escape[0] if escape else 'an escape')} is not a Unicode character"
         fail(_at(source, escape.start() if escape else 0), fault, "write the character itself")
@@ -370,7 +372,7 @@ def _tree_of(source: SourceText) -> tuple[Node, tuple[Mistake, ...]]:
 
 
 _remembered = lru_cache(maxsize=16)(_tree_of)
-"""The same with a cache, for a spec on which many runs of a campaign are based."""
+"""`_tree_of` with a cache, for a spec on which many runs of a campaign are based."""
 
 
 def _composed(text: str) -> yaml.Node | None:
@@ -445,8 +447,8 @@ class _Builder:
 
     @staticmethod
     def _is_after_comma(key: yaml.Node, value: yaml.Node, number: yaml.Node) -> bool:
-        """Return True if a key without a value was split off by a decimal comma from the number
-        before it.
+        """Return True if a decimal comma split a number in two: PyYAML reads the part after the
+        comma as a key without a value.
         """
         return (
             isinstance(key, yaml.ScalarNode)
@@ -494,12 +496,12 @@ _BEGIN = r"[^\s'\"\[{&*!|>]|\[[^\]]*\][ \t]*(?=\w)"
 _VALUE = re.compile(
     rf"[\w'\"<]:[ \t]+(?P<text>(?:{_BEGIN})(?:\[[^\]]*\]?|[^,{{}}\[]|\{{[^}}]*\}})*)"
 )
-"""An unquoted value after its key, including brackets."""
+"""Pattern of an unquoted value after its key, including the brackets in it."""
 
 
 def _unquoted_text(lines: Iterable[str]) -> str | None:
-    """Return the value in some lines that must be quoted because of a special character, for
-    example `P [kPa]`; None if there is none.
+    """Return the first value in some lines that must be quoted because it contains a special
+    character, for example `P [kPa]`; None if there is none.
     """
     texts = (match["text"].strip() for line in lines for match in _VALUE.finditer(line))
     return next((text for text in texts if any(mark in text for mark in _MARKS)), None)

@@ -28,11 +28,11 @@ if TYPE_CHECKING:
     from distributed import Client
 
 CONNECT = "10s"
-"""Time within which a scheduler must answer."""
+"""Time within which a scheduler must answer, as `distributed` writes it."""
 
 _one_at_a_time = Lock()
-"""Lock of a worker process, because BLAS threads and environment variables belong to the whole
-process.
+"""Lock that lets a worker process do only one job at a time, because BLAS threads and environment
+variables belong to the whole process.
 """
 
 
@@ -47,8 +47,8 @@ class Shared:
     environment: Mapping[str, str]
 
     def check(self) -> None:
-        """Raise WriteError if this process does not see the client's file, UsageError if it has
-        another version.
+        """Check that this process can do jobs. Raises WriteError if it does not see the client's
+        file, and UsageError if its version of mapmore differs.
         """
         if tool_versions()["mapmore"] != self.version:
             raise UsageError(
@@ -97,7 +97,7 @@ def run_on_cluster(
     """
     begun = Counter[int]()
 
-    def count(event: tuple[Any, Any]) -> None:  # called by a thread of the client
+    def count(event: tuple[Any, Any]) -> None:  # a thread of the client calls this function
         begun[event[1]] += 1
         if begun[event[1]] > 1:
             tell(event[1], "its worker died or was lost; the run is started again")
@@ -130,7 +130,8 @@ def _checked_workers(client: Client, shared: Shared) -> int:
         return len(client.run(shared.check))
     except MapmoreError:
         raise
-    except Exception as fault:  # the user must repair workers on which the program does not run
+    # workers may raise any exception if the program does not run on them
+    except Exception as fault:
         why = f"{type(fault).__name__}: {fault}".split("\n")[0]
         raise UsageError(
             f"the workers of the cluster cannot run mapmore ({why})",
@@ -151,7 +152,7 @@ def _connected(scheduler: str | Path) -> Client:
     where = {"address": scheduler}
     if isinstance(scheduler, Path):
         where = {"scheduler_file": str(scheduler)}
-        if not scheduler.is_file():  # the client would wait for the file
+        if not scheduler.is_file():  # without this test, the client would wait for the file
             raise UsageError(
                 f"{scheduler}: this scheduler file does not exist",
                 "start one with `dask scheduler --scheduler-file FILE`",
@@ -170,7 +171,7 @@ def _work(job: Job, shared: Shared, number: int) -> Finished:
     from distributed import get_worker
 
     get_worker().log_event(shared.token.name, number)
-    # the next job may come from another client
+    # the next job of this worker may come from another client, with other variables
     with _one_at_a_time, variables_set(shared.environment):
         shared.check()
         return run_and_seal(job)

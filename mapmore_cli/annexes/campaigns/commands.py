@@ -118,7 +118,8 @@ def batch(
         if (known := known_by_seal(todo[number], entry.called)) is not None
     }
     names = run_names(entries, campaigns, {number: entries[number].called for number in results})
-    for campaign in campaigns:  # refused before its runs are done
+    # a campaign whose page cannot be written is refused before its runs are done
+    for campaign in campaigns:
         refuse_foreign(runs / campaign.campaign.campaign, CAMPAIGN_RECORD)
     waiting = {number: job for number, job in todo.items() if number not in results}
     scheduler = cluster or cluster_file

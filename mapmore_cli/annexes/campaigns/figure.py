@@ -13,8 +13,8 @@ from mapmore_cli.reporting.figures import panels, style
 from mapmore_cli.reporting.figures.drawing import DOUBLE, Drawing, Layout, Panel
 
 ROUNDING = 1e-10
-"""NRMSE below which an error is rounding; on a logarithmic axis, it would leave no space for the
-others.
+"""Smallest NRMSE that is drawn. A smaller error is due to rounding, and on a logarithmic axis it
+would leave no space for the others.
 """
 MOST_RUNS = 100
 """Largest number of runs in the figure of a campaign; more are thinned."""
@@ -67,7 +67,7 @@ def campaign_figures(scores: CampaignScores) -> list[Drawing]:
             look, known = looks[model], np.isfinite(errors[model])
             dots: dict[str, Any] = {"marker": look.marker, "markersize": 4.0 + look.width}
             dots |= {"color": look.colour, "markeredgewidth": 0}
-            # the dots of the own model are on top
+            # dots of the run's own model are drawn on top
             dots = (FLOOR if model == REPEATABILITY else dots) | {"zorder": 3 - 0.1 * place}
             ax.plot(errors[model][known], rows[known], linestyle="none", label=model, **dots)
         panels.label_rows(ax, panels.told_apart(runs, 40))

@@ -77,8 +77,9 @@ def write_page(
 def _ways_made(
     folder: Path, texts: Mapping[str, str], warn: Callable[[str], None]
 ) -> dict[str, list[str]]:
-    """Move the files that somebody changed since the last page to the trash. Return the hashes of
-    the files that may exist from now on, whether from the last page or from this one.
+    """Move the files that somebody changed since the last page to the trash. Return, for each file
+    of the page, the hashes that it may have from now on: as the last page wrote it, or as this page
+    does.
 
     The record of an older version lists no files; every existing file then counts as written by
     mapmore.
@@ -91,7 +92,7 @@ def _ways_made(
         files[name] = [sha256(text.encode()).hexdigest()]
         place = folder / name
         if place.is_symlink() or not place.is_file():
-            continue  # a link is refused when it would be written
+            continue  # a link is refused when a file is written in its place
         there = sha256(place.read_bytes()).hexdigest()
         if not isinstance(known, dict) or there in (*files[name], *known.get(name, ())):
             files[name].append(there)
@@ -190,7 +191,7 @@ def run_names(
         ]
     owners: dict[str, str] = {}
     for folder, owner in claims:
-        # one folder on file systems that ignore capitals
+        # file systems that ignore capitals take both names for the same folder
         first = owners.setdefault(folder.lower(), owner)
         if first is not owner:
             raise UsageError(

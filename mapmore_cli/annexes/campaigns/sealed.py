@@ -55,7 +55,7 @@ def known_by_seal(job: Job, name: str) -> Finished | None:
     if sealed is None or sealed["question"] != _question(job, run_dir):
         return None
     answer = sealed["answer"]
-    with suppress(OSError, DataError):  # a source is missing, or a pattern matches nothing
+    with suppress(OSError, DataError):  # a source may be missing, or a pattern may match nothing
         if (
             not still_holds(run_dir, sealed)
             or not is_tidy(run_dir)
@@ -86,7 +86,7 @@ def run_and_seal(job: Job) -> Finished:
     texts = _hashes_now(run_dir, specs)
     finished = run_one(job)
     if _can_be_sealed(loaded) and texts and _hashes_now(run_dir, specs) == texts:
-        with suppress(OSError, DataError):  # the next campaign will plan it
+        with suppress(OSError, DataError):  # without a seal, the next campaign plans this run
             sealed = _sealed(job, loaded, finished, texts)
             if sealed is not None:
                 write_seal(run_dir, sealed)
@@ -168,7 +168,9 @@ def _question(job: Job, run_dir: Path) -> object:
 
 @cache
 def _program() -> Mapping[str, object]:
-    """Return everything besides specs and sources on which numbers depend."""
+    """Return everything on which numbers depend besides specs and sources: versions of the program
+    and of its tools.
+    """
     return {
         **tool_versions(),
         "stages": {stage.name: stage.revision for stage in pipeline()},

@@ -23,7 +23,7 @@ any.
 """
 
 SPARSE = 0.5
-"""Share of filled cells below which a table of all runs by all models is hard to read."""
+"""Smallest share of filled cells for which a table of all runs by all models is easy to read."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class CampaignScores:
     - `runs`: the scores of every run, by its name.
     - `units`: the unit of the modelled quantity, by run.
     - `published`: numbers of publications, by run.
-    - `relative_to`: the model that ratios are taken to.
+    - `relative_to`: the model by whose error other errors are divided.
     - `best_of`: models whose best one in each run, chosen afterwards, is a competitor.
     - `groups`: group of each run; the runs of a group are summarised together.
     - `failed`: the runs that have no scores.
@@ -74,8 +74,8 @@ class CampaignScores:
 
 
 def campaign_tables(scores: CampaignScores) -> tuple[Table, ...]:
-    """Return every table of the page that has rows. Runs with few common models are listed one
-    after the other.
+    """Return every table of the page that has rows. If runs have few models in common, their scores
+    are listed one after the other.
     """
     first = models_table if scores.sparse else nrmse_table
     return tuple(table for table in (first(scores), published_table(scores)) if table.rows)

@@ -41,7 +41,7 @@ def in_processes(
     because memory may have been short; `tell` is called with their numbers. Then the other jobs
     continue.
     """
-    if not jobs:  # a pool of no processes is refused
+    if not jobs:  # a pool must have at least one process
         return
     left = dict(jobs)
     # Spawned instead of forked, because a fork of a process with BLAS threads or an open HDF5 file
@@ -65,7 +65,7 @@ def in_processes(
 
 
 def worker_died(times: int) -> MapmoreError:
-    """Return the error of a job that killed every worker."""
+    """Return the error of a job during which its worker died, `times` times."""
     remedy = (
         "check whether the system ended it because memory was short; use fewer runs at a time "
         "(--jobs)"
@@ -75,7 +75,7 @@ def worker_died(times: int) -> MapmoreError:
 
 @contextmanager
 def stoppable() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP raise `Stopped`, so that running work is ended properly. A signal that
+    """Let SIGTERM and SIGHUP raise `Stopped`, so that work in progress ends properly. A signal that
     is ignored, for example under `nohup`, stays ignored.
     """
 

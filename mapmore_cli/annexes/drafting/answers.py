@@ -19,11 +19,11 @@ FORM = (
     'write `--columns "time:ms,_,pressure:bar,force:N"` by place, or `name=title:unit`; `_` '
     "leaves a column out"
 )
-# columns of arrays contain a comma and a colon in brackets: `tip[:,0]:mm`
+# a comma in the brackets of an array's address, as in `tip[:,0]:mm`, separates nothing
 _COMMA = re.compile(r",(?![^\[(]*[\])])")
 # a title in quotes, which may contain separators: `"Kraft, z=1":N`
 _QUOTED = re.compile(r"""(?<![^,=\s])(["'])(.+?)\1(?=\s*(?:[,:=]|$))""")
-_HIDDEN = 0xF0000  # private characters that replace the separators in quotes
+_HIDDEN = 0xF0000  # private characters that stand for separators inside quotes
 _ENTRY = re.compile(r"(.*?):([^:\]]*)", re.DOTALL)
 _QUANTITY = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 _NUMBER = r"\d+(?:\.\d+)?(?:[eE][+-]?\d+)?"
@@ -33,8 +33,8 @@ _UNIT = re.compile(
 
 
 class Hold(NamedTuple):
-    """The quantity that was held constant, the word of its numbers in names, and their unit; `none`
-    means that nothing was held.
+    """The quantity that was held constant, the word beside its numbers in names of files, and their
+    unit. If the quantity is `none`, nothing was held.
     """
 
     name: str
@@ -87,7 +87,9 @@ class Answers:
 
     @property
     def has_places(self) -> bool:
-        """Return True if a column is named by its number in the list of one layout."""
+        """Return True if a column is named by its number in the list of columns that `init` prints
+        for one layout.
+        """
         named = [*self.columns.values(), *self.target.values(), *(self.inputs or {}).values()]
         said = [str(one.column) for one in named] + [*self.recordings, self.group or ""]
         return any(re.fullmatch(r"\d+(\.\.\d+)?", text) for text in said)

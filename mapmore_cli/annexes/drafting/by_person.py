@@ -1,4 +1,4 @@
-"""Name columns and their purposes as a person says, and ask a person about them."""
+"""Apply what a person says about the columns: their names, units and purposes."""
 
 from __future__ import annotations
 
@@ -69,8 +69,8 @@ def _each(said: Named, table: Table, option: str) -> Named:
 
 
 def refuse_choice(table: Table, where: str, path: str) -> UsageError:
-    """Return the error for columns of which none is known as the quantity to predict; it lists
-    them.
+    """Return the error for a study without a known quantity to predict. Its message lists the
+    columns.
     """
     columns = listed(table)
     clock = next((place for place, one in columns.items() if one.may_be_clock), None)

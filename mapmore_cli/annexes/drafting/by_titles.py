@@ -1,4 +1,4 @@
-"""Name columns and their purposes by their titles and units."""
+"""Find names and purposes of columns from their titles and units."""
 
 from __future__ import annotations
 
@@ -20,10 +20,12 @@ _NO_MEASUREMENT = {
     *("simulated", "simulation", "sim", "model", "modelled", "predicted", "prediction", "fitted"),
     *("estimated", "estimate", "theoretical", "calculated", "residual"),
 }
-"""Words of titles of what somebody computed."""
+"""Words in the titles of columns that were computed instead of measured."""
 
 Known = tuple[Named, dict[Column, str]]
-"""The columns by their names, the clock first; and why others are left out."""
+"""The known columns by their names, the clock first, and the reasons why other columns are left
+out.
+"""
 
 
 def known_by_titles(table: Table) -> Known:
@@ -87,14 +89,16 @@ PARTS = {
     "ms": ("ms msec millis milli millisecond milliseconds millisekunden milisegundos", 1000),
     "us": ("us usec micros microsecond microseconds mikrosekunden", 1000),
 }
-"""Words of titles of the parts of a clock, by unit, and the number at which each begins anew."""
+"""For each unit of time: words in the titles of such a part of a clock, and the number at which the
+part restarts from zero.
+"""
 
 
 def clock_in_parts(table: Table) -> dict[Column, str]:
     """Return the columns of a clock in parts (for example hours, minutes and seconds) and their
     units; empty unless titles and values agree on that.
 
-    A part holds numbers below the one at which it restarts. Only the finest part may have
+    ¶ A part has numbers below the one at which it restarts. Only the finest part may have
     fractions. The first part may be any, and no part may be missing in between.
     """
     parts: dict[str, TitledColumn] = {}
@@ -119,8 +123,8 @@ def clock_in_parts(table: Table) -> dict[Column, str]:
 
 
 def _copies(columns: Sequence[TitledColumn]) -> dict[Column, str]:
-    """Return which columns are copies of which: the column whose title and unit say more is
-    kept.
+    """Return the columns that are copies of another column, with the reason. Of two equal columns,
+    the one whose title and unit say more is kept.
     """
     copies: dict[Column, str] = {}
     for family in same_signals([np.concatenate(one.values) for one in columns]):
@@ -150,15 +154,15 @@ def _plain_names(columns: Sequence[TitledColumn]) -> dict[Column, str]:
         best = [column for column, rank in ranks.items() if rank == max(ranks.values()) > 0]
         if len(best) == 1:
             names[best[0]] = quantity
-    if "force" not in names.values():  # testers call the force a load
+    if "force" not in names.values():  # people who test materials call the force a load
         names = {one: "force" if name == "load" else name for one, name in names.items()}
     return names
 
 
 def _plainness(one: TitledColumn) -> int:
-    """Return 2 for a title that names a quantity and nothing else; 1 for a title that names it
-    among other words and has a suitable unit; 0 for others, such as a letter among words, or an `x`
-    without a unit.
+    """Return how plainly a title names its quantity: 2 if it contains nothing else; 1 if it
+    contains other words and a suitable unit; 0 otherwise, for example for a letter among words, or
+    an `x` without a unit.
     """
     if one.plain:
         return 0 if not one.unit and one.quantity in ("displacement", "length") else 2
@@ -191,7 +195,8 @@ def kind_to_predict(name: str, titled: TitledColumn | None) -> str:
     """Return `force`, `position` or `drive` for a column whose title plainly says so; an empty text
     if the title says nothing, and `unclear` if it is ambiguous.
 
-    A column with two values was set. Without a column, the name decides, because a person gave it.
+    A column with only two values was set by a switch, so it drives. If there is no column, the name
+    decides, because a person gave it.
     """
     if titled is None:
         label = read_label(name)

@@ -1,5 +1,5 @@
-"""Try a draft with the rules of `check` before it is written; no model is fitted. Of thousands of
-files, which were all read before, the rules look at some.
+"""Try a draft with the rules of `check` before it is written. No model is fitted. If there are
+thousands of files, the rules examine only some of them; all were read before.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ def checked(draft: Draft, plainer: Sequence[Draft], folder: Path) -> Draft:
     without an error; otherwise the draft with the error, which the user can correct in the spec,
     noted beside its target.
 
-    Paths of all drafts start at `folder`. Of many files a drawn share is looked at, which a note
-    says. Raises DataError for an error that only other data can correct.
+    Paths of all drafts start at `folder`. If there are many files, a random part of them is
+    examined, and a note says so. Raises DataError for an error that only other data can correct.
     """
     few, files = _with_few_files(draft, folder)
     fault = _fault(few, folder)
@@ -49,18 +49,18 @@ def checked(draft: Draft, plainer: Sequence[Draft], folder: Path) -> Draft:
 
 
 MOST = 300
-"""Files of which the rules look at all."""
+"""Largest number of files of which the rules examine all."""
 
 
 def _with_few_files(draft: Draft, folder: Path) -> tuple[Draft, int]:
-    """Return a draft of `MOST` of its files, drawn by chance with seed 1, under the ids that they
-    have among all, and how many there are; the draft itself where it has fewer, where another log
-    is joined, where names tell values, or where the files drawn do not allow for what is
-    held out.
+    """Return a draft with `MOST` of the files, drawn at random with seed 1, and the number of all
+    files. The recordings keep their ids. The draft is unchanged if it has no more files, if another
+    log is joined, if names of files contain values, or if the drawn files do not contain the
+    held-out data.
     """
     data = Data.model_validate(draft.data)
     sources = find_sources(data.files, folder, data.join, bad=data.skip_bad_files)
-    # a level in names, or a value that is held out, may be in no file that is drawn
+    # a level in names, or a value that is held out, may be in none of the drawn files
     is_set = any(one.constants for one in sources)
     if len(sources) <= MOST or data.join or is_set:
         return draft, len(sources)

@@ -1,6 +1,6 @@
-"""A column of some files, and what its title, its unit and its values say of it.
+"""Describe a column of some files by its title, its unit and its values.
 
-Values are only used for facts: a column that never changes, a clock, a copy of another column.
+Values are used only for facts: a column never changes, is a clock, or is a copy of another column.
 """
 
 from __future__ import annotations
@@ -25,16 +25,19 @@ from mapmore_cli.study.units import CANONICAL, default_unit, unit_of
 KINDS = {"pressure": "pressure", "force": "force", "load": "force"} | dict.fromkeys(
     POSITIONS, "position"
 )
-"""Names of columns whose titles identify them, and the kind of each quantity."""
-# whole numbers are indices, as of `s[12]` and `s_1`, but for the 1 of `strain [1]`
+"""Quantities that a title can identify, and the kind of each."""
+# A whole number in brackets is an index, as in `s[12]` or `s_1`, except for the 1 in `strain [1]`,
+# which is a unit.
 _BRACKETS = re.compile(r"[\[(]\s*((?<=\s[\[(])1(?=\s*[\])])|(?!\d+\s*[\])])[^\])]+?)\s*[\])]")
-HALF_WIDTH = str.maketrans("（）［］／％", "()[]/%")  # of Chinese and Japanese texts
+HALF_WIDTH = str.maketrans(
+    "（）［］／％", "()[]/%"
+)  # brackets and signs of Chinese and Japanese texts
 _BEHIND = re.compile(r"(?:[_,/]|\bin)\s*(?!\d+$)([^\s_,/]+)$")
 
 
 @dataclass(frozen=True)
 class TitledColumn:
-    """A column of some files, and what its title and the files say about it.
+    """A column of some files, with the information in its title and in the files.
 
     Attributes
     ----------
@@ -45,8 +48,8 @@ class TitledColumn:
     values
         One array `(n,)` for each file; none for a column of texts.
     texts, numbered
-        The texts that its cells are, and their numbers from 1, as arrays `(n,)`; none for a column
-        of numbers.
+        The different texts in its cells; and for each file an array `(n,)` with the number of each
+        cell's text, counted from 1. Both are empty for a column of numbers.
     quantity
         The quantity that its title names; empty for none.
     plain
@@ -75,26 +78,26 @@ class TitledColumn:
 
     @property
     def called(self) -> str:
-        """Name in messages."""
+        """Name of the column in messages."""
         return self.title or (
             self.column if isinstance(self.column, str) else f"column {self.column}"
         )
 
     @property
     def asked_for(self) -> str:
-        """Return how a command names it: by its title in quotes, else by its place."""
+        """Name of the column on a command line: its title in quotes, otherwise its number."""
         return quote(self.title) if self.title else str(self.place)
 
     @property
     def described(self) -> str:
-        """Return its name with its range, and its unit where that is known, or with its texts."""
+        """Description of the column: its name and unit, with its range, or with its texts."""
         if self.texts:
             return f"{self.called}  {len(self.texts)} texts, {self.texts[0]} to {self.texts[-1]}"
         return f"{self.called}  {range_of(self.values, self.unit or '1')}"
 
     @property
     def name(self) -> str:
-        """Name from the title, without the unit."""
+        """Name of a quantity, made from the title without the unit."""
         title = self.title.translate(HALF_WIDTH)
         bare = _BRACKETS.sub(lambda match: "" if unit_of(match[1]) else match[0], title)
         behind = _BEHIND.search(bare)
@@ -105,18 +108,18 @@ class TitledColumn:
 
     @property
     def moves(self) -> bool:
-        """Return True if its values are not all equal."""
+        """Return True if the values of the column are not all equal."""
         return len(self.values) > 0 and float(np.ptp(np.concatenate(self.values))) > 0
 
     @property
     def kinds(self) -> Array:
-        """Return its distinct values, (m,)."""
+        """Distinct values of the column, (m,)."""
         return np.unique(np.concatenate(self.values)) if self.values else np.empty(0)
 
     @property
     def rises(self) -> bool:
-        """Return True if it increases in every file, except for a few steps back, and seldom
-        repeats a value.
+        """Return True if the column increases in every file, except for a few steps back, and
+        seldom repeats a value.
         """
         return self.moves and all(
             len(one) > 1
@@ -127,8 +130,8 @@ class TitledColumn:
 
     @property
     def turn(self) -> float:
-        """Number at which it restarts again and again, for example 60 for the seconds of a clock; 0
-        if it does not.
+        """Number at which the column repeatedly restarts from zero, for example 60 for the seconds
+        of a clock; 0 if it does not.
         """
         steps = [np.diff(one) for one in self.values]
         falls = [np.flatnonzero(step < 0) for step in steps]
@@ -143,13 +146,14 @@ class TitledColumn:
 
     @property
     def counts(self) -> bool:
-        """Return True if it increases by one from row to row."""
+        """Return True if the column increases by one from row to row."""
         return all(len(one) > 1 and (np.diff(one) == 1).all() for one in self.values)
 
     @property
     def blocks(self) -> int:
-        """Return how many recordings it may tell apart: the rows of each text, or of each number of
-        those that count, stand together in a file; 0 where it tells none apart.
+        """Number of recordings that the column may distinguish; 0 if it distinguishes none. The
+        rows of each recording have the same text, or the same counting number, and follow each
+        other in the file.
         """
         series = self.numbered or self.values
         changes = sum(int(np.count_nonzero(np.diff(x))) for x in series)
@@ -162,7 +166,7 @@ class TitledColumn:
 
     @property
     def summaries(self) -> list[str]:
-        """The texts of rows that somebody computed of the others, as `mean`."""
+        """Texts in rows that were computed from other rows, for example `mean`."""
         return [text for text in self.texts if text.casefold() in SUMMARIES]
 
     @property
@@ -173,7 +177,9 @@ class TitledColumn:
 
     @property
     def may_be_clock(self) -> bool:
-        """Return True if it increases like a clock and its title does not say what it is."""
+        """Return True if the column increases like a clock and its title does not say
+        what it is.
+        """
         return not self.title and self.rises and not self.turn
 
     def as_quantity(self, name: str) -> NamedColumn:
@@ -201,21 +207,23 @@ SUMMARIES = {
     *("mean", "average", "avg", "median", "std", "sd", "stdev", "stddev", "min", "max", "sum"),
     *("total", "mittelwert", "mittel", "moyenne", "media", "promedio", "ecart-type"),
 }
-"""What rows below a table are called that somebody computed of the others."""
+"""Words in rows below a table that were computed from the rows above, for example `mean`."""
 
 FEWEST_ROWS = 5
-"""Rows of a recording, on the average, that a column tells apart."""
+"""Smallest mean number of rows in the recordings that a column distinguishes."""
 
 Texts = tuple[Sequence[str], Sequence[Array]]
-"""The texts of a column, and their numbers from 1 on, one array `(n,)` for each file."""
+"""The different texts of a column; and for each file an array `(n,)` with the number of each cell's
+text, counted from 1.
+"""
 
 Table = Mapping[Column, TitledColumn]
 """All columns of some files, in their order."""
 
 
 def read_titles(layout: Preview, raw: Raw, texts: Mapping[Column, Texts] | None = None) -> Table:
-    """Return the columns of files, with what their titles and the files' own units say; those of
-    texts with these.
+    """Return the columns of files with the information in their titles and in the units that the
+    files give. `texts` holds the columns of texts.
     """
     lines = zip_longest(layout.columns, layout.titles, layout.units, fillvalue="")
     table = {
@@ -235,7 +243,8 @@ def _read_title(
     """
     plain = title.translate(HALF_WIDTH)
     label = read_label(plain)
-    is_ratio = line == "1"  # of cells that are shown in per cent, whatever the title says
+    # cells that are shown in per cent contain fractions, whatever the title says
+    is_ratio = line == "1"
     texts = ["1"] if is_ratio else [*_BRACKETS.findall(plain), *_BEHIND.findall(plain), line]
     unit = next((one for text in texts if (one := unit_of(text))), "")
     quantity, is_plain = "", False
@@ -251,8 +260,8 @@ def _read_title(
 
 
 def find(table: Table, wanted: Column, option: str, texts: bool = False) -> TitledColumn:
-    """Return the column of a place, a title, or a word that one title alone has; with `texts` also
-    one of texts.
+    """Return the column that a person means by a number, a title, or a word that occurs in only one
+    title. With `texts`, it may also be a column of texts.
 
     Raises UsageError with a list of the columns if there is none, or if there are several.
     """
@@ -293,8 +302,8 @@ def listed(table: Table, but: Iterable[Column] = ()) -> dict[int, TitledColumn]:
 
 
 def unit_of_clock(values: Sequence[Array]) -> str:
-    """Return ms for whole numbers that increase by 1 to 100 per step, otherwise s, as a
-    suggestion.
+    """Suggest a unit for a clock: ms for whole numbers that increase by 1 to 100 per step,
+    otherwise s.
     """
     steps = np.diff(max(values, key=len))
     step = float(np.median(steps)) if steps.size else 0.0

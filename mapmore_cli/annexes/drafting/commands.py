@@ -161,7 +161,7 @@ def _refuse(files: Iterable[Path], force: bool) -> None:
 
 def _write(files: Mapping[Path, tuple[str, Draft]], force: bool, reporter: Reporter) -> None:
     """Write the files that do not exist yet, or all with `force`, and print the paths of the specs;
-    then raise an error if any existed.
+    Raises an error at the end if some existed already.
     """
     from mapmore_cli.annexes.drafting.page import draft_page
     from mapmore_cli.study.schema import write_schema_beside

@@ -40,11 +40,12 @@ Section = dict[str, Any]
 
 @dataclass(frozen=True)
 class NamedColumn:
-    """The column of a quantity, its unit, and the reason for the choice: a title, or a person.
+    """The column of a quantity, its unit, and the reason for the choice, for example its title.
 
-    The quantity is `value * scale + offset` in `unit`, which is empty where a person said none.
-    `is_called` says that a person gave it its name. `parts` are the columns of a clock in parts,
-    and their units; `texts` says that its cells are texts, which are numbered.
+    The quantity is `value * scale + offset` in `unit`, which is empty if a person named the column
+    without a unit. `is_called` is True if a person gave the quantity its name. `parts` holds the
+    columns of a clock in parts, and their units. `texts` is True if the cells are texts, which are
+    then numbered.
     """
 
     column: Column
@@ -70,7 +71,8 @@ class NamedColumn:
         """Return the column in the form of the spec."""
         if self.parts:
             return {"columns": [*self.parts], "format": " ".join(self.parts.values())}
-        # a title in per cent says another unit, where its cells are shown so and hold fractions
+        # a column with per cent in its title has another unit than 1 if its cells contain fractions
+        # that are shown in per cent
         plain_units = ("",) if "%" in str(self.column) else ("", "1")
         usual = {"unit": plain_units, "scale": (1.0,), "offset": (0.0,), "texts": (False,)}
         entry = {key: getattr(self, key) for key in usual}
@@ -84,13 +86,15 @@ Named = dict[str, NamedColumn]
 
 @dataclass(frozen=True)
 class Note:
-    """Reason for an entry of the draft; an entry that is not `sure` is marked for a check."""
+    """Reason for an entry of the draft. If the entry is not `sure`, it is marked with `CHECK`, so
+    that the user confirms it.
+    """
 
     why: str
     sure: bool = True
 
     def __str__(self) -> str:
-        why = " ".join(printable(self.why).split())  # titles of columns may contain anything
+        why = " ".join(printable(self.why).split())  # titles of columns may contain any character
         return f"# {'' if self.sure else 'CHECK: '}{why}"
 
 
@@ -99,9 +103,10 @@ class Draft:
     """Sections in the form of the YAML file, with numbers in the model's units, and the reasons for
     the choices.
 
-    `files` counts the recordings' files, and `raw` has the values of all columns of some of them.
-    `of` is the study of which this is one of several outputs. `tips` are what a person may say
-    besides, and why: they are printed, and stand at the head of the file.
+    `files` is the number of files with recordings, and `raw` has the values of all columns in some
+    of them. If the draft is for one of several outputs of a study, `of` is the name of the study.
+    `tips` are further options that a person may give, with the reasons; they are printed, and
+    written at the beginning of the file.
     """
 
     spec: Section
@@ -201,7 +206,7 @@ def _yaml_lines(section: Mapping[str, Any], loc: Loc, notes: Mapping[Loc, Note])
 
 
 def _noted(line: str, note: Note | None) -> list[str]:
-    """Return the line with its note after it, or above it if both do not fit."""
+    """Return a line with its note: after it, or above it if both do not fit on one line."""
     if note is None:
         return [line]
     if len(line) + len(str(note)) + 2 <= WIDEST:
@@ -210,7 +215,7 @@ def _noted(line: str, note: Note | None) -> list[str]:
 
 
 def _wrapped(note: Note, margin: str) -> list[str]:
-    """Return the lines of a note behind a margin."""
+    """Return the lines of a note, each preceded by a margin."""
     return textwrap.wrap(str(note), WIDEST, initial_indent=margin, subsequent_indent=f"{margin}# ")
 
 

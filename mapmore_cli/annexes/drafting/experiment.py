@@ -20,16 +20,24 @@ from mapmore_cli.modelling.signals.cycles import split_cycles
 from mapmore_cli.modelling.signals.plateau import default_within, find_levels, match_levels
 from mapmore_cli.study.units import default_unit
 
-# fraction of the distance of levels within which samples belong to a level, if there are samples
-# between levels
+# fraction of the distance between levels within which samples belong to a level, if there are
+# samples between levels
 NEAR = 0.1
-FEWEST = 200  # samples of a record with memory, and of a branch of a cycle
-MOST = 6_000  # samples of a record with memory, at first
-LEAST = 100  # samples of a recording, where many short ones have more than that together
-SHARE = 0.2  # of the samples, drawn where the last ones lie beyond the others
-MUCH_LESS = 0.1  # of what moves between recordings, that what moves in one is scatter
-LAST = 0.3  # of the samples, held out where no level and no recording can be
-WHOLE, LAST_SAMPLES = "recordings", "last"  # what a person may hold out besides an input
+# smallest number of samples of a recording for a model with memory, and of a branch of a cycle
+FEWEST = 200
+# largest number of samples of a recording that a draft of a model with memory takes at first
+MOST = 6_000
+# smallest number of samples of a recording, if many short recordings together have enough
+LEAST = 100
+# share of the samples that is drawn at random, if the last samples lie outside the others
+SHARE = 0.2
+# movement within a recording that is smaller than this fraction of the differences between
+# recordings is scatter
+MUCH_LESS = 0.1
+# share of the samples that is held out at the end, if no level and no recording can be held out
+LAST = 0.3
+# words with which a person may name held-out data, besides the name of an input
+WHOLE, LAST_SAMPLES = "recordings", "last"
 COMPETITORS = ("sarosi", "polynomial_2", "polynomial_5", "muscle_like", "polynomial_3")
 
 
@@ -52,9 +60,10 @@ def find_held(
     hold: Hold | None,
     conditions: Conditions,
 ) -> Held | None:
-    """Return the quantity that was held constant while another input moved: the one that a person
-    names; otherwise the only one whose values are in names, or that stays at one value in each
-    recording; otherwise, in a table without a clock, the one that takes few values repeatedly.
+    """Return the quantity that was held constant while another input moved. It is the quantity that
+    a person names. Otherwise it is the only one whose values are in names of files, or that keeps
+    one value in each recording. Otherwise, in a table without a clock, it is the one that takes few
+    values repeatedly.
 
     The result is None if nothing was held constant, or at a single level. `conditions` are values
     from names.
@@ -116,7 +125,7 @@ def _own_levels(
 
 
 def _neat(middle: float, scatter: float) -> float:
-    """Return the middle with as few digits as the scatter allows."""
+    """Return the mean value `middle`, rounded to as few digits as the scatter around it allows."""
     shorter = (round(middle, digits) + 0.0 for digits in range(-6, 13))
     return next((one for one in shorter if abs(one - middle) <= scatter), middle)
 
@@ -148,7 +157,8 @@ def goes_in_cycles(recordings: Sequence[Recording], held: Held) -> bool:
 @dataclass(frozen=True)
 class Experiment:
     """The recordings of a study, the names of its inputs and its target, the held quantity, the
-    values from names, and the quantities that distinguish recordings (`apart`) in a file.
+    values in names of files, and the quantities that distinguish the recordings of one file
+    (`apart`).
     """
 
     recordings: Sequence[Recording]
@@ -183,7 +193,7 @@ def with_experiment(
     is_static = is_static or (held is None and _is_at_rest(done))
     if not is_static and done.is_timed and samples >= FEWEST:
         draft = _as_memory_study(draft, recordings).with_section("target", target)
-        if "gaps" in draft.data:  # pieces of a recording have their own ids
+        if "gaps" in draft.data:  # the pieces of a recording have ids of their own
             done = replace(done, recordings=read(draft))
         return _with_split(draft, done, held_out, has_memory=True)
     if held is not None:
@@ -203,8 +213,9 @@ def with_experiment(
 
 
 def _is_at_rest(done: Experiment) -> bool:
-    """Return True where each recording is a point: no input moves in any, and the target moves in
-    each at most a tenth as far as from recording to recording, by standard deviations.
+    """Return True if each recording is a single point: no input moves in any of them, and the
+    standard deviation of the target within a recording is at most a tenth of that between
+    recordings.
     """
     recordings = done.recordings
     moving = [
@@ -221,8 +232,8 @@ def _is_at_rest(done: Experiment) -> bool:
 
 
 def inner(levels: Sequence[float]) -> list[float]:
-    """Return levels to hold out: every third of six or more, one of fewer; never the first or the
-    last.
+    """Return the levels to hold out: every third level of six or more, or one level if there are
+    fewer. The first and the last level are never held out.
     """
     if len(levels) >= 6:
         return list(levels[2:-1:3])
@@ -261,10 +272,10 @@ def _with_levels(draft: Draft, held: Held) -> Draft:
 def _with_split(
     draft: Draft, done: Experiment, wanted: str | None, *, has_memory: bool = False
 ) -> Draft:
-    """Return the draft with held-out data: those that a person names; otherwise inner levels;
-    without levels, inner values from names, or recordings; otherwise the last samples of each
-    recording, unless the study has no memory and these lie outside the others. The note says
-    whether the held-out data lie between or outside the training data.
+    """Return the draft with held-out data: the data that a person names; otherwise inner levels; if
+    there are no levels, inner values from names of files, or recordings; otherwise the last samples
+    of each recording, unless the study has no memory and these lie outside the others. The note
+    says whether the held-out data lie between or outside the training data.
 
     Raises UsageError if nothing of what a person said can be held out.
     """
@@ -290,9 +301,9 @@ def _with_split(
 
 
 def _last_or_between(done: Experiment, is_free: bool) -> tuple[Section, str]:
-    """Return the last samples of every recording. If the program `is_free` to choose and these lie
-    outside the others, return inner values of a quantity that moves steadily, or otherwise a random
-    share of the samples.
+    """Return the last samples of every recording. If these lie outside the others, and the program
+    `is_free` to choose, return inner values of a quantity that moves steadily, or a random share of
+    the samples if there is no such quantity.
     """
     names = _beyond(done)
     if not names:
@@ -308,8 +319,8 @@ def _last_or_between(done: Experiment, is_free: bool) -> tuple[Section, str]:
 
 
 def _whole_recordings(done: Experiment, logs: Sequence[str]) -> Section:
-    """Return every third of the logs, with all pieces of each that was cut; inner ones if there are
-    any. Recordings that one quantity distinguishes are named by its values.
+    """Return every third log for holding out, with all its pieces if it was cut. Inner logs are
+    preferred. Recordings that one quantity distinguishes are named by its values.
     """
     held = logs[1:-1:3] or logs[1:]
     if len(done.apart) == 1:

@@ -1,4 +1,6 @@
-"""The settings of the papers, for `init --like`: segments, dictionary, one term, zones."""
+"""Provide the settings of the papers for `init --like`: segments, dictionary, number of terms, and
+transition zones.
+"""
 
 from __future__ import annotations
 

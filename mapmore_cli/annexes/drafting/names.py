@@ -27,13 +27,13 @@ _WRITTEN = {
     "length": ("m", "mm cm um"),
     "percent": ("%", "% pct percent"),
 }
-"""Units that are recognised in names, by quantity, and one unit of each quantity."""
+"""For each quantity, one of its units, and all units that are recognised in names of files."""
 _UNITS = {
     word.casefold(): (quantity, str(unit_of(word, like)))
     for quantity, (like, words_of_units) in _WRITTEN.items()
     for word in words_of_units.split()
 }
-# quantities for which the word beside the number is more specific than the unit
+# quantities for which the word beside a number in a name says more than the unit
 _BY_WORD = ("length", "percent")
 _RUNS = (
     "test|run|rep|repeat|trial|take|try|no|nr|num|cycle|loop|log|file|data|set|exp|experiment|part"
@@ -41,7 +41,7 @@ _RUNS = (
 )
 _SPECIMENS = "sample|specimen|muscle|actuator|prototype|device|unit|dut|pam|session|day|[a-z]"
 _REPEATS = re.compile(f"{_RUNS}|{_SPECIMENS}", re.IGNORECASE)
-"""Words whose number counts recordings or specimens, and single letters."""
+"""Pattern of words and single letters whose number counts recordings or specimens."""
 _NUMBER = re.compile(
     rf"(?:(?P<word>[^\W\d_]+)(?P<sign>[\s_=:.-]*?))?(?<![\d.])(?P<number>\d+(?:[.,]\d+)?)"
     rf"(?:[\s_]?(?P<unit>{'|'.join(sorted(map(re.escape, _UNITS), key=len, reverse=True))})"
@@ -94,8 +94,8 @@ Series = dict[int, Number]
 class Condition:
     """A quantity with a value for every recording in the names: its unit and its values.
 
-    `why` says how it is written in the names. It is not `sure` if a name without a number means
-    zero.
+    `why` says how the values are written in the names. `sure` is False if some name has no number,
+    which then means zero.
     """
 
     quantity: str
@@ -145,8 +145,8 @@ def told_by_names(
     """Return the quantities that vary from name to name, and a remark on every number that was
     taken as a repeat.
 
-    `known` are quantities in columns, which are not set again. Numbers without a unit that count by
-    ones are repeats, unless a person names them with `hold`.
+    `known` are quantities in columns, which are not set again. Numbers without a unit that are
+    consecutive count repeats, unless a person names them with `hold`.
 
     Raises
     ------
@@ -175,8 +175,8 @@ def told_by_names(
 
 
 def offers_of(names: Sequence[str]) -> Iterator[str]:
-    """Yield what a person may say of numbers in all names behind a single letter, which may be
-    levels: they do not count by ones, as `P100` and `P200`.
+    """Yield tips about numbers that follow a single letter in all names and that may be levels,
+    because they are not consecutive, for example `P100` and `P200`.
     """
     for numbers in _series_of(names):
         first = next(iter(numbers.values()))
@@ -224,7 +224,9 @@ def _series_of(names: Sequence[str]) -> list[Series]:
 
 
 def _told_quantity(quantity: str, unit: str, numbers: Series, names: Sequence[str]) -> Condition:
-    """Return numbers as a quantity; a name without a number means zero."""
+    """Return the numbers in names as a condition of this quantity. A name without a number means
+    zero.
+    """
     written = next(iter(numbers.values())).unit
     unit = _UNITS[written][1] if written else unit
     values = tuple(numbers[place].value if place in numbers else 0.0 for place in range(len(names)))
@@ -235,8 +237,8 @@ def _told_quantity(quantity: str, unit: str, numbers: Series, names: Sequence[st
 
 
 def _asked_for(hold: Hold, series: Sequence[Series]) -> Series:
-    """Return the numbers that a person names. Raises UsageError with a list of the numbers if there
-    are none.
+    """Return the numbers in names that a person means by `hold`. Raises UsageError with a list of
+    the numbers if there are none.
     """
     asked = next(
         (numbers for numbers in series if _is_named_by(hold, next(iter(numbers.values())))), None
@@ -272,8 +274,8 @@ def numbered_groups(names: Sequence[str], group: str) -> Condition:
 def group_words(names: Sequence[str], group: str) -> list[str]:
     """Return the text of each name that distinguishes groups: the number or letter after the word
     `group`, or the number after its first letter, such as `s1` for a sample. If there is neither,
-    it is the words, with specimens and sizes such as `10cm`, but without
-    other numbers; if there are no words, the name.
+    it is the words of the name, including specimens and sizes such as `10cm`, but without other
+    numbers. If there are no words, it is the whole name.
     """
     behind = re.compile(
         rf"{re.escape(group)}\w*?[\s_#=.-]*(\d+|[A-Za-z])(?![^\W\d_])", re.IGNORECASE
@@ -289,7 +291,9 @@ def group_words(names: Sequence[str], group: str) -> list[str]:
 
 
 def _without_number(match: re.Match[str]) -> str:
-    """Return a word without its number; nothing for a repeat; a specimen or a size unchanged."""
+    """Return the replacement of a word in a name: the word without its number, an empty text for a
+    number that counts repeats, and a specimen or a size unchanged.
+    """
     word, unit = match["word"] or "", (match["unit"] or "").casefold()
     if unit:
         return match[0] if _UNITS[unit][0] in _BY_WORD else word

@@ -12,7 +12,7 @@ from typing import Any
 from mapmore_cli.annexes.drafting.draft import Draft, Section, yaml_text
 
 Files = dict[Path, tuple[str, Draft]]
-"""Text of every file, and the draft to which it belongs."""
+"""The text of every file that is written, and the draft to which it belongs, by path."""
 
 
 def as_files(drafts: Sequence[Draft], output: Path | None) -> Files:

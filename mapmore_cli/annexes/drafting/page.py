@@ -1,4 +1,6 @@
-"""Write the page of a draft: the course of every column, and the quantity that it was taken for."""
+"""Write the page of a draft, which shows the course of every column and the quantity for which it
+was taken.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,8 @@ from mapmore_cli.domain.arrays import Array
 if TYPE_CHECKING:
     from markupsafe import Markup
 
-POINTS, WIDTH, HEIGHT = 600, 400, 200  # size of a drawing
+# number of points of a drawing, and its width and height in pixels
+POINTS, WIDTH, HEIGHT = 600, 400, 200
 
 
 def draft_page(draft: Draft) -> str:
@@ -44,7 +47,9 @@ def draft_page(draft: Draft) -> str:
 
 
 def drawing(up: Sequence[Array], across: Sequence[Array] | None = None) -> Markup:
-    """Return columns of all recordings as a small SVG, one over the other, or over its samples."""
+    """Return a small drawing (SVG) of a column of all recordings: over the samples of another
+    column, `across`, or over the number of the sample.
+    """
     from markupsafe import Markup
 
     y = scaled(np.concatenate(up))

@@ -1,4 +1,4 @@
-"""Look at the first lines of a file, to find its layout before its meaning is known."""
+"""Find the layout of a file from its first lines, before its meaning is known."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from mapmore_cli.storage.tables.below import Below
 from mapmore_cli.storage.tables.cells import stamp_of
 from mapmore_cli.study.units import check_unit
 
-WIDEST, LINES = 2000, 200  # columns, and lines of a table, that `init` reads
+WIDEST, LINES = 2000, 200  # largest number of columns, and of lines of a table, that `init` reads
 REMARKS = ("#", "%", "//", "!")  # beginnings of lines that are no data
-LETTERS = "smNVAKgh1%-"  # single letters that are common units
-# as printed by microcontrollers: `t:12,p:3.4`
+LETTERS = "smNVAKgh1%-"  # single characters that are common units
+# a line of labelled values, as microcontrollers print them: `t:12,p:3.4`
 _LABELLED = re.compile(r"\s*[A-Za-z_]\w*\s*[:=]\s*[-+]?[.\d]\S*")
-HEAD = 1 << 16  # bytes at the beginning of a text
+HEAD = 1 << 16  # number of bytes at the beginning of a text that are examined
 _NUMBERS = re.compile(rb"[\s\"']*[-+.\d]")
 _DIGITS = re.compile(rb"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 UNREAD = {
@@ -36,7 +36,7 @@ UNREAD = {
     "feather arrow orc": "save it as Parquet, as by `pandas.read_feather(path).to_parquet(...)`",
     "db sqlite mdb accdb numbers wav c3d bin raw": "export its table as CSV",
 }
-"""Suffixes of files that may hold data but that no reader reads, and what to do."""
+"""Suffixes of files that may contain data but that no reader can read, and the remedy for each."""
 
 Row = Sequence[Any]
 
@@ -105,7 +105,7 @@ def preview(path: Path) -> Preview:
         raise DataError(f"{path.name}: its arrays have to be named", remedy)
     try:
         tops = list(reader.peek(path, LINES))
-    except DataError as fault:  # an error of the reader says how to save the file in another way
+    except DataError as fault:  # the error of the reader says how to save the file in another form
         raise DataError(": ".join(filter(None, [fault.message, fault.remedy]))) from fault
     if (width := max((len(row) for top in tops for row in top.rows), default=0)) > WIDEST:
         raise DataError(f"{path.name}: has {width} columns, more than {WIDEST}", remedy)
@@ -123,8 +123,9 @@ def preview(path: Path) -> Preview:
 
 
 def _with_tables_below(path: Path, best: _FoundTable, layout: Preview, reader: Reader) -> Preview:
-    """Return the layout with the tables that have the header with the most rows, if several tables
-    stand below each other; those with another header are left out.
+    """Return the layout, extended if several tables stand below each other. Tables with the same
+    header are read together; the header with the most rows is used, and tables with other headers
+    are left out.
     """
     if reader.below is None:
         return layout
@@ -158,14 +159,18 @@ def _with_tables_below(path: Path, best: _FoundTable, layout: Preview, reader: R
 
 
 def _titles_of(table: Below) -> list[str]:
-    """Return the filled cells of a table's header; without a header, its number of columns."""
+    """Return a title for a table: the filled cells of its header, or its number of columns if there
+    is no header.
+    """
     if not table.header:
         return [f"{len(table.rows[0][1])} columns"]
     return [str(cell).strip() for cell in _nonempty(table.header[0][1])]
 
 
 def _raster(path: Path, found: _FoundTable) -> DataError:
-    """Return the error for a map of cells, with a command that writes it as a table of rows."""
+    """Return the error for a table with values of one quantity along the first row and of another
+    along the first column. Its remedy is a command that rewrites such a map as a table of rows.
+    """
     told = (
         f"{path.name}: is a map of cells: its first line and its first column hold the values of "
     )
@@ -223,8 +228,8 @@ def _of_all_sheets(
 
 @dataclass(frozen=True)
 class _FoundTable:
-    """A table in the first rows of a file: numbers in the columns `numeric` of `rows` with `wide`
-    cells, from the row `first` on.
+    """A table in the first rows of a file. From the row `first` on, `rows` have `wide` cells and
+    hold numbers in the columns `numeric`.
     """
 
     top: Top
@@ -240,9 +245,9 @@ class _FoundTable:
 
     @property
     def is_raster(self) -> bool:
-        """Return whether the first line has values of a quantity, as the first column has of
-        another: both go on in order, and the corner holds no number. Numbers that count by ones are
-        titles.
+        """Return True if the table is a map: the first line holds ordered values of one quantity,
+        the first column ordered values of another, and the corner no number. Consecutive numbers in
+        the first line are titles instead.
         """
         above = [at for at in range(self.first) if _nonempty(self.rows[at])]
         corner, *across = self.rows[above[-1] if above else self.first]
@@ -257,8 +262,8 @@ class _FoundTable:
 
     @property
     def rank(self) -> tuple[int, int]:
-        """Sort key, which is larger for more columns of texts that look like numbers, and then for
-        fewer rows.
+        """Sort key for the ways to read a table: it is larger for more columns in which texts look
+        like numbers, and then for fewer rows.
         """
         texts = (cells for place, cells in enumerate(self.columns) if place not in self.numeric)
         doubtful = sum(any(map(str.isdigit, str(cells[0]))) for cells in texts if cells)
@@ -279,7 +284,7 @@ class _FoundTable:
         spelt = [_without_brackets(own or unit) for own, unit in pairs]
         for place in self.numeric:
             if not spelt[place] and stamp_of(str(self.columns[place][0]).strip()) is not None:
-                spelt[place] = "s"  # the unit in which stamps are read
+                spelt[place] = "s"  # time stamps are read in seconds
         header, skipped = 0, self.first
         if titled is not None and len(self.rows[titled]) <= self.wide:
             header, skipped = max(lines) - titled + 1, titled
@@ -302,8 +307,8 @@ class _FoundTable:
         """Return the lines directly above the numbers that may be titles or units, by their index.
         They are as wide as the numbers, and no cell beyond them is filled.
 
-        Blank lines may stand below titles and above a line of units. The mark of a remark alone is
-        no cell.
+        Blank lines may stand below titles and above a line of units. A cell that contains only the
+        mark of a remark counts as empty.
         """
         lines: dict[int, list[str]] = {}
         last = max(place for place, cells in enumerate(self.columns) if cells)
@@ -359,7 +364,7 @@ def _table_in(top: Top) -> _FoundTable | None:
     def has_numbers(row: Row) -> bool:
         cells = _nonempty([row[place] for place in numeric]) if len(row) == wide else []
         count = sum(map(top.is_number, cells))
-        # a line of units may contain a number, for example `kPa;1`
+        # a line of units may contain a number too, for example `kPa;1`
         return count > 0 and (count == len(cells) or not _are_units([*map(str, cells)]))
 
     filled = [place for place, row in enumerate(rows) if _nonempty(row)]
@@ -371,7 +376,9 @@ def _table_in(top: Top) -> _FoundTable | None:
 
 
 def _steps_of(cells: Sequence[Any], is_number: Callable[[Any], bool]) -> list[float]:
-    """Return the steps from number to number; none where a cell holds none."""
+    """Return the differences between consecutive numbers in cells; an empty list if a cell holds no
+    number.
+    """
     if not all(map(is_number, cells)):
         return []
     with suppress(ValueError):

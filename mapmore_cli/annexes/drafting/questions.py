@@ -1,4 +1,6 @@
-"""Ask questions in a terminal: at most four for any folder, each of which can be taken back."""
+"""Ask questions in a terminal: at most four for any folder. The answer to each can be
+taken back.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,7 @@ from mapmore_cli.domain.errors import UsageError
 
 BLOCKS = "▁▂▃▄▅▆▇█"
 BACK = "b"
-MOST_GROUPS = 20  # values of a column that may number groups
+MOST_GROUPS = 20  # largest number of values in a column that may distinguish groups
 
 
 @dataclass(frozen=True)
@@ -53,8 +55,8 @@ View = Callable[[Answers], Understood]
 
 @dataclass(frozen=True)
 class Asked:
-    """Data for the questions: the columns, the names of the recordings, how answers are
-    interpreted, and the answers so far.
+    """Everything that the questions need: the columns, the names of the recordings, a function that
+    interprets answers, and the answers so far.
     """
 
     table: Table
@@ -100,7 +102,7 @@ def course(values: Sequence[Array], width: int = 40) -> str:
 
 
 def _target(asked: Asked) -> Question | None:
-    with suppress(UsageError):  # while the target is still unknown
+    with suppress(UsageError):  # the target may still be unknown at this time
         if asked.answers.target or asked.view(asked.answers):
             return None
 

@@ -32,11 +32,14 @@ from mapmore_cli.storage.tables.cells import NotANumber
 from mapmore_cli.study.sections.data import Data
 from mapmore_cli.study.units import can_convert, convert, default_unit, is_canonical
 
-MOST_FILES = 5  # files that are read
-MOST_SHOWN = 12  # columns that a line names
-MOST_WORDS = 3  # words for missing numbers in one column; with more, it is a column of words
-RESET = {"longer_than": 60.0, "action": "split"}  # cuts a recording where its clock is set back
-BREAK = 5  # number of usual steps without a sample that is a gap
+MOST_FILES = 5  # largest number of files that are read
+MOST_SHOWN = 12  # largest number of columns that a line names
+# largest number of words that may mean missing numbers in one column; a column with more is a
+# column of words
+MOST_WORDS = 3
+# rule that cuts a recording at a place where its clock was set back
+RESET = {"longer_than": 60.0, "action": "split"}
+BREAK = 5  # a step longer than this multiple of the usual step is a gap
 
 T = TypeVar("T")
 
@@ -107,7 +110,9 @@ def table_of(study: Study, folder: Path) -> Table:
 
 
 def _read_texts(section: Mapping[str, Any], folder: Path, column: Column) -> dict[Column, Texts]:
-    """Return the texts of a column, and their numbers; none where texts seldom stand again."""
+    """Return the different texts of a column, and the numbers of its cells' texts; an empty mapping
+    if texts seldom occur more than once.
+    """
     entry = {"column": column, "texts": True}
     data = Data.model_validate(
         {**section, "columns": {"label": entry}, "recordings": {"of": "label"}}
@@ -124,7 +129,9 @@ def _read_texts(section: Mapping[str, Any], folder: Path, column: Column) -> dic
 
 
 def _some_of(sources: Sequence[Source]) -> Sequence[Source]:
-    """Return a few of the files: columns are the same in all."""
+    """Return a few of the files, which are enough to know the columns, because all files have the
+    same columns.
+    """
     return sources[:: -(-len(sources) // MOST_FILES)]
 
 
@@ -215,7 +222,9 @@ def _read_columns(
 
 
 def _without_bad(tables: Sequence[Samples]) -> list[Samples]:
-    """Return the tables without those in which a column is empty that most others fill."""
+    """Return the tables without the bad ones. A table is bad if a column in it is empty, although
+    it has values in most other tables.
+    """
     empty = [
         {name for name, x in table.columns.items() if not np.isfinite(x).any()} for table in tables
     ]
@@ -264,7 +273,9 @@ def with_columns(draft: Draft, known: Understood, target: str, table: Table) -> 
 
 
 def lenient(draft: Draft) -> Draft:
-    """Return the draft with settings that leave out single faults of cells and of the clock."""
+    """Return the draft with settings that leave out samples with faulty cells or faulty time
+    stamps, if there are only a few.
+    """
     for key, value in (("missing", "drop"), ("repeated_time", "spread"), ("glitches", "drop")):
         draft = draft.with_data(key, draft.data.get(key, value))
     return draft
@@ -411,7 +422,7 @@ def with_second_log(draft: Draft, second: Study, folder: Path, target: str, said
     try:
         notes = read_draft(lenient(draft.with_data("join", [entry])), folder, target).notes
         how_shifted = next((note for note in notes if ": shift " in note), "").partition(": ")[2]
-    except DataError:  # nothing changes, or several shifts are possible
+    except DataError:  # nothing changes in a log, or several shifts are possible
         entry = {key: value for key, value in entry.items() if key != "match"} | {"shift": 0.0}
         how_shifted, sure = "are both clocks one?", False
     return draft.with_data(

@@ -27,9 +27,10 @@ from mapmore_cli.study.units import CANONICAL
 
 @dataclass(frozen=True)
 class Study:
-    """Files of one layout, and a name for them; `bad` are files of the folder that no study has.
+    """Files of one layout, and a name for them. `bad` are the files of the folder that belong to no
+    study.
 
-    `variants` are the layouts of files in which other units stand, as bar where most have kPa.
+    `variants` are the layouts of files with other units, for example bar if most files have kPa.
     """
 
     files: tuple[Path, ...]
@@ -48,12 +49,14 @@ class Study:
 
     @property
     def of_layout(self) -> Study:
-        """The files that are laid out as `layout` says, in every unit."""
+        """The study with only the files whose layout is exactly `layout`, without the variants."""
         files = tuple(file for file in self.files if file not in self.variants)
         return replace(self, files=files, variants={})
 
     def columns_of(self, file: Path, columns: Named) -> Section:
-        """Return the columns that a file calls otherwise than the others, or has in other units."""
+        """Return the entries of `columns` for a file whose titles or units differ from those of the
+        other files.
+        """
         layout = self.variants[file]
         changed: Section = {}
         for name, one in columns.items():
@@ -68,8 +71,8 @@ class Study:
 
     @property
     def parts(self) -> list[tuple[Path, Section]]:
-        """Every recording: its file, and its place in the file (the sheet if the names of sheets
-        say something, or its table if there are several).
+        """The file of every recording, and its place in the file: its sheet if the names of sheets
+        contain information, or its table if there are several.
         """
         if self.layout.tables:
             places: list[Section] = [{"table": at} for at, _ in self.layout.tables]
@@ -137,7 +140,7 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
 
 def _joined_over_units(layouts: Sequence[tuple[Preview, list[Path]]]) -> list[Study]:
     """Return a study for each layout with its files, and one for layouts that differ in the units
-    of their titles alone: that of the most files counts for all.
+    of their titles alone: the layout of the most files is used for all.
     """
     families: dict[str, list[tuple[Preview, list[Path]]]] = {}
     for layout, files in layouts:
@@ -164,8 +167,8 @@ def _is_own(file: Path, folder: Path) -> bool:
 
 
 def _name(study: Study, alone: bool) -> str:
-    """Return the name of the folder if it has no other study, otherwise the words that all files
-    share.
+    """Return a name for a study: the name of the folder if it contains no other study, otherwise
+    the words that all names of its files share.
     """
     stems = [re.split(r"[_\s/]+", stem_of(file.name)) for file in study.files]
     common = [words[0] for words in zip(*stems, strict=False) if len(set(words)) == 1]

@@ -1,4 +1,4 @@
-"""The words of a text, and how it is spelt in the Latin alphabet."""
+"""Split a text into words, and spell it in the Latin alphabet."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def words(text: str) -> list[str]:
 def spelt(text: str) -> str:
     """Return a text in the Latin alphabet: accents are removed, and letters are replaced by their
     Unicode names, within words by the first sounds of these (`θ1` becomes `theta1`, `Πίεση` becomes
-    `piese`); other signs become their number.
+    `piese`); other signs are replaced by their numbers in Unicode.
     """
     plain = "".join(
         sign for sign in unicodedata.normalize("NFKD", text) if not unicodedata.combining(sign)

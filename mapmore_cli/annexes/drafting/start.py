@@ -115,8 +115,8 @@ def propose(
 
 
 def _tips(table: Table, known: Understood, answers: Answers) -> Iterator[str]:
-    """Yield what a person may say besides: of a column that stands in blocks of rows, and of rows
-    that are no samples.
+    """Yield tips on further options: for a column whose blocks of equal values may be recordings,
+    and for rows that are no samples.
     """
     named = {**answers.columns, **(answers.inputs or {})}
     used = {known.columns[name].column for name in known.inputs if name in named}
@@ -140,7 +140,9 @@ def _tips(table: Table, known: Understood, answers: Answers) -> Iterator[str]:
 
 
 def _shared_out(columns: Named, table: Table) -> tuple[Named, Named]:
-    """Return the named columns that belong to a table, and those of another log."""
+    """Split the columns that a person named into those that a table has, and those of
+    another log.
+    """
     beside = dict(columns)
     for name, column in columns.items():
         with suppress(UsageError):
@@ -182,8 +184,8 @@ def _with_experiment(
 
 
 def _with_sessions(draft: Draft, apart: Unequal | None, group: str | None) -> Draft:
-    """Return the draft with an explanation of unequal outputs at equal inputs: as settings for the
-    groups that a person named, otherwise as a remark.
+    """Return the draft, changed if two recordings have equal inputs but unequal outputs (`apart`):
+    with settings for the groups that a person named, otherwise with a remark.
     """
     if apart is None:
         return draft
@@ -266,7 +268,7 @@ def start(
 
 
 def _names_apart(studies: Sequence[Study]) -> list[str]:
-    """Return the names of studies, with a number appended to repeated ones."""
+    """Return distinct names of studies: a number is appended to a name that repeats."""
     labels = [study.name or "study" for study in studies]
     return [
         name if labels.count(name) == 1 else f"{name}-{labels[: place + 1].count(name)}"

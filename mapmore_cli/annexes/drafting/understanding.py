@@ -47,8 +47,8 @@ class Understood:
         return {name: one for name, one in self.columns.items() if name not in others}
 
     def drive_called(self, said: str, table: Table, option: str) -> str:
-        """Return the input that a person calls by name, title or number. Raises UsageError if there
-        is none.
+        """Return the name of the input that a person means by a name, a title or a number. Raises
+        UsageError if there is none.
         """
         if said in self.drives:
             return said
@@ -132,7 +132,7 @@ def _columns_of(table: Table, answers: Answers) -> tuple[Named, dict[Column, str
         return named_by_person(answers.columns, table, "--columns", {}), {}
     columns, left_out = known_by_titles(table)
     for name, column in {**answers.target, **(answers.inputs or {})}.items():
-        with suppress(UsageError):  # quantities in names of files are in no column
+        with suppress(UsageError):  # a quantity in names of files is in no column
             is_clock = (
                 "time" in columns
                 and columns["time"].column == find(table, column.column, "").column
@@ -146,8 +146,8 @@ def _columns_of(table: Table, answers: Answers) -> tuple[Named, dict[Column, str
 
 
 def _group_of(table: Table, said: str | None, known: Named) -> tuple[str | None, Named]:
-    """Return the name of the quantity that distinguishes groups, and its column; no column for a
-    word in names.
+    """Return the name of the quantity that distinguishes groups, and its column; there is no column
+    if groups are distinguished by a word in names of files.
 
     A column is given by its number, its title or its name. Raises UsageError for an unknown number.
     """
@@ -160,8 +160,8 @@ def _group_of(table: Table, said: str | None, known: Named) -> tuple[str | None,
 
 
 def _column_called(table: Table, said: str, option: str, known: Named) -> Named:
-    """Return the column with this number, title or name, by its name. Raises UsageError if there is
-    none.
+    """Return a mapping with one column, which a person means by a number, a title or a name, under
+    its name. Raises UsageError if there is none.
     """
     titled = find(table, int(said) if said.isdecimal() else said, option, texts=True)
     names = {one.column: name for name, one in known.items()}
@@ -175,8 +175,8 @@ def _free(
     targets: Sequence[str],
     left_out: dict[Column, str],
 ) -> list[str]:
-    """Return all columns that may drive the targets. Columns that are the same signal as a target,
-    or of which a target is a linear filter while others drive, are left out with a reason.
+    """Return all columns that may drive the targets. A column is left out, with a reason, if it is
+    the same signal as a target; or if the target is a linear filter of it, and other columns drive.
     """
     free = {
         name: one.column

@@ -58,8 +58,8 @@ STATUS = (NONE, ONE, SEVERAL, FLAT)
 """Return values of the inverse functions, counted from 0."""
 
 DIVIDED = 64
-"""Largest number of parts of a scan that are divided further, so that the places fit on the stack;
-Python has no such limit.
+"""Largest number of parts of a scan that C code divides further, so that the places fit on the
+stack. Python has no such limit.
 """
 
 COARSER = 1000.0
@@ -128,8 +128,8 @@ def c_source(model: Model, single: bool = False) -> CSource:
 
 
 class CSource(NamedTuple):
-    """A model in C: the `name` of its functions, its program, how the program is written, and the
-    `words` for the templates.
+    """A model in C: the `name` of its functions, its program, its dialect, and the `words` for the
+    templates.
     """
 
     name: Code
@@ -160,7 +160,7 @@ class CSource(NamedTuple):
 
 
 def functions(words: Mapping[str, Any]) -> str:
-    """Return the functions of a model."""
+    """Return the C code of the functions of a model, made from their template."""
     return rendered_template("model.c", **words, body=rendered_template("body.c", **words))
 
 
@@ -181,9 +181,6 @@ def _inverses(words: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
             "parts": parts,
             "ends": 2 * (len(places) - 1) * (parts + 1) + 1,
         }
-
-
-# C wrappers of a model: an actuator of MuJoCo, and a function for Simulink's C Caller
 
 
 def mujoco_files(model: Model, _wanted: Wanted) -> dict[str, str]:

@@ -81,7 +81,7 @@ def export(
     with Reporter(quiet) as reporter:
         model = read_model(model_file, reporter.warn)
         if pressure is not None:
-            kinds.named("sum")  # raises NotInstalled if this annex is missing
+            kinds.named("sum")  # this raises NotInstalled if the annex `sums` is missing
             from mapmore_cli.annexes.sums.joint import actuator
 
             valve = kinds.alone(read_model(pressure, reporter.warn))

@@ -45,9 +45,9 @@ class Dialect:
 
     - `number`: function that writes a finite number.
     - `language`: language whose texts of functions are used (`expressions.functions`); `library`:
-      how the name of a library function is written; `power`: a general power of base and exponent.
+      how the name of a library function is written; `power`: pattern of a power with any exponent.
     - `constant`: line that names a value that is not assigned again.
-    - `nothing`: value that means no value.
+    - `nothing`: the value that stands for a missing value.
     - `quotient`: text of a quotient of dividend and divisor.
     - `assigned`: an assignment; `state`: prefix of a name that is kept in the state `s`.
     - `recalled`, `queued`: value of a queue `steps` ago, or `left` places after its oldest value;
@@ -168,7 +168,7 @@ JAVASCRIPT = replace(
 
 def program_words(program: Program, dialect: Dialect, apart: bool = True) -> dict[str, Any]:
     """Return the words of a program for the templates: its `functions`, `lines` and `results`, and
-    the `limits` of its inputs, which with `apart` are in a function of their own.
+    the `limits` of its inputs. With `apart`, the limits are computed in a separate function.
 
     Raises DataError if a name of the program is no identifier.
     """
@@ -246,8 +246,8 @@ def texts_of(part: object) -> Iterator[str]:
 
 @dataclass
 class Body:
-    """The inside of a function that is being written: its `lines`, and the named powers and
-    function values, which may occur again.
+    """The body of a function that is being written: its `lines`, and the powers and function values
+    that have names, so that they can be used again.
 
     They are computed in the same order as in `expressions.compiled`, so that all languages round
     alike.
@@ -263,8 +263,8 @@ class Body:
         self.lines.append(Code(form.format(*parts, **named)))
 
     def _inner(self, lines: list[Code]) -> Body:
-        """Return the inside of a block. It knows the names that are known here; its own names end
-        with it.
+        """Return a body for a block inside this one. It can use the names of this body; its own
+        names are valid only within the block.
         """
         return replace(self, lines=lines, known=dict(self.known))
 
@@ -274,7 +274,7 @@ class Body:
         return [self.text(result) for result in block.results]
 
     def write(self, statements: Sequence[Statement]) -> None:
-        """Write statements after the lines."""
+        """Write statements, appended to the lines."""
         dialect, sizes = self.dialect, self.program.kept.queues
         for statement in statements:
             match statement:
@@ -359,7 +359,7 @@ class Body:
         return self._atom(expression, front=True)
 
     def _atom(self, expression: Expression, front: bool = False) -> Code:
-        """Return the text of an expression as a factor."""
+        """Return the text of an expression as a factor of a product, in brackets if necessary."""
         match expression:
             case Number(value):
                 number = self.dialect.number(value)

@@ -80,7 +80,7 @@ def unit_file(model: Model, wanted: Wanted, standard: int = 2) -> dict[str, byte
     }
     try:
         if wanted.verify:
-            # the program for FMI 3 contains the functions
+            # the program for FMI 3 already contains the functions
             others = unit.compiled if standard == 2 else unit.compiled[:1]
             verify_program(model, {**unit.sources, **unit.verifier}, [*others, *unit.verifier])
         files[library_place(unit.name, standard)] = built(unit.sources, unit.compiled)
@@ -92,9 +92,10 @@ def unit_file(model: Model, wanted: Wanted, standard: int = 2) -> dict[str, byte
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
         for name, data in files.items():
-            entry = zipfile.ZipInfo(name)  # dated 1980, so that the same model gives the same bytes
+            # the default date of 1980 is kept, so that the same model gives the same bytes
+            entry = zipfile.ZipInfo(name)
             entry.compress_type = zipfile.ZIP_DEFLATED
-            entry.create_system = 3  # Unix, on whatever system it is written
+            entry.create_system = 3  # marked as made on Unix, whatever the system
             entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
             archive.writestr(entry, data)
     return {f"{unit.name}{'' if standard == 2 else '_fmi3'}.fmu": stream.getvalue()}
@@ -112,7 +113,7 @@ def fmu_sources(model: Model, tool: str, standard: int = 2) -> UnitSources:
     header = rendered_template("model.h", **written.words)
     texts = {f"{name}.h": header, f"{name}.c": functions(written.words), **texts}
     about = repr([model.name, model.inputs, model.output, tool, *texts.values()])
-    # equal units have the same identifier, different units have different ones
+    # equal units get the same identifier, and different units get different ones
     guid = str(UUID(bytes=hashlib.sha256(about.encode()).digest()[:16]))
     variables = list(_variables(written, [BITS] if standard == 2 else [BITS, "time"]))
     words = {
@@ -166,8 +167,8 @@ def _powers(base: BaseUnits | None) -> dict[str, float] | None:
 
 
 def _variables(written: CSource, taken: list[str]) -> Iterator[Variable]:
-    """Yield the inputs, the measured output if the model feeds it back, the output, and the bits;
-    the first ones get no name in `taken`.
+    """Yield the variables of a unit: the inputs, the measured output if the model feeds it back,
+    the output, and the bits of `outside_range`. The first ones get names that are not in `taken`.
     """
     model, memory = written.words["model"], written.words["memory"]
     measured = [
@@ -187,7 +188,7 @@ def _variables(written: CSource, taken: list[str]) -> Iterator[Variable]:
                 "Measured output, which the model goes on from; counts as long as there is no value"
             )
         elif low:
-            # it starts at zero, or at the nearest end of the range at the lowest level
+            # the input starts at zero, or at the nearest end of its range at the lowest level
             start = float(min(max(0.0, low[0]), high[0]))
             about = f"Trained from {min(low):.6g} to {max(high):.6g} {quantity.unit}"
         about = about if name == quantity.name else f"{quantity.name}. {about}"

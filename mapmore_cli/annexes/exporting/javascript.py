@@ -1,5 +1,5 @@
 """Write a model as one module of JavaScript without dependencies, for browsers and Node, which
-computes one sample at a time.
+computes one sample for each call.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def javascript_module(model: Model) -> Code:
     """Return the text of the module.
 
     It exports `INPUTS`, `OUTPUT` and `outsideRange`; without memory `evaluate` and `derivatives`,
-    with memory `STEP`, `reset`, `step` and, where the output is fed back, `measured`. They take
+    with memory `STEP`, `reset`, `step` and, if the output is fed back, `measured`. They take
     numbers in the order of `INPUTS`.
 
     Raises DataError if a part of the model has no closed expression.

@@ -1,9 +1,9 @@
 """Write a model as a Python module: with NumPy for whole arrays, or in plain Python for one sample
 at a time.
 
-The second form is the first with the few NumPy functions that the model uses written out. It is for
-controllers and simulators that call Python sample by sample (SOFA, PyElastica, callbacks of
-MuJoCo). For whole arrays, NumPy is many times faster.
+The second form differs from the first in that the few NumPy functions that the model uses are
+written out in plain Python. It is for controllers and simulators that call Python sample by sample
+(SOFA, PyElastica, callbacks of MuJoCo). For whole arrays, NumPy is many times faster.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def python_module(model: Model, plain: bool = False) -> tuple[str, str]:
 
     The module has `evaluate` for all inputs, or with memory `State` and `step` for a state and the
     inputs, and `outside_range`. A plain module has the same function under the name of the output,
-    also `derivatives` without memory, and `reset`, which makes a new state.
+    `derivatives` if it has no memory, and `reset`, which makes a new state.
 
     Raises UsageError if the model's name has no character that a module name may have; DataError if
     a part of the model has no closed expression.

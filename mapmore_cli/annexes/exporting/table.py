@@ -77,7 +77,7 @@ def table_files(model: Model, wanted: Wanted) -> dict[str, str | bytes]:
     }
     if len(grid.places) == 2:
         files[f"{stem}.txt"] = _combi_table(model, grid)
-        output = str(name_of_output(model))  # also the name is a text
+        output = str(name_of_output(model))  # the name of the output is also a text in the table
         names = names_of_inputs(model.inputs, [*words_of("Modelica"), *OWN, output])
         files[f"{stem}.mo"] = rendered_template(
             "table.mo", model=model, name=stem, output=output, names=[*names.values()]
@@ -87,7 +87,7 @@ def table_files(model: Model, wanted: Wanted) -> dict[str, str | bytes]:
 
 def lookup_table(model: Model, wanted: Wanted) -> dict[str, str]:
     """Return a table of the points of a grid. Raises UsageError if the grid leaves the training
-    range, because points outside would be looked up as if they were known.
+    range, because users of the table would take points outside for valid ones.
     """
     grid = _on_grid(model, wanted.grid)
     if outside := np.flatnonzero(grid.valid == 0).tolist():
@@ -187,7 +187,7 @@ def tex_equations(model: Model, _wanted: Wanted) -> dict[str, str]:
     units = ", ".join(
         f"{quantity.name} in {quantity.unit}" for quantity in (model.output, *model.inputs)
     )
-    # printed from names that are identifiers
+    # these texts are printed from names that are identifiers, so they need no escaping
     typeset = [
         (equation.id, equation.weight, Code(equation.latex)) for equation in equations(model)
     ]

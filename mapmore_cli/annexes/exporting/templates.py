@@ -33,7 +33,7 @@ Warn = Callable[[str], None]
 @dataclass(frozen=True)
 class Wanted:
     """Options of an export: in `single` precision, on the points of a `grid`, compared with
-    `predict` if `verify`; `warn` is called with whatever could not be done.
+    `predict` if `verify`; `warn` is called with a message if something could not be done.
     """
 
     single: bool
@@ -43,13 +43,15 @@ class Wanted:
 
 
 class Code(str):
-    """A text that our own printers made, which contains no foreign words."""
+    """A text that mapmore's own printers made. It contains no text of users or files, so that it
+    can be inserted without escaping.
+    """
 
     __slots__ = ()
 
 
 def word(text: str) -> Code:
-    """Return a text that is an identifier. Raises DataError if it is none."""
+    """Return the text as code if it is an identifier. Raises DataError otherwise."""
     if not IDENTIFIER.fullmatch(text):
         problem = f"the model calls something {plain(text)[:60]!r}, which cannot be a name in code"
         raise DataError(problem, "make the model again with names of letters, digits and _")
@@ -57,8 +59,8 @@ def word(text: str) -> Code:
 
 
 def code(form: str, *parts: Code | str | float) -> Code:
-    """Return a form of ours with its braces filled with code, numbers, and texts that are
-    identifiers.
+    """Return code made from a pattern. Its braces are replaced by code, numbers, or texts that must
+    be identifiers.
     """
     return Code(
         form.format(
@@ -86,7 +88,7 @@ OWN = (
 """Names in the templates of all languages, which no output and no model may have."""
 
 _FUNCTION = re.compile("(curve|segment)_[0-9]+|slope_(inside|at_end)")
-"""Names of functions of programs."""
+"""Pattern of the names that functions of programs have."""
 
 
 def identifier(name: str) -> Code:
@@ -97,7 +99,7 @@ def identifier(name: str) -> Code:
     `model_` also precedes `x` and `x_...`, because `x_reset` is an input in C. Raises UsageError if
     the name has neither a letter nor a digit.
     """
-    # compilers distinguish 63 characters, including the added ones
+    # compilers distinguish the first 63 characters of a name, including characters that are added
     letters = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")[:40].rstrip("_")
     if not letters:
         raise UsageError(
@@ -141,8 +143,8 @@ def name_of_output(model: Model, names: Iterable[str] | None = None) -> Code:
 
 
 def notes_of(model: Model, names: Mapping[str, str]) -> list[str]:
-    """Return a line for each input that has another name here, and for the shape that the model
-    keeps.
+    """Return notes for the head of an exported file: a line for each input whose name in code
+    differs from its own, and a line for the shape that the model keeps.
     """
     renamed = [
         f"The input {name} is called {other} here."
@@ -193,7 +195,7 @@ def templates(language: str) -> Environment:
         raise TypeError(f"not a text, and no number: {value!r}")
 
     def noted(text: str) -> Code:
-        # on a page, `</script>` ends a script even within a comment
+        # on a page, the text `</script>` ends a script even inside a comment
         return Code(note(text).replace("<", "{3C}")) if language == "mjs" else note(text)
 
     loader = PackageLoader(__package__, "sources")
@@ -215,8 +217,8 @@ def templates(language: str) -> Environment:
 
 
 def note(text: str) -> Code:
-    """Return a text for the inside of a comment, which it cannot end. It must not be used
-    elsewhere.
+    """Return a text as code that is safe inside a comment, because it cannot end the comment. It
+    must not be used elsewhere.
     """
     return Code(plain(text))
 
@@ -233,8 +235,9 @@ COMMENTS = {
 
 
 def with_notice(name: str, text: str) -> str:
-    """Return the text of a file with the notice that the licence of our templates asks for, if it
-    is code. It stands at the end in MATLAB, where the first comment is the help of the function.
+    """Return the text of a file with the notice that the licence of mapmore's templates requires,
+    if the file is code. It stands at the end in MATLAB, where the first comment is the help of the
+    function.
     """
     comment = COMMENTS.get(PurePath(name).suffix)
     if comment is None:

@@ -1,8 +1,8 @@
 """Compile exported code and compare it with `predict` before it is written, on random points inside
 and outside the training range.
 
-The code runs in a separate process with a time limit, because it follows from a file that may be
-hostile.
+The code runs in a separate process with a time limit, because it is made from a model file that may
+be hostile.
 """
 
 from __future__ import annotations
@@ -55,11 +55,11 @@ MACHINES = {
 
 
 class CompilerMissing(Exception):
-    """There is no compiler, or it failed; the message says which."""
+    """No compiler was found, or it cannot compile at all; the message says which."""
 
 
 class CompilerFailed(CompilerMissing):
-    """The compiler refused the files."""
+    """The compiler works, but it refused the files of a model."""
 
 
 def library_place(name: str, standard: int = 2) -> str:
@@ -80,8 +80,8 @@ def library_place(name: str, standard: int = 2) -> str:
 def built(
     files: Mapping[str, str], compiled: Sequence[str], flags: Sequence[str] = LIBRARY
 ) -> bytes:
-    """Compile some of the files, and return the shared library, or the executable if no library
-    flags are given.
+    """Compile the files named in `compiled`, and return the shared library, or the executable if no
+    library flags are given.
 
     Raises CompilerMissing if there is no compiler, CompilerFailed if it refuses the files.
     """
@@ -97,7 +97,7 @@ def built(
     try:
         _compiled(compiler, {"empty.c": "int nothing;\n"}, ["empty.c"], LIBRARY)
     except (OSError, subprocess.SubprocessError) as fault:
-        raise CompilerMissing(why) from fault  # it compiles nothing at all
+        raise CompilerMissing(why) from fault  # this compiler cannot compile anything at all
     raise CompilerFailed(why)
 
 
@@ -162,15 +162,16 @@ def verify_files(model: Model, files: Mapping[str, str], command: Sequence[str])
 
 
 def _verify(model: Model, command: Sequence[str], folder: Path, close: float = CLOSE) -> None:
-    """Compare a program in a folder. It reads inputs and measured outputs line by line, and prints
-    the outputs and the bits of inputs outside their range.
+    """Run a program in a folder and compare its numbers with `predict`. It reads inputs and
+    measured outputs line by line, and prints the outputs and the bits of inputs outside their
+    range.
     """
     columns, count = points(model), len(model.inputs)
     names = [*(quantity.name for quantity in model.inputs), *fed_back(model)]
     rows = np.column_stack([np.empty((POINTS, 0)), *(columns[name] for name in names)]).tolist()
     rows_as_text = "".join(" ".join(map(repr, row)) + "\n" for row in rows)
     answers = _answers(model, command, rows_as_text, folder).reshape(-1, len(model.each) + 1)
-    # one line if there is no input
+    # the answer has one line if the model has no input
     *values, bits = np.broadcast_to(answers, (POINTS, answers.shape[1])).T
     outside = bits.astype(int) & ((1 << count) - 1) != 0
     flags = outside != outside_range(model, columns)
@@ -221,7 +222,8 @@ def points(model: Model) -> Columns:
     columns = {"time": (code.step or 1.0) * np.arange(float(POINTS))}
     for name, ends in training_ends(model).items():
         low, high = min(ends[0], default=-1.0), max(ends[1], default=1.0)
-        if name != "time" or code.step is None:  # the clock of a recording is even
+        # the time of a recording has equal steps instead of random values
+        if name != "time" or code.step is None:
             columns[name] = low + (high - low) * rng.uniform(-0.2, 1.2, POINTS)
     for memory in model.memories:
         columns.setdefault(memory.output, rng.uniform(*memory.limits, POINTS))
@@ -243,7 +245,7 @@ def training_ends(model: Model) -> dict[str, tuple[list[float], list[float]]]:
     limits, ends = program_of(model).limits, {}
     for name in (quantity.name for quantity in model.inputs):
         known = [limit for limit in limits if limit.inputs == {name}]
-        # but not what is computed from it
+        # limits of the input itself are used, not those of quantities that are computed from it
         known = [limit for limit in known if limit.value == Name(f"{INPUT}{name}")] or known
         ends[name] = (
             [place for limit in known for place in limit.low.tolist()],

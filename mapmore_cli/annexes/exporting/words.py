@@ -170,7 +170,7 @@ LIBRARY: Mapping[str, str] = {
     ),
 }
 """Functions, modules and headers of languages and file names of systems, which no model may have as
-name: its file or function would hide them.
+its name, because the file or function of the model would hide them.
 """
 
 

@@ -25,7 +25,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class MotionKind(Kind):
-    """Kind of the models of motion. Files of this package are imported when they are needed."""
+    """The kind of models of motion. The other files of this package are imported only when they are
+    needed.
+    """
 
     def maker(self) -> Maker:
         """Return the maker that fits these models."""

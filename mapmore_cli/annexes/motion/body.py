@@ -79,7 +79,7 @@ class Motion:
     With `hard` switching, every section runs along the whole input, and the output of the active
     one is used. `carried` sections pass on their state; `bumpless` sections also have equal steady
     outputs at their boundaries. Without bumpless switching, `dead_band` is 0: the input then counts
-    as falling unless it rises.
+    as falling unless it rises above its value one sample before.
     """
 
     input: Annotated[QuantityName, "the input"]

@@ -52,7 +52,7 @@ def draw_searches(ax: Axes, fit: MotionFit) -> None:
     """Draw the smallest error so far of every section."""
     for section, search in zip(fit.model.sections, fit.searches, strict=True):
         colour, line = (GREY, "--") if section.direction == FALL else (BLACK, "-")
-        # an exact fit has no place on a logarithmic axis
+        # a logarithmic axis has no place for an exact fit, whose error is zero
         best = np.maximum(search.history, np.finfo(np.float64).tiny)
         ax.plot(best, color=colour, linestyle=line, linewidth=0.7)
     plain_logarithm(ax, "y")

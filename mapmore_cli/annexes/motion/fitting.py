@@ -192,8 +192,9 @@ def _knots(motion: Motion) -> tuple[Array, int]:
 
 
 def _heights_of(motion: Motion, run: Piece) -> Array:
-    """Return drives, (n, knots x lines), that give a steady output of one at each knot, continued
-    as a straight line outside the ends.
+    """Return the drives, (n, knots x lines), for the heights: each gives a steady output of one at
+    its knot and of zero at the others, linear in between and continued as a straight line outside
+    the ends.
 
     With a load, a second set is multiplied by the load.
     """
@@ -218,7 +219,9 @@ def _with_heights(motion: Motion, poles: Array, heights: Array) -> Motion:
     knots, lines = _knots(motion)
 
     def straight(heights_of_one: Array) -> list[Array]:
-        """Return slopes and constants of the straight pieces, (sections,) each."""
+        """Return slopes and constants of the straight lines between the heights at neighbouring
+        knots, (sections,) each.
+        """
         table = heights_of_one.reshape(len(knots), lines)
         slopes = np.diff(table, axis=0) / np.diff(knots)[:, None]
         return [slopes.ravel(), (table[:-1] - slopes * knots[:-1, None]).ravel()]

@@ -21,7 +21,8 @@ from mapmore_cli.modelling.kinds import Verbs
 from mapmore_cli.modelling.literature.model import printed
 from mapmore_cli.modelling.program.writing import Inputs, Side, Writer, limit, renamed_all, total
 
-# writes, with a given stem, the value of the active section out of several values
+# function that writes the value of the active section, chosen out of the values of all sections;
+# its first argument is the stem of new names
 OfSection = Callable[[str, Sequence[Side]], Expression]
 
 
@@ -55,7 +56,8 @@ def _motion(model: Model) -> Motion:
 
 
 def _falls(m: Writer, motion: Motion, u: Expression, first: Condition) -> Expression:
-    """Write 1 unless the input is above the one before (P eq 16).
+    """Write 1 if the input does not rise above its value one sample before, and 0 otherwise (P eq
+    16).
 
     For sections that meet, write 1 after the input has turned down by more than the dead band,
     until it has turned up as far.

@@ -130,8 +130,9 @@ class MotionRecipe(MotionSettings):
 
 
 PENALTY = 1e3
-"""Error of an unstable section, in root mean squares of the output, times the modulus of its pole,
-so that it is worse than any stable section.
+"""Error that is assigned to an unstable section, as a multiple of the root mean square of the
+output. It is also multiplied by the modulus of the section's pole, and is larger than the error of
+any stable section.
 """
 
 
@@ -177,7 +178,7 @@ class Problem:
         self.start, self.reach = start, reach
         self.random = np.random.default_rng(seed)
         self.pieces = tuple(piece for piece in pieces if piece.counts.any())
-        # a slice copies nothing
+        # with a slice, nothing is copied
         self.own = [slice(None) if piece.counts.all() else piece.counts for piece in self.pieces]
         self.y = np.concatenate([piece.y[piece.counts] for piece in self.pieces])
         self.size = float(np.sqrt(np.mean(self.y**2))) or 1.0
@@ -221,8 +222,8 @@ class Problem:
         return weights, _weighted(moved, weights) - self.y
 
     def found(self, p1: float, p2: float, history: Sequence[float] | Array) -> Found:
-        """Return the result of a search, with the best weights for its poles; `history` holds its
-        errors one after the other.
+        """Return the result of a search, with the best weights for its poles; `history` holds the
+        errors during the search, in their order.
         """
         weights, residuals = self.projected(p1, p2)
         rmse, lowest = _root_mean_square(residuals), np.minimum.accumulate(history)

@@ -21,7 +21,7 @@ from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.modelling.expressions.operators.play import play
 from mapmore_cli.modelling.memory.records import uninterrupted
 
-# largest reflection coefficient; nearer to the edge, rounding decides whether a section is stable
+# largest reflection coefficient; closer to one, rounding errors decide whether a section is stable
 EDGE = 1.0 - 1e-9
 
 
@@ -175,7 +175,8 @@ def shared(poles: Array, drive: Array, holds: IntArray, start: str = REST) -> Ar
     from scipy.signal import lfilter
 
     n = len(holds)
-    states = np.empty((n + 2, *drive.shape[1:]))  # x1[k] is stored at k, x2[k] at k + 1
+    # x1[k] is stored at index k, and x2[k] at index k + 1
+    states = np.empty((n + 2, *drive.shape[1:]))
     p1, p2 = poles[holds[0]] if n else (0.0, 0.0)
     states[:2] = drive[0] / (1.0 - p1 - p2) if start == REST else 0.0
     turns = np.flatnonzero(np.diff(holds)) + 1
@@ -188,7 +189,7 @@ def shared(poles: Array, drive: Array, holds: IntArray, start: str = REST) -> Ar
     return states[:n]
 
 
-# two wavelengths of an input are equal if they differ by less than this share of its range
+# two wavelengths of an input count as equal if they differ by less than this share of its range
 REPEATS = 1e-3
 
 
@@ -206,8 +207,8 @@ class MotionErrors(NamedTuple):
 
 
 def last_wavelength(u: Array) -> int:
-    """Return the number of samples in the last wavelength of an input, (n,), with which it repeats
-    itself; n if it does not repeat.
+    """Return the wavelength of a periodic input, (n,), in samples, measured at its end. Return n if
+    the input does not repeat.
     """
     tolerance = REPEATS * float(np.ptp(u))
     for length in range(4, len(u) // 2 + 1):

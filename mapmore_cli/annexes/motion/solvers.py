@@ -20,7 +20,7 @@ STRIDES = (1, 3, 10, 30)
 """Samples between those that a linear start compares: short strides are sensitive to noise, and
 long ones miss fast poles.
 """
-NEAREST = 0.999  # fraction of the edge of stability up to which a start may lie
+NEAREST = 0.999  # starting values may lie at most at this fraction of the edge of stability
 TOLERANCE = 1e-12
 
 
@@ -52,7 +52,7 @@ def least_squares(problem: Problem, _recipe: MotionRecipe) -> Found:
 
 def linear_start(pieces: tuple[Piece, ...], stride: int) -> tuple[float, float] | None:
     """Return P1 and P2 by linear regression of `y[k + 2s] = a y[k + s] + b y[k] + sum_m c_m
-    d_m[k]`, its poles brought back to one sample.
+    d_m[k]`, and convert its poles from a stride to one sample.
 
     Only triples of samples at which the section is active are used; None if there are too few.
     Noise in y biases the regression (it is one step ahead), so its result is only a starting point.
@@ -136,7 +136,7 @@ def swarm(problem: Problem, recipe: MotionRecipe) -> Found:
 
 
 def _walls(box: Bounds, problem: Problem) -> Array:
-    """Return the lower and the upper end of P1, P2, P3, (2, 3)."""
+    """Return the smallest and the largest values of P1, P2 and P3 in a box, (2, 3)."""
     inputs = np.concatenate([piece.drives[:, 0] for piece in problem.pieces])
     outputs = np.concatenate([piece.y for piece in problem.pieces])
     widest = WIDE * float(np.ptp(outputs)) / float(np.ptp(inputs))

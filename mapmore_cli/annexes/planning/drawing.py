@@ -26,8 +26,8 @@ def drawing_of(result: Tuning | Plan) -> Drawing:
 
 
 def tuning_drawing(tuning: Tuning) -> Drawing:
-    """Return a dot for every combination, with the standard error of its difference from the best;
-    the simplest within that error is ringed.
+    """Return the figure of a comparison: a dot for every combination, with the standard error of
+    its difference from the best as a bar. The simplest combination within that error has a ring.
     """
     trials = [trial for trial in tuning.trials if trial.errors]
     first = next(iter(tuning.chosen.settings))
@@ -58,8 +58,8 @@ def tuning_drawing(tuning: Tuning) -> Drawing:
 
 
 def plan_drawing(plan: Plan) -> Drawing:
-    """Return the half widths over one quantity as a line, over two as colours; with three
-    quantities, the first two are drawn.
+    """Return the figure of a plan: the half widths over one quantity as a line, or over two
+    quantities as colours. Of three quantities, the first two are drawn.
     """
     names = list(plan.quantities)[:2]
     labels = [_label(plan.quantities[name]) for name in names]

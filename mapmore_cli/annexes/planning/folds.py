@@ -91,8 +91,8 @@ def _block_masks(curve: Curve, along: str | None) -> list[BoolArray]:
 
 
 def errors_of(folds: Folds, remade: Callable[[Dataset], Model]) -> list[float]:
-    """Return the NRMSE on each fold of models that are `remade` without it; infinite if nothing
-    finite was predicted. Raises the errors of the fits.
+    """Return the NRMSE on each fold of models that `remade` fits without the fold; infinite if
+    nothing finite was predicted. Raises the errors of the fits.
     """
     nrmse = []
     target = folds.dataset.target

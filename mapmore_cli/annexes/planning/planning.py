@@ -190,8 +190,8 @@ it too.
 """
 
 ASTRAY = 2.0
-"""Largest ratio of a formula's range over the map (including the measured values) to that of the
-measured values; beyond it, the formula is no member.
+"""A formula is no member of the committee if its range over the map (including the measured values)
+exceeds the range of the measured values by this factor.
 """
 
 STEPS = {1: 201, 2: 41, 3: 13}
@@ -206,7 +206,9 @@ HALVES = "Half widths are right on average; a single one can be wrong by a facto
 
 
 Planned = tuple[tuple[Candidate, ...], Picture, Until | None, tuple[str, ...]]
-"""Candidates, the best first; half widths; the forecast, or None; and notes."""
+"""Parts of a plan: the candidates, the best first; the half widths; the forecast, or None; and
+notes.
+"""
 
 
 def plan(
@@ -261,7 +263,9 @@ def _of_one_target(loaded: LoadedSpec) -> None:
 
 
 def _plannable(loaded: LoadedSpec) -> ModelChoices:
-    """Return the settings of the model, if levels or points can be left out of its fit."""
+    """Return the settings of the model of a study. Raises SpecError if levels or points cannot be
+    left out of its fit.
+    """
     _of_one_target(loaded)
     choices = model_choices(loaded.spec)
     if choices.over_time:
@@ -334,7 +338,9 @@ def _of_points(
     wanted: float | None,
     prices: Mapping[str, float],
 ) -> Planned:
-    """Return the next points; none is at a place that was measured already, held out or not."""
+    """Return the next points to measure. None of them is at a place that was measured already, even
+    if the sample there is held out.
+    """
     name, dataset = choices.name, training_only(whole)
     columns = pooled_training(dataset.curves)
     inputs = [quantity.name for quantity in refit(choices, dataset).inputs]

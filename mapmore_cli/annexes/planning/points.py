@@ -23,13 +23,14 @@ from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.modelling.validation.gaussian_process import GaussianProcess, most_likely
 from mapmore_cli.modelling.validation.intervals import NORMAL
 
-# weight of points at which less than this fraction of the largest |target| is expected
+# weight of points at which the expected |target| is below this fraction of its largest value, and
+# that fraction
 SLACK, LITTLE = (
     0.15,
     0.02,
 )
-# points to which the processes are fitted, spread over the samples, so that a curve of thousands of
-# samples counts by its course
+# largest number of points to which the processes are fitted; they are spread over the samples, so
+# that a curve of thousands of samples does not dominate
 MOST_MEASURED = 150
 MOST_POINTS = 100  # largest number of points of a forecast
 
@@ -37,7 +38,7 @@ MOST_POINTS = 100  # largest number of points of a forecast
 @dataclass(frozen=True)
 class MeasuredMap:
     """A measured map: inputs by name and values, (n,) each, and the predictions of each formula of
-    the committee there and elsewhere.
+    the committee, at these points and at other places.
     """
 
     names: tuple[str, ...]
@@ -45,7 +46,9 @@ class MeasuredMap:
     y: Array
 
     def scaled(self, at: Array) -> Array:
-        """Return points (m, d) in the unit square of the measured range."""
+        """Return points, (m, d), scaled so that the measured range of each of the d inputs is the
+        interval from 0 to 1.
+        """
         return np.asarray((at - self.x.min(axis=0)) / np.ptp(self.x, axis=0))
 
     def grid(self, steps: int) -> Array:
@@ -53,14 +56,14 @@ class MeasuredMap:
         every = np.array(
             list(itertools.product(np.linspace(0.0, 1.0, steps), repeat=len(self.names)))
         )
-        with suppress(QhullError):  # measured along a line
+        with suppress(QhullError):  # the points may have been measured along a line
             if len(self.names) > 1:
                 every = every[Delaunay(self.scaled(self.x)).find_simplex(every, tol=1e-9) >= 0]
         return np.asarray(self.x.min(axis=0) + every * np.ptp(self.x, axis=0))
 
     def unmeasured(self, places: Array, samples: Array, steps: int) -> BoolArray:
         """Return True for places of a grid at which no sample lies, (m,): none within half a step
-        along every input. Of `samples`, (n, d), held-out ones count too.
+        along every input. `samples`, (n, d), include held-out samples.
         """
         nearest, _ = KDTree(self.scaled(samples)).query(self.scaled(places), p=np.inf)
         return np.asarray(nearest > 0.5 / (steps - 1))
@@ -126,8 +129,8 @@ class Committee:
 
     @property
     def score(self) -> Array:
-        """Worth of a measurement at every place, (m,); without a spread (a committee of one), it is
-        the variance.
+        """Worth of a measurement at every place, (m,). For a committee with one member, which has
+        no spread, it is the variance of the process.
         """
         spread = self.spread if len(self._own) > 1 else self.deviation
         return np.asarray(
@@ -178,8 +181,8 @@ def next_points(
 
 
 def until(committee: Committee, wanted: float) -> Until:
-    """Return how many more points reduce the widest half width to `wanted`. This changes the
-    committee.
+    """Return a forecast of how many more points reduce the widest half width to `wanted`. The
+    committee is changed by the call.
     """
     widest = float(committee.half.max())
     more, least = 0, widest

@@ -78,7 +78,7 @@ class Trial:
     parameters: int = 0  # free parameters of its model of all training data
     errors: tuple[
         float, ...
-    ] = ()  # NRMSE on each fold of a model without it; empty if a fit failed
+    ] = ()  # NRMSE on each fold, of a model fitted without this fold; empty if a fit failed
     error: float = math.nan  # their geometric mean
     excess: float = math.nan  # mean over the folds of ln(error / error of the best combination)
     spread: float = math.nan  # standard error of that mean

@@ -25,11 +25,13 @@ from mapmore_cli.study.sections.data import Between, Holdout, Levels
 from mapmore_cli.study.sections.model import ModelChoice
 
 LONGEST_FOLD = 1 / 3
-"""Largest fraction of a recording that a fold leaves out, if the study holds out longer runs."""
+"""Largest fraction of a recording that a fold leaves out, even if the study holds out longer runs
+of samples.
+"""
 
 BEHIND = (0.2, 0.35, 0.5)
-"""Shares at the end of every recording that are left out one after the other, if the study holds
-out ends, so that drift must be predicted.
+"""Shares of every recording, at its end, that the folds leave out if the study holds out ends of
+recordings, so that drift must be predicted.
 """
 
 MOST_PARTS = 6
@@ -37,13 +39,14 @@ MOST_PARTS = 6
 
 FAIR = (0.2, 1.2)
 """Limits of the size of a recording that is left out, relative to the mean size of the recording in
-which a training sample lies. Without a larger one, too little is left for training; a smaller one
-says nothing. (A mean over recordings would be dominated by fragments.)
+which a training sample lies. If a larger recording is left out, too few samples remain for
+training; the errors on a smaller one say little. (A mean over recordings, instead of over samples,
+would be dominated by fragments.)
 """
 
 MOST_SAMPLES = 12_000
 """Largest number of training samples with which structures are compared. More are thinned evenly
-along every curve; for models with a past, long pieces of recordings are taken.
+along every curve; for models that use the past, long pieces of recordings are used instead.
 """
 
 
@@ -94,7 +97,7 @@ class Bench:
     @classmethod
     def of(cls, training: Dataset, situation: Situation, part: Slice, study: Dataset) -> Bench:
         """Return folds of training samples that resemble the held-out data of the `study`; long
-        recordings are cut short before. Raises DataError if no sample can be left out.
+        recordings are shortened first. Raises DataError if no sample can be left out.
         """
         run = held_run(study)
         training = cut_short(training, run, situation.timed)
@@ -108,9 +111,9 @@ class Bench:
                 "there are too few training samples to leave some out", "keep more samples"
             )
         weight = 2 / 3 if asked else 1 / 2 if situation.timed else 1 / 4
-        if len(parts) == 1:  # the only inner level
+        if len(parts) == 1:  # there is only one inner level
             weight = 1 / 2
-        if ends:  # errors between other levels say nothing about extrapolation
+        if ends:  # errors at other levels, between training levels, say nothing about extrapolation
             weight = 1.0
         counts = [len(blocks), len(parts)]
         weights = np.repeat(np.array([1 - weight, weight]) / np.maximum(counts, 1), counts)
@@ -132,7 +135,7 @@ class Bench:
 
     @property
     def masks(self) -> list[list[BoolArray]]:
-        """Return what each fold leaves out of every curve."""
+        """Masks of the samples that each fold leaves out, one for every curve."""
         return [np.split(fold, _ends_of(self.dataset)) for fold in self.folds]
 
     @cached_property
@@ -193,8 +196,8 @@ def cut_short(dataset: Dataset, run: int, timed: bool) -> Dataset:
 
 
 def _pooled(dataset: Dataset) -> Curve:
-    """Return the samples of all curves as those of one, whose recordings are the logs of each
-    level: pieces of a log that was cut belong together.
+    """Return the samples of all curves as one curve. Its recordings are the logs at each level;
+    pieces of a log that was cut are joined.
     """
     curves, log_of, numbers = dataset.curves, dataset.logs, dict[tuple[float | None, str], int]()
     logs = list[IntArray]()
@@ -214,16 +217,18 @@ def _pooled(dataset: Dataset) -> Curve:
 
 
 def _ends_of(dataset: Dataset) -> IntArray:
-    """Return where each curve but the last ends among the samples of all."""
+    """Return the indices, among the samples of all curves, at which every curve except the last
+    ends.
+    """
     return np.cumsum([curve.size for curve in dataset.curves])[:-1]
 
 
 def _stretches(
     dataset: Dataset, situation: Situation, held_out: Holdout | None, run: int
 ) -> tuple[str, list[BoolArray]]:
-    """Return what is left out of every curve, in words and as masks: for recordings at equal steps,
-    stretches of time as long as the held-out run; otherwise, bands of an input as wide as the
-    held-out ones, or stretches along each input.
+    """Return the folds that leave out a part of every curve, as a description and as masks. For
+    recordings at equal steps, these are stretches of time as long as the held-out run. Otherwise,
+    they are bands of an input as wide as the held-out bands, or stretches along each input.
 
     For a model without a past, time says nothing. Data at the end of an input's range can only be
     extrapolated, which would dominate the comparison although it is not the question.
@@ -251,8 +256,8 @@ def _stretches(
 
 
 def _windows(logs: Sequence[IntArray], size: int, run: int) -> list[BoolArray]:
-    """Return masks, (size,), of five folds: short runs several times in each recording, or one long
-    run, which may overlap with those of other folds.
+    """Return masks, (size,), of five folds. Each leaves out short runs several times in each
+    recording, or one long run, which may overlap with the runs of other folds.
     """
     masks = np.zeros((BLOCKS, size), dtype=np.bool_)
     for rows in logs:
@@ -266,8 +271,8 @@ def _windows(logs: Sequence[IntArray], size: int, run: int) -> list[BoolArray]:
 
 
 def held_run(study: Dataset) -> int:
-    """Return the usual length of a run of held-out samples, at which half of the samples are in
-    longer runs.
+    """Return the typical length of a run of held-out samples: half of the samples are in runs that
+    are longer.
     """
     samples = _pooled(study)
     out = [0]
@@ -303,9 +308,9 @@ def _bands(samples: Curve, held_out: Holdout | None, inputs: Sequence[str]) -> l
 def _parts(
     dataset: Dataset, situation: Situation, study: Dataset
 ) -> tuple[str, list[BoolArray], bool, bool]:
-    """Return what is left out besides stretches, in words and as masks. Also return True if the
-    study holds out such parts, and True if these are the outermost values because the study holds
-    out one.
+    """Return the folds that leave out whole parts, as a description and as masks. Also return True
+    if the study holds out such parts, and True if they are the outermost values because the study
+    holds out an outermost value.
 
     Ends of recordings are left out if most held-out samples of the study come after training
     samples of the same recording, or if the study holds out whole recordings and only one trains.
@@ -333,7 +338,9 @@ def _parts(
 
 
 def _ends(samples: Curve) -> list[BoolArray]:
-    """Return the last shares of the training samples of every recording."""
+    """Return folds, (n,), that leave out the last share of the training samples of every recording,
+    for each share in `BEHIND`.
+    """
     left = np.full(samples.size, 1.0)
     for log in samples.logs:
         rows = log[samples.training[log]]
@@ -342,8 +349,8 @@ def _ends(samples: Curve) -> list[BoolArray]:
 
 
 def _standing(inputs: Sequence[str], study: Dataset, whole: BoolArray) -> str | None:
-    """Return the level, or an input that is constant in every curve and has other values in the
-    curves that are held out as a `whole`.
+    """Return the name of the level quantity, or of an input that is constant in every curve and has
+    other values in the curves that are held out as a whole (`whole`); None if there is neither.
     """
     if study.level is not None:
         return study.level
@@ -366,8 +373,8 @@ def _neighbours(
     dataset: Dataset, study: Dataset, whole: BoolArray, of: str
 ) -> tuple[list[BoolArray], bool]:
     """Return training samples at neighbouring values, (n,), in the way in which the study holds
-    them out, and True if they lie at an end: as many values at an end as it holds out beyond that
-    end, if it does; otherwise inner ones, as many as its longest row of them, or single ones. At
+    them out, and True if they lie at an end: if it holds out values beyond an end, as many values
+    at that end; otherwise as many inner neighbours as it holds out in a row, or single values. At
     least two values remain.
     """
     at_curves, every = _values(dataset, of), _values(study, of)
@@ -390,8 +397,8 @@ def _neighbours(
 
 
 BEYOND, WIDEST = 1 / 4, 1 / 3
-"""Share of the held-out samples outside the training range of an input from which on an end counts
-as held out; and the largest fraction of that range that a fold leaves out at its end.
+"""An end of an input's range counts as held out if at least the first share of the held-out samples
+lies beyond it. A fold leaves out at most the second fraction of the range at its end.
 """
 
 
@@ -407,15 +414,16 @@ def _beyond(dataset: Dataset, situation: Situation, study: Dataset) -> list[Bool
             width = min(np.max(low, initial=0.0), WIDEST * (largest - least))
             if width > 0 and np.count_nonzero(low > 0) >= BEYOND * len(held):
                 fold = samples.training & (above >= -width)
-                # of two values, one must not be left alone
+                # the rest must cover at least half of the range, so that of two values neither is
+                # left alone
                 if 2 * np.ptp(values[samples.training & ~fold]) >= largest - least:
                     folds.append(fold)
     return folds
 
 
 def _fair(samples: Curve) -> list[BoolArray]:
-    """Return the training samples, (n,), of each log of a fair size; none where there are fewer
-    than two.
+    """Return folds, (n,), that leave out the training samples of one log each, for all logs whose
+    size is within the limits `FAIR`. Return none if fewer than two logs are.
     """
     logs = samples.origin
     assert logs is not None

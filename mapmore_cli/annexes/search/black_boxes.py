@@ -19,13 +19,13 @@ from mapmore_cli.modelling.learners import LEARNERS
 from mapmore_cli.modelling.signals.sampling import even_share
 
 MOST_IN_A_FOLD = 1_500
-"""Training samples of a black box in each fold, or half of those that it has as a competitor if
-these are fewer.
+"""Largest number of training samples of a black box in each fold. It gets at most half of the
+samples that it may have as a competitor.
 """
 
 FEWEST = 100
-"""Training samples below which no trees are fitted in folds, because a step for every few samples
-says nothing about a smooth surface.
+"""Smallest number of training samples for which decision trees are fitted in folds: with fewer, a
+tree has a step for every few samples, which says nothing about a smooth surface.
 """
 
 MOST_INPUTS = 4
@@ -37,7 +37,9 @@ BLACK_BOX = "black box"
 """Kind of these models in the table."""
 
 Left = tuple[Array, BoolArray]
-"""Errors of a structure on the samples of a fold, (n,), and which of them it predicts."""
+"""Errors of a structure on the left-out samples of a fold, (n,), and a mask of the samples that it
+predicts.
+"""
 
 Outcome = tuple[Tried, Sequence[Left]]
 """A structure with its left-out errors in every fold."""
@@ -61,7 +63,7 @@ def black_boxes(
     y = np.concatenate([curve.columns[dataset.target] for curve in curves])
     learners = {"gaussian_process": smooth} if x.shape[1] <= MOST_INPUTS else {}
     if known.sum() >= FEWEST and find_spec("sklearn") is not None:
-        # a network takes as long as the rest of a search
+        # a neural network takes as long as the rest of a search
         learners["gradient_boosting"] = partial(learned, "gradient_boosting")
     errors: dict[str, list[Left]] = {name: [] for name in learners}
     for out in folds:

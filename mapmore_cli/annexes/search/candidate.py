@@ -17,19 +17,21 @@ from mapmore_cli.modelling.literature import TARGET
 from mapmore_cli.modelling.literature.formula import Formula
 
 MOST_PARAMETERS = 28
-"""Largest number of parameters of a structure that is chosen for a table, unless the cubic of all
-inputs has more; larger structures are only shown. In a later round, a structure may have one
-parameter for every `SHARE` samples.
+"""Largest number of parameters of a structure that a search may choose for a table, or that of a
+cubic polynomial of all inputs if that is larger. Larger structures are only shown. In a later
+round, one parameter for every `SHARE` samples is allowed.
 """
 
 SHARE = 40
-"""Training samples for each parameter that a structure of a later round may have."""
+"""Smallest number of training samples for each parameter of a structure in a later round."""
 
 SIZED = ("simple", "longer")
 """Kinds whose `max_terms` does not grow with the number of inputs."""
 
 MOST = ("inputs", "most_moving", "samples")
-"""Conditions with an upper bound."""
+"""Conditions of a candidate in which the given number is the largest that is allowed. In all
+others, it is the smallest.
+"""
 
 FORMULAS = ("sarosi", "sarosi_hinged", "kerscher")
 FORCE = "force"
@@ -53,8 +55,9 @@ class Structure:
 
 
 def offered_structures(family: Mapping[str, Any], of: Situation) -> Iterator[Structure]:
-    """Yield the candidates that a family offers for a study: its `candidates` with their words
-    filled in; settings of its `fit` count unless a candidate has its own.
+    """Yield the candidates that a family offers for a study: the items of its `candidates`, with
+    their words filled in. The family's settings in `fit` apply to candidates that have none of
+    their own.
     """
     if family.get("timed") and not of.timed:
         return
@@ -193,8 +196,8 @@ def filled(part: Any, words: Mapping[str, Any]) -> Any:
 
 
 def _spliced(one: object, value: object) -> list[Any]:
-    """Return the replacement of one item of a list: several items, or none if it is a family of
-    states with an empty `of`.
+    """Return the items that replace one item of a list: the items of `value` if it stands for
+    several, and none for a family of states whose `of` is empty.
     """
     if isinstance(value, Mapping) and any(
         isinstance(each, Mapping) and each.get("of") == [] for each in value.values()

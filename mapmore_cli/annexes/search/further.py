@@ -1,5 +1,5 @@
-"""Continue a search in later rounds with further candidates, if a black box errs clearly less than
-the structure that was found.
+"""Continue a search in later rounds with further candidates, if a black box has a clearly smaller
+error than the structure that was found.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ ROUNDS = ("second", "third")
 """Files of candidates, one for each later round."""
 
 LESS = 0.9
-"""Multiple of the error of the structure that was found, below which a black box errs clearly less.
+"""A black box is clearly better if its error is below this multiple of the error of the structure
+that was found.
 """
 
 GAIN = 0.05
@@ -29,8 +30,9 @@ GAIN = 0.05
 
 
 def lacking(result: Search, bench: Bench) -> tuple[str, float] | None:
-    """Return the black box that errs clearly less than the structure that was found, on the kind of
-    data that is held out, and how many times less; None if no black box does.
+    """Return the black box that is clearly better than the structure that was found, and the ratio
+    of their errors, on the kind of data that the study holds out. None if no black box is clearly
+    better.
     """
     asked = attrgetter("parts" if bench.asks_parts else "error")
     boxes = [one for one in result.tried if one.family == BLACK_BOX]
@@ -47,7 +49,7 @@ def go_on(
 ) -> Search:
     """Return the choice after later rounds.
 
-    A round begins if a black box errs clearly less than the structure found so far. The rounds end
+    A round begins if a black box is clearly better than the structure found so far. The rounds end
     if the best structure of a round gains less than `GAIN`.
 
     - `first`: result of the first round.

@@ -80,7 +80,7 @@ SHOWN = (BLACK_BOX, "papers")
 
 @cache
 def family(name: str) -> Mapping[str, Any]:
-    """Return a file of candidates."""
+    """Return the contents of a file of candidates (`annexes/search/NAME.yaml`)."""
     text = (
         files("mapmore_cli.annexes.search")
         .joinpath(f"families/{name}.yaml")
@@ -111,7 +111,7 @@ def search(
     training = searchable(dataset)
     situation = situation_of(training, part.ignored, part.model.inputs)
     uneven = _uneven(dataset) if situation.timed else ()
-    # a model that counts steps along recordings could then not be fitted
+    # a model that counts steps along recordings could not be fitted in these cases
     if part.by_level or uneven:
         situation = replace(situation, step=None)
     situation = replace(situation, ordered=part.in_order(dataset) and not situation.timed)
@@ -142,8 +142,8 @@ def search(
 
 
 def _uneven(dataset: Dataset) -> tuple[str, ...]:
-    """Return the reasons for which the fit of a model with memory would refuse the recordings,
-    including their held-out parts.
+    """Return the reasons why a model with memory could not be fitted to the recordings, for example
+    uneven time steps; held-out parts are examined too.
     """
     try:
         sampled(dataset.curves)
@@ -187,7 +187,7 @@ def _try_all(
     outcomes = [*chain(*done)]
     budget.listed += len(jobs)
     budget.cut += done[: len(jobs)].count([])
-    # forks have worked without this process knowing it
+    # forks of this process have done work that its own clock does not include
     budget.worked = before + sum(one.seconds for one, _ in outcomes) / free_processors()
     return outcomes
 
@@ -282,15 +282,15 @@ WAYS = {
     "continue": ", continued",
     "continue_linear": ", going on straight",
 }
-"""Behaviours of pieces outside the range of each curve, and the words that are added to the name of
-a structure that behaves differently from what its file of candidates says (which holds the value at
-the end, if it says nothing).
+"""Behaviours of pieces outside the range of each curve, and the words that they add to the name of
+a structure. Nothing is added for the behaviour that the file of candidates gives, or for holding
+the value at the end if it gives none.
 """
 
 
 def _try_structure(candidate: Structure, bench: Bench, budget: Budget) -> list[Outcome]:
-    """Fit a structure to all samples, and if that works, without each fold; return nothing if the
-    time is used up.
+    """Fit a structure to all samples and, if that succeeds, again without each fold; return nothing
+    if the time is used up.
     """
     if budget.over:
         return []
@@ -365,8 +365,8 @@ def _going_on(model: Model, way: str | None) -> Model:
 
 
 def _errors(model: Model, rest: Dataset, masks: Sequence[BoolArray]) -> Left:
-    """Return the errors on the samples that a fold leaves out of every curve, (n,), and which of
-    them are known.
+    """Return the errors on the samples that a fold leaves out of every curve, (n,), and a mask of
+    the samples that the model predicts.
     """
     every = missed_by(model, rest, masks)
     missed = [
@@ -378,8 +378,8 @@ def _errors(model: Model, rest: Dataset, masks: Sequence[BoolArray]) -> Left:
 
 
 SWING = 0.1
-"""Fraction of the range by which a run is started higher; and fraction of the largest resulting
-difference that may still oscillate in the second half.
+"""Limits of the test for ringing. A run is started higher by the first fraction of the range; in
+its second half, the difference may still oscillate by the second fraction of its largest value.
 """
 
 
@@ -458,7 +458,8 @@ def settings_of(result: Search) -> dict[str, Any]:
 
 def formulas_beside(result: Search, every: bool = False) -> list[str]:
     """Return the formula of the literature with the smallest error of those tried; none if it is
-    the chosen structure. With `every`, return all of them, so that no error has chosen among them.
+    the chosen structure. With `every`, return all formulas, so that they are not selected by their
+    errors.
     """
     formulas = [one for one in result.tried if one.family == "formula" and not one.failure]
     if not every:

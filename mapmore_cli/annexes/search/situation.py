@@ -21,10 +21,12 @@ target.
 """
 
 SAME = 1e-9
-"""Remaining fraction of its variance below which one input counts as equal to another."""
+"""An input counts as a linear function of another if less than this fraction of its variance
+remains.
+"""
 
 FEWEST_IN_A_RECORD = 60
-"""Number of steps of the longest recording from which on models with memory are tried."""
+"""Smallest number of steps in the longest recording for which models with memory are tried."""
 
 
 @dataclass(frozen=True)
@@ -66,12 +68,12 @@ class Situation:
 
     @property
     def moving(self) -> tuple[str, ...]:
-        """The inputs that move within a recording."""
+        """Names of the inputs that move within a recording."""
         return tuple(name for name in self.inputs if name != self.level)
 
     @property
     def swept(self) -> str:
-        """The input that moves most."""
+        """Name of the input that moves most within recordings."""
         return (self.moving or self.inputs)[0]
 
 
@@ -114,8 +116,8 @@ def situation_of(
 
 
 def _different(names: Sequence[str], pooled: Mapping[str, Array], level: str | None) -> list[str]:
-    """Return the names without quantities that are a straight line of another; among those, a
-    level, a canonical name and a later one are kept.
+    """Return the names without those of quantities that are a linear function of another. Of two
+    such quantities, the level, one with a canonical name, or the later one is kept.
     """
     kept: list[str] = []
     for name in sorted(names, key=lambda one: (one != level, -names.index(one))):

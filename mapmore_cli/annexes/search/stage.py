@@ -49,8 +49,8 @@ def search_slice(spec: ExperimentSpec) -> Slice:
 
 
 def _kin(target: str, spec: ExperimentSpec) -> tuple[str, ...]:
-    """Return the target (of which another may be a component), the one quantity from which it is
-    derived, and the quantities derived from it.
+    """Return the quantities that contain the target: the target itself, the single quantity from
+    which it is derived, if there is one, and the quantities that are derived from it.
     """
     sources = {
         name: {*parse(rule).names} if isinstance(rule, str) else {rule.source}

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 class Part:
     """A model in a sum.
 
-    An input may be the output of another model, for example the pressure behind a valve; `fed`
-    holds such models, whose output has the name of the input.
+    An input may be the output of another model, for example the pressure behind a valve. `fed`
+    holds such models; the output of each has the name of the input.
     """
 
     model: Annotated[Model, "the model"]
@@ -54,7 +54,9 @@ class Sum(Body):
 
 @dataclass(frozen=True)
 class SumKind(Kind):
-    """Kind of sums of models. Files of this package are imported when they are needed."""
+    """The kind of sums of models. The other files of this package are imported only when they are
+    needed.
+    """
 
     def maker(self) -> Maker:
         """Return the maker of sums."""

@@ -78,7 +78,7 @@ def _body(model: Model) -> Sum:
 
 
 def _value(m: Writer, part: Part, inputs: Inputs) -> Expression:
-    """Write a part after the models that feed it. It waits while these have no value because
+    """Write a part after the models that feed it. It has no value while these have none because
     history is missing.
     """
     renamed = {
@@ -100,14 +100,14 @@ def _value(m: Writer, part: Part, inputs: Inputs) -> Expression:
         *(replace(limit, inputs=_own(part, limit.inputs) & inputs.keys()) for limit in m.limits),
     ]
     own_knots, m.knots = m.knots, knots
-    # a renamed input is an expression of the sum's inputs
+    # a renamed input is an expression of the sum's inputs, so its knots are no knots of the sum
     for name in own_knots.keys() - renamed.keys():
         m.knot(name, *own_knots[name])
     return value
 
 
 def _own(part: Part, names: Iterable[str]) -> frozenset[str]:
-    """Return the inputs of the sum from which those of a part are made."""
+    """Return the names of the sum's inputs from which the inputs `names` of a part are made."""
     fed = {
         inner.model.output.name: _own(inner, (quantity.name for quantity in inner.model.inputs))
         for inner in part.fed

@@ -1,7 +1,7 @@
-"""Define the rules of `mapmore check`: functions that yield the issues of a subject. To add one,
-name it in a list of `applied`.
+"""Define the rules of `mapmore check`: functions that yield the issues of a study (`Subject`). To
+add a rule, add its function to one of the lists in `applied.py`.
 
-A rule need not check what the readers and the spec refuse themselves.
+The readers and the spec refuse some faults by themselves; no rule is needed for these.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ Rule = Callable[["Subject"], Issues]
 
 @dataclass(frozen=True)
 class Subject:
-    """A spec with its recordings, and with the dataset if it could be `made`; for several targets,
-    one of them.
+    """The study that the rules examine: a spec with its recordings, and with its dataset in `made`
+    if the dataset could be made. For a spec with several targets, it is the study of one of them.
 
     `where(*loc)` returns the `file:line:column` of a part of the spec. `units` holds the unit of
     every quantity of the recordings. Paths of recordings start at `folder`.
@@ -75,8 +75,8 @@ class Subject:
         return float(np.abs(ends if unit is None else convert(ends, self.units[name], unit)).max())
 
     def source(self, name: str) -> str:
-        """Return where the spec defines a quantity: its column, its expression, or the files for
-        which it is set.
+        """Return a text that says how the spec defines a quantity: by a column, by an expression,
+        or by a value that is set for files.
         """
         for section in ("columns", "derive"):
             if name in getattr(self.spec.data, section):

@@ -20,7 +20,7 @@ from mapmore_cli.modelling.validation.repeatability import WORTH, floors
 from mapmore_cli.study.check_study import formula_called
 from mapmore_cli.study.sections.dictionary import entries_of, goes_by_order, texts_in
 
-FEWEST = 5  # number of samples that show the shape of a curve
+FEWEST = 5  # smallest number of samples that show the shape of a curve
 
 
 def few_samples(subject: Subject) -> Issues:
@@ -59,7 +59,7 @@ def beyond_training(subject: Subject) -> Issues:
             validation <= training.max() + margin
         )
         outside = validation[~is_inside]
-        # a few more samples may lie outside the range of a quantity that does not define the split
+        # the split may be defined by another quantity; a few more samples may then lie outside
         if outside.size > (0 if name in chosen else SOME * validation.size):
             share = "" if name in chosen else f"{outside.size / validation.size:.0%} of the "
             reached = f"{outside.min():.6g}" + (
@@ -94,8 +94,8 @@ def inputs_of_model(subject: Subject) -> list[str]:
 
 
 def _split_values(dataset: Dataset, name: str, held_out: bool) -> Array:
-    """Return a quantity's samples on one side of the split; a long curve is thinned evenly, with
-    its extremes. For the level quantity, return the levels.
+    """Return the values of a quantity in the training samples, or in the held-out samples. A long
+    curve is thinned evenly, but its extremes are kept. For the level quantity, return the levels.
     """
     parts = []
     for curve in dataset.curves:
@@ -146,8 +146,8 @@ def even_steps(subject: Subject) -> Issues:
 
 
 def single_valued(subject: Subject) -> Issues:
-    """Find loops: they have two values at one place, but a model without memory has one, so that
-    its error cannot be smaller than half the width of the loop.
+    """Find loops: the target has two values at one place. A model without memory has only one value
+    there, so its error cannot be smaller than half the width of the loop.
     """
     spec, dataset = subject.spec, subject.dataset
     moving = spec.runs_over_time or spec.target in ("hysteresis", "damping", "dynamic")

@@ -29,7 +29,8 @@ def short_segments(subject: Subject) -> Issues:
     least = _most_terms(subject)
     counts = [int(np.count_nonzero(curve.training)) for curve in dataset.curves]
     cuts = [cut for cut in spec.segment.values() if isinstance(cut, Cuts)]
-    if any(cut.method == "optimal" for cut in cuts):  # its segments are known only after the fit
+    # with `method: optimal`, the segments are known only after the fit
+    if any(cut.method == "optimal" for cut in cuts):
         yield from _too_many_to_place(subject, cuts, counts)
         return
     if not spec.segment and all(count > least for count in counts if count):

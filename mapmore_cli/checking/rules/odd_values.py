@@ -13,8 +13,8 @@ from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.study.units import convert
 
-VACUUM = -101.4  # kPa, for a gauge that reads zero in the open air
-WITH_ROWS = ("csv", "xlsx")  # readers of files with rows
+VACUUM = -101.4  # lowest pressure that a gauge can show, kPa, if it reads zero in the open air
+WITH_ROWS = ("csv", "xlsx")  # names of the readers whose files have numbered rows
 
 
 def spikes_in(subject: Subject) -> Issues:
@@ -24,7 +24,7 @@ def spikes_in(subject: Subject) -> Issues:
             recording for recording in subject.recordings if name in recording.columns
         ):
             values = recording.columns[name]
-            # block by block, because a long record may change its behaviour
+            # values are examined block by block, because a long record may change its character
             blocks = enumerate(in_blocks(values, rows=WIDE))
             rows = np.concatenate([number * WIDE + spikes(x) for number, (x,) in blocks])
             limit = _vacuum(subject, name)
@@ -86,8 +86,8 @@ def _vacuum(subject: Subject, name: str) -> float | None:
 
 
 def _first_of(subject: Subject, recording: Recording, rows: IntArray) -> str:
-    """Return the place of the first of some samples (its row in the file, if all rows were kept,
-    and its time) and the number of others.
+    """Return a text with the place of the first of some samples and the number of the others. The
+    place is the time and, if all rows were kept, the row in the file.
     """
     data, first = subject.spec.data, int(rows[0])
     by_rows = (

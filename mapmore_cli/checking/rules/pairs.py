@@ -1,5 +1,5 @@
-"""Check pairs of columns: one from which the target was computed, and inputs that do not explain a
-difference.
+"""Check several columns together: a column from which the target was computed, and a difference of
+outputs that the inputs do not explain.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from mapmore_cli.modelling.signals.sampling import even_share
 
 
 def computed_from(subject: Subject) -> Issues:
-    """Find a target that is a straight line of another column, with a separate offset in each
-    recording.
+    """Find a target that is a linear function of another column, with a separate offset in each
+    recording, so that it was probably computed from that column.
     """
     target = subject.target
     if target not in subject.spec.data.columns or not subject.has(target):
@@ -42,7 +42,9 @@ def computed_from(subject: Subject) -> Issues:
 
 
 def _slope_of_line(x: Array, y: Array) -> float | None:
-    """Return the slope of a straight line that gives `y` from `x`; None if there is none."""
+    """Return the slope of the straight line on which all points (x, y) lie; None if they do not lie
+    on a line.
+    """
     if len(x) < FEWEST or not np.ptp(extremes(x)) or not np.ptp(extremes(y)):
         return None
     x, y = even_share(x), even_share(y)

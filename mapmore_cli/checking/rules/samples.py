@@ -13,10 +13,12 @@ from mapmore_cli.domain.recording import Recording
 from mapmore_cli.domain.scores import FAR_FROM_ZERO
 from mapmore_cli.modelling.signals.sampling import PART, even_share
 
-FAR_MORE = 10  # ratio of the number of samples at one end to that at any other value
-# quantities that hardly stay at one value unless their sensor is saturated
+# a sensor is saturated if the ratio of the number of samples at one end of the range to that at any
+# other value exceeds this
+FAR_MORE = 10
+# quantities that hardly ever keep exactly one value unless their sensor is saturated
 FROM_SENSORS = ("force", "pressure", "load")
-PARTS_OF_FORCE = ("hysteresis", "damping")  # targets that lie around zero, wherever the force is
+PARTS_OF_FORCE = ("hysteresis", "damping")  # targets that vary around zero, whatever the force
 
 
 def constant(subject: Subject) -> Issues:
@@ -71,7 +73,8 @@ def same_signal(subject: Subject) -> Issues:
     names = [name for name in subject.spec.data.measured if name != "time" and subject.has(name)]
     for family in evidence.same_signals([subject.pooled(name) for name in names]):
         signals = " and ".join(names[place] for place in family)
-        # two inputs may be equal, for example those of the two muscles of one joint
+        # two inputs may be equal, for example those of the two muscles of one joint, but no input
+        # may equal the target
         target = subject.target in (names[place] for place in family)
         yield Issue(
             "error" if target else "hint",
@@ -98,7 +101,8 @@ def clipped(subject: Subject) -> Issues:
             some = values if len(values) <= PART else even_share(values)
             for side, end in ends:
                 count = sum(int(np.count_nonzero(x == end)) for (x,) in in_blocks(values))
-                rests = abs(end) < MUCH * largest  # a slack muscle has zero force for a long time
+                # a slack muscle has zero force for a long time, which is no saturation
+                rests = abs(end) < MUCH * largest
                 if rests or count <= LITTLE * len(values):
                     continue
                 others = np.unique(some[some != end], return_counts=True)[1]
@@ -127,10 +131,14 @@ def _clipped(
 
 
 PULL = 0.01
-"""Share of pulling forces in the sum of squares. With less, the force has the wrong sign."""
+"""Smallest share of pulling (positive) forces in the sum of all squared forces. If it is smaller,
+the force has the wrong sign.
+"""
 
 NOISE = 0.1
-"""Fraction of the largest force of all recordings. A recording below it shows no sign."""
+"""Fraction of the largest force of all recordings. A recording with smaller forces is not examined,
+because noise decides their sign.
+"""
 
 
 def force_never_pulls(subject: Subject) -> Issues:
@@ -177,8 +185,8 @@ def _turned(subject: Subject, what: str, where: str) -> Issue:
 
 
 STILL = 0.05
-"""Fraction of the range of a quantity over all recordings. The quantity is held constant if it
-moves less in each.
+"""A quantity is held constant if it moves in each recording by less than this fraction of its range
+over all recordings.
 """
 
 
@@ -188,7 +196,8 @@ def still_cycles(subject: Subject) -> Issues:
     if cycles is None or not subject.has(cycles.over):
         return
     low, high = subject.span(cycles.over)
-    # smaller than the differences between recordings, for example of a pressure with levels
+    # a movement must also be larger than usual within a recording, for example of a pressure that
+    # differs between recordings
     least = max(STILL * (high - low), LITTLE * max(abs(low), abs(high)))
     kept = [recording for recording in subject.recordings if recording.rows_kept]
     columns = [recording.columns[cycles.over] for recording in kept]
@@ -227,7 +236,7 @@ def recorded_twice(subject: Subject) -> Issues:
     held_out = {name for curve in curves if curve.held_out.all() for name in curve.recordings}
     known: dict[tuple[object, ...], Recording] = {}
     for recording in (recording for recording in subject.recordings if recording.rows_kept):
-        # values that are set for a file do not make it different
+        # a file is no different if only values that are set for it in the spec differ
         measured = sorted(recording.columns.keys() & subject.spec.data.columns)
         samples = (hash(even_share(recording.columns[name]).tobytes()) for name in measured)
         twin = known.setdefault((recording.rows_kept, *measured, *samples), recording)
@@ -247,8 +256,8 @@ def recorded_twice(subject: Subject) -> Issues:
 
 
 def unsettled(subject: Subject) -> Issues:
-    """Find samples that were taken while the pressure changed. The force then lags behind, because
-    the sensor is at the valve.
+    """Find samples that were taken while the pressure changed. The force then lags behind the
+    measured pressure, because the pressure sensor is at the valve.
     """
     data = subject.spec.data
     asked = any(keep.quantity.endswith("_rate") for keep in data.keep) or data.cycles is not None

@@ -31,8 +31,8 @@ def strain_in_per_cent(subject: Subject) -> Issues:
 
 
 def unit_in_the_name(subject: Subject) -> Issues:
-    """Find columns whose name contains another unit: a column `P_psi` is hardly in kPa. One in per
-    cent may hold fractions that are shown so, where the spec says `unit: 1`.
+    """Find columns whose name contains another unit: a column `P_psi` is hardly in kPa. A column in
+    per cent may contain fractions that are only shown in per cent, if the spec says `unit: 1`.
     """
     for name, column in subject.spec.data.columns.items():
         label = read_label(column.column) if isinstance(column.column, str) else None
@@ -77,12 +77,12 @@ def _header(subject: Subject, source: str) -> Top | None:
     return None
 
 
-LOOKED_AT = 20  # files whose header is checked
+LOOKED_AT = 20  # largest number of files whose header is checked
 
 
 def header_of_numbers(subject: Subject) -> Issues:
-    """Find header lines with a number in every column: they are samples, which the header swallows.
-    Numbers that count the columns are allowed.
+    """Find header lines with a number in every column: they are probably samples that are lost as
+    header lines. Numbers that count the columns are allowed.
     """
     for source in [*dict.fromkeys(one.source for one in subject.recordings)][:LOOKED_AT]:
         top = _header(subject, source)
@@ -133,8 +133,9 @@ def _units_below(subject: Subject, names: list[str], below: list[list[str]]) -> 
 
 
 def _contradicted(subject: Subject, name: str, unit_told: str | None) -> str:
-    """Return the unit in which a column without a scale is read, if another unit is stated;
-    otherwise an empty text.
+    """Return the unit in which a column is read, if it contradicts the unit that the file states
+    (`unit_told`). Return an empty text if there is no contradiction, or if the column has a
+    `scale`.
     """
     column = subject.spec.data.columns[name]
     declared = column.unit or default_unit(name, subject.spec.units)

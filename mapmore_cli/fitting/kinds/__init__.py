@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def added_up(_path: str) -> Model:
-    """Refuse to fit a sum if the models of its runs are not known."""
+    """Raise an error: a sum of runs cannot be fitted if the models of these runs are unknown."""
     raise SpecError(
         "a sum of models of other runs is not fitted itself",
         "do this with the specs of the added models",
@@ -35,9 +35,9 @@ def added_up(_path: str) -> Model:
 
 @dataclass(frozen=True)
 class Given:
-    """Everything from which a model is made: data, segmentation, and the models of needed runs by
-    the path of their spec. If there is a fit `near`, to more of the same samples, the search for
-    parameters begins at those of that fit.
+    """Everything from which a model is made: the data, the segmentation, and the models of needed
+    runs by the paths of their specs. `near` is a fit to more of the same samples, at whose
+    parameters the search for parameters begins, or None.
     """
 
     dataset: Dataset
@@ -74,7 +74,7 @@ class FitsSums(Protocol):
     def fit_sum(
         self, name: str, summands: Sequence[Summand], dataset: Dataset, method: str | None
     ) -> tuple[FormulaFit, Model]:
-        """Return the fit, and the sum as a model with this name."""
+        """Fit the summands together, and return the fit and the sum as a model with this name."""
 
 
 @runtime_checkable
@@ -86,7 +86,7 @@ class Fitted(Protocol):
 
 
 def maker_of(name: str) -> Maker:
-    """Return the maker of the models of a kind. Only what it needs is imported.
+    """Return the maker of the models of a kind. Only the modules that this kind needs are imported.
 
     Raises NotInstalled if the kind belongs to a part that is missing.
     """
@@ -108,8 +108,8 @@ def maker_of(name: str) -> Maker:
 
 
 def fit(part: ModelChoices, given: Given) -> FitResult:
-    """Fit what the kind of model needs: every segment, one model with memory, a formula, or nothing
-    if models are added.
+    """Fit a model of any kind: every segment, one model with memory, or a formula. Nothing is
+    fitted if the models of other runs are added.
     """
     maker = maker_of(part.kind)
     if not given.dataset.also:

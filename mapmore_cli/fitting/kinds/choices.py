@@ -55,8 +55,8 @@ class ModelChoices:
 
 
 def with_definitions(spec: ExperimentSpec) -> ExperimentSpec:
-    """Return the spec with the definition of each own formula instead of its name, so that a stage
-    needs nothing else.
+    """Return the spec with the name of each own formula replaced by its definition, so that a stage
+    can read the formula without its file.
     """
     if not spec.own_formulas and spec.model.family is None:
         return spec
@@ -102,8 +102,8 @@ def metres_of(unit: str) -> float:
 
 
 def lengths_of(model: ModelChoice, lengths: Mapping[str, float | None]) -> dict[str, float | None]:
-    """Return the `lengths` of the muscle (m) that the formula needs which is the model or its
-    backbone.
+    """Return the `lengths` of the muscle (m) that the formula of the model needs. The formula is
+    the model itself or its backbone.
     """
     name = model.name or model.backbone
     needed = literature.get(name).dimensions if name not in (None, AUTO) else ()
@@ -123,7 +123,7 @@ def level_of(levels: Levels | None, segment: SegmentSection) -> str | None:
 
 
 def by_trial(segment: SegmentSection) -> bool:
-    """Return True if a boundary is placed by comparing fits."""
+    """Return True if segment boundaries are chosen by comparing fits (`method: optimal`)."""
     return any(isinstance(cut, Cuts) and cut.method == "optimal" for cut in segment.values())
 
 
@@ -146,8 +146,8 @@ def model_choices(spec: ExperimentSpec) -> ModelChoices:
 
 
 def fit_choices(spec: ExperimentSpec) -> ModelChoices:
-    """Return what the fit depends on. How pieces are joined is included only if the choice of a
-    backbone depends on it.
+    """Return the sections of a spec on which the fit depends. The rules for joining pieces are
+    included only if the choice of a backbone depends on them.
     """
     whole = model_choices(spec)
     made = (whole.levels, whole.segment, whole.dictionary, whole.model, whole.fit, whole.lengths)

@@ -1,5 +1,5 @@
-"""Make the names of candidate terms from the dictionary of a spec, and signals that a model can
-compute itself from its derived quantities.
+"""Make the names of candidate terms from the dictionary of a spec. Also make, from its derived
+quantities, the signals that a model can compute by itself.
 """
 
 from __future__ import annotations
@@ -103,8 +103,8 @@ def terms_of(dictionary: Sequence[DictionaryEntry], clock: Clock | None = None) 
 
 
 def bounds_of(dictionary: Sequence[DictionaryEntry]) -> dict[str, tuple[float, float]]:
-    """Return the smallest and largest coefficient of terms with limits, in the unit of the target.
-    For a term in several entries, the first counts.
+    """Return the smallest and the largest allowed coefficient of each term that has limits, in the
+    unit of the target. If a term occurs in several entries, the first one counts.
     """
     return {
         term: entry.limits
@@ -115,8 +115,8 @@ def bounds_of(dictionary: Sequence[DictionaryEntry]) -> dict[str, tuple[float, f
 
 
 def _terms(entry: DictionaryEntry, clock: Clock | None, *, constant: bool) -> Sequence[str]:
-    """Return the terms of one family; within products, `constant` is False, and the constant is
-    left out.
+    """Return the terms of one family. `constant` is False for a family inside products, whose
+    constant is left out.
     """
     name, family = entry.family
     if isinstance(family, list):

@@ -29,9 +29,9 @@ from mapmore_cli.study.sections.dictionary import goes_by_order
 
 
 def _unseen(curve: Curve, outputs: Sequence[str], lag: int) -> Curve:
-    """Return a curve with NaN for its held-out outputs. If outputs are fed back, each recording
-    begins with the first `lag` consecutive samples that are not held out, with which a free run
-    starts.
+    """Return a curve with its held-out outputs replaced by NaN. If outputs are fed back, each
+    recording is cut so that it begins with `lag` consecutive samples that are not held out, because
+    a free run starts from them.
     """
     if not curve.held_out.any():
         return curve
@@ -51,8 +51,8 @@ def _asked(
 ) -> tuple[Sequence[Record], MemoryRecipe]:
     """Return the recordings with the residual of the backbone, and the whole recipe.
 
-    Held-out outputs are unknown, because they would otherwise be the past of training samples if
-    they are fed back.
+    Held-out outputs are replaced by NaN. Otherwise, they would be the past of training samples if
+    outputs are fed back.
     """
     step, uneven, pieces = sampled(dataset.curves, goes_by_order(part.dictionary))
     longest = max(int(record.training.sum()) for record in pieces)

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
 
 def cuts_of(segment: SegmentSection) -> dict[str, Cut]:
-    """Return the cuts of the segmented variables. (The words `none` and `levels` are about the
-    level quantity.)
+    """Return the cuts of the segmented variables. (Entries with the words `none` and `levels` are
+    left out, because they say how the level quantity is treated.)
     """
     return {name: cut for name, cut in segment.items() if not isinstance(cut, str)}
 
@@ -52,7 +52,7 @@ def recipe_of(target: str, part: ModelChoices) -> Recipe:
 
 
 def segmented(dataset: Dataset, part: ModelChoices) -> tuple[SegmentedCurve, ...]:
-    """Cut every training curve over its own range. The fits by which boundaries are chosen are fits
+    """Cut every training curve over its own range. If boundaries are chosen by fits, these are fits
     to the residual of the backbone.
     """
     from mapmore_cli.modelling.literature.backbone import fit_formula
@@ -65,7 +65,9 @@ def segmented(dataset: Dataset, part: ModelChoices) -> tuple[SegmentedCurve, ...
 
 
 def _trained(part: ModelChoices, dataset: Dataset) -> tuple[Sequence[Curve], Recipe]:
-    """Return the curves, some of which have training samples, and the whole recipe."""
+    """Return the curves and the whole recipe. With `fit.train_level`, only the curves at this level
+    have training samples.
+    """
     curves = trained_at(dataset.curves, part.fit.train_level)
     return curves, recipe_of(dataset.target, part)
 
@@ -73,8 +75,8 @@ def _trained(part: ModelChoices, dataset: Dataset) -> tuple[Sequence[Curve], Rec
 def _backbone(
     part: ModelChoices, given: Given, curves: Sequence[Curve], recipe: Recipe
 ) -> tuple[FormulaFit | None, tuple[str, ...]]:
-    """Return the fitted formula that the spec names, or that left-out levels choose, and the
-    reasons for the choice.
+    """Return the fitted backbone and the reasons for its choice. The spec names its formula, or it
+    is chosen by the errors at left-out levels.
     """
     name = part.model.backbone
     notes: tuple[str, ...] = ()
@@ -101,7 +103,9 @@ class PiecesMaker(Maker):
         return self.fit_together(part, given)[0]
 
     def fit_together(self, part: ModelChoices, given: Given) -> tuple[FitResult, ...]:
-        """Return the same for every output, with shared terms."""
+        """Return the fit of every output. The outputs share their terms. Raises the same errors as
+        `fit`.
+        """
         from mapmore_cli.modelling.pieces import build as method
 
         curves, recipe = _trained(part, given.dataset)

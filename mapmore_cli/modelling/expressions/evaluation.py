@@ -67,7 +67,7 @@ def evaluate(expression: Expression, columns: Columns, n: int | None = None) -> 
 
 
 def folded(expression: Expression) -> Expression:
-    """Return `expression` with constant parts computed, except constants by which it divides.
+    """Return `expression` with its constant parts computed. A constant divisor is kept as it is.
 
     Examples
     --------

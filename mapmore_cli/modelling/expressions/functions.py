@@ -22,7 +22,8 @@ LIBRARY: Mapping[str, str] = {
     "latex": r"\{}\left(#\right)",
     "mathml": "<mi>{}</mi><mrow><mo>(</mo>#<mo>)</mo></mrow>",
 }
-"""For each language, the name of a function whose name in the library is the usual one.
+"""For each language, the pattern that turns a function's usual name into its name in the language's
+library.
 
 The text of code is a name in the library, or an expression of one number `x`. `np._safe` belongs to
 the exported code: it returns infinity or NaN if Python would raise an error. In markup, `#` stands
@@ -46,7 +47,9 @@ class ScalarFunction(NamedTuple):
     texts: Mapping[str, str]
 
     def is_in_library(self, language: str) -> bool:
-        """Return True if the language has the function. Otherwise an export defines `HELPER`."""
+        """Return True if the language's library has the function. If not, an export defines the
+        function itself, under the name `HELPER`.
+        """
         return NAME.fullmatch(self.texts[language]) is not None
 
 

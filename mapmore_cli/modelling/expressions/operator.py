@@ -1,4 +1,5 @@
-"""Define the form of an operator with memory, of which each file in `operators/` holds some.
+"""Define what an operator with memory consists of. The operators themselves are in the files of
+`operators/`.
 
 An operator turns a state x into a new state by a causal rule that does not change over time. Its
 file says how its name is written, how it is computed, how it is printed, and what a spec may set.
@@ -54,7 +55,9 @@ class Setting:
 
     @property
     def width(self) -> float:
-        """The first number times the training range of the source, in the source's unit."""
+        """Width of an operator: its first number times the training range of the source, in the
+        source's unit.
+        """
         low, high = self.limits
         return self.numbers[0] * (high - low)
 
@@ -84,7 +87,7 @@ class Arithmetic:
         return np.clip(x, low, high)
 
     def call(self, function: str, x: Amount) -> Amount:
-        """Return the value of a function of `FUNCTIONS` at x."""
+        """Return `function(x)`. The function is named by its key in `FUNCTIONS`."""
         return FUNCTIONS[function].compute(x)
 
 
@@ -239,7 +242,7 @@ def _latest(values: Array, count: int) -> list[float]:
 
 
 def from_rest(rule: Recursion, x: Array) -> Array:
-    """Return a recursion along x, shape (n,), as if x had always been x[0] before."""
+    """Return the values of a recursion along x, shape (n,), as if x had always been x[0] before."""
     first = float(x[0])
     if rule.own == 0:
         return run_recursion(rule, x, [], [first] * rule.source)
@@ -248,8 +251,8 @@ def from_rest(rule: Recursion, x: Array) -> Array:
 
 
 def run_recursion(rule: Recursion, x: Array, own: list[float], past: list[float]) -> Array:
-    """Return a recursion along x, shape (n,). `own` holds the last values of the state and `past`
-    those of x, the latest first.
+    """Return the values of a recursion along x, shape (n,). `own` holds the last values of the
+    state and `past` those of x, the latest first.
 
     A linear recursion is computed as a filter, a recursion without memory for all samples at once,
     and any other sample by sample.

@@ -73,7 +73,8 @@ def parse(text: str, ranged: Callable[[Expression], Expression] | None = None) -
     parser.ranged = ranged
     expression = parser.sum()
     parser.expect("end", "an operator")
-    # the written-out text stays short
+    # A short text with powers can stand for a long expression, so the length with all powers
+    # written out is limited too.
     if len(text) > MAX_LENGTH // 10 and (length := len(to_text(expression))) > MAX_LENGTH:
         raise ExpressionError(
             f"the expression has {length} characters when its powers are written out, more "
@@ -105,7 +106,9 @@ class _Parser(Tokens):
             raise self._misfit(f"expected {wanted}, found {next_text}")
 
     def _misfit(self, message: str) -> ExpressionError:
-        """Return the error at the next token. Some tokens are valid only in names of states."""
+        """Return the error at the next token. The characters `[`, `]` and `,` have a message of
+        their own, because they are valid only in names of states.
+        """
         message = (
             f"unexpected character {self.next.text!r}"
             if self.next.kind in ("[", "]", ",")

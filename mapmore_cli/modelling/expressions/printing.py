@@ -50,8 +50,8 @@ def to_mathml(expression: Expression, digits: int | None = None) -> tuple[str, .
 
 
 class _Text:
-    """Style of expressions as text. Numbers have `digits` significant digits, or as many as they
-    need for None.
+    """Style of expressions as text. Numbers are rounded to `digits` significant digits; None keeps
+    all digits.
     """
 
     brackets = "({})"
@@ -77,7 +77,9 @@ class _Text:
         raise TypeError(f"not an expression: {expression!r}")
 
     def operand(self, expression: Expression, needed: int) -> str:
-        """Return the text of an operand, in brackets if its place requires them."""
+        """Return the text of an operand, in brackets if it binds less tightly than its place
+        needs.
+        """
         text, bound = self.printed(expression)
         return text if bound >= needed else self.brackets.format(text)
 
@@ -226,7 +228,9 @@ def _factors(expression: Expression) -> tuple[tuple[Expression, ...], bool]:
 
 
 def _inverse(factor: Expression) -> Expression | None:
-    """Return the divisor that `factor` stands for; None if it multiplies."""
+    """Return the divisor if the factor is a power with a negative exponent, which stands for a
+    division; None otherwise.
+    """
     return (
         power(factor.base, -factor.exponent)
         if isinstance(factor, Power) and factor.exponent < 0

@@ -1,5 +1,5 @@
-"""Fill the training range into candidate terms that depend on it: in `unit(x)`, x is scaled to run
-from 0 to 1 over its training range.
+"""Insert the training range into candidate terms that depend on it: `unit(x)` stands for x scaled
+to run from 0 to 1 over its training range.
 
 For example, `abs(unit(strain - 0.1))^3` becomes `abs((strain - 93)/830)^3`.
 """
@@ -22,7 +22,7 @@ keep the text short.
 """
 
 Courses = tuple[tuple[str, float, float], ...]
-"""Inputs and states, each with its smallest and largest training value."""
+"""Name, smallest and largest training value of each input and state."""
 
 
 def placed(texts: tuple[str, ...], courses: Courses) -> tuple[str, ...]:
@@ -33,8 +33,8 @@ def placed(texts: tuple[str, ...], courses: Courses) -> tuple[str, ...]:
 
 
 def _without_rounding(name: str, low: float, high: float) -> tuple[str, float, float]:
-    """Return a range without its last digits, in which segments with equal scaling differ by
-    rounding.
+    """Return a range rounded to nine digits of its width. The ranges of segments with equal scaling
+    differ by rounding errors only, and become equal in this way.
     """
     width = float(f"{high - low:.9g}") or 1.0
     low = round(low / width, 9) * width
@@ -46,7 +46,9 @@ def _placed(texts: tuple[str, ...], courses: Courses) -> tuple[str, ...]:
     ranges = {name: (low, high) for name, low, high in courses}
 
     def line(distance: Expression) -> Expression:
-        """Return the straight line over a range, with the numbers of that range."""
+        """Return `unit(distance)` as the scaled distance: a straight line with the numbers of the
+        training range.
+        """
         (name,) = distance.names
         start, end = evaluate(distance, {name: np.arange(2.0)}, 2).tolist()
         low, high = ranges[name]

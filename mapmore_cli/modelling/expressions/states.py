@@ -54,8 +54,8 @@ class _State:
 
     @property
     def lag(self) -> int:
-        """Number of samples that the state looks back at least. It has no value for so many samples
-        at the beginning.
+        """Smallest number of samples that the state looks back. It has no value for this many
+        samples at the beginning.
         """
         return sum(part.steps for part in self.parts if isinstance(part, Lagged))
 

@@ -21,7 +21,8 @@ from mapmore_cli.modelling.expressions.states import IDENTIFIER, ExpressionError
 MAX_EXPONENT = 20
 
 Class = TypeVar("Class", bound=type)
-Operand = Union["Expression", float]  # operand beside an expression in arithmetic
+# what Python's arithmetic operators accept beside an expression
+Operand = Union["Expression", float]
 Operation = Callable[[Any, Operand], "Expression"]
 
 
@@ -44,8 +45,9 @@ def _node(cls: Class) -> Class:
 
 
 def _both_ways(made: Callable[[Expression, Expression], Expression]) -> tuple[Operation, Operation]:
-    """Return an operation with the other operand (an expression or a number) on the right, and the
-    operation with it on the left.
+    """Return the two methods of a binary operator of Python, for example `__sub__` and `__rsub__`.
+    The other operand, an expression or a number, is on the right in the first method and on the
+    left in the second.
     """
     return lambda left, right: made(left, expression(right)), lambda right, left: made(
         expression(left), right
@@ -128,7 +130,7 @@ class Name(Expression):
 
     @property
     def names(self) -> frozenset[str]:
-        """The name itself."""
+        """Set that contains this name only."""
         return frozenset((self.name,))
 
 
@@ -279,8 +281,8 @@ def with_parts(expression: Expression, change: Callable[[Expression], Expression
 
 
 def _folded(numbers: list[float]) -> list[float]:
-    """Return the product of the numbers as a list: empty if the product is one, and the magnitudes
-    one by one if their product would overflow or lose digits.
+    """Return numbers with the same product: none if the product is one, otherwise the product
+    itself; or the magnitudes one by one if their product would overflow or lose digits.
     """
     product = math.prod(numbers)
     if sys.float_info.min <= abs(product) < math.inf:

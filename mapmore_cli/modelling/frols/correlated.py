@@ -5,8 +5,9 @@ The covariance of the coefficients is `(P'P)^-1 P' Omega P (P'P)^-1`, where Omeg
 of the noise: `white` noise and a `drift` of which the share `kept` remains after one sample, `Omega
 = white I + drift kept^|i-j|` within a recording. A sum over lags like that of Newey and West
 (Econometrica 55, 1987) gives half the true value or less for `kept` = 0.97, because the residuals
-of a fit vary less than the noise, and its slowest part least of all. So the noise is chosen whose
-residuals, after this very fit, have on average the measured autocovariance (`matched`).
+of a fit vary less than the noise, and its slowest part least of all. Therefore, `matched` chooses
+the noise that leaves residuals with the measured autocovariance on average after a fit with these
+columns.
 """
 
 from __future__ import annotations
@@ -19,9 +20,13 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 
-PART = 1 << 14  # samples, from the first recordings, from which the noise is estimated
-MOST = 1 << 21  # numbers in the chosen columns; a few copies of them are in memory at once
-FEWEST = 20  # samples; shorter recordings are too short to estimate the noise
+# largest number of samples from which the noise is estimated; they are taken from the first
+# recordings
+PART = 1 << 14
+# largest number of values (samples times terms) in the chosen columns, because a few copies of them
+# are in memory at once
+MOST = 1 << 21
+FEWEST = 20  # smallest number of samples of a recording from which the noise can be estimated
 CHANCE = 0.01  # probability that white noise is taken for a drift
 # step and tolerance of the search, in the logarithm of a time constant
 COARSE, FINE = np.log(3.0), 0.05
@@ -71,8 +76,8 @@ def correlated_errors(
 
 
 def matched(records: _Records) -> Noise:
-    """Return the noise for which the residuals of this fit have the measured autocovariance. It is
-    white if the measured one could be due to chance.
+    """Return the noise with which the residuals of this fit would have the measured autocovariance.
+    The result is white noise if the measured autocovariance could be due to chance.
     """
     from scipy.special import chdtri
 
@@ -91,7 +96,8 @@ def matched(records: _Records) -> Noise:
     misfit = (found_sums - only.white * white)[1:] / only.white
     if float(np.sum(misfit**2 / records.pairs[1:])) < chdtri(len(misfit), CHANCE):
         return only
-    # a fifth of the seconds of a small run whose residuals do not go together
+    # imported here, because the import takes a fifth of the time of a small run, and runs with
+    # uncorrelated residuals do not need it
     from scipy.optimize import minimize_scalar, nnls
 
     def fitted(time: float) -> tuple[float, Noise]:

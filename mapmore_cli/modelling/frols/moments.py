@@ -155,7 +155,9 @@ class Moments:
     products: Array
 
     def without(self, other: Moments) -> Moments:
-        """Return the moments without those of some of the rows."""
+        """Return the moments of the other rows, without those in `other`, which are a part of
+        them.
+        """
         return Moments(
             self.samples - other.samples, self.sums - other.sums, self.products - other.products
         )

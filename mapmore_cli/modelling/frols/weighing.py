@@ -76,7 +76,7 @@ class Weighing:
         return (1.0 if self.sigma is None else self.sigma) / np.sqrt(weights)
 
     def in_unit(self, unit: float) -> Weighing:
-        """Return the same weights for a target that is divided by `unit`."""
+        """Return the weights for the same target in another unit: its values divided by `unit`."""
         return self if self.scale is None else replace(self, scale=self.scale / unit)
 
     def rows(self, blocks: Blocks) -> Blocks:
@@ -105,8 +105,9 @@ class Weighing:
 
 @dataclass(frozen=True)
 class Choice:
-    """A selection of one output without the standard errors that its weights call for. These take
-    about as long as the choice, so that only the choice that is kept gets them.
+    """A selection of one output without the standard errors that its weights call for. Computing
+    these errors takes about as long as the choice itself, so it is done only for the choice that is
+    kept.
 
     - `only`: the blocks of some candidates.
     - `weights`: those of a robust loss, (n,); None for squares.
@@ -118,8 +119,8 @@ class Choice:
     weights: Array | None
 
     def with_errors(self) -> Selection:
-        """Return the selection with standard errors that allow for correlation within curves, for
-        robust weights, or for correlation along a few recordings.
+        """Return the selection with its standard errors. They allow for residuals that are
+        correlated within curves or along a few recordings, and for robust weights.
         """
         found, how, weights = self.selection, self.weighing, self.weights
         k, n = len(found.chosen), found.samples

@@ -51,7 +51,7 @@ muscle.
 """
 
 PRIOR = 0.15
-"""Standard deviation about one of the scales of a new specimen."""
+"""Standard deviation of the priors of both scales of a new specimen, which have the centre one."""
 
 WITHIN = (0.3, 3.0)
 """Bounds of the scale of the strain."""
@@ -59,7 +59,7 @@ WITHIN = (0.3, 3.0)
 
 @lru_cache(maxsize=64)
 def family_of(text: str) -> Family:
-    """Return the family of a definition. Raises ValueError if the text defines no family."""
+    """Return the family that a text defines. Raises ValueError if the text defines no family."""
     try:
         document = dict(json.loads(text)["family"])
         metres = float(document.pop("metres"))
@@ -95,8 +95,8 @@ def _scale_text(settings: FamilySettings, metres: float) -> str:
 
 @dataclass(frozen=True)
 class Family(Formula):
-    """A formula that is fitted to all specimens at once. One unit of the quantity in which they
-    differ is `metres` m.
+    """A formula that is fitted to all specimens at once. `metres` is the length, in m, of one unit
+    of the quantity in which the specimens differ.
     """
 
     settings: FamilySettings = field(kw_only=True)

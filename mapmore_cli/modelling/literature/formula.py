@@ -38,7 +38,8 @@ RANDOM = "random"
 
 @dataclass(frozen=True)
 class LinearForm:
-    """A formula in other parameters than the printed ones, in which it is linear.
+    """A formula rewritten with other parameters than the printed ones, so that it is linear in
+    them.
 
     `text` is the same function of the inputs, `linear` names the parameters in which it is linear,
     and `printed` gives every printed parameter as an expression of these and of the nonlinear
@@ -189,7 +190,7 @@ class Formula:
                 f"write `method: {solvers.LEVENBERG_MARQUARDT}` beside `starts`",
             )
         problem = self.problem(columns, y)
-        # without parameters there is nothing to search
+        # a formula without parameters has nothing to search
         return self._result(problem, solvers.METHODS[method if self.fitted else default](problem))
 
     def predict(self, parameters: Mapping[str, float], columns: Columns) -> Array:

@@ -26,13 +26,13 @@ from mapmore_cli.modelling.literature.solvers import agreement, descend, onto_bo
 METHOD = "penalised least squares"
 NAMES = ("a1", "a2", "a3", "a4", "a5", "a6", "b0", "b1", "b2", "w")
 A, A3, B, B1, LN_W = [0, 1, 3, 4, 5], 2, [6, 7, 8], 7, 9
-"""Indices of the parameters in q: the linear ones of `hi`, its curvature, those of `lo`, the slope
-of the foot with the pressure, and the width.
+"""Indices of parameters in q: the linear parameters of `hi`, the curvature of `hi`, the parameters
+of `lo`, the slope of the foot with the pressure, and the logarithm of the width.
 """
 
 
-# Constants of the fit, each below its reason. `docs/formula_tables.py RUNS hinge` shows how half
-# and twice each constant change the errors between strain levels.
+# Constants of the fit. The reason for each is given beside it. `docs/formula_tables.py RUNS hinge`
+# shows how half and twice each constant change the errors between strain levels.
 
 # a3 at the starts, from a steep decay to a bend upwards
 STARTS = (-8.0, -4.0, -2.0, -0.7, 1.5)
@@ -50,20 +50,20 @@ LARGEST_A3 = 15.0
 LEAST_W = 0.004
 # largest w; a wider hinge bends the whole curve, so it is no hinge
 LARGEST_W = 0.3
-# weights of the priors by parameter; they are so small that they matter only if the data say
-# nothing
+# weights of the priors, one for each parameter; they are so small that a prior matters only if the
+# data do not determine the parameter
 PRIOR_WEIGHTS = (0.01, *5 * (0.003,), 0.001, 0.03, 0.03, 0.001)
 # prior of a3/max|strain|, per unit of strain
 DECAY = -33.0
 # the prior of a3 is never steeper than this, however large the strain
 STEEPEST = -12.0
-# weight of the prior of a3 times the largest strain; over a short range, the data hardly determine
-# a3
+# The weight of the prior of a3 is this divided by the largest strain: it is larger over a short
+# range of strain, over which the data hardly determine a3.
 DECAY_WEIGHT = 0.002
 # prior of w, as a fraction of the largest target
 PRIOR_W = 0.03
-# largest number of samples by which the data count against the priors: neighbouring samples of a
-# slow recording repeat each other, and counted one by one they would leave the priors no weight
+# largest number of samples with which the data count against the priors: neighbouring samples of a
+# slow recording repeat each other, and the priors would have no effect if each sample counted
 INDEPENDENT = 300
 # so few strain levels can be fitted with any curvature; affects only the words of a note
 FEW_LEVELS = 3
@@ -108,7 +108,9 @@ class _Problem(NamedTuple):
         return self.root * (force - self.f), self.root[:, None] * slopes
 
     def system(self, q: Array) -> tuple[Array, Array]:
-        """Return the same with the priors as further rows: shapes (n + 10,) and (n + 10, 10)."""
+        """Return the residuals and derivatives of the rows, followed by those of the priors: shapes
+        (n + 10,) and (n + 10, 10).
+        """
         residual, slopes = self.of_data(q)
         priors = self.weight * (q - self.centre), np.diag(self.weight)
         return np.concatenate([residual, priors[0]]), np.concatenate([slopes, priors[1]])

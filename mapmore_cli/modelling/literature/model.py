@@ -83,7 +83,8 @@ def where_finite(
     }
     n = row_count(columns)
     finite = np.logical_and.reduce([np.ones(n, dtype=np.bool_), *map(np.isfinite, values.values())])
-    # a term may overflow far outside the data, and values computed from a NaN are replaced below
+    # far outside the data, a term may overflow; values that were computed from a NaN are replaced
+    # below
     with np.errstate(all="ignore"):
         return np.where(finite, value(values, n), np.nan)
 

@@ -31,8 +31,9 @@ class FamilySettings(Settings):
     scale: Literal["saturating", "power"] = "saturating"
 
     def definition(self, metres: float) -> str:
-        """Return the family as a text that is stored with its fit. One unit of `of` is `metres` m
-        (1 for quantities that are no length).
+        """Return the definition of the family as a text, which is stored with its fit. `metres` is
+        the length, in m, of one unit of the quantity `of`; it is 1 for a quantity that is no
+        length.
         """
         return json.dumps({"family": {**vars(self), "metres": metres}}, sort_keys=True)
 
@@ -43,8 +44,8 @@ def is_family(name: str) -> bool:
 
 
 NEAREST = 1e-4
-"""Fraction of the larger bound: if the bounds have different signs, values nearer to zero than this
-are not searched.
+"""Smallest magnitude that is searched if the bounds have different signs, as a fraction of the
+larger bound.
 """
 
 LONGEST = 100_000
@@ -78,7 +79,7 @@ def definition(
 
 @lru_cache(maxsize=256)
 def formula_of(text: str) -> Formula:
-    """Return the formula of a definition.
+    """Return the formula that a definition describes.
 
     Raises ValueError for a text that defines no formula, and ExpressionError for a malformed
     expression.
@@ -120,8 +121,8 @@ def units_of_parameters(fit: FormulaFit) -> Mapping[str, str]:
 
 
 def _intervals(low: float, high: float) -> Iterator[tuple[float, float]]:
-    """Yield the bounds as intervals that do not contain zero, because the search goes by
-    factors.
+    """Yield the interval between the bounds, split so that no part contains zero, because the
+    search multiplies values by factors.
     """
     least = NEAREST * max(abs(low), abs(high))
     if low < 0:

@@ -37,7 +37,9 @@ class Nonlinear:
         return self.intervals[0][0], self.intervals[-1][1]
 
     def span(self, columns: Columns) -> float:
-        """Return the coordinate of the value one; one if the data have no span."""
+        """Return the factor from the value of the parameter to its coordinate, which is the
+        coordinate of the value one. It is one if the data have no span.
+        """
         quantity = self.per or self.of
         if quantity is None:
             return 1.0
@@ -56,7 +58,7 @@ class Nonlinear:
 class LeastSquares:
     """Problem of finding `beta` and `c` that minimise `|Phi(c) beta + f0(c) - y|^2` over n rows.
 
-    (Or the formula's own residual, if it does not have this form.)
+    If the formula does not have this form, its own residual is minimised.
 
     - `expression`: the formula of inputs and parameters.
     - `linear`: names of the m parameters `beta` in which the formula is linear.
@@ -65,8 +67,8 @@ class LeastSquares:
       regressors.
     - `columns`, `y`: the inputs and the target, shape (n,) each.
     - `counts`: number of samples for which each row stands, shape (n,); None if each is one.
-    - `start`: value of every parameter to start from, or None: a published one if one is asked for,
-      or that of a fit to nearly the same rows.
+    - `start`: starting value of every parameter: published values, or those of a fit to nearly the
+      same rows. None if there are no such values.
 
     Every residual and regressor is multiplied by the square root of its count.
     """
@@ -117,7 +119,7 @@ class LeastSquares:
 
     @cached_property
     def spans(self) -> dict[str, float]:
-        """Coordinate of the value one, for every nonlinear parameter."""
+        """Factor from the value of each nonlinear parameter to its coordinate."""
         return {parameter.name: parameter.span(self.columns) for parameter in self.nonlinear}
 
     @property
@@ -146,7 +148,8 @@ class LeastSquares:
         faster to solve and nearly the same.
 
         The problem is unchanged if a parameter is sought as a fraction `of` a quantity: a force
-        that decays over the slowest rates shows in few samples, which the means would hide.
+        that decays within the slowest rates shows in a few samples only, and the means would hide
+        it.
         """
         if any(parameter.of for parameter in self.nonlinear):
             return self
@@ -226,8 +229,8 @@ def nominal(column: Array) -> Array:
 
 
 def dependence(rank: int, count: int, inputs: Columns, choice: str) -> str:
-    """Return the note for data that do not determine all parameters; `choice` says which solution
-    was taken.
+    """Return the note that the data do not determine all parameters. `choice` is the part of the
+    note that says which solution was taken.
     """
     distinct = ", ".join(f"{len(np.unique(column))} of {name}" for name, column in inputs.items())
     return (

@@ -39,7 +39,7 @@ class End(NamedTuple):
 
     @property
     def status(self) -> str:
-        """Return the status of a fit that ends here."""
+        """Return the status of a fit whose descent ends here."""
         return "converged" if self.converged else "stopped_by_limit"
 
 
@@ -47,7 +47,7 @@ class Solution(NamedTuple):
     """Linear parameters `beta`, shape (m,), and coordinates `c`, shape (k,). `status` and `method`
     are those of `FormulaFit`.
 
-    `rivals` holds beta and c of other minima that are nearly as deep.
+    `rivals` holds beta and c at other minima whose sums of squares are nearly as small.
     """
 
     beta: Array
@@ -64,9 +64,10 @@ def failure(problem: LeastSquares, method: str) -> Solution:
     return Solution(*nothing, "failed", method, ("every start overflowed",))
 
 
-TOLERANCE = 1e-15  # relative, for steps and for the gain of a step
+# relative tolerance for steps, and for the decrease of the sum of squares in a step
+TOLERANCE = 1e-15
 EVALUATIONS = 400
-REFUSED = 1e100  # stands for an overflow, so that the step is rejected
+REFUSED = 1e100  # value that stands for an overflow, so that the step is rejected
 
 
 def descend(
@@ -84,7 +85,7 @@ def descend(
     """
     from scipy.optimize import least_squares
 
-    # SciPy asks for the derivatives at the point at which it asked for the residuals
+    # the cache serves SciPy, which asks for residuals and then for derivatives at the same point
     @lru_cache(maxsize=1)
     def at(place: bytes) -> tuple[Array, Array] | None:
         try:
@@ -153,8 +154,8 @@ def agreement(ends: Sequence[End], best: End, starts: int) -> str:
 
 
 def rivals(ends: Sequence[End], best: End) -> list[End]:
-    """Return converged ends in other minima that are nearly as deep as the best, one for each
-    minimum, the deepest first.
+    """Return converged ends at other minima that are nearly as deep as the best one: one end for
+    each minimum, the deepest first.
     """
     distinct = [best]
     for end in sorted(ends, key=_cost):
@@ -187,7 +188,7 @@ def drawn_starts(nonlinear: tuple[Nonlinear, ...]) -> Iterator[Array]:
 METHOD = "variable projection"
 SCAN_POINTS = 24  # points in each interval of the coordinate
 FLAT = 1e-10  # relative change of the sum of squares over the whole scan that counts as none
-ROUNDING = 1e-24  # fraction of y'y below which a sum of squares is rounding
+ROUNDING = 1e-24  # fraction of y'y below which a sum of squares is only rounding error
 
 
 def variable_projection(problem: LeastSquares) -> Solution:
@@ -274,9 +275,9 @@ def _projected(problem: LeastSquares, c: Array) -> linear.LinearFit:
 
 
 def _projection(problem: LeastSquares, c: Array) -> tuple[Array, Array]:
-    """Return r and `dr/dc`, without the part in the space of the regressors, which does not
-    contribute to the gradient (Kaufman). Both are divided by the largest target, so that the unit
-    does not matter.
+    """Return the residual r and its derivative `dr/dc`. The part of the derivative in the space of
+    the regressors is left out, because it does not contribute to the gradient (Kaufman). Both are
+    divided by the largest target, so that the unit does not matter.
     """
     unit = float(np.abs(problem.y).max()) or 1.0
     best = _projected(problem, c)
@@ -316,8 +317,8 @@ def levenberg_marquardt(problem: LeastSquares) -> Solution:
 
 
 SIMPLEX = "simplex"
-FMINSEARCH = 1e-4  # of coordinates and of the sum of squares, as in fminsearch
-PER_PARAMETER = 200  # evaluations, as in fminsearch
+FMINSEARCH = 1e-4  # tolerance of coordinates and of the sum of squares, as in `fminsearch`
+PER_PARAMETER = 200  # number of evaluations for each parameter, as in `fminsearch`
 
 
 def simplex(problem: LeastSquares) -> Solution:

@@ -36,13 +36,13 @@ from mapmore_cli.modelling.program.writing import Inputs, Writer, product_as_wri
 
 
 class StateWriter:
-    """Writer of the states of one sample, each once.
+    """Writer of statements that compute the states of one sample. Each state is written only once.
 
     - `seen`: number of samples before this one, by which operators recognise the first sample; None
       if all past values are known.
-    - `queues`: names of the queues of past values, by what they hold.
-    - `rules`: if all past values are known, operators are functions of the program; `rules` holds
-      their recursions by the names of these functions.
+    - `queues`: name of the queue of past values of each state that needs one.
+    - `rules`: if all past values are known, each operator becomes a function of the program;
+      `rules` holds their recursions by the names of these functions.
     """
 
     def __init__(
@@ -145,8 +145,9 @@ class StateWriter:
 
 
 class Parts(NamedTuple):
-    """Terms split into factors: the factors of inputs (k), the G distinct factors of fed-back
-    states, and the index of the latter for each term (k), -1 for none.
+    """The k terms of a model, split into factors: the factor of inputs of each term (k), the G
+    distinct factors of fed-back states, and, for each term (k), the index of its factor of fed-back
+    states, or -1 if it has none.
     """
 
     inputs: list[Expression]
@@ -256,8 +257,8 @@ def fed_back_states(states: StateSet, output: str) -> dict[str, int]:
 
 
 def looks_back(of_state: State) -> bool:
-    """Return True if the quantity of which a state is made enters it with a delay:
-    `stop(force[k-1], 0.1)` does, `stop(force, 0.1)[k-1]` does not.
+    """Return True if a state uses its measured quantity only with a delay: `stop(force[k-1], 0.1)`
+    does, `stop(force, 0.1)[k-1]` does not.
     """
     return any(isinstance(part, Lagged) for part in of_state.parts[1:2])
 

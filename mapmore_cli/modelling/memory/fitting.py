@@ -20,11 +20,11 @@ from mapmore_cli.modelling.memory.selectors import TermChoice, problem_of
 from mapmore_cli.modelling.memory.training import DIGITS, TrainingData, Unknown, left_open
 from mapmore_cli.modelling.selection import MemoryRecipe
 
-# share of each piece's training samples on which free runs are compared to choose the number of
-# terms
+# share of each piece's training samples, at its end, on which free runs are compared to choose the
+# number of terms
 LATE = 0.25
-STARTS = 3  # sets of starting values of operators that are refined
-SHORT = 2048  # training samples on which these sets are compared
+STARTS = 3  # number of sets of starting values of operators that are refined
+SHORT = 2048  # number of training samples on which these sets are compared
 
 DIVERGES = "use another `fit.stop`, fewer delayed outputs, or a ridge"
 
@@ -129,8 +129,8 @@ def _refined(
 
 
 def _ahead(choice: TermChoice, numbers: Sequence[float] | Array = ()) -> Array:
-    """Return coefficients and constant of the one-step-ahead fit, followed by the operators'
-    parameters.
+    """Return the coefficients of the one-step-ahead fit, its constant, and the parameters of the
+    operators, as one vector.
     """
     return np.array([*choice.selection.theta, choice.constant, *numbers])
 

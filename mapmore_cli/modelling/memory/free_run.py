@@ -52,7 +52,8 @@ class Along:
         self.lost = False
 
     def __call__(self, columns: Columns) -> SimulatedRun:
-        """Return the next rows, (n,); `columns` as for `kinds.simulate`.
+        """Return the predictions at the next rows, (n,), which continue those of the last call.
+        `columns` is as in `kinds.simulate`.
 
         Raises DataError if an input is missing, and AtSample if a first output is missing or the
         time steps are not those of the model.
@@ -82,8 +83,8 @@ class Along:
         return predicted
 
     def _simulated(self, piece: Columns, n: int) -> Array:
-        """Return the free run of a piece, up to the first sample that leaves all bounds; NaN for
-        rows that still wait for a history.
+        """Return the free run of a piece up to the sample at which it leaves the bounds. Rows that
+        still wait for a history are NaN.
         """
         if self.waiting:
             piece = {name: np.concatenate([self.waiting[name], x]) for name, x in piece.items()}
@@ -101,8 +102,9 @@ class Along:
         return np.concatenate([np.full(ready.start, np.nan), run.output])[-n:]
 
     def _pieces(self, columns: Columns, n: int) -> Iterator[tuple[IntArray, Columns, bool]]:
-        """Yield the row numbers and columns of the pieces within which memory lasts (rows with all
-        inputs, one time step apart), and True if a piece continues that of the block before.
+        """Yield the pieces within which the memory lasts: rows with all inputs, one time step
+        apart. For each piece, yield its row numbers, its columns, and True if it continues the last
+        piece of the block before.
         """
         inputs, states = memory_inputs(self.model), self.model.states
         needed = (columns[name] for name in ("time", *inputs) if name in columns)
@@ -126,7 +128,7 @@ class Along:
 
 def _refuse_other_steps(time: Array, rows: IntArray, step: float) -> None:
     """Refuse a recording in which most time steps are longer than the model's, because every step
-    would count as a gap. Single longer steps are gaps.
+    would count as a gap. A few longer steps are accepted as gaps.
     """
     neighbours, longest = np.flatnonzero(np.diff(rows) == 1), step * (1 + UNEVEN)
     distances = np.diff(time)[neighbours]

@@ -25,15 +25,17 @@ from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.modelling.frols.correlated import correlated_errors
 from mapmore_cli.modelling.memory.simulation import ReadyPiece, Trajectory
 
-FIRST, GROWTH = 16, 8  # samples of the shortest horizon, and the factor to the next one
-# if a run over the next horizon explodes, a nearer one is tried, down to this multiple of the last
+# number of samples of the shortest horizon, and the factor from one horizon to the next
+FIRST, GROWTH = 16, 8
+# If a run over the next horizon diverges, a horizon between it and the last one is tried, unless
+# that is smaller than this multiple of the last one.
 LEAST_GROWTH = 1.2
 # Levenberg-Marquardt factor at the start, and the factor at which a step is given up
 DAMPING, MOST_DAMPING = 1e-3, 1e8
 # iterations, and the relative gain of the error at which the search stops: for free runs, and for a
 # horizon
 THOROUGH, QUICK = (40, 1e-7), (6, 1e-2)
-# step of the search coordinate for the difference quotient by an operator's parameter
+# change of a search coordinate in the difference quotient by an operator's parameter
 NUDGE = 1e-5
 
 
@@ -63,8 +65,8 @@ def sensitivities(piece: ReadyPiece, run: Trajectory, theta: Array) -> Array:
 
 
 def _banded(piece: ReadyPiece, run: Trajectory, slopes: Array) -> Array:
-    """Return `I - d(values)/d(past values)` by its diagonals. Values before the beginning of a
-    stretch are measured, so their derivatives are zero.
+    """Return the diagonals of the matrix `I - d(values)/d(past values)`. Values before the
+    beginning of a stretch are measured, so their derivatives are zero.
     """
     q, _, n = slopes.shape
     recalls, rows = list(piece.feedback.recalls.values()), np.arange(n)
@@ -84,7 +86,8 @@ class Point(NamedTuple):
 
     - `vector`: theta, the constant, and the operators' parameters in the coordinates of
       `Unknown.searched`, shape (k + 1 + m,).
-    - `error`, `runs`: the objective, infinite if a run diverges; and the runs of all pieces.
+    - `error`, `runs`: the objective, which is infinite if a run diverges, and the runs of all
+      pieces.
     - `residuals`: measured minus simulated output of all samples that count, shape (n,).
     """
 
@@ -134,8 +137,8 @@ class FreeRunProblem:
         return Point(vector, float(error), runs, pooled)
 
     def normal(self, point: Point, horizon: int | None = None) -> tuple[Array, Array]:
-        """Return half the curvature `J'J + ridge` and half the downhill gradient of the error at a
-        point, by all entries of its vector.
+        """Return the curvature `J'J + ridge` and the negative gradient of the error at a point,
+        both divided by two, with respect to all entries of its vector.
         """
         slopes, theta = self.slopes(point, horizon), self.split(point.vector)[0]
         curvature, downhill = slopes.T @ slopes, slopes.T @ point.residuals
@@ -148,8 +151,8 @@ class FreeRunProblem:
         """Return the derivatives of the outputs by all entries of a point's vector, shape (n, k + 1
         + m).
 
-        By an operator's parameter, it is a central difference. It is one-sided at a bound, and if a
-        run on the other side diverges.
+        The derivative by an operator's parameter is a central difference. It is a one-sided
+        difference at a bound, or if a run on the other side diverges.
         """
         theta, _, numbers = self.split(point.vector)
         runs = zip(self.pieces(numbers), point.runs, self.counted, strict=True)
@@ -174,8 +177,8 @@ class FreeRunProblem:
 
 
 def refine(problem: FreeRunProblem, start: Array) -> Point:
-    """Return the point with the smallest error in free run, searched from a vector. Its error is
-    infinite if no run on the way is finite.
+    """Search from the vector `start` for the smallest error in free run, and return the point. Its
+    error is infinite if no finite run was found.
     """
     *_, numbers = problem.split(start)
     fed_back = any(piece.feedback.weights for piece in problem.pieces(numbers))
@@ -228,7 +231,7 @@ def minimise(problem: FreeRunProblem, start: Array, horizon: int | None) -> Poin
 
 
 def _of_unit_diagonal(curvature: Array) -> tuple[Array, Array]:
-    """Return the curvature with coefficients divided by their sizes, and these sizes, because
+    """Return the curvature scaled to a diagonal of ones, and the scale of each entry, because
     coefficients differ by orders of magnitude.
     """
     size = np.sqrt(np.maximum(np.diag(curvature), np.finfo(np.float64).tiny))

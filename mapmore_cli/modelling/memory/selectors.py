@@ -103,8 +103,8 @@ class TermChoice:
 
 
 def problem_of(data: Regressors, recipe: MemoryRecipe, among: IntArray | None = None) -> Regression:
-    """Return candidates and output in the form that FROLS reads; only the candidates `among`,
-    unless it is None.
+    """Return the candidates and the output as a problem for FROLS. If `among` is given, only these
+    candidates take part.
     """
     every = np.arange(len(data.terms)) if among is None else among
     return Regression(

@@ -29,7 +29,7 @@ class Trajectory:
 
     - `values`: (q, n) the output and the other recalled values. There are fewer samples than in the
       piece if the run left all bounds.
-    - `begins`: (n,) the sample at which the stretch of each sample began.
+    - `begins`: (n,) for each sample, the sample at which its run was last restarted.
     """
 
     values: Array
@@ -87,8 +87,8 @@ class ReadyPiece:
         return np.asarray(back[rows] == back[np.maximum(rows - self.feedback.depth, 0)])
 
     def begins(self, horizon: int | None) -> IntArray:
-        """Return the sample at which the stretch of each sample begins, (n,). Without a `horizon`,
-        there is a single stretch.
+        """Return, for each sample, the sample at which its stretch begins, (n,). A stretch is a
+        part of a run between two restarts; without a `horizon`, there is only one.
         """
         rows = np.arange(self.size)
         if horizon is None:
@@ -140,8 +140,8 @@ class ReadyPiece:
         return Trajectory(np.concatenate(parts, axis=1), begins[:done])
 
     def recalled_at(self, sample: int) -> Array:
-        """Return the past values of the measured output that the model uses at a sample, shape (q,
-        depth).
+        """Return the past values that the model uses at a sample, computed from the measured
+        output, shape (q, depth).
         """
         back = np.arange(-self.feedback.depth, 0) + self.start + sample
         return self.history[:, np.maximum(back, 0)]

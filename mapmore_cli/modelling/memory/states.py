@@ -23,8 +23,8 @@ from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.selection import MemoryRecipe
 
 Past = dict[str, Array]
-"""The last values of each state and of the states of which it is made, by name. A piece that
-continues another starts from them.
+"""The last values of each state, by its name, and of the states inside it. A piece that continues
+another starts from them.
 """
 
 
@@ -53,7 +53,7 @@ def evaluate_states(
             values[name] = np.clip(
                 (values[name] - low) / (high - low), -states.margin, 1 + states.margin
             )
-        else:  # it was constant in training
+        else:  # the quantity was constant in training
             values[name] = np.where(np.isnan(values[name]), np.nan, 0.0)
     return values
 

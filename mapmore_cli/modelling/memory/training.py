@@ -44,7 +44,7 @@ ALL = 64  # largest number of sets of starting values of which every one is trie
 AT_BOUND = 1e-6
 
 
-Numbers = tuple[tuple[float, ...], ...]  # those of each state
+Numbers = tuple[tuple[float, ...], ...]  # the numbers of each state
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,8 @@ class Unknown:
     """The m operator parameters that some terms leave free. The logarithm is searched if a
     parameter must be positive.
 
-    - `states`: operators without their parameters, the innermost first, each once. A subset of the
-      terms keeps this order.
+    - `states`: operators without their parameters, each once, the innermost first. For a subset of
+      the terms, the order is the same.
     - `step`, `longest`: time between samples and duration of the longest piece, s.
     """
 
@@ -99,7 +99,7 @@ class Unknown:
         return tuple(float(f"{value:.{digits}g}") + 0.0 for value in values)
 
     def those_of(self, part: Unknown) -> BoolArray:
-        """Return True for the parameters that are in `part` too, (m,)."""
+        """Return True for each parameter that also occurs in `part`, (m,)."""
         return np.array([operated in part.states for operated, _ in self.places], dtype=np.bool_)
 
     def filled(self, texts: Sequence[str], numbers: Sequence[float]) -> tuple[str, ...]:
@@ -194,7 +194,7 @@ def left_open(records: Sequence[Record], terms: Sequence[str], step: float) -> U
 
 
 def _with(wanted: State, numbers: dict[Operated, tuple[float, ...]]) -> State:
-    """Return a state with the parameters inserted that it left free."""
+    """Return a state with numbers inserted for its free parameters."""
     if isinstance(wanted, Measured):
         return wanted
     inner = _with(wanted.source, numbers)
@@ -224,7 +224,7 @@ class TrainingData:
         self.states = resolve_states(_names_in(self.dictionary), records, recipe)
         fed_back = fed_back_states(self.states, recipe.target)
         for term in self.terms:
-            parted(term, fed_back)  # raises an error for what no free run could feed back
+            parted(term, fed_back)  # raises an error for a term that cannot be fed back in free run
         self.data = regressors(records, self.states, self.terms, recipe.target)
         if len(self.data.y) <= recipe.max_terms:
             raise DataError(
@@ -303,7 +303,7 @@ class TrainingData:
         Raises DataError if no sample has a history, or a first output is missing.
         """
         wanted = [record.training for record in self.records] if counted is None else counted
-        parts = []  # a run continues to the last sample that counts
+        parts = []  # the run stops at the last sample that counts
         for record, mask in zip(self.records, wanted, strict=True):
             end = int(np.max(np.flatnonzero(mask), initial=-1)) + 1
             if end:

@@ -80,7 +80,7 @@ def segment(
     segments have the smallest error. With several outputs (`also`), the errors are summed, each
     divided by the range of its output.
 
-    Raises DataError if a segment holds no sample, or a curve has too few for the cut.
+    Raises DataError if a segment holds no sample, or if a curve has too few samples for the cut.
     """
     terms = [candidate(text) for text in recipe.dictionary]
     # losses that leave samples out are not comparable
@@ -150,7 +150,8 @@ def _labels_of_curves(
 
 
 _Placed = tuple[tuple[str, ...], Sequence[Scaling], Sequence[Choice]]
-"""The texts of the candidates at a placement; a scaling and a choice for each output."""
+"""The candidates as texts at one placement, and for each output its scaling and the chosen terms.
+"""
 
 
 def fit_together(
@@ -160,10 +161,12 @@ def fit_together(
     recipes: Sequence[Recipe],
     origin: IntArray | None = None,
 ) -> tuple[SegmentFit, ...]:
-    """Choose and fit the terms of one segment at its best placement. `columns` are those of its
-    curve. The `recipes` differ only in their targets, which share terms and placement.
+    """Choose and fit the terms of one segment at its best placement (`placement.placements`).
+    `columns` are those of the segment's curve. The `recipes` differ only in their targets, which
+    share terms and placement.
 
-    `origin` labels correlated residuals, shape (n,), for the rows of the segment.
+    `origin` labels the rows of the segment, shape (n,): residuals with the same label are
+    correlated.
     """
     texts, scalings, choices = _best_placement(segment, columns, terms, recipes, origin)
     return tuple(
@@ -228,7 +231,7 @@ def _best_placement(
     return best
 
 
-# samples per term in the fit that finds outliers
+# number of samples for each term in the fit that finds outliers
 SAMPLES_PER_TERM = 3
 
 
@@ -305,7 +308,7 @@ def _robust(
     recipe: Recipe,
     place: int,
 ) -> tuple[Sequence[Scaling], Sequence[Choice]]:
-    """Return one placement with an anchor, and terms, that no outlier decides.
+    """Choose a placement and terms that do not depend on single outliers.
 
     Outliers are found by robust fits with a free offset, which no anchor constrains. One fit has as
     many terms as the segment; the other has so many that it follows the curve closely. Each gives
@@ -363,7 +366,7 @@ def _chosen_terms(
     z, target = outputs[0].scaled(slice(0, n), scalings[0])
     P = dictionary_matrix(terms, z, n)
     choice = choose(P, target, stopping, weighings[0])
-    # a wide dictionary is not kept beside that of the next placement
+    # a wide dictionary is not kept in memory while that of the next placement is built
     return (replace(choice, only=problems[0].of),)
 
 

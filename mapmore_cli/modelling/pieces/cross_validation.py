@@ -42,7 +42,7 @@ BLOCKS = 5
 BACKBONE, RESIDUAL, SHRUNKEN = "backbone", "backbone + residual", "backbone + shrunken residual"
 
 Folds = list[tuple[BoolArray, ...]]
-"""Training samples that are left out, for every fold and curve."""
+"""For every fold, the training samples of every curve that are left out."""
 
 Progress = Callable[[int, int], None]
 """Function that is called with the number of folds done and the number of all folds."""
@@ -128,8 +128,8 @@ def _of_fold(
 
 
 def _of_fewer_samples(recipe: Recipe) -> Recipe:
-    """Return the recipe changed so that segments are joined if they lack samples only because some
-    are left out.
+    """Return a recipe for a fold: segments that lack samples because some are left out are joined
+    with their neighbours.
     """
     cuts, least = dict(recipe.cuts), recipe.fit.max_terms + 1
     for name, cut in recipe.cuts.items():
@@ -161,7 +161,9 @@ def inner_folds(curves: Sequence[Curve], recipe: Recipe) -> Folds:
 
 
 def _folds_along(curves: Sequence[Curve], recipe: Recipe) -> list[Folds]:
-    """Return the folds along every quantity that has at least three, in ascending order."""
+    """Return the folds along each quantity that has at least three of them. The folds of a quantity
+    are in ascending order.
+    """
     numbers = [number for number, curve in enumerate(curves) if curve.training.any()]
     levels = [
         tuple(curve.training & (number == left) for number, curve in enumerate(curves))
@@ -182,7 +184,9 @@ def _folds_along(curves: Sequence[Curve], recipe: Recipe) -> list[Folds]:
 
 
 def _blocks_in(curves: Sequence[Curve], recipe: Recipe) -> Folds:
-    """Return the blocks of all curves along the variable that is cut, in ascending order."""
+    """Return the blocks of each curve along the variable that is cut, in ascending order, as
+    folds.
+    """
     along = in_curve(curves, tuple(recipe.cuts), recipe.target, recipe.level)
     every = [tuple(block(curve, along, number) for curve in curves) for number in range(BLOCKS)]
     return [fold for fold in every if any(out.any() for out in fold)]
@@ -322,8 +326,8 @@ def with_trusted_residual(
 
 
 def _times(body: Pieces, share: float) -> Pieces:
-    """Return the pieces multiplied by a number, which becomes part of their scalings; without
-    segments if it is zero.
+    """Return the pieces with their output multiplied by `share`. The factor becomes part of their
+    scalings; with the factor zero, there are no segments.
     """
 
     def multiplied(segment: SegmentFunction) -> SegmentFunction:
@@ -350,7 +354,9 @@ MARGIN = 0.02
 margins were worse on measured muscles.
 """
 
-SAMPLES = 300  # samples of every curve on which the choice is based, evenly spread along the curve
+# largest number of samples of a curve on which the choice is based; they are spread evenly along
+# the curve
+SAMPLES = 300
 
 
 class BackboneChoice(NamedTuple):
@@ -381,7 +387,7 @@ def choose_backbone(
     folds = inner_folds(thinned, recipe)
     errors: dict[str | None, float] = {}
     for number, name in enumerate(names, start=1):
-        with suppress(MapmoreError):  # a formula that cannot be fitted without some of the data
+        with suppress(MapmoreError):  # a formula may not be fittable without some of the data
             left_out = leave_out(thinned, recipe, quantities, name, folds)
             errors[name] = left_out.rmse(1.0 if name is None else left_out.share)
         progress(number, len(names))

@@ -76,8 +76,8 @@ def across_levels(
     last = len(levels) - 1
 
     def counting(i: int) -> range:
-        """Return the curves that count between two levels; for `pchip`, the adjacent curves count
-        too.
+        """Return the numbers of the curves on which the value between levels i and i + 1 depends.
+        With `pchip`, these include the neighbours on both sides.
         """
         reach = 0 if fusion.levels == "linear" else 1
         return range(max(i - reach, 0), min(i + 1 + reach, last) + 1)
@@ -224,7 +224,7 @@ def combination(segment: SegmentFunction, regressors: Sequence[Expression]) -> E
 
 
 def weighted_terms(segment: SegmentFunction, regressors: Sequence[Expression]) -> list[Expression]:
-    """Return `y_slope theta_k D_k` for each regressor."""
+    """Return the summands of `combination`, `y_slope theta_k D_k`, one for each regressor D_k."""
     return [
         float(segment.scaling.y_slope * theta) * D
         for theta, D in zip(segment.theta, regressors, strict=True)
@@ -353,8 +353,8 @@ def zones_of(curve: CurveFunction, body: Pieces) -> dict[str, tuple[Array, Array
 def _side_conditions(
     x: Expression, limits: tuple[float, float], sides: tuple[Side, Side]
 ) -> tuple[tuple[Condition, Side, float], ...]:
-    """Return for both sides the condition that an input is outside its limit, the behaviour there,
-    and the limit.
+    """Return, for each of both sides, the condition that an input lies outside its limit, the
+    extrapolation on this side, and the limit.
     """
     return ((x < limits[0], sides[0], limits[0]), (x > limits[1], sides[1], limits[1]))
 
@@ -378,8 +378,8 @@ def _held_places(
 def _beyond_with(
     x: Expression, limits: tuple[float, float], sides: tuple[Side, Side], word: str
 ) -> list[tuple[Condition, Expression]]:
-    """Return for each side with this word the condition that x is outside the limit, and its
-    distance from the limit.
+    """Return, for each side whose extrapolation is `word`, the condition that x lies outside the
+    limit, and the distance of x from the limit.
     """
     return [
         (beyond, x - end)

@@ -42,7 +42,8 @@ OUTER_LEVEL = {
     "continue_linear": "the curves go on straight, with the slope between levels there",
     "zero": "the pieces are 0",
 }
-"""Sentences that describe the steps of `definition`."""
+"""Sentences that say how a model continues outside the outermost levels, as `definition` writes it.
+"""
 
 
 @lru_cache(maxsize=8)
@@ -56,8 +57,8 @@ def _ready(body: Pieces, names: tuple[str, ...]) -> Callable[[Columns], list[Arr
 def _weight(
     segment: SegmentFunction, curve: CurveFunction, body: Pieces, units: Mapping[str, float]
 ) -> str:
-    """Return where the weight of a segment rises and falls, and between which values the segment is
-    held.
+    """Return a text that says at which values the weight of a segment rises and falls, and between
+    which values its inputs are held.
     """
     words = []
     held = held_between(segment, curve, body)

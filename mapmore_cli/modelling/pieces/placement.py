@@ -1,5 +1,5 @@
 """Scale the coordinates of a segment (M1 step 1, M2 (i)): the rules, and the anchor of
-`unit_square`, which no single sample decides.
+`unit_square`, which does not depend on a single sample.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ END_FRACTION, FEWEST = 0.05, 3
 # largest number of variables for which all `2^v` corners are tried as origins; with more, only
 # all-left and all-right
 EVERY_CORNER_UP_TO = 3
-# directions in which samples near the anchor vary by less than this share of the largest variation
-# are ignored
+# directions are ignored if samples near the anchor vary in them by less than this share of the
+# largest variation
 FLAT = 1e-3
-# weights that differ by less than this fraction count as equal; number of further samples if they
-# differ
+# weights that differ by less than this fraction count as equal; number of further samples that are
+# used if they differ
 ALIKE, EXTRA = 1e-12, 1
-ROUNDING = 1e-9  # fraction of a sum of weights
+ROUNDING = 1e-9  # rounding error as a fraction of a sum of weights
 
 
 def placements(
@@ -83,7 +83,9 @@ def _anchored(
 
 
 def span(width: ArrayLike) -> Array:
-    """Return the widths by which variables are divided; one for a constant variable."""
+    """Return the widths by which variables are divided in scaling. The width of a constant variable
+    is one.
+    """
     return np.where(np.asarray(width) > 0, width, 1.0)
 
 

@@ -119,7 +119,7 @@ Cut = Cuts | CutByDirection
 """How one variable is cut into segments."""
 
 Segmented = Annotated[Cuts | CutByDirection | Literal["none", "levels"], Either(key="dead_band")]
-"""A cut, or a word for the level quantity."""
+"""How one variable is cut into segments, or a word for the level quantity: `none` or `levels`."""
 
 WordOrValue = Annotated[Beyond | OfKey, Either()]
 

@@ -54,8 +54,9 @@ def beyond_remarks(model: Model, curves: Sequence[Curve], recipe: Recipe) -> tup
 
 
 def exploding_curves(model: Model, curves: Sequence[Curve], target: str) -> list[str]:
-    """Return the curves with several terms in a segment that continue outside their data, and whose
-    value there is farther from the middle of all measured values than `ASTRAY` times their range.
+    """Return the curves that explode outside their data: they have several terms in a segment and
+    continue outside, and their value there is farther from the middle of all measured values than
+    `ASTRAY` times the measured range.
 
     Between two levels, a curve is also evaluated where only the other has samples, past its own
     end. So each curve is checked at the samples of all curves, and a little farther out.

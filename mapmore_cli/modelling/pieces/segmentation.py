@@ -29,12 +29,13 @@ from mapmore_cli.modelling.frols.select import TIE_TOLERANCE
 from mapmore_cli.modelling.pieces.recipe import CELLS, Cut, CutByDirection, Cuts
 from mapmore_cli.modelling.signals.rates import STEPS, running_median
 
-# fraction of the curve's range over which slopes are taken; also the smallest distance of two bends
+# fraction of the curve's range over which slopes are computed; also the smallest distance between
+# two bends
 WINDOW = 0.1
-# fraction of the window by which two grid points may be too close, because of rounding
+# fraction of the window by which two grid points may be closer than allowed, because of rounding
 ROUNDING = 1e-9
-# samples in a segment; in a gap of the curve, its course is interpolated, and a bend there must not
-# become a segment of its own
+# smallest number of samples in a segment: in a gap of a curve, its course is interpolated, and a
+# bend in the gap must not get a segment of its own
 FEWEST_SAMPLES = 5
 
 
@@ -95,7 +96,7 @@ def slope_change(x: Array, y: Array, window: float) -> tuple[Array, Array]:
         slope(np.maximum(here - STEPS, 0), here),
         slope(here, np.minimum(here + STEPS, len(at) - 1)),
     )
-    # at an end of the curve, the slope to one side is undefined
+    # at an end of the curve, there is no slope on one side
     return at, np.nan_to_num(right - left)
 
 

@@ -44,7 +44,7 @@ def shaped(
     Raises FitError if no coefficients of the chosen terms do.
     """
     body, asked = model.body_of(Pieces), asked_of(recipe.fit)
-    if not body.segments:  # only the backbone is left
+    if not body.segments:  # only the backbone is left, which has no coefficients to change
         return verified(model, curves, recipe.fit)
     region = region_of(model, curves, recipe.fit) if asked else None
     if region is None and not recipe.bounds:
@@ -71,7 +71,7 @@ def _triangular_factor(
     body: Pieces, curves: Sequence[Curve], segmentation: Sequence[SegmentedCurve], recipe: Recipe
 ) -> Array:
     """Return the triangular factor of the regressors of all segments, in the target's unit, shape
-    (k, k). The sum of squares needs nothing else of the samples.
+    (k, k). The sum of squares can be computed from this factor, without the samples.
     """
     from scipy.linalg import block_diag
 
@@ -106,8 +106,8 @@ def _with_coefficients(body: Pieces, theta: Array) -> Pieces:
 
 
 def _of_coefficients(body: Pieces, names: Sequence[str]) -> Pieces:
-    """Return the pieces with their coefficients as inputs of these names: each term `name*term` has
-    the coefficient one.
+    """Return the pieces with their coefficients turned into inputs. A term becomes `name*term` with
+    the coefficient one, where `name` is one of `names`.
     """
     left, everywhere = iter(names), dict.fromkeys(names, (-1e300, 1e300))
     sides = {**body.fusion.extrapolation, **dict.fromkeys(names, ("continue", "continue"))}

@@ -25,7 +25,7 @@ from mapmore_cli.modelling.program.statements import (
 from mapmore_cli.modelling.program.values import INPUT
 from mapmore_cli.modelling.program.writing import pruned, pruned_block
 
-Slopes = tuple[Expression, ...]  # derivatives by each direction
+Slopes = tuple[Expression, ...]  # derivatives of one value, one by each direction
 FUNCTION = "{}_slopes"  # name of a function that returns its value and its derivatives
 
 
@@ -63,7 +63,7 @@ def with_slopes_by(block: Block, names: Sequence[str]) -> Block:
 
 
 def _with_slopes(block: Block, names: Sequence[str]) -> Block:
-    """Return the block with the derivatives of its results by `names` after the results."""
+    """Return the block with the derivatives of its results by `names` added after the results."""
     return _block_with_slopes(
         block,
         {name: tuple(ONE if other == name else ZERO for other in names) for name in names},
@@ -72,8 +72,8 @@ def _with_slopes(block: Block, names: Sequence[str]) -> Block:
 
 
 def _block_with_slopes(block: Block, slopes: dict[str, Slopes], count: int) -> Block:
-    """Return the block with the derivatives of its results after them. `slopes` holds those of the
-    names that are known outside the block.
+    """Return the block with the derivatives of its results added after the results. `slopes` holds
+    the derivatives of the names that are defined outside the block.
     """
     known, statements = dict(slopes), list[Statement]()
     for statement in block.statements:

@@ -57,7 +57,7 @@ class Use:
 
 @dataclass(frozen=True)
 class Recall:
-    """`name` gets the value that was put into a queue this many steps ago."""
+    """Assign to `name` the value that was put into a queue `steps` samples ago."""
 
     name: str
     queue: str

@@ -40,25 +40,28 @@ COMPARE: Mapping[str, Callable[[Value, Value], BoolArray]] = {
 
 Values = dict[str, Value]
 Run = Callable[[Values, int], list[Value]]
-"""Function that returns the results of a block, from what is known outside it and the number of
-rows n: shape (n,) each, or one number for all rows.
+"""Function that runs a block. It takes the values that are defined outside the block and the number
+of rows n, and returns the results, each of shape (n,) or one number for all rows.
 """
 
 Places = Callable[[Values, Shared, int], Iterator[tuple[int, IntArray]]]
-"""Function that yields the cases that rows take, in ascending order, with these rows, shape (m,).
-The last case is the one without a condition.
+"""Function that yields the number of each case that some rows take, in ascending order, with the
+row numbers, shape (m,). The last case has no condition.
 """
 
 Test = Callable[[Values, Shared], BoolArray]
-"""Function that evaluates a condition, shape (n,), or one value for all rows."""
+"""Function that evaluates a condition. It returns a value for each row, shape (n,), or one for all
+rows.
+"""
 
 Step = Callable[[Values, Shared, int], None]
 """Function that runs a statement and adds its results to the values."""
 
 
 def evaluator(program: Program) -> Callable[[Columns], list[Array]]:
-    """Return a function for many calls, which takes the inputs by name, shape (n,) for the first
-    and (n,) or a number for the others, and returns the results of the program, shape (n,) each.
+    """Return a function that evaluates the program, prepared for many calls. It takes the inputs by
+    name: the first with the shape (n,), the others with the same shape or as a number. It returns
+    the results of the program, shape (n,) each.
 
     Results are NaN if an input is not finite.
     """
@@ -222,7 +225,7 @@ def _places_by(conditions: Sequence[Test]) -> Places:
 
 
 MANY = 16
-"""Number of cases from which on they are found by bisection."""
+"""Smallest number of cases for which the case of a row is found by bisection."""
 
 
 def _places_along(choice: Choose, known: Known) -> Places | None:
@@ -230,8 +233,9 @@ def _places_along(choice: Choose, known: Known) -> Places | None:
     testing one condition after the other would take a time proportional to the square of the number
     of levels. None for few or other cases.
 
-    Among cases with the same comparison, the first that holds is the first whose number, or a
-    larger one before it (with `>`, a smaller one), is beyond the value.
+    Among the cases that compare with `<`, a case can only be the first that holds if its number is
+    larger than the numbers of all cases before it (with `>`, smaller). These numbers are sorted, so
+    that bisection finds the case.
     """
     conditions = [condition for condition, _ in choice.cases]
     along = {condition.left for condition in conditions}
@@ -261,8 +265,9 @@ def _places_along(choice: Choose, known: Known) -> Places | None:
 def _first_that_holds(
     comparison: str, places: IntArray, numbers: Array
 ) -> Callable[[Array], IntArray]:
-    """Return a function of a value x, shape (n,), that returns the first of the ascending `places`
-    whose number fulfils the comparison with x, or the count of all `numbers` if there is none.
+    """Return a function that takes values x, shape (n,), and returns for each the first of the
+    ascending `places` whose number fulfils the comparison with x; or the count of all `numbers` if
+    none does.
     """
     ends, numbers = np.append(places, len(numbers)), numbers[places]
     if comparison == "==":

@@ -67,8 +67,8 @@ class Writer:
         return f"{stem}_{next(self._numbers)}"
 
     def let(self, stem: str, value: Operand) -> Expression:
-        """Assign a value to a new name and return it; return the value itself if it is a name or a
-        number.
+        """Assign a value to a new name and return it; a value that is a name or a number is
+        returned unchanged, without a new name.
         """
         value = expression(value)
         if isinstance(value, Name | Number):
@@ -105,7 +105,7 @@ class Writer:
         return self.choose(stem, ends, held)
 
     def call(self, function: str, x: Operand) -> Expression:
-        """Return the value of a function of one argument."""
+        """Return `function(x)`, a call of one of `FUNCTIONS`."""
         return call(function, expression(x))
 
     def side(self, value: Side) -> Block:
@@ -127,13 +127,15 @@ class Writer:
         return name
 
     def use(self, stem: str, function: str, arguments: Iterable[Operand]) -> Expression:
-        """Return the result of a function."""
+        """Call a function that `function` added, and return its result under a new name."""
         name = self.fresh(stem)
         self.statements.append(Use((name,), function, tuple(map(expression, arguments))))
         return Name(name)
 
     def number(self, stem: str) -> Name:
-        """Return a new number that is kept from sample to sample; it is zero after a reset."""
+        """Return the name of a new number that the model keeps from sample to sample. It is zero
+        after a reset.
+        """
         name = self.fresh(f"kept_{stem}")
         self.kept.numbers[name] = 0.0
         return Name(name)
@@ -166,8 +168,8 @@ class Writer:
 
 
 def total(terms: Sequence[Expression]) -> Expression:
-    """Return the sum in the given order, from left to right. (`add` would flatten it and change the
-    order of numbers.)
+    """Return the sum in the given order, from left to right. (`expressions.add` would flatten
+    nested sums and change the order of numbers, and so the rounding.)
     """
     return terms[0] if len(terms) == 1 else Sum(tuple(terms))
 
@@ -213,7 +215,7 @@ def pruned(model: Program) -> Program:
     asked = names_in(side for limit in model.limits for side in (limit.value, limit.at or ZERO))
     body, used = pruned_block(model.body, asked)
     functions = list[Function]()
-    for function in reversed(model.functions):  # each uses earlier ones only
+    for function in reversed(model.functions):  # a function uses only functions before it
         if function.name in used:
             kept, names = pruned_block(function.body)
             functions.append(replace(function, body=kept))
@@ -235,8 +237,8 @@ def pruned_block(block: Block, also: Set[str] = frozenset()) -> tuple[Block, set
 
 
 def _pruned_statement(statement: Statement, used: Set[str]) -> tuple[Statement, Set[str]] | None:
-    """Return the part of a statement whose results are `used`, and the names that it uses; None if
-    no result is.
+    """Return the part of a statement that computes the `used` results, and the names that this part
+    uses; None if none of its results is used.
     """
     match statement:
         case Let(name) | Recall(name) if name not in used:
@@ -282,5 +284,7 @@ def _names_of_conditions(choice: Choose) -> frozenset[str]:
 
 
 def names_used_in(block: Block) -> Set[str]:
-    """Return every name that a block uses, also where its results do not need it."""
+    """Return every name that occurs in a block, even if the results of the block do not depend on
+    it.
+    """
     return names_in(block.results).union(*map(names_used_by, block.statements))

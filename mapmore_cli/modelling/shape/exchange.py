@@ -1,9 +1,9 @@
 """Find coefficients that keep a shape: least squares under inequalities on a grid of the output.
 
-Inequalities are added wherever a solution violates the shape, and the grid is refined around those
-that bind, until nothing is violated (an exchange method for semi-infinite problems: Hettich and
-Kortanek 1993). If the output is not linear in its coefficients, the inequalities are linearised
-around the last solution.
+Inequalities are added wherever a solution violates the shape. The grid is refined around the
+inequalities that bind, until nothing is violated (an exchange method for semi-infinite problems:
+Hettich and Kortanek 1993). If the output is not linear in its coefficients, the inequalities are
+linearised around the last solution.
 """
 
 from __future__ import annotations
@@ -21,10 +21,11 @@ from mapmore_cli.modelling.shape.least_squares import least_squares_under
 from mapmore_cli.modelling.shape.region import Region
 from mapmore_cli.modelling.shape.stencils import ShapeWord, Stencils, nodes_of, stencils_on
 
-# nodes of the grid on which nothing may be violated; nodes along each input around a binding
-# inequality, and number of refinements of that grid
+# number of nodes of the grid on which nothing may be violated; number of nodes along each input
+# around a binding inequality; and number of refinements of that finer grid
 FINE, CLOSE, CLOSER = 40_000, 9, 3
-# rounds of the exchange on one grid; inequalities of one word that are added in a round
+# largest number of rounds of the exchange on one grid; largest number of inequalities of one word
+# that are added in a round
 ROUNDS, ADDED = 60, 200
 # a fall between two nodes by less than this share of the training output's range does not count
 ROUNDING = 1e-11
@@ -32,7 +33,7 @@ ROUNDING = 1e-11
 # pulls towards the unconstrained start, and is so small that it does not change ill-conditioned
 # terms
 RIDGE = 1e-11
-# coefficients whose derivatives are computed together
+# number of coefficients whose derivatives are computed together, to bound the memory
 TOGETHER = 16
 # an inequality between places so close that it is smaller than this many rounding errors is ignored
 ROUNDING_ERRORS = 1000
@@ -47,9 +48,10 @@ class Exchange:
     the smallest `|R (theta - start)|`. `start` holds the coefficients of a `model`, and `value`
     returns the output.
 
-    `step` is the step of a coefficient for a derivative, as a fraction of the change that would
-    change the output by its own size; for an output that is linear in its coefficients, any step is
-    exact. `stencils` holds the inequalities of the shape, each with its first row in D.
+    `step` is the step of a coefficient in a difference quotient, as a fraction of the step that
+    would change the output by the output's own size. For an output that is linear in its
+    coefficients, any step is exact. `stencils` holds the inequalities of the shape, each with its
+    first row in D.
     """
 
     def __init__(
@@ -96,7 +98,9 @@ class Exchange:
         ]
 
     def where(self) -> dict[ShapeWord, Ranges]:
-        """Return the range of the inputs in which each word binds."""
+        """Return, for each word of the shape, the ranges of the inputs in which its inequalities
+        bind.
+        """
         ranges: dict[ShapeWord, Ranges] = {}
         for stencils in self.binding():
             limits = {name: extremes(x) for name, x in stencils.columns.items()}
@@ -107,9 +111,9 @@ class Exchange:
         return self.value(self.theta, columns)
 
     def _slopes(self, columns: Columns) -> Array:
-        """Return the derivatives of the output by the coefficients, shape (n, k). For an output
-        that is linear in them, the derivatives at zero are used, at which large coefficients cost
-        no digits.
+        """Return the derivatives of the output by the coefficients, shape (n, k). If the output is
+        linear in them, the derivatives are computed at zero, because large coefficients would cost
+        digits.
         """
         about = np.zeros_like(self.theta) if self.linear else self.theta
         start, parts = self.value(about, columns), []
@@ -136,7 +140,7 @@ class Exchange:
             self._on([_grid_about(stencils, steps, region) for stencils in self.binding()], region)
 
     def _on(self, every: Sequence[Stencils], region: Region) -> None:
-        """Add inequalities until no stencil is violated."""
+        """Add inequalities until none of the given stencils is violated."""
         if not (every := [stencils for stencils in every if len(stencils.nodes)]):
             return
         for _ in range(ROUNDS):
@@ -160,7 +164,9 @@ class Exchange:
         )
 
     def _at_nodes(self, every: Sequence[Stencils], of: Callable[[Columns], Array]) -> list[Array]:
-        """Return the values or derivatives at the nodes of each stencil, all computed together."""
+        """Return the values of the function `of` (the output or its derivatives) at the nodes of
+        each group of stencils. All nodes are computed in one call.
+        """
         nodes = {id(stencils.columns): stencils.columns for stencils in every}
         sizes = [len(columns[self.inputs[0]]) for columns in nodes.values()]
         columns = {n: np.concatenate([inputs[n] for inputs in nodes.values()]) for n in self.inputs}
@@ -168,8 +174,8 @@ class Exchange:
         return [parts[id(stencils.columns)] for stencils in every]
 
     def _add(self, violated: Sequence[Stencils]) -> int:
-        """Add the inequality of each stencil, linearised around the present coefficients; return
-        how many exceed rounding errors.
+        """Add the inequality of each stencil, linearised around the present coefficients. Return
+        how many of the stencils are violated by more than rounding errors.
         """
         before = len(self.D)
         values, slopes = (self._at_nodes(violated, of) for of in (self._values, self._slopes))
@@ -184,8 +190,8 @@ class Exchange:
 
 
 def _widened(axes: Mapping[str, Array], inside: BoolArray) -> BoolArray:
-    """Return a region enlarged by the adjacent nodes, shape (n,), so that a finer grid has no nodes
-    outside.
+    """Return the nodes in a region and next to it, as True in an array of shape (n,), so that no
+    node of a finer grid lies outside.
     """
     from scipy.ndimage import binary_dilation
 
@@ -195,7 +201,9 @@ def _widened(axes: Mapping[str, Array], inside: BoolArray) -> BoolArray:
 
 
 def _grid_about(stencil: Stencils, steps: Mapping[str, float], region: Region) -> Stencils:
-    """Return the stencils of a grid around one stencil, a step to each side of its middle."""
+    """Return the stencils of a finer grid around one stencil, which extends by one of the `steps`
+    to each side of its middle.
+    """
     middles = {name: float(x[stencil.nodes[0]].mean()) for name, x in stencil.columns.items()}
     reach = np.linspace(-1, 1, CLOSE)
     axes = {

@@ -10,11 +10,11 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 
-# steps of the non-negative least squares per inequality; it needs about one for each binding
-# inequality
+# largest number of steps of the non-negative least squares, for each inequality; it needs about one
+# step for each binding inequality
 STEPS = 50
-# fraction of the largest right side by which an inequality may be missed: rounding leaves far less,
-# and contradictory inequalities far more
+# an inequality counts as fulfilled if it is missed by less than this fraction of the largest right
+# side: rounding causes far less, and contradictory inequalities far more
 MISSED = 1e-6
 # a smaller remainder counts as zero
 NOTHING_LEFT = 1e-30
@@ -51,7 +51,8 @@ def least_squares_under(R: Array, f: Array, D: Array, d: Array) -> Constrained:
     H = solve_triangular(R, D.T, trans="T").T
     length = np.linalg.norm(H, axis=1)
     H, h = H / length[:, None], (d - H @ f) / length
-    # the solution lies farther away than this, which becomes the unit
+    # the solution lies farther from the origin than this distance, which is used as the unit of
+    # length
     reach = float(h.max(initial=0.0))
     if reach <= 0.0:
         return Constrained(solve_triangular(R, f), np.zeros(len(D)))

@@ -29,9 +29,9 @@ BESIDE = 1e-6
 
 @dataclass(frozen=True)
 class Region:
-    """Region in which a model must keep a shape: its training range for each curve, extended by the
-    share `beyond`, without places at which the training output is less than the share `slack` of
-    its range above its minimum.
+    """Region in which a model must keep a shape: the training range of each curve, extended by the
+    fraction `beyond`. Places at which the training output lies in the lowest part of its range (the
+    fraction `slack`) do not belong to it.
 
     `places`, (c, inputs), and `values`, (c,), are training samples averaged in small cells, so that
     loops and noise leave one value; `counts`, (c,), are the numbers of their samples. `fixed` holds
@@ -67,10 +67,10 @@ class Region:
         }
 
     def between(self, columns: Columns) -> tuple[csr_array, BoolArray]:
-        """Return the weights of the cells in the interpolated output, shape (n, c), linear in the
-        simplex of cells around a place, and True for places between cells, shape (n,). Outside all
-        cells, the output is that of the nearest cell, whose other inputs may be far from those of
-        the place.
+        """Return the weights of the cells for linear interpolation of the output at places, shape
+        (n, c), and True for places between cells, shape (n,). The interpolation is linear in the
+        simplex of cells around a place. Outside all simplices, the output is that of the nearest
+        cell, whose other inputs may differ much from those of the place.
         """
         from scipy.sparse import csr_array
         from scipy.spatial import ConvexHull, Delaunay, KDTree, QhullError
@@ -88,15 +88,17 @@ class Region:
             low, high = places[vertices, 0].T
             share = ((asked[:, 0] - low) / (high - low)).clip(0, 1)
             shares = np.column_stack([1 - share, share])
-            inside = np.ones(n, dtype=bool)  # there are no other inputs
+            # there are no other inputs along which a place could be outside
+            inside = np.ones(n, dtype=bool)
         else:
             simplex = np.full(n, -1)
             try:
                 net, faces = Delaunay(places), ConvexHull(places).equations
-                # `find_simplex` searches all simplices for a place outside them
+                # This test avoids `find_simplex` for places outside, for which it searches all
+                # simplices.
                 near = (asked @ faces[:, :-1].T + faces[:, -1]).max(axis=1) < OUTSIDE_TOLERANCE
                 simplex[near] = net.find_simplex(asked[near])
-            except QhullError:  # all samples lie on a line
+            except QhullError:  # all samples lie on a line, so there is no simplex
                 pass
             if (inside := simplex >= 0).any():
                 transform = net.transform[simplex[inside]]
@@ -123,7 +125,7 @@ class Region:
         return inside
 
     def asks(self, asked: Sequence[ShapeWord]) -> list[ShapeWord]:
-        """Return the words about the output itself, and about inputs that vary."""
+        """Return those of the words that concern the output itself or an input that varies."""
         return [word for word in asked if word.word == "positive" or word.quantity in self.names]
 
     def nodes_along(self, nodes: int) -> int:
@@ -133,9 +135,10 @@ class Region:
         return int(np.clip(round(nodes ** (1 / len(self.names))), 3, MOST))
 
     def axes(self, knots: Mapping[str, Sequence[float]], nodes: int) -> dict[str, Array]:
-        """Return the axes of a grid with about this many `nodes`: evenly spaced nodes over the
-        range, and the knots with nodes close to each, because the model may bend there. Zero is a
-        node too, because a rate is zero when the muscle rests.
+        """Return the places of the grid lines along each input, for a grid of about `nodes` nodes.
+        They are evenly spaced over the range, with further ones at each knot and close to it,
+        because the model may bend there. Zero is included too, because a rate is zero when the
+        muscle rests.
         """
         axes = dict(self.fixed)
         for name, (low, high) in self.ends.items():

@@ -1,5 +1,5 @@
-"""Define what a shape requires of neighbouring values along one quantity, and the grids on which
-they lie.
+"""Define the stencils of a shape: groups of neighbouring values along one quantity and the
+inequality that they must fulfil. Also place stencils on grids.
 """
 
 from __future__ import annotations
@@ -25,9 +25,10 @@ POINTS: Mapping[Word, int] = {
 
 
 def stencil_weights(word: Word, places: Array) -> Array:
-    """Return the weights of the values at ascending `places`, shape (..., points), whose weighted
-    sum must not be negative. The sum is the rise or fall of the output (or of its mean over half of
-    the places), or the distance of its chord above or below it.
+    """Return weights for the values at ascending `places`, shape (..., points): the shape is kept
+    if the weighted sum is not negative. For `increasing` and `decreasing`, the sum is the rise or
+    fall of the output (or of its mean over half of the places). For `convex` and `concave`, it is
+    the distance between the output and its chord.
     """
     if word == "positive":
         return np.ones_like(places)
@@ -42,8 +43,8 @@ def stencil_weights(word: Word, places: Array) -> Array:
 
 @dataclass(frozen=True)
 class ShapeWord:
-    """One word about the output along one quantity; for `positive`, the quantity is the output
-    itself.
+    """One requirement of a shape: a word, for example `increasing`, and the quantity along which it
+    applies. For `positive`, the quantity is the output itself.
     """
 
     quantity: str
@@ -51,7 +52,7 @@ class ShapeWord:
 
 
 def asked_of(fit: Fit) -> list[ShapeWord]:
-    """Return every word about every quantity."""
+    """Return all requirements in `fit.shape`, one for each quantity and word."""
     return [
         ShapeWord(name, word)
         for name, words in (fit.shape or {}).items()
@@ -73,14 +74,16 @@ class Stencils:
     lines: IntArray
 
     def of(self, values: Array) -> Array:
-        """Return the weighted sums of values at the rows of the columns, (n,) or (n, k). The word
-        says that they are not negative, (m,) or (m, k).
+        """Return the weighted sum of each stencil, (m,) or (m, k), for values at the rows of the
+        columns, (n,) or (n, k). The shape is kept if no sum is negative.
         """
         summed: Array = np.einsum("ms,ms...->m...", self.weights, values[self.nodes])
         return summed
 
     def at(self, rows: IntArray | BoolArray) -> Stencils:
-        """Return some of the stencils, with the rows that they need."""
+        """Return the stencils `rows`, with only the rows of the columns that these stencils
+        need.
+        """
         used, nodes = np.unique(self.nodes[rows], return_inverse=True)
         columns = {name: x[used] for name, x in self.columns.items()}
         nodes = nodes.reshape(self.nodes[rows].shape)
@@ -96,7 +99,9 @@ class Stencils:
 
 
 def nodes_of(axes: Mapping[str, Array]) -> dict[str, Array]:
-    """Return the inputs at every combination of places along each, shape (n,) each."""
+    """Return the inputs at every node of a grid, shape (n,) each: all combinations of the places
+    along each input.
+    """
     mesh = np.meshgrid(*axes.values(), indexing="ij")
     return {name: x.ravel() for name, x in zip(axes, mesh, strict=True)}
 
@@ -105,8 +110,8 @@ def stencils_on(
     axes: Mapping[str, Array], asked: ShapeWord, inside: BoolArray, reach: int = 1
 ) -> Stencils:
     """Return the stencils of a word whose nodes are all `inside`, (n,), on the grid of ascending
-    places along each input. Stencils of a sign compare means of `reach` neighbours, and follow each
-    other by half of these.
+    places along each input. A stencil for `increasing` or `decreasing` compares the means of
+    `reach` neighbouring nodes, and the next stencil begins half of `reach` farther.
     """
     columns, points = nodes_of(axes), POINTS[asked.word] * reach
     along = list(axes).index(asked.quantity) if points > 1 else 0

@@ -32,24 +32,25 @@ from mapmore_cli.modelling.shape.stencils import (
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-# places of the grid on which training data are compared; smallest and largest number along an input
-# that has more values
+# number of places of the grid on which training data are compared; smallest and largest number of
+# places along an input that has more values
 COMPARED, LEAST_ALONG, MOST_ALONG = 4096, 24, 1000
-# differences that a sign needs, and the share of them that may contradict it whatever the noise
+# smallest number of differences that can support a sign, and the share of them that may contradict
+# it, whatever the noise
 FEWEST, CONTRADICTED = 10, 0.05
-# a smaller fall, as a fraction of the output's range, is rounding
+# a fall by less than this fraction of the output's range is rounding error
 ROUNDING = 1e-9
 LEVEL = 0.01
-"""Probability with which data are refused that are noise on a flat output."""
+"""Probability with which noise on a constant output is refused as a contradiction."""
 
-# simulations of noise alone, and standard errors below which a contradiction is not worth a
-# simulation
+# number of simulations of noise alone, and number of standard errors below which a contradiction is
+# so weak that no simulation is needed
 RUNS, UNLIKELY = 199, 2.0
 CONFIRMED = 3.0  # standard errors by which a plane must contradict a sign
 # number of the largest contradictions, over stretches of one length, that a plane may confirm
 TRIED = 32
-# cells around a cell, besides those that a plane through it needs, from which its noise is
-# estimated
+# numbers of neighbouring cells from which the noise of a cell is estimated: those beyond the cells
+# that determine a plane, and the smallest number of all
 ABOUT, LOCAL = 3, 12
 
 
@@ -111,8 +112,8 @@ def refuse_unsupported(
 def _ranges_of(
     curves: Sequence[Curve], inputs: Sequence[str], level: str | None
 ) -> list[CurveRange]:
-    """Return the training range of every input, separately for each curve if the curves have
-    levels.
+    """Return the training range of every input: one for each curve if the curves have levels,
+    otherwise one for all.
     """
     known = sorted(
         (curve for curve in curves if curve.training.any()),
@@ -139,8 +140,8 @@ def _axes(region: Region, level: str | None) -> dict[str, Array]:
 
 
 class _Against(NamedTuple):
-    """A contradiction: by how much means over a stretch contradict the word, the number of standard
-    errors, the place, and the cells that show it.
+    """Contradiction between training data and a word of the shape: its amount, in means over a
+    stretch; the same in standard errors; its place; and the cells that show it.
     """
 
     errors: float
@@ -164,8 +165,9 @@ def _contradiction(
     inside: BoolArray,
     between: csr_array,
 ) -> _Against | None:
-    """Return the largest contradiction of a sign that noise alone causes in at most `LEVEL` of all
-    cases and that the slope over its cells confirms; None if there is none.
+    """Return the largest significant contradiction of a sign: noise alone would cause it with a
+    probability of at most `LEVEL`, and the slope over its cells confirms it. None if there is no
+    such contradiction.
     """
     from scipy.sparse import csr_array
 
@@ -220,7 +222,9 @@ def _confirmed(region: Region, asked: ShapeWord, cells: IntArray) -> bool:
 
 
 def _near(region: Region) -> IntArray:
-    """Return the cells nearest to each cell, itself first, (c, near)."""
+    """Return, for each cell, the indices of the cells nearest to it, (c, near); the first is the
+    cell itself.
+    """
     from scipy.spatial import KDTree
 
     c, d = region.places.shape

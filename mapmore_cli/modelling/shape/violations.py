@@ -27,15 +27,15 @@ IMPLIED: Mapping[str, Mapping[str, Word]] = MappingProxyType(
         "strain": {"pressure": "increasing", "force": "decreasing"},
     }
 )
-"""Shape of the force, or of the strain, along inputs that muscles of these kinds (`muscle.kind`)
-have.
+"""Shape that the force, or the strain, of a muscle has along its inputs, for each kind of muscle
+(`muscle.kind`).
 """
 
 # nodes of the grid on which a model is checked
 NODES = 2500
 # a smaller fall, as a share of the training output's range, does not count
 WRONG = 1e-9
-# ratio of the training errors with and without a shape from which on the user is warned
+# the user is warned if the training error with a shape exceeds the one without it by this factor
 CLEARLY = 1.1
 
 
@@ -55,7 +55,9 @@ class Violation:
 def violations(
     model: Model, asked: Sequence[ShapeWord], region: Region, nodes: int = NODES
 ) -> list[Violation]:
-    """Return how the model violates each word, on a grid over the region."""
+    """Return by how much the model violates each word of the shape, tested on a grid over the
+    region.
+    """
     axes, result = region.axes(program_of(model).knots, nodes), []
     columns = nodes_of(axes)
     values = settled(model, columns)
@@ -74,8 +76,8 @@ def violations(
 
 
 def known_shape(kind: str | None, model: Model, curves: Sequence[Curve]) -> list[Violation]:
-    """Return how a model violates the shape that it was asked to keep. Without such a shape and
-    without memory, the shape that its kind of muscle implies is used.
+    """Return the violations of the shape that the spec requires of a model. If it requires none and
+    the model has no memory, return the violations of the shape that the kind of muscle implies.
     """
     words = (
         IMPLIED.get(model.output.name, {}) if kind in KINDS and not runs_over_time(model) else {}
@@ -101,8 +103,9 @@ def with_shape(
     fit: Fit,
     binds: Mapping[ShapeWord, Ranges] = MappingProxyType({}),
 ) -> Model:
-    """Return the model with a record of the shape that it keeps and that determines its
-    coefficients, and of the cost compared with the `unshaped` model.
+    """Return the model with a record of the shape: the words that it keeps, the ranges in which
+    they determine its coefficients, and the larger training error compared with the `unshaped`
+    model.
     """
     kept = tuple(
         KeptShape(
@@ -149,8 +152,9 @@ def verified(
     kind: str = "formula",
     remedy: str = "give its parameters bounds that imply the shape, or use another formula",
 ) -> Model:
-    """Return the model with a note about its shape, which it must keep without constraints, for
-    example by bounds of the parameters of a formula. Raises FitError if it does not.
+    """Return the model with a note about its shape. This is for models that are fitted without the
+    constraints of a shape, for example formulas. Raises FitError if the model does not keep the
+    shape.
     """
     asked = asked_of(fit)
     region = region_of(model, curves, fit) if asked else None

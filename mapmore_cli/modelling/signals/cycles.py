@@ -12,10 +12,10 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
 from mapmore_cli.domain.errors import DataError
 
-# fraction of the range; a smaller reversal is noise, or a small loop inside the large one
+# a reversal smaller than this fraction of the range is noise, or a small loop inside the large one
 SWING = 0.1
-TRIM = 0.01  # fraction of the range; largest part that is cut off a branch at each end
-FEWEST = 5  # places at which a branch must have been measured
+TRIM = 0.01  # largest part that is cut off a branch at each end, as a fraction of the range
+FEWEST = 5  # smallest number of places at which a branch must have been measured
 
 
 @dataclass(frozen=True)
@@ -107,8 +107,8 @@ def turning_points(values: Array, swing: float) -> IntArray:
 
 
 def bin_means(over: Array, columns: Columns, edges: Array) -> tuple[Array, dict[str, Array]]:
-    """Return mean position and mean quantities of the samples in every bin that has any, in
-    ascending order.
+    """Return the mean position and the mean of each quantity over the samples of every bin that is
+    not empty, in ascending order.
     """
     inside = (over >= edges[0]) & (over <= edges[-1])
     place = np.clip(np.searchsorted(edges, over[inside], side="right") - 1, 0, len(edges) - 2)
@@ -129,7 +129,8 @@ def _trimmed_runs(over: Array) -> Mapping[int, list[IntArray]]:
     if not len(over):
         return runs
     span = float(np.ptp(over))
-    bends = np.diff(over, 2)  # zero for a steady movement, but not for noise
+    # the second differences are zero for a steady movement, but not for noise
+    bends = np.diff(over, 2)
     noise = 1.4826 * float(np.median(np.abs(bends))) / math.sqrt(6.0) if len(bends) else 0.0
     tolerance = min(2 * noise, TRIM * span)
     for begin, end in pairwise(turning_points(over, SWING * span)):
@@ -145,8 +146,8 @@ def cycle_starts(x: Array) -> IntArray:
     """Return the row at which each cycle of `x`, (n,), begins: the last row at rest before x rises.
     Empty if x never moves.
 
-    A cycle is a rise by at least 0.4 of the range of x. At rest, x is within 0.05 of the range
-    above the lowest value since the cycle before, so the level of rest may drift.
+    A cycle is a rise by at least 0.4 of the range of x. x is at rest if it is less than 0.05 of the
+    range above its lowest value since the last cycle, so the level of rest may drift.
     """
     span = float(np.ptp(x)) if len(x) else 0.0
     turns = turning_points(x, 0.4 * span)
@@ -159,8 +160,8 @@ def cycle_starts(x: Array) -> IntArray:
 
 
 def last_cycles(x: Array, share: float) -> BoolArray:
-    """Return the samples of the last `share` of the cycles of `x` (n,), rounded down to whole
-    cycles, without the rest before them.
+    """Return True for the samples of the last cycles of `x`, (n,). `share` is the fraction of all
+    cycles to take, rounded down to whole cycles. The rest before the first of them is not included.
 
     Raises DataError if there are fewer than two cycles, or if the share amounts to none or all of
     them.

@@ -30,7 +30,7 @@ def find_levels(values: Array) -> Array:
     The result is empty if the quantity never dwells, for example in a steady sweep.
     """
     low, high = np.quantile(values, [0.001, 0.999], method="closest_observation")
-    # bins near the smallest floating-point number have no width
+    # if the range is close to the smallest floating-point number, the bins have no width
     if high - low <= max(0.05 * max(abs(low), abs(high)), BINS * np.finfo(float).tiny):
         return np.array([_representative(values)])
     counts, edges = np.histogram(values, bins=BINS, range=(low, high))
@@ -47,7 +47,8 @@ def find_levels(values: Array) -> Array:
 
 def _representative(group: Array) -> float:
     spread, middle = float(np.std(group)), float(np.median(group))
-    if spread <= 1e-12 * abs(middle):  # equal except for rounding of the mean
+    # the values are equal except for rounding errors of their mean
+    if spread <= 1e-12 * abs(middle):
         return middle
     return round(middle, -math.floor(math.log10(spread)))
 
@@ -138,8 +139,8 @@ def _last(mask: BoolArray) -> int:
 
 
 def without_steady_state(component: Array, plateau: BoolArray) -> Array:
-    """Return `F_d = F_d' - F_d,ssv`: a component minus its mean over the plateau, and so without
-    the steady error of the static model (M2 eq 1).
+    """Return `F_d = F_d' - F_d,ssv`: a component of the force minus its mean over the plateau. This
+    removes the error that the static model has at rest (M2 eq 1).
     """
     return component - float(component[plateau].mean())
 

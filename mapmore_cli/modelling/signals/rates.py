@@ -12,7 +12,7 @@ from mapmore_cli.domain.arrays import Array, Columns, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Signal
 
-STEPS = 10  # points within one window
+STEPS = 10  # number of grid points within one window
 
 
 def running_median(x: Array, y: Array, window: float) -> tuple[Array, Array]:
@@ -26,7 +26,8 @@ def running_median(x: Array, y: Array, window: float) -> tuple[Array, Array]:
     order = np.lexsort((y, x))
     x, y = x[order], y[order]
     grid = np.linspace(x[0], x[-1], max(1, round(STEPS * float(x[-1] - x[0]) / window)) + 1)
-    reach = window / 4 * (1 + 1e-9)  # a sample exactly on the edge counts, whatever the unit
+    # a sample exactly on the edge of the window is inside it, whatever the unit of x
+    reach = window / 4 * (1 + 1e-9)
     first, last = (
         np.searchsorted(x, grid - reach, "left"),
         np.searchsorted(x, grid + reach, "right"),
@@ -40,7 +41,9 @@ def running_median(x: Array, y: Array, window: float) -> tuple[Array, Array]:
     return over_x, over_y
 
 
-BLOCK = 100_000  # samples gathered into windows at a time: a few MB, which stay in the cache
+# number of samples that are gathered into windows at a time: a few MB, which stay in the
+# processor's cache
+BLOCK = 100_000
 
 
 def rate(time: Array, values: Array, window: float, order: int) -> Array:
@@ -49,9 +52,9 @@ def rate(time: Array, values: Array, window: float, order: int) -> Array:
     At every sample, a polynomial of degree `order` is fitted by least squares to the samples within
     `window / 2` of it, and differentiated there. Near both ends of the record the window is moved
     inwards, so that it keeps its width. On evenly spaced stamps this is
-    `scipy.signal.savgol_filter(deriv=1, mode="interp")`. Loggers however round and repeat stamps;
-    resampling such a record to even steps first would turn the rounding into noise of the rate,
-    while the fit averages it out.
+    `scipy.signal.savgol_filter(deriv=1, mode="interp")`. But loggers round and repeat stamps. If
+    such a record were resampled to even steps first, the rounding would become noise of the rate;
+    the fit averages it out.
 
     - `time`, `values`: `(n,)`; seconds, never decreasing, and any unit.
     - `window`: width in seconds, ends included.
@@ -100,7 +103,7 @@ def _slopes(
     power = (places < stop[:, None]).astype(float)  # t^0, and zero outside the window
     places = np.minimum(places, len(time) - 1)
     t = (time[places] - at[:, None]) / window
-    y = values[places] - values[start][:, None]  # a large offset would cost digits
+    y = values[places] - values[start][:, None]  # a large offset of the values would cost digits
     sums, moments = [], []
     for degree in range(2 * order + 1):
         sums.append(power.sum(axis=1))
@@ -128,8 +131,8 @@ def direction(rate: Array, dead_band: float) -> Array:
     the last direction is kept.
 
     A recording starts with +1, so that the direction is known from its first sample on, and depends
-    on past samples only (M2 eq 16 switches by whether the pressure rises; a bare sign would toggle
-    on the noise of every plateau).
+    on past samples only (M2 eq 16 uses the sign of the change of pressure, which would change with
+    the noise on every plateau).
     """
     moving = np.abs(rate) > dead_band
     last = np.maximum.accumulate(np.where(moving, np.arange(len(rate)), -1))
@@ -151,7 +154,9 @@ def signal_values(signal: Signal, columns: Columns) -> Array:
 
 
 def with_signals(signals: Sequence[Signal], columns: Columns) -> dict[str, Array]:
-    """Return the columns of one recording with every signal that they lack."""
+    """Return the columns of one recording, with all signals that are missing in them computed and
+    added.
+    """
     known = dict(columns)
     for signal in signals:
         if signal.name not in known:

@@ -63,11 +63,11 @@ def spread_repeated(time: Array) -> Array:
     return time + steps[place] * (np.arange(len(time)) - first[place]) / counts[place]
 
 
-# fraction of a time step; samples that deviate more than this from an even grid are not evenly
-# spaced. Stamps are often rounded by this much
+# Samples are not evenly spaced if one of them deviates from an even grid by more than this fraction
+# of a time step. Stamps are often rounded by so much.
 UNEVEN = 1e-3
 
-MANY = 20_000  # samples that represent a longer record if not all are needed
+MANY = 20_000  # number of samples that represent a longer record if not all are needed
 
 
 def even_share(values: T, most: int = MANY) -> T:
@@ -78,7 +78,7 @@ def even_share(values: T, most: int = MANY) -> T:
     return share
 
 
-ROUNDING = 1e-9  # relative; a step of exactly the limit is no gap, whichever way it was rounded
+ROUNDING = 1e-9  # relative tolerance: a step of exactly the limit is no gap, however it was rounded
 
 
 @dataclass(frozen=True)
@@ -126,8 +126,8 @@ def even_parts(n: int) -> list[slice]:
 
 
 def typical_step(time: Array) -> float:
-    """Return the median of the positive steps, from at most a million samples; zero if the time is
-    constant.
+    """Return the median of the positive time steps, computed from at most a million samples; zero
+    if the time is constant.
     """
     steps = np.concatenate([np.diff(time[part]) for part in even_parts(len(time))])
     positive = steps[steps > 0]
@@ -161,8 +161,9 @@ def cut_after(n: int, breaks: IntArray) -> list[slice]:
     return [slice(begin, end) for begin, end in pairwise(edges)]
 
 
-DECIMATION = 1.5  # samples per step from which on they are averaged
-ON_EDGE = 1e-6  # fraction of a step; a stamp this close to the edge of a block lies on it
+DECIMATION = 1.5  # samples are averaged if a step holds at least this number of them
+# fraction of a step; a stamp that is closer than this to the edge of a block lies on the edge
+ON_EDGE = 1e-6
 
 
 def resample(time: Array, columns: Columns, step: float) -> tuple[Array, dict[str, Array]]:
@@ -228,7 +229,7 @@ def longest_ascent(time: Array) -> BoolArray:
 
     Patience sorting, O(n log n): M. L. Fredman, Discrete Math. 11 (1975) 29.
     """
-    ends: list[float] = []  # smallest last stamp of a series of each length
+    ends: list[float] = []  # smallest last stamp of a series, for each length of the series
     at: list[int] = []
     before = np.full(len(time), -1)
     for place, stamp in enumerate(time.tolist()):
@@ -243,8 +244,9 @@ def longest_ascent(time: Array) -> BoolArray:
 
 
 def envelope(y: Array, limit: int, less: Array | None = None) -> IntArray:
-    """Return row numbers that draw a trace with at most `limit` points: the lowest and the highest
-    sample in each of `limit // 2` runs. With `less`, they are the extremes of `y - less`.
+    """Return the row numbers of at most `limit` points that show the course of a trace: the lowest
+    and the highest sample in each of `limit // 2` consecutive parts. With `less`, they are the
+    extremes of `y - less`.
 
     All rows are returned if there are no more than `limit`.
     """
@@ -257,7 +259,7 @@ def envelope(y: Array, limit: int, less: Array | None = None) -> IntArray:
         known = np.flatnonzero(~np.isnan(run))
         if len(known):
             rows += [start + int(known[place(run[known])]) for place in (np.argmin, np.argmax)]
-        else:  # a gap remains a gap
+        else:  # a gap in the trace remains a gap
             rows.append(start)
         if number % 100 == 0:
             for column in (y, less):

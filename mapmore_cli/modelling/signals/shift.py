@@ -3,10 +3,10 @@ quantity or of one event.
 
 Both records are interpolated on one even grid and turned into changes, `u[i] = mean(y[i..i+w]) -
 mean(y[i-w..i])`: slow drift has no influence, and noise is averaged over w samples. The correlation
-r(lag) uses the samples in which the records overlap. Among several widths w, the one is taken whose
-peak stands out most from the noise; a choice by the rivals alone could pick a width at which a
-rival happens to look small. A peak is certain if noise would not cause it and no other peak comes
-near it.
+r(lag) uses the samples in which the records overlap. Among several widths w, the one whose peak
+stands out most from the noise is taken. If the width were chosen by the ratio to the second peak,
+chance could make that peak small at one of the widths. A peak is certain if noise would not cause
+it and no other peak comes near it.
 """
 
 from __future__ import annotations
@@ -20,16 +20,18 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.signals.sampling import typical_step
 
-WIDTHS = (1, 2, 4, 8, 16, 32, 64)  # samples on either side of a change
-LEAST_OVERLAP = 0.5  # fraction of the shorter record; fewer samples agree by chance
-# fraction of the summed squared changes of either record; an overlap with less of them says nothing
+WIDTHS = (1, 2, 4, 8, 16, 32, 64)  # numbers of samples on either side of a change
+# smallest overlap, as a fraction of the shorter record; fewer samples may agree by chance
+LEAST_OVERLAP = 0.5
+# smallest share of the summed squared changes of either record that must lie in the overlap; with
+# less, the overlap says nothing
 LEAST_EVENTS = 0.3
-RATIO = 1.15  # ratio by which the best peak must exceed the next one
-# Fisher's z of the best peak, in standard deviations of noise; it is high because thousands of lags
-# are tried
+RATIO = 1.15  # smallest ratio of the best peak to the next one
+# smallest Fisher's z of the best peak, in standard deviations of noise; it is high because
+# thousands of lags are tried
 SIGMAS = 7.0
-MOST = 2_000_000  # grid points of the longer record
-FEWEST = 8  # samples of a record
+MOST = 2_000_000  # largest number of grid points of the longer record
+FEWEST = 8  # smallest number of samples of a record
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,9 @@ class Shift:
 
     @property
     def ratio(self) -> float:
-        """Ratio of the best peak to the next one; infinite if there is no other."""
+        """Ratio of the height of the best peak to that of the next one; infinite if there is no
+        other.
+        """
         return abs(self.correlation) / self.next_best if self.next_best > 0 else math.inf
 
     @property
@@ -103,7 +107,7 @@ def find_shift(
     if not peaks:
         return None
     best = max(peaks, key=lambda peak: peak.sigmas)
-    # besides noise, a jump may lie anywhere between two samples
+    # besides the error by noise, a jump may lie anywhere between two samples
     half_width = math.hypot(best.half_width, 0.5 * sum(steps))
     return replace(best, half_width=half_width, step=max(steps))
 
@@ -126,9 +130,9 @@ def _peak(
     top = int(np.argmax(size))
     if size[top] == 0:
         return None
-    # the edge of the searched range is no peak
+    # a maximum at the edge of the searched range is no peak
     rises_on = not 0 < top < len(r) - 1 or r[top - 1] == 0.0 or r[top + 1] == 0.0
-    # where the peak ends on either side
+    # places at which the peak ends on either side
     before, after = (np.flatnonzero(np.diff(side) > 0) for side in (size[top::-1], size[top:]))
     below = top - int(before[0]) if len(before) else 0
     above = top + int(after[0]) if len(after) else len(size) - 1

@@ -1,5 +1,5 @@
 """Model a muscle in series with a tendon: the force stretches the tendon, and the muscle has the
-rest of the length.
+remaining length.
 """
 
 from __future__ import annotations

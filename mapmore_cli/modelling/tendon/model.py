@@ -21,10 +21,14 @@ from mapmore_cli.modelling.program.writing import Inputs, Writer
 from mapmore_cli.modelling.tendon import Tendon
 
 STEPS = 30
-"""Half Newton steps. Each halves the error, and 2^-30 of a force is negligible."""
+"""Number of Newton steps, each of half length. Each step halves the error, and 2^-30 of a force is
+negligible.
+"""
 
 NUDGE = 1e-6
-"""Fraction of the range of the length over which the slope of the muscle's force is taken."""
+"""Step of the length for the numerical derivative of the muscle's force, as a fraction of the
+length's range.
+"""
 
 
 def muscle_columns(columns: Columns, force: Array, stiffness: float, at_zero: float) -> Columns:
@@ -42,7 +46,8 @@ def solve(
 ) -> Array:
     """Return the force of a `muscle` in series with a tendon, shape (n,), along one recording.
 
-    The slope is taken along the length; the rate of the force is that of the previous iteration.
+    The equation is solved by Newton's method with the derivative along the length; the rate of the
+    force is that of the previous iteration.
     """
     length = columns["length"]
     force, further = np.full(len(length), at_zero), NUDGE * (float(np.ptp(length)) or 1.0)

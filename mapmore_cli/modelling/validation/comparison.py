@@ -30,12 +30,14 @@ CONFIDENCE, EQUIVALENCE = 0.95, 0.90
 tests of 5 % each).
 """
 
-CHANGED, SAME, UNCLEAR = "changed", "same", "cannot tell"  # answers of a comparison
-OF_SETTINGS = "settings"  # answer if both models are of the same recordings
+CHANGED, SAME, UNCLEAR = "changed", "same", "cannot tell"  # possible answers of a comparison
+# answer if both models are of the same recordings, so that only settings can differ
+OF_SETTINGS = "settings"
 # relative change of force that is too small to be of interest: repeats of one measurement differ by
 # about as much
 MARGIN = 0.01
-# points along the input that varies within a curve; points along each input if several vary
+# number of points along the input that varies within a curve; number of points along each input if
+# several vary
 GRID, COARSE_GRID = (
     41,
     11,
@@ -46,8 +48,8 @@ FEWEST_CURVES, MOST_POINTS = 2, 6
 
 
 class CurvePlace(NamedTuple):
-    """Place at which a curve of one model is compared with the other: its name, its level, and
-    whether a model must be interpolated.
+    """Place at which both models are compared along a curve: the name of the curve, its level, and
+    whether one of the models must be interpolated between its levels.
     """
 
     curve: str
@@ -81,12 +83,12 @@ class CurveChange:
 
 @dataclass(frozen=True)
 class TermChange:
-    """A term of one segment in both models; None if it was not chosen. Coefficients are in the
-    unit of the output.
+    """Coefficients of one term of one segment in both models, in the unit of the output. A
+    coefficient is None if the term was not chosen.
 
     `error` is the root of the sum of squares of the standard errors, NaN if one of the two is
-    missing. `errors_note` is the assumption about residuals on which they are based; of the two
-    models, the stronger assumption.
+    missing. `errors_note` is the assumption about residuals on which the standard errors are based:
+    the stronger one of the two models' assumptions.
     """
 
     segment: str
@@ -119,8 +121,8 @@ class Comparison:
     changes, None if K is too small for it. `narrow` is the interval at the level `EQUIVALENCE`.
     `resolution` is the smallest relative change that these curves can detect: half of the interval,
     and at least the uncertainty of models that are interpolated to a level of the other. `settings`
-    holds the keys of the spec that differ, with both values. With `same_recordings`, nothing else
-    can differ.
+    holds the keys of the spec that differ, with both values. If `same_recordings` is True, only the
+    settings can differ.
     """
 
     before: str
@@ -148,7 +150,9 @@ class Comparison:
         return not self.same_recordings and (low > 1 or high < 1) and large
 
     def moved(self, limit: float | None) -> bool:
-        """Return True if the force of the muscle changed by more than a share; False for None."""
+        """Return True if the force of the muscle changed by more than the fraction `limit`. Without
+        a limit, return False.
+        """
         return limit is not None and not self.same_recordings and abs(self.ratio - 1) > limit
 
     @property
@@ -162,7 +166,7 @@ class Comparison:
         if self.same_recordings:
             return OF_SETTINGS
         low, high = self.narrow
-        # otherwise, the change may be due to interpolation between levels
+        # a larger uncertainty means that the change may be due to interpolation between levels
         sure = self.resolution <= max(np.ptp(self.interval) / 2, self.margin)
         return SAME if sure and 1 - self.margin < low <= high < 1 + self.margin else UNCLEAR
 
@@ -360,7 +364,8 @@ def _change(before: Model, after: Model, place: CurvePlace) -> CurveChange:
 
 
 class ReferencePoint(NamedTuple):
-    """A place at which all models were trained, and the output of each of them there."""
+    """A place within the training ranges of all models, and the output of each model at this
+    place."""
 
     inputs: Mapping[str, float]
     outputs: tuple[float, ...]

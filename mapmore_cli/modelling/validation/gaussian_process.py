@@ -1,4 +1,4 @@
-"""Gaussian processes with a Matérn 5/2 covariance, for small sets of points."""
+"""Provide Gaussian processes with a Matérn 5/2 covariance, for small sets of points."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from scipy.optimize import Bounds, minimize
 from mapmore_cli.domain.arrays import Array
 
 LENGTHS, SIZE, NOISE = (0.1, 5.0), (0.3, 3.0), (1e-3, 0.5)
-"""Bounds of the lengths, for inputs in the unit square (a few points say nothing about shorter
-ones); and of the standard deviations of the process and of the noise, as fractions of the root mean
-square of the values.
+"""Bounds of the correlation lengths, of the standard deviation of the process, and of that of the
+noise. Lengths are for inputs in the unit square; a few points say nothing about shorter ones. The
+deviations are fractions of the root mean square of the values.
 """
 
 

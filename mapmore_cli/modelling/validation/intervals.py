@@ -62,35 +62,37 @@ from mapmore_cli.domain.errors import DataError, FitError, UsageError
 from mapmore_cli.domain.models import LeftOut, LeftOutKind, Model
 from mapmore_cli.modelling.kinds import outside_range, predict
 
-INTERVAL = 0.95  # the level of the intervals of scores and figures
+INTERVAL = 0.95  # level of the intervals in score tables and figures
 # fractions of a part's samples at which the quantiles of its residuals are kept
 SHARES = np.linspace(0.0, 1.0, 101)
 
 FEW: Mapping[int, float] = {3: 5.06, 4: 4.03, 5: 3.23}
-"""c_K by the number of levels, from a calibration on all families; `docs/intervals.md` shows the
-value of today beside each. Six levels use the value of five.
+"""c_K by the number of levels K, from a calibration on simulated and measured muscles.
+`docs/intervals.md` shows the values that the present program gives. Six levels use the value of
+five.
 """
 
-LEAST = 1e-3  # share of the largest |target| below which errors do not count as smaller
+LEAST = 1e-3  # errors below this fraction of the largest |target| are replaced by it
 # quantile of the normal distribution for which the constants in `FEW` were computed
 NORMAL = 1.959964
-AT_LEVEL = 0.02  # share of the gap within which a sample is at a level
+# fraction of the gap between levels within which a sample counts as lying at a level
+AT_LEVEL = 0.02
 
-MANY = 7  # number of levels from which on the rule for few levels is not needed
+MANY = 7  # the rule for few levels is not needed with this number of levels or more
 NEIGHBOURS = 0.6
-"""Degrees of freedom of left-out levels divided by K - 1: with this value, Student's t covers 90 to
-99 % of new curves at 4 to 20 levels (`docs/interval_tables.py`).
+"""Degrees of freedom of K left-out levels, divided by K - 1: with this value, Student's t covers 90
+to 99 % of new curves at 4 to 20 levels (`docs/interval_tables.py`).
 """
 
 # degrees of freedom of the differences between curves below which they are unknown
 LEAST_FREEDOM = 1.5
 CLEAR, CHANCE = 1.25, 0.2
-"""Ratio of the squared errors of left-out levels to the part explained by noise and curves beyond
-which the rest is an error of the model; and the probability with which chance may exceed it, if
-repeats determine the differences between curves.
+"""Limits beyond which the squared errors of left-out levels show an error of the model. The first
+is their ratio to the part that noise and differences between curves explain. The second, used if
+repeats determine these differences, is the probability with which chance alone exceeds the ratio.
 """
 
-BLOCKS = 4  # stretches of a recording whose means are compared with those of its repeats
+BLOCKS = 4  # number of stretches of a recording whose means are compared with those of its repeats
 
 SAME_RECORDINGS = (
     "parts of the same recordings were left out, so that the intervals hold for these "
@@ -214,10 +216,10 @@ def interval_limits(left_out: LeftOut) -> str | None:
 class Offsets:
     """Differences between curves of one level, and the remaining errors of left-out levels.
 
-    - `noise`: mean square of the differences from sample to sample; `smooth`: the part of it that
-      neighbours share, for example because a model does not bend enough; `square`: mean square of
-      the differences from curve to curve, with `freedom` degrees of freedom; `repeated`: True if it
-      is computed from repeats.
+    - `noise`: mean square of the differences from sample to sample. `smooth`: the part of `noise`
+      that neighbouring samples share, for example because a model does not bend enough. `square`:
+      mean square of the differences from curve to curve, with `freedom` degrees of freedom.
+      `repeated`: True if `square` is computed from repeats.
     - `missed`, `explained`: mean square error of the `left_out` levels, 0 without any; and the part
       of it that is explained by noise and, with repeats, by the differences between curves.
     """
@@ -233,8 +235,8 @@ class Offsets:
 
     @property
     def errs_between(self) -> bool:
-        """Return True if the errors of left-out levels are clearly larger than these differences
-        explain.
+        """Return True if the errors of left-out levels are clearly larger than the differences
+        between samples and curves explain.
         """
         from scipy.special import fdtri
 
@@ -242,8 +244,8 @@ class Offsets:
         return bool(self.missed > max(CLEAR, chance) * self.explained)
 
     def half_width(self, share: Array, level: float) -> Array:
-        """Return half of the width that contains a sample of a curve with probability `level`. The
-        variance between curves is multiplied by `share`, (n,).
+        """Return half of the width that contains a sample of a curve with probability `level`.
+        `share`, (n,), is the factor c of the variance between curves (see the module).
         """
         from scipy.special import ndtri, stdtrit
 

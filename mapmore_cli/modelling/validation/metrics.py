@@ -45,8 +45,8 @@ def normaliser(kind: str, ends: tuple[float, float], quantity: str, split: str) 
 
 
 def relative(error: Array, measured: Array) -> float:
-    """Return `sqrt(sum error^2 / sum (y - mean y)^2)` for errors of some or all measured samples;
-    NaN for a constant y.
+    """Return the relative error `sqrt(sum error^2 / sum (y - mean y)^2)`, where y are the measured
+    values; NaN for a constant y.
     """
     spread = float(np.sum((measured - measured.mean()) ** 2))
     return math.sqrt(ratio(float(np.sum(error**2)), spread))
@@ -111,8 +111,8 @@ def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tup
 
 
 HELD = 1 << 22
-"""Largest number of samples of a row that are compared in memory. More are read again, block by
-block, for each number.
+"""Largest number of samples of a row of the score table that are kept in memory. If there are more,
+they are read again, block by block, for each statistic.
 """
 
 # names of the splits, and whether their samples are held out
@@ -123,8 +123,8 @@ SPLITS = (
 
 
 def divisor(dataset: Dataset, kind: str) -> Normaliser:
-    """Return the normaliser of all errors of a study: a measure of the validation rows, as in the
-    papers, or of the training rows without any.
+    """Return the normaliser of all errors of a study. It is computed from the held-out rows, as in
+    the papers, or from the training rows if no rows are held out.
     """
     held_out = any(curve.held_out.any() for curve in dataset.curves)
     masks = [curve.held_out == held_out for curve in dataset.curves]
@@ -222,8 +222,8 @@ class ScoredSamples:
 def _rows_of(
     curve: Curve, wanted: BoolArray, number: int, group: str | None
 ) -> Iterator[tuple[tuple[int, Any], str, BoolArray]]:
-    """Yield the rows of the score table in which the `wanted` samples of a curve count, (n,): the
-    place of the row in the table, its name, and its samples.
+    """Yield the rows of the score table to which the `wanted` samples of a curve, (n,), contribute:
+    the place of the row in the table, its name, and its samples.
     """
     yield (0, number), curve.id, wanted
     if DIRECTION in curve.columns:

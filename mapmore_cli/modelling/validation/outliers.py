@@ -12,8 +12,8 @@ from mapmore_cli.modelling.frols.weighing import TUNING, scale_of
 from mapmore_cli.modelling.selection import Fit
 
 FAR = TUNING["bisquare"]
-"""Residual, in units of the scale, from which on a sample is listed; it is the one that the
-bisquare ignores.
+"""Size of a residual from which on a sample is listed, in units of the scale. The `bisquare` loss
+ignores residuals of this size.
 """
 
 MOST = 500  # largest number of samples that are listed
@@ -49,8 +49,8 @@ def outliers(dataset: Dataset, forecasts: Sequence[Forecast], fit: Fit) -> tuple
 
 
 def _found_at(dataset: Dataset, at: int) -> tuple[str, str, str]:
-    """Return the file of a sample, its row there, and its curve, from its number over all
-    curves.
+    """Return the file of a sample, its row in the file, and its curve. `at` is the number of the
+    sample, counted over all curves.
     """
     ends = np.cumsum([curve.size for curve in dataset.curves])
     number = int(np.searchsorted(ends, at, side="right"))

@@ -14,14 +14,14 @@ from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.signals.cycles import SWING, bin_means, cycle_starts, turning_points
 
-# bins over the range of a curve; the samples of a branch are averaged in each bin, so that a dwell
-# has the same weight as a passage
+# number of bins over the range of a curve; the samples of a branch are averaged in each bin, so
+# that a dwell has the same weight as a passage
 BINS = 200
 
 
 class _Branch(NamedTuple):
-    """Samples of one recording in one direction, at one set of values of the constant inputs:
-    places along the varying input, and the `means` there.
+    """Samples of one recording in one direction, at one set of values of the constant inputs.
+    `means` are the means of the target at places along the varying input.
     """
 
     log: str
@@ -87,7 +87,9 @@ def _rows_by_recording(curve: Curve) -> Iterator[tuple[str, IntArray]]:
 def _branches(
     curve: Curve, target: str, along: str, held: Sequence[str], logs: Mapping[str, str]
 ) -> Iterator[_Branch]:
-    """Yield every recording of a curve in each of its directions."""
+    """Yield the branches of every recording of a curve: its rising and its falling samples,
+    averaged in bins.
+    """
     x, y = curve.columns[along], curve.columns[target]
     edges = np.linspace(x.min(), x.max(), BINS + 1)
     for name, rows in _rows_by_recording(curve):
@@ -151,8 +153,8 @@ def _sum_of(branches: Sequence[_Branch], at: Array) -> tuple[Array, Array]:
     return whole.astype(np.float64), running(np.ones(len(y))).astype(np.float64)
 
 
-# root mean square difference of the courses of two cycles, as a fraction of the range, up to which
-# one repeats the other in time
+# largest root mean square difference between the courses of two cycles, as a fraction of the range,
+# for which one repeats the other in time
 SAME_COURSE = 0.05
 
 
@@ -234,7 +236,7 @@ def _on_strokes(x: Array, x_last: Array, y_last: Array) -> Array:
     return values
 
 
-WORTH = 0.02  # fraction of the largest target from which on a floor is worth mentioning
+WORTH = 0.02  # fraction of the largest target below which a floor is not mentioned
 
 
 def floors(x: Sequence[Array], y: Sequence[Array]) -> list[float]:

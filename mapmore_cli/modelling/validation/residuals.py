@@ -33,9 +33,9 @@ from mapmore_cli.modelling.signals.sampling import MANY, PART
 from mapmore_cli.modelling.validation.intervals import NORMAL
 from mapmore_cli.modelling.validation.metrics import judged
 
-LAGS = 25  # longest lag in samples; fewer for short records
-# parts of the range of an input, with equal numbers of samples, for which the mean residual is
-# reported
+LAGS = 25  # longest lag in samples; it is shorter for short records
+# number of parts of the range of an input, with equal numbers of samples, for which the mean
+# residual is reported
 PARTS = 10
 
 
@@ -62,7 +62,7 @@ def residual_tests(
                 residuals.append(piece)
                 for name in columns.keys() & curve.columns.keys():
                     x = picked(curve.columns[name], rows)
-                    # a level is a single value; the noise around it is no range
+                    # a level is a single value, and the noise around it is no range
                     held = name == dataset.level and curve.level is not None
                     columns[name].append(np.full(len(x), curve.level) if held else x)
     known, low, high = _finite(residuals)
@@ -73,7 +73,7 @@ def residual_tests(
         _, low, high = _finite(parts)
         varies = high - low > 1e-9 * max(abs(low), abs(high))
         if sum(map(len, parts)) < sum(map(len, residuals)) or not varies:
-            continue  # the input was not measured everywhere
+            continue  # the input was not measured at all samples
         tests.append(
             cross_correlation(name, residuals, parts)
             if order_by is None
@@ -85,9 +85,9 @@ def residual_tests(
 def _pieces(
     curve: Curve, wanted: BoolArray, order_by: str | None
 ) -> Iterator[IntArray | BoolArray]:
-    """Yield the wanted samples of each recording of a curve as a mask, (n,), or, with `order_by`,
-    those of all recordings in the order of that quantity as row numbers. A long curve is thinned
-    evenly.
+    """Yield the wanted samples in the order of their test. Without `order_by`, yield those of each
+    recording of a curve as a mask, (n,). With it, yield those of all recordings together as row
+    numbers, in the order of that quantity. A long curve is thinned evenly.
     """
     if order_by is not None:
         every = 1 if curve.size <= PART else -(-curve.size // MANY)
@@ -101,7 +101,9 @@ def _pieces(
 
 
 def _finite(parts: Sequence[Array]) -> tuple[int, float, float]:
-    """Return the number of finite values in some columns, and the smallest and largest of them."""
+    """Return the number of finite values in some columns, and the smallest and the largest of these
+    values.
+    """
     blocks = (x[np.isfinite(x)] for part in parts for (x,) in in_blocks(part))
     ends = [(len(x), float(x.min()), float(x.max())) for x in blocks if len(x)]
     n, low, high = zip(*ends, strict=True) if ends else ((0,), (0.0,), (0.0,))
@@ -138,13 +140,14 @@ def cross_correlation(
     most = min(LAGS, max(map(len, residuals)) // 4)
     lags, sums, squares = np.arange(-most, most + 1), np.zeros(2 * most + 1), np.zeros(2)
     for pair in pairs:
-        before = 0  # samples of the block that belong to the block before
+        before = 0  # number of samples of a block that were repeated from the block before
         for block in in_blocks(*pair, overlap=most):
             centred = np.array(block) - means[:, None]
             known = np.where(np.isfinite(centred).all(axis=0), centred, 0.0)
             e, u = np.pad(known, ((0, 0), (most - before, 0)))
             own_e, own_u, before = e[most:], u[most:], most
-            later = np.correlate(u, own_e, "valid")[::-1]  # the input came first
+            # lags at which the input came before the residual
+            later = np.correlate(u, own_e, "valid")[::-1]
             sums += np.append(np.correlate(e, own_u, "valid")[:-1], later)
             squares += [own_e @ own_e, own_u @ own_u]
     bound = NORMAL / np.sqrt(count)
@@ -243,7 +246,7 @@ def _of_scores(row: Score) -> Iterator[str]:
     if not np.isfinite(row.rmse):
         yield f"the model has no finite error on the {where}, so that it is useless"
         return
-    r2 = round(row.r2, 9) + 0.0  # for a constant, it is rounding error
+    r2 = round(row.r2, 9) + 0.0  # for a constant target, R2 is only rounding error
     if r2 <= 0:
         comparison = "no better than" if r2 == 0 else "worse than"
         yield (

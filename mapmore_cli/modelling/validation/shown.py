@@ -21,8 +21,9 @@ def for_report(validation: Validation, model: Model, dataset: Dataset) -> Valida
     """Return the validation of all samples with error bands, residual tests, and the samples that
     figures show.
 
-    Of a curve longer than `MANY`, these are the samples with the smallest and largest measured
-    value and error in each of `MANY / 4` runs; of a recording, the extremes of its quantities.
+    For a curve longer than `MANY`, these are the samples with the smallest and the largest measured
+    value and error in each of `MANY / 4` consecutive parts. For a recording, they are the extremes
+    of its quantities.
     """
     predictions = validation.predictions
     predicted = next(iter(predictions.values()))
@@ -93,11 +94,12 @@ def course_quantity(model: Model, dataset: Dataset) -> str:
 
 
 def varying_input(model: Model, ranges: Sequence[Ranges]) -> str:
-    """Return the first segmented variable, or the input of whose range a curve covers most; an
-    empty text for a model without inputs.
+    """Return the input that varies within a curve: the first segmented variable, otherwise the
+    input of which a curve covers the largest part of the range over all curves. The text is empty
+    for a model without inputs.
 
-    `ranges` are those of each curve. A quantity that is held nearly constant covers little of its
-    range over all curves.
+    `ranges` are the ranges of the inputs for each curve. Within a curve, a quantity that is held
+    nearly constant covers only a small part of its range over all curves.
     """
     pieces = model.pieces
     if pieces is not None and pieces.variables:

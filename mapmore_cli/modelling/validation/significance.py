@@ -12,12 +12,12 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray
 
 LEAST_FOR_PERMUTATION, MOST_FOR_PERMUTATION = 6, 14
-"""With fewer numbers, no combination of signs is rarer than 1 in 20. With more, not all
-combinations are tried.
+"""Numbers of values between which all combinations of signs are tried. With fewer values, no
+combination is rarer than 1 in 20; with more, only a random part of the combinations is tried.
 """
 
-# a value beyond the bound by less than this fraction counts as within it, so that the order in
-# which folds are summed decides nothing
+# a value that exceeds the bound by less than this fraction counts as within it, so that the result
+# does not depend on the order in which folds are summed
 ROUNDING = 1e-9
 
 
@@ -71,14 +71,15 @@ def sign_permutation(x: Array) -> float | None:
 
 
 NOTHING, LOST = 1e-6, 1e6
-"""Fractions of the range. An error below the first is rounding, or noise that has nothing to do
-with the structure; the second stands for a run that diverged.
+"""Smallest and largest error that is compared, as fractions of the range. A smaller error is due to
+rounding or to noise that has nothing to do with the structure. The largest error stands for a run
+that diverged.
 """
 
 WITHIN = (0.02, 0.18)
 """Smallest and largest mean difference of logarithms that counts as within one standard error: 2 %
-and a fifth. Held-out data differ by more than the smallest however well the folds agree, and with
-few folds one standard error alone allows much more than the largest.
+and a fifth. The lower limit is there because new data differ by more than that, even if all folds
+agree. The upper limit is there because one standard error can be very large with few folds.
 """
 
 PRICE = 0.05
@@ -137,7 +138,7 @@ def simplest_of(
         True if eligible is None else eligible, middle + PRICE * np.log(sized) * median, np.inf
     )
     order = np.lexsort((score, sized))
-    best = int(order[np.argmin(score[order])])  # of equals, the simplest
+    best = int(order[np.argmin(score[order])])  # of models with equal scores, the simplest
     differences = logs - logs[best]
     mean = _total(differences * share)
     squares = _total((share * (differences - mean[:, None])) ** 2)

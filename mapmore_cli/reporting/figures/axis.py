@@ -1,4 +1,4 @@
-"""One axis of a figure that is drawn without Matplotlib: where it ends, its scale, its ticks."""
+"""Define one axis of a figure that is drawn without Matplotlib: its ends, scale and ticks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 
 Place = Callable[[Any], Array]
-"""Turns values of an axis into points of the sheet."""
+"""Function that converts values on an axis to positions on the sheet, in points."""
 
 
 @dataclass
@@ -55,7 +55,9 @@ class Axis:
         self.limits = (known[0] if low is None else low, known[1] if high is None else high)
 
     def set_ticks(self, at: Iterable[float], names: Sequence[str] | None) -> None:
-        """Set where the ticks are, and their names where these are not numbers."""
+        """Set the places of the ticks. `names` are their labels, or None to label them with their
+        numbers.
+        """
         places = [float(one) for one in at]
         words = [f"{one:g}" for one in places] if names is None else names
         self.hold(places)
@@ -105,7 +107,9 @@ def nice_ticks(low: float, high: float, most: int) -> list[float]:
 
 
 def levels_of(low: float, high: float, most: int) -> list[float]:
-    """Return round numbers at even distances, about `most`, which extend just outside a range."""
+    """Return about `most` round numbers at equal distances. They cover a range, and the first and
+    the last lie at or just outside its ends.
+    """
     ticks = nice_ticks(low, high, most)
     step = ticks[1] - ticks[0] if len(ticks) > 1 else (high - low) or 1.0
     before = [ticks[0] - step] if ticks[0] > low else []

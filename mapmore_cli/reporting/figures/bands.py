@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return one figure for all models whose lines are drawn, on a logarithmic scale if the errors
-    differ much.
+    """Return one figure with a line for each model, over the bands of the measured value. Its scale
+    is logarithmic if the errors differ much.
     """
     sizes, unit = inputs.validation.bands, inputs.target.unit
     models = [model for model in inputs.lines if model not in inputs.failed]

@@ -14,7 +14,9 @@ MAPS = {
     "RdBu_r": "053061 2166ac 4393c3 92c5de d1e5f0 f7f7f7 fddbc7 f4a582 d6604d b2182b 67001f",
     "viridis": "440154 482878 3e4989 31688e 26828e 1f9e89 35b779 6ece58 b5de2b fde725",
 }
-"""Colours at even distances: those of ColorBrewer, and viridis of Matplotlib."""
+"""Colour maps by name, each as a list of colours at equal distances. They are from ColorBrewer and
+Matplotlib (viridis).
+"""
 
 
 def colour_at(name: str, share: float) -> str:
@@ -27,7 +29,9 @@ def colour_at(name: str, share: float) -> str:
 
 
 def hex_of(colour: Any) -> str:
-    """Return a colour as SVG accepts it. A grey such as `0.3` is known to Matplotlib only."""
+    """Return a colour in a form that SVG accepts. A grey such as `0.3`, which only Matplotlib
+    accepts, is converted.
+    """
     if not isinstance(colour, str):
         raise TypeError(f"{colour!r} is no colour by name")
     if colour.replace(".", "", 1).isdigit():

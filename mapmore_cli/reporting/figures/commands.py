@@ -30,7 +30,9 @@ POINTS = 201
 def drift_drawing(
     names: Sequence[str], points: Sequence[ReferencePoint], output: Quantity
 ) -> Drawing:
-    """Return a line for each reference point, a dot for each campaign, in per cent of the first."""
+    """Return the figure of the drift: a line for each reference point with a dot for each campaign,
+    in per cent of the first campaign.
+    """
 
     def on(ax: Axes) -> None:
         for point, colour in zip(points, style.level_colours(len(points)), strict=True):

@@ -1,4 +1,4 @@
-"""Outline where a quantity over a grid lies above a level."""
+"""Compute the outlines of the regions in which a quantity on a grid lies above a level."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 
 Outline = tuple[list[float], list[float]]
-"""Places across and heights of the corners of a region, in order."""
+"""Corners of a region in their order: their horizontal places, and their heights."""
 
 
 def outlines_above(x: Array, heights: Array, z: Array, level: float) -> list[Outline]:
     """Return the regions where `z` is at least a level.
 
     `x` and `z` are (m, n): along each of the m rows of a grid, which lie at `heights`, (m,). Within
-    a row, the ends of a region are found by straight lines between neighbours; from row to row, its
-    sides are straight. What is no number belongs to no region.
+    a row, the ends of a region are found by linear interpolation between neighbours; from row to
+    row, its sides are straight lines. NaN belongs to no region.
     """
     outlines: list[Outline] = []
     rows = [_intervals(*row, level) for row in zip(x, z, strict=True)]
@@ -37,22 +37,24 @@ def outlines_above(x: Array, heights: Array, z: Array, level: float) -> list[Out
 def _go_on(
     regions: Sequence[Outline], intervals: Sequence[tuple[float, float]], height: float
 ) -> None:
-    """Add a row to open regions: their corners are left and right in turn."""
+    """Extend the open regions by a row. A left and a right corner are added to each."""
     for (across, up), ends in zip(regions, intervals, strict=True):
         across.extend(ends)
         up.extend((height, height))
 
 
 def _closed(region: Outline) -> Outline:
-    """Return the corners in the order in which a pen goes round: up at the left, down at the
-    right.
+    """Return the corners of a region in the order of its outline: upwards on the left side, then
+    downwards on the right side.
     """
     across, up = region
     return across[::2] + across[::-2], up[::2] + up[::-2]
 
 
 def _intervals(x: Array, z: Array, level: float) -> list[tuple[float, float]]:
-    """Return where a row, (n,) each, is at least a level."""
+    """Return the intervals of x in which `z` is at least a level. `x` and `z`, (n,) each, are one
+    row of the grid.
+    """
     above = np.concatenate([[False], z >= level, [False]])
     starts, stops = np.flatnonzero(~above[:-1] & above[1:]), np.flatnonzero(above[:-1] & ~above[1:])
     return [
@@ -62,7 +64,9 @@ def _intervals(x: Array, z: Array, level: float) -> list[tuple[float, float]]:
 
 
 def _crossing(x: Array, z: Array, level: float, inside: int, outside: int) -> float:
-    """Return where a row crosses a level between two neighbours; the inner one at an edge."""
+    """Return where a row crosses a level between two neighbours; the place of the inner neighbour
+    at the edge of the grid.
+    """
     if not 0 <= outside < len(z) or not np.isfinite(z[outside]):
         return float(x[inside])
     share = (z[inside] - level) / (z[inside] - z[outside])

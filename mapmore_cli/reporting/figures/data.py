@@ -26,8 +26,8 @@ square of their number.
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return one panel for each recording, with an axis for each quantity, over time, or over the
-    number of the sample if there is no time.
+    """Return a figure with one panel for each recording. A panel has a pair of axes for each
+    quantity, drawn over time, or over the number of the sample if the time is unknown.
     """
     recordings = [recording for recording in inputs.dataset.recordings if recording.rows_kept]
     shown = [recordings[i] for i in places(inputs, [one.id for one in recordings], MOST_RECORDINGS)]
@@ -52,7 +52,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
         if "time" not in recording.columns:
             columns = {"Sample (–)": np.arange(recording.rows_kept, dtype=float), **columns}
         x_label, *others = columns
-        # the axes are low, so the unit is written below
+        # the axes are low, so the unit is written on a second line
         labels = ["\n".join(label.rsplit(" ", 1)) for label in others]
         labels += [""] * (height - len(others))
         on = partial(draw_columns, columns=columns)

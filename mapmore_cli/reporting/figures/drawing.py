@@ -38,14 +38,15 @@ LEGEND_SCALE = 1.4
 """Ratio of the size of marks in a legend made from the drawing to their size on the axes."""
 
 BESIDE = 0.5
-"""Width of a panel that its y axis takes, inches."""
+"""Width that the labels of the y axis of a panel take, inches."""
 
 Values = Sequence[Any] | np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """Axes below each other with one x axis: the smallest part of a figure that can be shown alone.
+    """Panel of a figure: the smallest part that can be shown alone. It has one or more axes below
+    each other that share the x axis.
 
     - `key`: name that distinguishes it within its figure, for example of a curve or a model; empty
       if it is the only one.
@@ -125,7 +126,7 @@ def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:
     try:
         figures: list[Drawing] = _modules()[name].draw(inputs) if name in _modules() else []
         if figures and not _modules()[name].__name__.startswith("mapmore_cli."):
-            for drawing in figures:  # a figure that fails while it is drawn is left out too
+            for drawing in figures:  # a figure is left out too if drawing it fails
                 compose(drawing, inputs.style)
     except Exception as fault:
         if plugins.blamed(fault) is None:
@@ -137,7 +138,7 @@ def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:
 
 @cache
 def _modules() -> dict[str, ModuleType]:
-    """Return the modules of the figures by name, and those that they share."""
+    """Return the modules that draw figures, by name, and the modules that these share."""
     assert __package__ is not None
     return {part.name: part.value for part in plugins.parts("figures", ModuleType, __package__)}
 
@@ -222,13 +223,13 @@ def arranged(
 
 
 def _letter(size: float) -> float:
-    """Return the width in inches of a letter with this size in points."""
+    """Return the mean width, in inches, of a letter of a font with this size in points."""
     return 0.55 * size / POINTS
 
 
 def legend_columns(labels: Sequence[str], width: float, size: float) -> int:
-    """Return how many entries fit side by side, judged by the longest, in rows of nearly equal
-    length.
+    """Return how many entries of a legend are placed side by side. The longest label determines how
+    many fit; the rows have nearly equal lengths.
     """
     most = max(1, int(width / (_letter(size) * (max(map(len, labels)) + 7.6))))
     return math.ceil(len(labels) / math.ceil(len(labels) / most))
@@ -274,7 +275,7 @@ def compose(
         scale = 1.0 if drawing.legend else LEGEND_SCALE
         figure.legend(handles, labels, loc="outside upper left", ncols=ncols, markerscale=scale)
     figure.align_ylabels()
-    # once, so that the positions are the same in every format
+    # the layout is computed once, so that the positions are the same in every format
     ConstrainedLayoutEngine().execute(figure)
     return figure
 

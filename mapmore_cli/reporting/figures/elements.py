@@ -1,4 +1,6 @@
-"""Elements of SVG as text: lines, markers, boxes and words. Lengths and places are points."""
+"""Write elements of SVG as text: lines, markers, boxes and words. Lengths and positions are in
+points.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +46,7 @@ def path(x: Sequence[float] | Array, y: Sequence[float] | Array) -> str:
 
 
 def line_svg(x: Array, y: Array, look: dict[str, Any]) -> str:
-    """Return a line, its markers, or both."""
+    """Return the SVG elements of a line, of its markers, or of both."""
     colour, style, width = (
         hex_of(look.get("color", "#000000")),
         look.get("linestyle", "-"),
@@ -63,7 +65,7 @@ def line_svg(x: Array, y: Array, look: dict[str, Any]) -> str:
 
 
 def markers(x: Array, y: Array, marker: str, colour: str, look: dict[str, Any]) -> str:
-    """Return a marker at each place."""
+    """Return SVG elements that draw a marker at each place."""
     radius, shape = look.get("markersize", 6) / 2, SHAPES[marker]
     filled = hex_of(look.get("markerfacecolor", colour))
     edge = look.get("markeredgewidth", 1.0)
@@ -73,7 +75,7 @@ def markers(x: Array, y: Array, marker: str, colour: str, look: dict[str, Any]) 
         for left, top in zip(x.tolist(), y.tolist(), strict=True)
         if math.isfinite(left) and math.isfinite(top)
     ]
-    if not (shape or stroke):  # one path whose points are its round ends
+    if not (shape or stroke):  # dots without a shape are one path whose points have round ends
         dots = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in places)
         return (
             f'<path d="{dots}" stroke="{filled}" stroke-width="{2 * radius:g}" '
@@ -92,13 +94,13 @@ def markers(x: Array, y: Array, marker: str, colour: str, look: dict[str, Any]) 
 
 
 def box(left: float, top: float, right: float, bottom: float, look: str) -> str:
-    """Return a rectangle."""
+    """Return the SVG element of a rectangle."""
     size = f'width="{right - left:.2f}" height="{bottom - top:.2f}"'
     return f'<rect x="{left:.2f}" y="{top:.2f}" {size} {look}/>'
 
 
 def face(look: dict[str, Any]) -> str:
-    """Return the appearance of a bar's face; a hatched one is pale."""
+    """Return the SVG attributes of the face of a bar. A hatched bar gets a pale colour."""
     edge = hex_of(look["edgecolor"])
     inside = look["facecolor"] if look["hatch"] is None else look["edgecolor"]
     opacity = "" if look["hatch"] is None else ' fill-opacity=".18"'
@@ -108,7 +110,9 @@ def face(look: dict[str, Any]) -> str:
 def text(
     words: str, x: float, y: float, size: float, anchor: str = "start", turned: bool = False
 ) -> str:
-    """Return words at a position, each of their lines; if `turned`, they run upwards."""
+    """Return the SVG elements of a text at a position, one for each line. If `turned`, the text
+    runs upwards.
+    """
     turn = f' transform="rotate(-90 {x:.1f} {y:.1f})"' if turned else ""
     lines = words.split("\n")
     first = y - (len(lines) - 1) * size * 1.15 if turned else y

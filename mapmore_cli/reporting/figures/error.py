@@ -27,7 +27,9 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     held_out = inputs.pooled_held_out[order]
 
     def on(ax: Axes, error: Array, look: ModelStyle, words: str) -> None:
-        """Draw the errors of a model; `words` say why the axes show no dots, or not all."""
+        """Draw the errors of a model; `words` is a remark on the axes that says why no dots, or not
+        all dots, are shown.
+        """
         panels.zero_line(ax)
         for rows, colour, size in ((~held_out, LIGHT, 1.6), (held_out, look.colour, 2.2)):
             dots = {"color": colour, "markersize": size, "marker": look.marker}

@@ -54,8 +54,10 @@ class CurveFit:
     """Samples of one curve in the order in which they are drawn, each `(n,)`: measured `y` over
     `x`, and the prediction of every model.
 
-    - `looks`: appearance of the models' lines; `far_off`: models that do not affect the scale.
-    - `interval`: ends of the intervals of the run's own model, which comes first, or None.
+    - `looks`: appearance of the models' lines; `far_off`: models that are so far off that they do
+      not affect the scale of the axes.
+    - `interval`: ends of the prediction intervals of the run's own model (the first model), or
+      None.
     - `pieces`: rows of its recordings if it is drawn over time, otherwise empty.
     - `shaded`: ranges of `x` with a grey background: plateaus, or held-out parts of a training
       curve.
@@ -219,8 +221,8 @@ def _labels(inputs: ReportInputs) -> tuple[str, str]:
 
 
 def own_words(inputs: ReportInputs) -> str:
-    """Return the words of a caption about `mapmore` if the model has no pieces: a formula that was
-    fitted to these data, or models of other runs.
+    """Return the words of a caption that say what `mapmore` stands for if the model has no pieces:
+    a formula that was fitted to these data, or a sum of models of other runs.
     """
     if inputs.own != OWN or isinstance(inputs.model.body, Pieces):
         return ""
@@ -298,8 +300,8 @@ def training_figures(inputs: ReportInputs) -> list[Drawing]:
 
 
 def loop_figures(inputs: ReportInputs) -> list[Drawing]:
-    """Return a row of panels for each held-out recording: the run's own model over the measured
-    loops, and its best competitors.
+    """Return a figure with a row of panels for each held-out recording. Each panel shows one model
+    over the measured loops: the run's own, and its best competitors.
     """
     numbers = [i for i, curve in enumerate(inputs.dataset.curves) if curve.held_out.any()]
     shown = panels.some_curves(inputs, numbers, MOST_LOOPS)

@@ -42,7 +42,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     if not splits:
         return []
     paper, published = inputs.published, dict[str, float]()
-    # published numbers are for held-out data only
+    # published numbers belong beside held-out data only
     if paper is not None and splits[0] == "validate":
         published = {m: 100 * paper.nrmse[m] for m in inputs.models if m in paper.nrmse}
     floor, looks = errors.get((REPEATABILITY, splits[0])), looks_of(inputs)

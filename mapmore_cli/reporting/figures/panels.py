@@ -35,8 +35,8 @@ more are thinned.
 """
 
 STRETCHES = 150
-"""Number of stretches of the axis; a line with more than four samples per stretch is drawn as means
-and ranges.
+"""Number of equal parts of the x axis in which a long line is summarised: with more than four
+samples per part, its mean and range in each part are drawn.
 """
 
 PALE = 0.15
@@ -47,7 +47,7 @@ DOT: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 3}
 
 
 def draw_line(ax: Axes, x: Array, y: Array, sets_scale: bool = True, **look: Any) -> None:
-    """Draw a line or dots. The axes do not grow for it unless it sets the scale."""
+    """Draw a line or dots. The axes are extended to contain it only if `sets_scale` is True."""
     if is_sketch(ax):
         ax.plot(x, y, scales=sets_scale, **look)
     elif sets_scale:
@@ -71,8 +71,8 @@ def draw_trace(ax: Axes, x: Array, y: Array, **look: Any) -> None:
 
 
 def draw_band(ax: Axes, x: Array, y: Array, **look: Any) -> None:
-    """Draw `y` over sorted `x` as a line; for many samples, draw the mean, and the range as a pale
-    band.
+    """Draw `y` over sorted `x` as a line; if there are many samples, draw their mean as a line and
+    their range as a pale band.
     """
     if len(x) > 4 * STRETCHES:
         x, y, low, high = band(x, y)
@@ -83,7 +83,7 @@ def draw_band(ax: Axes, x: Array, y: Array, **look: Any) -> None:
 def shade_between(
     ax: Axes, x: Array, ends: Iterable[Array], colour: object, label: str = ""
 ) -> None:
-    """Shade the area between two ends, (n,) each."""
+    """Shade the area between two curves, (n,) each, over x."""
     low, high = ends
     ax.fill_between(x, low, high, color=colour, alpha=PALE, linewidth=0, zorder=1, label=label)
 
@@ -178,7 +178,9 @@ def write_at(
 
 @dataclass(frozen=True)
 class Key:
-    """An entry of a legend: a line with its markers, or a patch, if it has a `facecolor`."""
+    """An entry of a legend: a filled patch if it has a `facecolor`, otherwise a line with its
+    markers.
+    """
 
     label: str
     look: dict[str, Any]
@@ -232,7 +234,7 @@ def told_apart(names: Sequence[str], length: int) -> list[str]:
     """Return the names shortened to at most `length` letters, so that different names stay
     different.
 
-    If one is too long, the words with which all begin and end are left out, and then the middle.
+    If one is too long, the words with which all names begin and end are left out, then the middle.
     Names that are equal after that get a number.
     """
     if len({*names}) < 2 or max(map(len, names)) <= length:
@@ -257,8 +259,8 @@ def _alike(parts: Sequence[Sequence[str]]) -> int:
 
 
 def titles(names: Sequence[str], length: int) -> list[str]:
-    """Return distinct names in lines of at most `length` letters: two lines, or three if they
-    cannot be broken well.
+    """Return distinct names in lines of at most `length` letters: there are two lines, or three if
+    the names cannot be broken well.
     """
     return [textwrap.fill(name, length) for name in told_apart(names, 2 * length)]
 
@@ -277,13 +279,13 @@ def places(inputs: ReportInputs, ids: Sequence[str], most: int = MOST_PANELS) ->
 
 
 def some_curves(inputs: ReportInputs, numbers: Sequence[int], most: int = MOST_PANELS) -> list[int]:
-    """Return which of these curves of the dataset are drawn, in the same way."""
+    """Return which of the curves with these numbers are drawn, by the same rule as `places`."""
     ids = [inputs.dataset.curves[i].id for i in numbers]
     return [numbers[i] for i in places(inputs, ids, most)]
 
 
 def some_of(shown: int, count: int, what: str) -> str:
-    """Return a sentence that says what is left out; empty if everything is shown."""
+    """Return a sentence that says how many of `count` objects are shown; empty if all are."""
     return "" if shown == count else f" {shown} of {count} {what} are drawn, evenly spread."
 
 
@@ -301,7 +303,9 @@ def beyond_scale(models: Sequence[str]) -> str:
 
 
 def interval_words(inputs: ReportInputs) -> str:
-    """Return the words of a caption about intervals, if the spec asks for them."""
+    """Return the words of a caption that explain intervals; empty if the spec does not ask for
+    intervals.
+    """
     if inputs.left_out is None:
         return ""
     words = (

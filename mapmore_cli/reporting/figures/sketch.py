@@ -30,17 +30,20 @@ from mapmore_cli.reporting.figures.elements import (
 )
 
 MARGINS = {"x": 0.02, "y": 0.05}
-"""Fraction of the data's range by which an axis is longer at each end."""
+"""Fraction of the range of the data by which an axis extends beyond the data at each end."""
 
 Side = Literal["x", "y"]
 Svg = Callable[[Place, Place], str]
-"""Returns the element of a mark, from the functions that turn data into points."""
+"""Function that returns the SVG element of something drawn, given the functions that convert data
+along x and y to points.
+"""
 
 
 @dataclass
 class Sketch:
-    """Axes with the methods of Matplotlib's `Axes`. `size` is the size of letters on ticks, `right`
-    the space to the right, and `share` the relative height in the panel.
+    """Axes with the methods of Matplotlib's `Axes`. `size` is the font size of tick labels, `right`
+    the free space at the right, both in points, and `share` the height relative to other axes of
+    the panel.
     """
 
     size: float
@@ -71,7 +74,9 @@ class Sketch:
     # ----------------------------------------------------------------------------------------------
 
     def plot(self, *args: Any, scales: bool = True, zorder: float = 2.0, **look: Any) -> None:
-        """Draw a line, dots or both. The axes do not grow unless it `scales`."""
+        """Draw a line, dots or both. The axes are extended to contain it only if `scales`
+        is True.
+        """
         values = [np.asarray(one, dtype=np.float64) for one in args if not isinstance(one, str)]
         marker = next((one for one in args if isinstance(one, str) and one in SHAPES), None)
         if marker:
@@ -121,7 +126,7 @@ class Sketch:
         self._add(svg, look.get("zorder", 1.0), label, facecolor=color, alpha=alpha)
 
     def axvspan(self, low: float, high: float, *, color: Any, **look: Any) -> None:
-        """Shade from the bottom to the top."""
+        """Shade a range of x from the bottom to the top of the axes."""
         self.xaxis.hold([low, high])
 
         def svg(across: Place, up: Place) -> str:
@@ -132,11 +137,11 @@ class Sketch:
         self._add(svg, look.get("zorder", 1.0), look.get("label", ""), facecolor=color)
 
     def axhline(self, at: float, **look: Any) -> None:
-        """Draw a line from the left to the right."""
+        """Draw a horizontal line across the axes."""
         self._through(self.yaxis, at, look)
 
     def axvline(self, at: float, **look: Any) -> None:
-        """Draw a line from the bottom to the top."""
+        """Draw a vertical line across the axes."""
         self._through(self.xaxis, at, look)
 
     def _through(self, axis: Axis, at: float, look: dict[str, Any]) -> None:
@@ -156,7 +161,7 @@ class Sketch:
         self.plot(np.repeat(x, 3), stems, **look)
 
     def barh(self, at: float, width: float, height: float, **look: Any) -> None:
-        """Draw a bar to the right from zero."""
+        """Draw a horizontal bar that starts at zero."""
         self.xaxis.hold([0.0, width])
         self.yaxis.hold([at - height / 2, at + height / 2])
 
@@ -197,7 +202,9 @@ class Sketch:
         return shades
 
     def contourf(self, x: Array, y: Array, z: Array, *, levels: Array, cmap: str) -> Shades:
-        """Fill the bands between levels of `z` over a grid, (m, n) each, whose rows are level."""
+        """Fill the bands between levels of `z` on a grid, (m, n) each. Each row of the grid has one
+        height.
+        """
         known = np.isfinite(z)
         self.xaxis.hold(x[known])
         self.yaxis.hold(y[known])
@@ -244,7 +251,7 @@ class Sketch:
         self.beside.append((0.0, svg))
 
     def text(self, x: float, y: float, words: str, *, ha: str, va: str, **_look: Any) -> None:
-        """Write a text at fractions of the axes."""
+        """Write a text at a position that is given in fractions of the axes."""
 
         def svg(across: Place, up: Place) -> str:
             (start, stop), (bottom, end) = across(self.xaxis.ends), up(self.yaxis.ends)
@@ -303,7 +310,7 @@ class Sketch:
         self.yaxis.set_ticks(at, names)
 
     def tick_params(self, axis: Side, length: float) -> None:
-        """Accept the length of ticks, which are always short here."""
+        """Accept a length of ticks, which has no effect: ticks always have the same length here."""
 
 
 def is_sketch(ax: object) -> TypeGuard[Sketch]:

@@ -86,7 +86,7 @@ def _panel(
     style: FigureStyle,
 ) -> str:
     """Return a panel with its title above it and the label of its x axis below it. `frame` holds
-    the space to the left of and above its axes, and their total size.
+    the space to the left of the axes, the space above them, and their total width and height.
     """
     left, start, width, height = frame
     size, right = style.size - 1, width - 6 - max(sheet.right for sheet in sheets)
@@ -145,8 +145,8 @@ def _room_left(panel: list[Sketch], labels: Sequence[str], size: float) -> float
 def _axes(
     sheet: Sketch, frame: tuple[float, float, float, float], label: str, room: float, last: bool
 ) -> str:
-    """Return one pair of axes with everything that is drawn; `frame` is left, right, top and
-    bottom.
+    """Return one pair of axes with everything that is drawn on them. `frame` holds their left,
+    right, upper and lower ends.
     """
     left, right, top, bottom = frame
     across, up = sheet.xaxis.scale(left, right), sheet.yaxis.scale(bottom, top)

@@ -23,7 +23,8 @@ RC: dict[Any, Any] = {
     "axes.spines.right": False,
     "axes.spines.top": False,
     "axes.titlelocation": "left",
-    "axes.titley": 1.0,  # a fixed value, because no labels stand above the axes
+    # a fixed value is enough, because no labels stand above the axes
+    "axes.titley": 1.0,
     "axes.xmargin": 0.02,
     "figure.facecolor": "white",
     "legend.frameon": False,
@@ -47,7 +48,8 @@ def figure_style(style: FigureStyle = PLAIN) -> Iterator[None]:
     change a report.
 
     A character that the layout font lacks is no error, because text in SVG is drawn with the
-    reader's fonts. Nor is a missing font, about which the user has been warned already.
+    reader's fonts. A missing font is no error either, because the user has been warned of it
+    already.
     """
     from matplotlib import rc_context, rcParamsDefault
 
@@ -145,8 +147,8 @@ _OTHERS = (
 
 
 def model_styles(models: Sequence[str], palette: Sequence[str] = ()) -> dict[str, ModelStyle]:
-    """Return a style for each model. The first, the run's own, always has the same; the others take
-    styles one after the other. Repeated names are ignored.
+    """Return a style for each model. The first model, the run's own, always has the same style. The
+    others get the remaining styles in their order. Repeated names are ignored.
 
     A `palette` replaces the colours; its first one is that of the run's own model.
     """

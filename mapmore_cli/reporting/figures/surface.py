@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 CELLS, BISECTIONS = 61, 20
-"""Places along each input, and steps in which the rim of the training range is found."""
+"""Number of places along each input, and number of bisections that find the edge of the training
+range.
+"""
 
 
 class Plane(NamedTuple):
@@ -49,8 +51,9 @@ def plane_of(inputs: ReportInputs) -> Plane | None:
 
 
 class Sheet(NamedTuple):
-    """The model over its plane: places of a grid, `(CELLS, CELLS)` each, whose rows end where the
-    training range does; `output` is NaN beyond it. `rows` are the samples that a panel shows.
+    """The model over its plane: places of a grid, `(CELLS, CELLS)` each, whose rows end at the
+    edges of the training range. `output` is NaN outside the range. `rows` are the samples that a
+    panel shows.
     """
 
     plane: Plane
@@ -61,7 +64,7 @@ class Sheet(NamedTuple):
     label: str
 
     def panel(self, draw: Callable[..., None]) -> Panel:
-        """Return the panel that `draw` draws."""
+        """Return a panel that calls `draw`."""
         x_label, y_label = self.plane.labels
         columns = (self.across.ravel(), self.up.ravel(), self.output.ravel())
         data = dict(zip((x_label, y_label, self.label), columns, strict=True))
@@ -75,8 +78,8 @@ class Sheet(NamedTuple):
 
 
 def sheet_of(inputs: ReportInputs) -> Sheet | None:
-    """Return the model over its two inputs; None if it has another number, or if another quantity
-    than its output is shown.
+    """Return the model over its two inputs; None if the model has more or fewer inputs, or if the
+    report shows another quantity than its output.
     """
     plane, model = plane_of(inputs), inputs.model
     if plane is None or inputs.dataset.target != model.output.name:
@@ -101,12 +104,14 @@ def sheet_of(inputs: ReportInputs) -> Sheet | None:
 
 
 Beyond = Callable[[Array, Array], BoolArray]
-"""Tells which places, across and up, lie beyond the training range."""
+"""Function that returns True for places outside the training range, given by their horizontal and
+vertical coordinates.
+"""
 
 
 def _up_to_the_rim(across: Array, up: Array, beyond: Beyond) -> Array:
-    """Return the places of a grid with each row stretched over what of it lies within the training
-    range.
+    """Return the horizontal places of a grid. The places of each row are spread over the part of
+    the row that lies within the training range.
     """
     inside = ~beyond(across, up)
     rows = np.flatnonzero(inside.any(axis=1))
@@ -121,7 +126,9 @@ def _up_to_the_rim(across: Array, up: Array, beyond: Beyond) -> Array:
 
 
 def _rim(inner: Array, outer: Array, up: Array, beyond: Beyond) -> Array:
-    """Return the last places within the range on the ways to places beyond it, by bisection."""
+    """Return the edges of the training range between places within it (`inner`) and places outside
+    (`outer`), found by bisection.
+    """
     for _ in range(BISECTIONS):
         middle = (inner + outer) / 2
         out = beyond(middle, up)

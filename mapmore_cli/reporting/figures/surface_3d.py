@@ -11,7 +11,9 @@ from mapmore_cli.reporting.figures.surface import sheet_of
 from mapmore_cli.reporting.inputs import ReportInputs
 
 STRIDE = 4
-"""Of this many grid points along each input, one is a corner of the surface."""
+"""Every point of the grid with this distance, counted in points along each input, is a corner of
+the surface.
+"""
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:

@@ -1,4 +1,6 @@
-"""Provide the scripts of pages, each with the hash by which a page allows it and no other."""
+"""Provide the scripts of pages. Each has a hash, so that a page allows its own scripts and no
+others.
+"""
 
 from __future__ import annotations
 
@@ -48,6 +50,8 @@ def scripts(texts: Iterable[str]) -> tuple[Script, ...]:
 
 
 def json_text(value: object) -> str:
-    """Return JSON in which nothing can end the element around it."""
+    """Return JSON for a script element of a page. Characters that could end the element are
+    escaped.
+    """
     text = json.dumps(value, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c")

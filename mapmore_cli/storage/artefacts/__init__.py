@@ -1,5 +1,5 @@
-"""The result files of a run: one JSON document of everything but arrays, and a labelled dataset for
-each array.
+"""Read and write the result files of a run. A file holds one JSON document with everything but
+arrays, and a labelled dataset for each array.
 
 Every `write_*` writes a whole file or none (WriteError), with bytes that depend only on the
 arguments. Every `read_*` raises DataError with the name of the file if it is missing, damaged, of
@@ -7,12 +7,13 @@ another kind or another major format, if it holds unknown fields or invalid name
 model cannot be evaluated, or if its values have been changed. `unverified` accepts changed values;
 `warn` is called for these, and for files without a checksum.
 
-`units` of `write_segmentation` and `write_fit` are those of `units_of(dataset)`: because the types
-written there do not contain them. Older programs refuse a new major format; a new minor format only
-adds fields. Format 3.0 is the first that was released. In 3.1, consecutive rows of a segment are
-stored as two numbers. Since 3.2, short arrays of all members of a list are in one dataset; before,
-up to 200 members had one dataset each. Since 3.3, a segment begins with the numbers of its chosen
-terms. A checksum includes the arrays in the order in which the document first refers to them.
+The argument `units` of `write_segmentation` and `write_fit` is `units_of(dataset)`, because
+segmentations and fits do not contain the units of their quantities. Older programs refuse a new
+major format; a new minor format only adds fields. Format 3.0 is the first that was released. In
+3.1, consecutive rows of a segment are stored as two numbers. Since 3.2, short arrays of all members
+of a list are in one dataset; before, up to 200 members had one dataset each. Since 3.3, a segment
+begins with the numbers of its chosen terms. A checksum includes the arrays in the order in which
+the document first refers to them.
 """
 
 from __future__ import annotations
@@ -75,12 +76,12 @@ _GIVE_OURS = "give a file from a run folder, for example runs/NAME/model.h5"
 _GET_ANOTHER = "get a fresh copy, or make the file again with `mapmore run CONFIG`"
 
 _as_written: dict[tuple[int, ...], str] = {}
-"""Checksums of the files that this process wrote, or found to be unchanged, by their marks. The
-checksum of a long file is not computed again.
+"""Checksums of the files that this process wrote, or found to be unchanged, by their marks
+(`_mark`), so that the checksum of a long file is not computed again.
 """
 
 _latest: dict[tuple[int, ...], Any] = {}
-"""Records of the files that this process wrote or read most recently, by their marks."""
+"""Records of the files that this process wrote or read most recently, by their marks (`_mark`)."""
 
 REMEMBERED = 6
 
@@ -118,7 +119,8 @@ class FileKind(Generic[T]):
             arrays: list[Waiting] = []
 
             def put(path: str, value: Numbers, *label: str) -> Reference:
-                value.setflags(write=False)  # a later stage may get the same record
+                # the array is made read-only, because a later stage may get the same record
+                value.setflags(write=False)
                 arrays.append(Waiting({ARRAY: path}, value, label))
                 return arrays[-1].reference
 
@@ -132,12 +134,13 @@ class FileKind(Generic[T]):
             file.attrs.update(about | {CHECKSUM: digest.hexdigest()})
         mark = _mark(path)
         _as_written[mark] = digest.hexdigest()
-        # a reader's arrays are contiguous, and the last digit of a sum may depend on that
+        # The record is kept only if its arrays are contiguous, as those of a reader are, because
+        # the last digit of a sum may depend on that.
         if mark[-1] < ROOM and all(array.value.flags.c_contiguous for array in arrays):
             _keep(mark, record)
 
     def read(self, path: Path, warn: Warn = lambda _message: None, unverified: bool = False) -> T:
-        """Return the record in a file. `warn` is called if nothing proves that the file is
+        """Return the record in a file. `warn` is called if no checksum proves that the file is
         unchanged.
 
         Raises the errors described in the module; for a wrong checksum only if the file may not be
@@ -173,7 +176,9 @@ class FileKind(Generic[T]):
         return record
 
     def _record(self, file: h5py.File, size: int, newer: bool) -> tuple[T, str]:
-        """Return the contents of a file, and the reason why its values may have been changed."""
+        """Return the contents of a file, and the reason why its values may have been changed; the
+        reason is empty if its checksum is right.
+        """
         look_over(file, size, self.ratio)
         digest, (text, document) = hashlib.sha256(), take_document(file)
         mark = _mark(Path(file.filename))
@@ -233,8 +238,8 @@ def kind_of(path: Path) -> str:
 
 
 def checksum_of(path: Path, anew: bool = False) -> str | None:
-    """Return the checksum of an unchanged result file; None for any other file. With `anew`, it is
-    computed again even if this process knows it.
+    """Return the checksum of a result file whose values are unchanged; None for any other file.
+    With `anew`, it is computed again even if this process already knows it.
     """
     mark = _mark(path)
     if anew:
@@ -253,8 +258,8 @@ read_model = MODEL_FILE.read
 
 
 def write_model(path: Path, model: Model, provenance: Units = NO_UNITS) -> None:
-    """Write a model that needs no other file. `provenance` may hold texts of any length, for
-    example the resolved spec.
+    """Write a model to a file that can be used without any other file. `provenance` may hold texts
+    of any length, for example the resolved spec.
     """
     MODEL_FILE.write(path, model, provenance=provenance)
 

@@ -31,7 +31,9 @@ from mapmore_cli.storage.artefacts.schema import (
 )
 
 Sizes = dict[str, int]
-"""Dimensions, with the lengths that have occurred so far in an object."""
+"""The length of each dimension that has occurred so far in an object, by the letter of the
+dimension.
+"""
 
 Take = Callable[[str, str, int], Numbers]
 """Function that returns the array at a path, with a type and a number of dimensions."""
@@ -130,7 +132,8 @@ class Decoder:
                 f"{path}/{name[:60]}",
                 "is missing" if name in known else "is not known in this format",
             )
-        # in the order of the document, because the checksum includes arrays in that order
+        # the fields are decoded in the order of the document, because the checksum includes arrays
+        # in that order
         return type_(
             **{
                 name: self.value(field, known[name][0], f"{path}/{name}", (), sizes)
@@ -165,7 +168,8 @@ class Decoder:
                 raise Invalid(path, "is not a reference to its array")
         values = stored.astype(number, copy=False)
         _compare_lengths(path, values.shape, letters, sizes)
-        values.setflags(write=False)  # several stages may get the same array
+        # the array is made read-only, because several stages may get the same one
+        values.setflags(write=False)
         return values
 
 
@@ -183,7 +187,9 @@ def _plain_value(node: object, form: Hint, path: str) -> object:
 
 
 def _compare_lengths(path: str, shape: tuple[int, ...], letters: Letters, sizes: Sizes) -> None:
-    """Raise Invalid if a length differs from others with the same letter."""
+    """Raise Invalid if the length of an array along a dimension differs from the length of another
+    array with the same letter.
+    """
     for length, letter in zip(shape, letters, strict=False):
         name = letter.removesuffix(" or 0")
         if (length or name == letter) and sizes.setdefault(name, length) != length:
@@ -191,7 +197,9 @@ def _compare_lengths(path: str, shape: tuple[int, ...], letters: Letters, sizes:
 
 
 def wrong_with(value: object, check: object) -> str:
-    """Return what a mark of its type finds wrong with a value; an empty text if nothing."""
+    """Return the fault of a value according to a mark in its type hint; an empty text if there is
+    none.
+    """
     if isinstance(check, Interval):
         low, high = (
             -math.inf if check.ge is None else check.ge,

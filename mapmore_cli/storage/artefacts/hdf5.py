@@ -42,22 +42,24 @@ if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
 LONG, HUGE = 4096, 1 << 17
-"""Numbers of elements from which on an array is compressed, and from which on it no longer is.
-Shorter arrays are contiguous, so that any reader finds them at once. Huge arrays are not
-compressed, so that they can be mapped into memory, and because compressing would take longer than
-everything else.
+"""Array lengths between which an array is compressed: with fewer elements than the first, or at
+least as many as the second, it is not. Shorter arrays are contiguous, so that any reader finds them
+at once. Huge arrays are not compressed, so that they can be mapped into memory, and because
+compressing would take longer than everything else.
 """
 
 MOST_ATTRIBUTES, LONGEST_WORD = 100, 4096
 """Largest number of attributes of one object, and of bytes of an attribute of the root."""
 
 ROOM, RATIO = 64_000_000, 300
-"""Bytes to which a file of any size, or a single chunk, may unpack; and beyond that, the largest
-ratio to its own size. Constant columns shrink a thousandfold, recordings tenfold.
+"""Limits for the size of unpacked data. A file of any size, or a single chunk, may unpack to the
+first number of bytes. Beyond that, the ratio of the unpacked size to the size of the file is
+limited to the second number. Compression shrinks recordings tenfold, and constant columns a
+thousandfold.
 """
 
 DOCUMENT = 32_000_000
-"""Largest number of bytes of the document, which takes twenty times as much in memory."""
+"""Largest size of the JSON document in bytes. In memory, it takes twenty times as much."""
 
 
 class Digest(Protocol):
@@ -95,9 +97,9 @@ def put_arrays(file: h5py.File, arrays: Sequence[Waiting], digest: Digest) -> No
     """Store arrays and add them to a checksum. A long array that occurs twice, for example as a
     column of a recording and of its curve, is stored once and linked.
 
-    Short arrays of the members of lists share a dataset, because a separate one for each would take
-    longer than everything else; their references are changed. An array whose type or unit differs
-    from the first gets its own dataset.
+    Short arrays of the members of lists share a dataset, because writing a separate one for each
+    would take longer than everything else. Their references in the document are changed
+    accordingly. An array whose type or unit differs from the first gets its own dataset.
     """
     datasets: dict[str, list[Waiting]] = {}
     once: dict[tuple[int, str], str] = {}
@@ -136,7 +138,9 @@ def put_text(file: h5py.File, path: str, text: str, description: str) -> None:
 
 
 def head_of_array(path: str, value: Numbers, dtype: str) -> bytes:
-    """Return the bytes that a checksum includes before the values of an array."""
+    """Return the bytes of an array's path, type and shape, which a checksum includes before its
+    values.
+    """
     return f"{path} {dtype} {value.shape}\n".encode()
 
 
@@ -181,9 +185,7 @@ def take_array(
 
 
 def root_text(file: h5py.File, name: str) -> str | None:
-    """Return an attribute of the root that is a short text; None if it is missing or has another
-    type.
-    """
+    """Return an attribute of the root group as text; None if it is missing or is no short text."""
     with stored_at(""):
         if name not in file.attrs:
             return None
@@ -211,7 +213,8 @@ def take_document(file: h5py.File) -> tuple[str, Any]:
         if not is_text or dataset.dtype.itemsize > DOCUMENT:
             raise Invalid(where, f"is not a text of at most {DOCUMENT // 10**6} MB")
         data = bytes(dataset[()])
-    no_number = dict[str, float]().__getitem__  # for NaN and infinity
+    # a document with NaN or infinity raises a KeyError here
+    no_number = dict[str, float]().__getitem__
     try:
         text = data.decode()
         document = json.loads(
@@ -271,8 +274,8 @@ def look_over(file: h5py.File, size: int, ratio: int = RATIO) -> None:
 
 
 def _check_attributes(node: h5g.GroupID | h5d.DatasetID, where: str) -> None:
-    """Raise Invalid for attributes that are more than a few numbers or one text, without reading
-    any.
+    """Raise Invalid for attributes that are more than a few numbers or one text, The attributes are
+    examined without reading them.
     """
     with stored_at(where):
         count = h5a.get_num_attrs(node)
@@ -319,8 +322,8 @@ def _bytes_of(dataset: h5d.DatasetID, where: str) -> int:
 
 @contextmanager
 def interrupted_later() -> Iterator[None]:
-    """Delay Ctrl-C within the context. An exception that is raised while HDF5 calls back would be
-    lost, and the program would continue.
+    """Delay Ctrl-C until the end of the context. If its exception were raised in a function that
+    HDF5 calls, it would be lost, and the program would continue.
     """
     if threading.current_thread() is not threading.main_thread() or not callable(
         signal.getsignal(signal.SIGINT)
@@ -348,7 +351,7 @@ class SteadyFile(FileIO):
     fault: OSError | None = None
 
     def write(self, data: ReadableBuffer) -> int:
-        """Write, or pretend to after a fault."""
+        """Write the data. After a fault, only pretend to write."""
         rest = memoryview(data)
         size = rest.nbytes
         while len(rest) and self.fault is None:
@@ -359,7 +362,7 @@ class SteadyFile(FileIO):
         return size
 
     def truncate(self, size: int | None = None) -> int:
-        """Set the length, or pretend to after a fault."""
+        """Set the length of the file. After a fault, only pretend to do so."""
         try:
             return super().truncate(size) if self.fault is None else size or 0
         except OSError as fault:

@@ -26,12 +26,16 @@ WORDS = {str: "text", Literal: "text", types.NoneType: "null", range: "[int, int
 
 
 def described() -> str:
-    """Return a section for every stored type, parts before wholes, for docs/file-format.md."""
+    """Return the reference as Markdown for docs/file-format.md: a section for every stored type,
+    after the sections of the types inside it.
+    """
     head = "| name | stored as | unit | what it is |\n|---|---|---|---|\n"
     sections: dict[str, str] = {}
 
     def form(hint: object) -> str:
-        """Return the name of a type; the sections of the types inside it are written first."""
+        """Return the name of a type for the reference, and write the sections of the types inside
+        it.
+        """
         shape = taken_apart(hint)
         if shape.kind is np.ndarray:
             return f"`{shape.inner[0].__name__}[{',' * (len(shape.letters) - 1)}]`"

@@ -3,12 +3,12 @@
 The first text in the `Annotated` of a field is its description, the second its unit; other marks
 check its value when a file is read (`domain.declared`). Letters in brackets before a description
 name dimensions: all arrays with the dimension `(k)` in an object, and in the objects inside it,
-have the same length. `(k, M)` is a table, and `(k or 0)` may also be empty. A default is the value
-of a field that a file lacks; it is not written.
+have the same length. `(k, M)` is a table, and `(k or 0)` may also be empty. If a field has its
+default value, it is not written; when a file is read, a missing field gets the default.
 
-Units in brackets name the quantity whose unit applies: `[target]` is the modelled quantity,
-`[variables.0]` the first segmented variable, `[*]` the quantity whose name a part has. The unit of
-an object is that of the quantity that it models.
+A unit in brackets is the unit of another quantity: `[target]` of the modelled quantity,
+`[variables.0]` of the first segmented variable, and `[*]` of the quantity whose name is the key of
+the value.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ ARRAY, FROM, SHAPE = "array", "from", "shape"
 """Keys of a reference to a dataset, or to a part of a dataset that many members share."""
 
 TYPES = {np.float64: "<f8", np.int64: "<i8", np.bool_: "|u1"}
-"""Types of arrays in a file. Truth values are bytes, because MATLAB reads HDF5's enumeration as
-text.
+"""Types of arrays in a file. Truth values are stored as bytes, because MATLAB reads the type that
+HDF5 uses for them as text.
 """
 
 DEEPEST = 60
@@ -71,7 +71,9 @@ class Invalid(Exception):
 
 @contextmanager
 def stored_at(where: str) -> Iterator[None]:
-    """Convert errors of h5py while it reads into Invalid. The block contains only calls of h5py."""
+    """Convert errors of h5py while it reads into Invalid. The context must contain only calls of
+    h5py.
+    """
     try:
         yield
     except (OSError, KeyError, ValueError, TypeError, RuntimeError) as fault:
@@ -107,8 +109,8 @@ class Hint(NamedTuple):
 
 @cache
 def taken_apart(hint: Any) -> Hint:
-    """Return a hint split into parts, without annotations and aliases. (From NumPy 2.5 on,
-    `NDArray` is an alias.)
+    """Return a hint split into parts, without annotations and aliases. (Since NumPy 2.5, `NDArray`
+    is such an alias.)
     """
     marks: list[Any] = []
     while (alias := get_origin(hint) or hint) is Annotated or hasattr(alias, "__value__"):
@@ -156,14 +158,15 @@ def step_to(key: object, place: int) -> str:
 
 
 def shared_path(path: str) -> str:
-    """Return the common path of the arrays of all members of lists, with `all` instead of their
-    numbers. Further outputs (`others`) have their own units.
+    """Return the path of the dataset that the arrays of all members of a list share: the path of an
+    array with `all` instead of the numbers of members. The members of `others` (further outputs) do
+    not share datasets, because they have their own units.
     """
     return re.sub(r"(?<!/others)/\d{3,}(?=/|$)", "/all", path)
 
 
 def hints_of_members(hint: Hint, count: int) -> Sequence[Any]:
-    """Return the hints of the members of a mapping or a tuple of this length."""
+    """Return the type hint of each member of a mapping or a tuple that has `count` members."""
     each = hint.inner[hint.kind is Mapping]
     return (
         [each] * count
@@ -176,7 +179,9 @@ def hints_of_members(hint: Hint, count: int) -> Sequence[Any]:
 
 
 def units_of(record: object) -> Units:
-    """Return the units that an object contains, by the names that can stand in brackets."""
+    """Return the units of the quantities that an object contains, by the names that may stand in
+    brackets in a unit of a hint.
+    """
     match record:
         case Dataset():
             units = {name: quantity.unit for name, quantity in record.quantities.items()}
@@ -260,7 +265,7 @@ def encoded(
 
 
 def _same(value: object, default: object) -> bool:
-    """Return True if a value is the default; NaN equals NaN."""
+    """Return True if a value equals the default. Here, NaN equals NaN."""
     return not isinstance(value, np.ndarray) and bool(
         value == default or (value != value and default != default)
     )

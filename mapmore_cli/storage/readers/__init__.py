@@ -32,7 +32,8 @@ def suffix_of(path: Path) -> str:
 
 def reader_of(path: Path) -> Reader | None:
     """Return the reader for files with this beginning or this name; None if no reader claims it."""
-    begin = head_of(path) if path.is_file() else b""  # a pipe can be read only once
+    # the beginning of a pipe is not examined, because a pipe can be read only once
+    begin = head_of(path) if path.is_file() else b""
     begun = (one for one in READERS.values() if one.begins and begin.startswith(one.begins))
     named = (one for one in READERS.values() if suffix_of(path) in one.suffixes)
     return next(chain(begun, named), None)

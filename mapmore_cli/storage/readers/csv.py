@@ -45,7 +45,7 @@ DELIMITERS = {"tab": "\t"}
 MARKS = {";": "a semicolon", "\t": "a tab"}
 
 _WORDS = re.compile(r"[\s\"']*[^\W\d_]|[\s\"']*[#\[({]")
-"""Beginning of a line of words."""
+"""Pattern of the beginning of a line of words."""
 
 Numbered = tuple[int, list[str]]
 """The number of a record's last line in the file, and the fields of the record."""
@@ -53,12 +53,11 @@ Numbered = tuple[int, list[str]]
 
 @dataclass(frozen=True)
 class Layout:
-    """Layout of a text table, from its header and the request.
+    """Layout of a text table, as its header and the request give it.
 
     - `request`, `delimiter`: how the file is read; the delimiter None means any run of blanks.
     - `width`: number of fields in a record.
-    - `wanted`: the columns; their readers keep what they know about time stamps from block to
-      block.
+    - `wanted`: the columns; their readers remember the form of time stamps from block to block.
     """
 
     request: TableRequest
@@ -135,8 +134,8 @@ def _records_of(lines: Lines, request: TableRequest) -> tuple[Iterator[Numbered]
 def _begin(
     lines: Lines, request: TableRequest
 ) -> tuple[Layout, list[Numbered], Iterator[Numbered]]:
-    """Return the layout from the header, the first record if that is no header, and the following
-    records.
+    """Return the layout of the table, the first record in a list if it is no header, and the
+    records that follow.
     """
     records, split_at = _records_of(lines, request)
     first = next((record for record in records if record[1]), None)
@@ -148,8 +147,8 @@ def _begin(
 
 
 def _refuse_thousands(path: Path, table: RawTable, request: TableRequest) -> None:
-    """Raise NotANumber if a decimal point separates thousands. If the numbers could be meant so,
-    the file is read again.
+    """Raise NotANumber if a decimal point separates thousands. If the numbers of the table could
+    have such points, the file is read again to find out.
     """
     for number, (column, values) in enumerate(table.columns.items()):
         if request.cells(column).thousands is None and may_be_grouped(values):
@@ -221,11 +220,11 @@ def _blocks_of(
     lines: Lines, layout: Layout, raw: BufferedReader, last: deque[bytes]
 ) -> Iterator[list[Any]]:
     """Yield the line numbers and values of the remaining lines, (n,) each, block by block. `last`
-    collects the last blocks of text.
+    collects the last blocks of the text, for the check of its end.
     """
     while block := lines.block():
         last.append(block)
-        if not block.strip(b"\r\n "):  # millions of blank lines
+        if not block.strip(b"\r\n "):  # there may be millions of blank lines
             lines.take(block, len(block.splitlines()))
             continue
         values = values_of_text(block, layout)
@@ -283,8 +282,8 @@ def values_of_text(text: bytes, layout: Layout) -> list[Array]:
 
 
 def _numbers_in(column: Any) -> Array:
-    """Return the numbers of a PyArrow column, NaN for a null. Its own `to_numpy` imports pandas if
-    that is installed, which takes longer than reading a small file.
+    """Return the numbers of a PyArrow column, NaN for a null. The method `to_numpy` of the column
+    would import pandas, if it is installed, and this takes longer than reading a small file.
     """
     (chunk,) = column.chunks
     valid, data = chunk.buffers()
@@ -344,8 +343,8 @@ def _of_width(row: int, record: list[str], layout: Layout) -> list[str]:
     if len(record) >= width and not has_nul and not any(map(str.strip, record[width:])):
         return record[:width]
     if request.incomplete:
-        # a closing remark, half a record, or two records run into one: no field of it can be
-        # trusted
+        # a record that is too short may be a closing remark or half a record, and none of its
+        # fields can be trusted
         return [""] * width
     if has_nul:
         raise DataError(
@@ -390,8 +389,8 @@ def separator_hint(record: Sequence[str]) -> str | None:
 
 
 def _open_end(end: bytes, layout: Layout) -> OpenEnd | None:
-    """Return the cells of the last lines, from the last blocks of a text without a final line
-    end.
+    """Return the cells of the last lines of a text, if its last line has no line end; None
+    otherwise. `end` holds the last blocks of the text.
     """
     if not end or end.endswith((b"\n", b"\r")):
         return None
@@ -404,8 +403,8 @@ def _open_end(end: bytes, layout: Layout) -> OpenEnd | None:
 
 
 def peek_csv(path: Path, most: int) -> Iterable[Top]:
-    """Return the first lines of a text file, cut in all usual ways; those with decimal points come
-    first.
+    """Return the first lines of a text file, split into fields in all usual ways. Ways with decimal
+    points come first.
     """
     with reading(path.name, "text file", UNREADABLE):
         encoding = guess_encoding(path)
@@ -428,8 +427,8 @@ def peek_csv(path: Path, most: int) -> Iterable[Top]:
 
 
 def _cut_lines(lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
-    """Return lines cut at the delimiter, or at runs of blanks for None. Blank lines have no
-    fields.
+    """Return the fields of lines, split at the delimiter, or at runs of blanks if it is None. Blank
+    lines have no fields.
     """
     try:
         return (
@@ -437,7 +436,7 @@ def _cut_lines(lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
             if delimiter is None
             else list(csv.reader(lines, delimiter=delimiter))
         )
-    except csv.Error:  # quotes that are never closed
+    except csv.Error:  # a quotation mark may never be closed
         return []
 
 

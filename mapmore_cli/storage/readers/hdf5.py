@@ -64,7 +64,8 @@ def opened_hdf5(
             )
         with h5py.File(stream, "r") as file:
             _refuse_other_files(file, label)
-            members = (file.get(name) for name in file)  # None for a link that leads nowhere
+            # the value is None for a link that leads nowhere
+            members = (file.get(name) for name in file)
             by_matlab = any("MATLAB_class" in one.attrs for one in members if one is not None)
             if by_matlab or kind == "MAT file":
                 yield _matlab_struct(file, "the file")
@@ -109,7 +110,8 @@ def _below(group: h5py.Group, name: str) -> Member:
     return _member(node)
 
 
-# bytes of an attribute that is read, and of a reference to a text of any length
+# largest number of bytes of an attribute that is read; number of bytes of a reference to a text of
+# any length
 LONGEST, REFERENCE = 4096, 16
 UNIT = ("units", "unit", "Units", "Unit")
 UNSIGNED, MISSING = "_Unsigned", ("_FillValue", "missing_value")
@@ -135,8 +137,8 @@ def _attribute(node: h5py.HLObject, name: str) -> Values | str | None:
 
 
 def _meant(stored: Values, said: Mapping[str, Any]) -> Array:
-    """Return the meaning of stored numbers: NaN for missing and invalid values, and the others
-    scaled.
+    """Return the numbers that stored values stand for by the rules of netCDF: missing and invalid
+    values become NaN, and the others are scaled. `said` holds the attributes of the dataset.
     """
     kind = stored.dtype.kind
     if str(said.get(UNSIGNED)).casefold() == "true" and kind == "i":
@@ -148,8 +150,8 @@ def _meant(stored: Values, said: Mapping[str, Any]) -> Array:
         }
     factor, offset = said.get("scale_factor", [1.0])[0], said.get("add_offset", [0.0])[0]
     numbers = stored.astype(np.float64) * factor + offset
-    # limits of valid numbers refer to stored values, unless the limits are floats and the stored
-    # values are not: then they refer to the decoded values
+    # By the rules of netCDF, limits of valid numbers refer to stored values. If the limits are
+    # floats and the stored values are not, they refer to the scaled values.
     limits = [said[key] for key in LIMITS if key in said]
     as_meant = kind != "f" and any(limit.dtype.kind == "f" for limit in limits)
     limited = numbers if as_meant else stored
@@ -176,7 +178,7 @@ def _reader(dataset: h5py.Dataset, field: str | None = None) -> Callable[[Select
         own = _own_values(dataset, selection)
         values = own if field is None else own.fields(field)
         if kind.kind != "O" or not dataset.shape:
-            # without axes, h5py reads a text as bytes
+            # h5py reads a text without axes as bytes
             return _written(dataset, selection, np.asarray(values[selection]))
         if h5py.check_string_dtype(kind):
             return _texts(dataset, values)[selection]
@@ -238,7 +240,9 @@ def _texts(dataset: h5py.Dataset, values: h5py.Dataset) -> Values:
     for begin in range(0, len(dataset), step):
         parts.append(values[begin : begin + step])
         total += sum(map(len, parts[-1].flat)) + REFERENCE * parts[-1].size
-        refuse_bombs(dataset.name, total, size // BOMB_RATIO)  # texts are not compressed
+        # texts are not compressed, so the sum of their lengths is compared with the size of the
+        # file
+        refuse_bombs(dataset.name, total, size // BOMB_RATIO)
     return np.concatenate(parts)
 
 
@@ -247,7 +251,7 @@ def _texts(dataset: h5py.Dataset, values: h5py.Dataset) -> Values:
 
 
 def _matlab_struct(group: h5py.Group, kind: str = "a struct") -> Member:
-    # #refs# and #subsystem# belong to MATLAB
+    # the groups #refs# and #subsystem# belong to MATLAB itself
     names = [name for name in group if not name.startswith("#")]
 
     def member(name: str) -> Member:
@@ -277,7 +281,7 @@ def _matlab_member(node: h5py.HLObject) -> Member:
 
 
 def _matlab_array(dataset: h5py.Dataset) -> Member:
-    # for an empty array, its size is stored
+    # MATLAB stores the size of an empty array instead of its values
     empty, shape = np.any(_attribute(dataset, "MATLAB_empty")), dataset.shape[::-1]
     if _class_of(dataset) == "cell" and _holds_references(dataset):
         return Member(
@@ -287,7 +291,7 @@ def _matlab_array(dataset: h5py.Dataset) -> Member:
         )
     if empty:
         return EMPTY
-    if _class_of(dataset) == "char":  # stored as UTF-16 numbers
+    if _class_of(dataset) == "char":  # MATLAB stores characters as UTF-16 numbers
         return Member("text", values=lambda _: np.array([b"text"]))
     if dataset.dtype.names:  # real and imag
         return Member("an array of complex numbers", values=lambda _: np.zeros(1, complex))
@@ -338,7 +342,7 @@ def _refuse_other_files(file: h5py.File, label: str) -> None:
 
 
 def _own_values(dataset: h5py.Dataset, selection: Selection = ()) -> h5py.Dataset:
-    """Return the dataset before a selection of it is read.
+    """Return the dataset unchanged if a selection of it may be read.
 
     Raises DataError if its values are in other files (external storage, virtual datasets), and if
     the total amount requested from its file is far larger than the file.
@@ -354,7 +358,7 @@ def _own_values(dataset: h5py.Dataset, selection: Selection = ()) -> h5py.Datase
         1 if isinstance(one, int) else length
         for one, length in zip_longest(selection, dataset.shape)
     ]
-    # a value becomes a double when it is read, whatever its size in the file
+    # a value becomes a double when it is read, so it counts eight bytes at least
     read[f"{dataset.name}{selection}"] = math.prod(lengths) * max(dataset.dtype.itemsize, 8)
     refuse_bombs(dataset.name, sum(read.values()), dataset.file.id.get_filesize())
     return dataset
@@ -369,7 +373,7 @@ def _refuse_other_filters(dataset: h5py.Dataset) -> None:
         code, _, _, name = packing.get_filter(number)
         if not h5z.filter_avail(code):
             with suppress(ImportError):
-                import_module("hdf5plugin")  # which registers its filters
+                import_module("hdf5plugin")  # importing the package registers its filters
         if not h5z.filter_avail(code):
             called = f"{code} ({name.decode(errors='replace')})" if name else str(code)
             what = f"{dataset.name} is compressed by the filter {called}, which is not installed"

@@ -35,9 +35,9 @@ KIND = f"{BEGINS} file"
 
 @dataclass(frozen=True)
 class LvmSegment:
-    """Rows of cells below one header: what the header says about each channel (`said`), by keyword,
-    and the titles of all columns. `has_end` is False if the last line of the file has no end;
-    `padding` counts the fill characters after it.
+    """The rows of cells below one header. `said` holds the entries of the header for each channel,
+    by keyword; there are also the titles of all columns. `has_end` is False if the last line of the
+    file has no end; `padding` counts the fill characters after it.
     """
 
     said: Mapping[str, Sequence[str]]
@@ -61,10 +61,10 @@ class LvmSegment:
         return number if number is not None and np.isfinite(number) else 0.0
 
     def noted(self, place: int) -> Noted:
-        """Return what the file says about a column."""
+        """Return the information in the file about the column with the index `place`."""
         if self.titles[place] == TIME:
             return Noted("s")
-        # either every channel has a column of times before it, or only the first
+        # a column of times stands either before every channel or before the first channel only
         channel = place // 2 if self.of_channel("X_Columns") == "Multi" else place - 1
         step, start = self.number("Delta_X", channel), self.number("X0", channel)
         return Noted(self.of_channel("Y_Unit_Label", channel), step, start)
@@ -110,7 +110,8 @@ def read_lvm(path: Path, request: TableRequest) -> list[RawTable]:
             rows = segment.timed_rows(segments[0].began)
             if recordings and _goes_on(*recordings[-1], segment, rows):
                 whole = recordings.pop()[1]
-                whole.extend(rows)  # a copy for each segment would take long
+                # `extend` keeps one list, because a copy for each segment would take long
+                whole.extend(rows)
                 rows = whole
             recordings.append((segment, rows))
         tables = [_one_recording(segment, rows, request) for segment, rows in recordings]
@@ -124,7 +125,9 @@ def read_lvm(path: Path, request: TableRequest) -> list[RawTable]:
 def _goes_on(
     before: LvmSegment, rows: Sequence[Row], segment: LvmSegment, further: Sequence[Row]
 ) -> bool:
-    """Return True if a segment has the titles of the one before, and only later times."""
+    """Return True if a segment continues the one before: it has the same titles, and only later
+    times.
+    """
     if before.titles != segment.titles:
         return False
     last, first = rows[-1][1][0], further[0][1][0]

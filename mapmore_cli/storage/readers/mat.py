@@ -1,5 +1,5 @@
-"""Read MATLAB files: versions 5 to 7 from their bytes, 4 with SciPy, 7.3 as HDF5. The content
-decides, not the name.
+"""Read MATLAB files: versions 5 to 7 from their bytes, 4 with SciPy, 7.3 as HDF5. The version is
+recognised by the content, not by the name.
 
 Arrays are addressed like `run.P` or `train[3].y[:,0]`; `root: "train[*]"` takes every element of a
 cell or struct array. Indices count from 0. Cell and struct arrays have one index, in MATLAB's
@@ -40,11 +40,13 @@ from mapmore_cli.storage.tables.overview import tree_reader
 KIND = "MAT file"
 MATRIX, COMPRESSED, BYTES, COMPLEX = 14, 15, 2, 0x800
 NUMBERS = "-bBhHiIf-d--qQ--BHI"
-"""NumPy codes of the numbers and letters in elements of version 5, by their type."""
+"""NumPy codes for the numbers and characters in an element of version 5; the index is the type of
+the element.
+"""
 
 CELL, STRUCT, OBJECT, TEXT, SPARSE, FUNCTION, OPAQUE = 1, 2, 3, 4, 5, 16, 17
 
-# largest number of elements of a cell or struct array, which are visited one by one
+# largest number of elements of a cell or struct array, because the elements are read one by one
 MOST_ELEMENTS = 100_000
 
 
@@ -63,7 +65,7 @@ def opened_mat(path: Path, label: str, request: TableRequest | None) -> Iterator
         return
     with reading(label, KIND), path.open("rb") as stream:
         whole = memoryview(stream.read())
-        if 0 in whole[:4]:  # only version 4 has this
+        if 0 in whole[:4]:  # a zero among the first four bytes is a sign of version 4
             variables = list(_version_4(path))
         else:
             order = {b"IM": "<", b"MI": ">"}[bytes(whole[126:128])]
@@ -78,7 +80,7 @@ Element = tuple[int, memoryview]
 
 @dataclass(frozen=True)
 class _Version5:
-    """Reader of elements in a byte `order`, from a file of a given size."""
+    """Reader of the elements of a file of version 5, with its byte `order` and its size."""
 
     order: str
     file_size: int
@@ -94,7 +96,7 @@ class _Version5:
                 )
                 if self.numbers(next(inside))[0] & 0xFF != OPAQUE:
                     next(inside)  # the size
-                if name := _letters(next(inside)):  # MATLAB's own variables have no name
+                if name := _letters(next(inside)):  # variables of MATLAB itself have no name
                     yield name, partial(self.variable, kind, part)
 
     def variable(self, kind: int, part: memoryview, name: str) -> Member:
@@ -119,7 +121,7 @@ class _Version5:
         place = 0
         while place < len(content):
             kind, size = struct.unpack_from(f"{self.order}II", content, place)
-            small = kind >> 16  # number of bytes in the tag itself
+            small = kind >> 16  # a small element has its number of bytes in the tag itself
             start, size = (place + 4, small) if small else (place + 8, size)
             if start + size > len(content):
                 raise ValueError("an array is cut off")
@@ -139,7 +141,7 @@ class _Version5:
         of_class = flags & 0xFF
         if of_class == FUNCTION:
             raise object_of_matlab(name, "a function")
-        if of_class in (OBJECT, OPAQUE):  # the class follows the size and the name
+        if of_class in (OBJECT, OPAQUE):  # the class of an object follows its size and name
             raise object_of_matlab(name, [_letters(part) for part in islice(parts, 3)][2])
         if of_class == SPARSE:
             raise _sparse(name)
@@ -154,7 +156,7 @@ class _Version5:
             encoding = {1: "utf-8", 2: f"utf-16-{end}"}.get(width, f"utf-32-{end}")
             text = bytes(letters).decode(encoding, "replace")
             return Member("text", values=lambda _: np.array([text]))
-        # complex numbers are always refused
+        # complex numbers are read as such, but are always refused later
         stored = np.complex128 if flags & COMPLEX else np.float64
         array = self.numbers(next(parts)).reshape(shape, order="F").astype(stored)
         return array_of(array.__getitem__, shape)
@@ -214,7 +216,7 @@ def _version_4(path: Path) -> Iterator[tuple[str, Any]]:
 
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "The default value for `spmatrix`", DeprecationWarning)
-        # of two variables with one name, it returns the last
+        # SciPy returns the last of several variables with the same name
         warnings.filterwarnings("ignore", "Duplicate variable name")
         variables = loadmat(str(path), appendmat=False)
         names = whosmat(str(path), appendmat=False)

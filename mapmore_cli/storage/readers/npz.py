@@ -33,7 +33,9 @@ def opened_npz(path: Path, label: str, _request: TableRequest | None) -> Iterato
 
 
 def _npz_array(archive: zipfile.ZipFile, part: zipfile.ZipInfo, size: int) -> Member:
-    """Return an array in an archive of `size` bytes, which may state wrong sizes of its parts."""
+    """Return an array in an archive of `size` bytes. The sizes that the archive states may be
+    wrong, so they are checked.
+    """
     name = part.filename.removesuffix(".npy")
     refuse_bombs(f"'{name}'", part.file_size, min(part.compress_size, size))
     with archive.open(part) as stream:

@@ -83,5 +83,5 @@ def _unit_noted(file: ParquetFile, field: Field) -> str:
 
 READER = replace(
     tree_reader("parquet", opened_parquet, (".parquet",), "force", by_index=False),
-    keys=("root",),  # its columns hold no texts
+    keys=("root",),  # Parquet columns that are read hold no texts
 )

@@ -19,7 +19,9 @@ from mapmore_cli.storage.tables.members import Member, as_numbers
 from mapmore_cli.storage.tables.overview import tree_reader
 
 TAG = b"TDSm"
-LEAD_IN = 28  # bytes: tag, flags, version, length of the segment, offset of its data
+# number of bytes at the start of a segment: tag, flags, version, length of the segment, offset of
+# its data
+LEAD_IN = 28
 CUT = Cut(
     "the last segment is incomplete",
     "get it again; `missing: drop` reads the complete samples",
@@ -35,7 +37,8 @@ def opened_tdms(path: Path, label: str, request: TableRequest | None) -> Iterato
     damaged, and if npTDMS is not installed.
     """
     nptdms = optional_library("nptdms", "npTDMS", label)
-    nptdms.log.log_manager.set_level("CRITICAL")  # its messages on stderr are repeated below
+    # messages of npTDMS on stderr are repeated below as errors
+    nptdms.log.log_manager.set_level("CRITICAL")
     with reading(label, "TDMS file"), path.open("rb") as stream:
         cut = CUT if request is not None and _breaks_off(stream) else None
         size = stream.seek(0, os.SEEK_END)
@@ -51,8 +54,8 @@ def opened_tdms(path: Path, label: str, request: TableRequest | None) -> Iterato
                 top = _in_order([(name, _in_order(group)) for name, group in groups.items()])
                 yield replace(top, breaks_off=cut)
             else:
-                # a group `a/b` with a channel `c`, and a group `a` with a channel `b/c`, have the
-                # same full name
+                # Full names can be ambiguous: a channel `c` in a group `a/b`, and a channel `b/c`
+                # in a group `a`.
                 whole = _in_order(
                     [
                         (f"{group}/{name}", channel)
@@ -103,9 +106,10 @@ def _breaks_off(stream: BinaryIO) -> bool:
         stream.seek(position)
         lead_in = stream.read(LEAD_IN)
         if len(lead_in) < LEAD_IN or not lead_in.startswith(TAG):
-            return position > 0  # a file that does not begin as TDMS is another kind of fault
+            return position > 0  # a file that does not begin like a TDMS file has another fault
         order: Literal["big", "little"] = "big" if lead_in[4] >> 6 & 1 else "little"
-        length = int.from_bytes(lead_in[12:20], order)  # 2^64 - 1 if LabVIEW crashed
+        # the length is 2^64 - 1 if LabVIEW crashed while it wrote the segment
+        length = int.from_bytes(lead_in[12:20], order)
         position += LEAD_IN + length
     return position > size
 

@@ -40,9 +40,11 @@ from mapmore_cli.storage.tables.lines import head_of
 from mapmore_cli.storage.tables.rows import Row, table_of_rows
 
 LONGEST = 10
-"""Seconds of processor time that a workbook may take, in addition to one for each megabyte."""
+"""Processor time in seconds that reading a workbook may take, in addition to one second for each
+megabyte.
+"""
 
-TOO_LARGE = 3  # exit code of the process for sheets that span too many cells
+TOO_LARGE = 3  # exit code of the reading process if the sheets span too many cells
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,7 @@ class Percentage(float):
 
 
 IS_RATIO = Noted("1", shown="is shown in per cent: 0.2 stands behind 20 %")
-"""What a workbook says about a column with such numbers."""
+"""Information in a workbook about a column with numbers that are shown in per cent."""
 
 
 @dataclass(frozen=True)
@@ -105,8 +107,8 @@ def read_xlsx(path: Path, request: TableRequest) -> list[RawTable]:
 
 
 def peek_xlsx(path: Path, most: int) -> Iterable[Top]:
-    """Return the first rows of every visible sheet that is not empty, the first sheet first; later
-    sheets must be named in the spec.
+    """Return the first rows of every visible sheet that is not empty, in their order. A spec must
+    name every sheet but the first.
     """
     with reading(path.name, "workbook"):
         sheets = _visible_sheets(_sheets_in(path, path.name, most))
@@ -123,7 +125,9 @@ def peek_xlsx(path: Path, most: int) -> Iterable[Top]:
 
 
 def _ratios_in(sheet: SheetCells) -> tuple[str, ...]:
-    """Return 1 for each column in which a cell is shown in per cent, nothing for the others."""
+    """Return the unit of each column: `1` if a cell in it is shown in per cent, otherwise an empty
+    text. If no cell is, return an empty tuple.
+    """
     columns = zip(*sheet.rows, strict=True)
     shown = [any(isinstance(cell, Percentage) for cell in column) for column in columns]
     return tuple("1" if is_ratio else "" for is_ratio in shown) if any(shown) else ()
@@ -147,8 +151,8 @@ def _decimal_in_texts(rows: Iterable[Sequence[Any]]) -> str | None:
 
 
 def _number_rule(decimal: str | None) -> Callable[[Any], bool]:
-    """Return the rule which cells hold numbers. Texts do if they have a decimal mark; without one
-    they are titles, as `2026`.
+    """Return a function that tells whether a cell holds a number. A text is a number only if
+    numbers in texts have a decimal mark; otherwise a text such as `2026` is a title.
     """
     if decimal is None:
         return lambda cell: not isinstance(cell, str) and holds_number(cell)
@@ -222,9 +226,9 @@ def _visible_sheets(sheets: list[SheetCells]) -> list[SheetCells]:
 def _chosen_sheets(
     sheets: list[SheetCells], request: TableRequest
 ) -> tuple[list[SheetCells], tuple[str, ...]]:
-    """Return the sheets to read, and doubts about the choice.
+    """Return the sheets to read, and warnings about the choice.
 
-    Hidden sheets are read if they are named. If there are several, empty ones are left out.
+    A hidden sheet is read if it is named. If there are several sheets, empty ones are left out.
     """
     visible, label = _visible_sheets(sheets), request.label
     if not visible:

@@ -1,4 +1,4 @@
-"""Define what every reader receives and returns."""
+"""Define the requests that every reader of recordings receives, and the tables that it returns."""
 
 from __future__ import annotations
 
@@ -27,8 +27,7 @@ class TableRequest:
     - `header`: number of header lines, the first of which holds the names (text, sheets).
     - `skip_rows`: lines above the header (text, sheets).
     - `delimiter`: one character, `tab`, or `whitespace`: any run of blanks and tabs (text).
-    - `decimal`, `thousands`: separators in numbers (texts, and cells that
-      hold texts).
+    - `decimal`, `thousands`: separators in numbers (texts, and cells that hold texts).
     - `comment`: beginning of lines that are no records (text).
     - `encoding`: encoding of the characters (text); a UTF-8 byte order mark is skipped.
     - `sheet`: title of the sheet, or a glob of which every match is a recording; None for the first
@@ -39,7 +38,7 @@ class TableRequest:
     - `missing`: texts that mean a missing value, besides the usual ones (text, sheets).
     - `clocks`: columns whose cells may be time stamps; `formats`: formats for `strptime` of some of
       them; `second`: a second in their unit.
-    - `thousands_of`: what stands between thousands in some columns.
+    - `thousands_of`: the mark between thousands in columns with one of their own.
     - `texts`: the columns that hold texts, with the number of each text that was read so far.
     - `table`: which of several tables below each other is read, counted from 1 (text, sheets).
     - `incomplete`: True if incomplete last records count as missing values, False if they are
@@ -78,7 +77,8 @@ class TableRequest:
     def cells(self, column: SourceColumn) -> CellReader:
         """Return the reader of the cells of a column."""
         thousands = self.thousands_of.get(column, self.thousands)
-        # where the decimal point stands between thousands, the other mark is the decimal point
+        # if the decimal point of the table separates thousands in this column, the other mark is
+        # its decimal point
         other = "," if thousands == "." else "."
         return CellReader(
             self.missing,
@@ -98,7 +98,7 @@ class Noted:
     - `unit`: the unit in the file's spelling; empty if there is none.
     - `step`, `start`: seconds between samples, 0 if unknown, and the time of the first sample.
     - `is_scaled`: True if the numbers were scaled as the file says.
-    - `shown`: how the program shows the numbers, if the unit follows from that.
+    - `shown`: how the program that wrote the file shows the numbers, if the unit follows from that.
     - `never_written`: number of values for which the file has space, but which were never written.
     """
 
@@ -114,7 +114,7 @@ class Noted:
 class Cut:
     """Evidence that a file is incomplete at its end.
 
-    - `said`, `remedy`: message and remedy, if that is an error.
+    - `said`, `remedy`: message and remedy if an incomplete file is an error.
     - `done`: what is done about it if missing values are left out.
     - `rows`: number of rows at the end that cannot be trusted.
     """
@@ -132,8 +132,8 @@ class Cut:
 
 @dataclass(frozen=True)
 class OpenEnd:
-    """The cells of the last rows of a text whose last line has no end, and the decimal
-    separator.
+    """The cells of the last rows of a text whose last line has no line end, and the decimal
+    separator of the text.
     """
 
     rows: Sequence[Sequence[str]]
@@ -141,7 +141,7 @@ class OpenEnd:
 
 
 IN_MEMORY = "row from 0"
-"""Kind of place of samples that were passed as arrays, without a file."""
+"""Value of `RawTable.place` for samples that were passed as arrays, without a file."""
 
 
 @dataclass(frozen=True)
@@ -154,9 +154,9 @@ class RawTable:
     of each sample; `place` says what these numbers are: `row` (line of a text file or row of a
     sheet, counted from 1), `index` (of an array, counted from 0) or `IN_MEMORY`. `element`
     identifies a recording within the file, by a number or the title of its sheet; None if the file
-    has only one. `noted` is what the file says about its columns. `breaks_off`, `open_end` and
-    `padding` (a number of characters) are what the reader found at the end of the file; the gate
-    judges them (`tables/gate.py`).
+    has only one. `noted` is the information in the file about its columns. `breaks_off`, `open_end`
+    and `padding` (a number of characters) describe the end of the file; the gate (`tables/gate.py`)
+    decides what follows from them.
     """
 
     columns: Mapping[Any, Array]
@@ -189,12 +189,12 @@ class RawTable:
 
 @dataclass(frozen=True)
 class Top:
-    """The first rows of a file, read in one way: with these `settings` of `data`. `is_number`
-    returns True for cells with numbers.
+    """The first rows of a file, read with certain `settings` of `data`. `is_number` returns True
+    for cells with numbers.
 
-    `addresses` are the names of the columns in a spec, if these are in a tree. `sheet` is the title
-    of the sheet in a workbook. `units` are the units of all columns, if the file gives them outside
-    its rows.
+    `addresses` are the names by which a spec addresses the columns, if the file is a tree of
+    arrays. `sheet` is the title of the sheet in a workbook. `units` are the units of all columns,
+    if the file gives them outside its rows.
     """
 
     rows: Sequence[Sequence[Any]]
@@ -212,17 +212,17 @@ class Reader:
 
     - `name`: value of `data.reader`.
     - `read`: function that reads the wanted columns of a file, with one table for every recording
-      in it. Its result is judged by the gate behind all readers (`tables/gate.py`).
+      in it. The gate (`tables/gate.py`) checks its result.
     - `suffixes`: suffixes of such files, in lower case.
     - `keys`: keys of `data` that it uses, besides those of every reader.
     - `column`: example of the name of a column in a spec.
     - `by_index`: True if columns can also be addressed by their 0-based index.
     - `peek`: function that reads the first rows of a file in every way that may be meant, the most
-      probable first; without it, `read` is called with no columns, which then means all.
+      probable first; without it, `read` is called without columns, which means all columns.
     - `below`: function that returns the tables below each other in a file, for a request without
       columns; empty if there is one table.
-    - `begins`: bytes with which such files begin, whatever their names; empty if these are no
-      evidence.
+    - `begins`: bytes with which such files begin, whatever their names; empty if the format cannot
+      be recognised by them.
     """
 
     name: str
@@ -310,7 +310,7 @@ def reading(label: str, kind: str, damage: Faults = Exception) -> Iterator[None]
             error.message = f"{label}: {error.message}"
         raise
     except damage as error:
-        # SciPy raises an UnboundLocalError for some damaged files
+        # SciPy raises an UnboundLocalError, which is a NameError, for some damaged files
         if isinstance(error, ImportError) or type(error) is NameError:
             raise
         if isinstance(error, OSError) and error.errno is not None:
@@ -326,14 +326,14 @@ def reading(label: str, kind: str, damage: Faults = Exception) -> Iterator[None]
 
 
 BOMB_SIZE, BOMB_RATIO = 100_000_000, 200
-"""Number of unpacked bytes from which on the compression ratio is checked, and the largest ratio:
-logs shrink to a tenth, at most to a fiftieth.
+"""Unpacked size in bytes above which the compression ratio is checked, and the largest ratio that
+is allowed. Logs shrink to a tenth, or to a fiftieth at most.
 """
 
 
 def refuse_bombs(where: str, unpacked: float, packed: int, size: int | None = None) -> None:
-    """Raise DataError for data that unpack (or claim to unpack) to far more than a compressed log
-    would, and to more than `size` bytes, by default `BOMB_SIZE`.
+    """Raise DataError for data that unpack, or claim to unpack, to more than `size` bytes
+    (`BOMB_SIZE` by default) and to far more than a compressed log would.
     """
     if unpacked > max(BOMB_SIZE if size is None else size, BOMB_RATIO * packed):
         sizes = f"from {packed / 1e6:.2g} MB to {unpacked / 1e6:.0f} MB or more"

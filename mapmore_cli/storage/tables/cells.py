@@ -38,7 +38,8 @@ DATES = (
 )
 
 _TIME = (
-    r"(?!(?!0?[1-9]:|1[0-2]:).*m)(?P<h>\d+):(?P<m>[0-5]?\d)"  # no hour above 12 with AM and PM
+    # a time with AM or PM has no hour above 12
+    r"(?!(?!0?[1-9]:|1[0-2]:).*m)(?P<h>\d+):(?P<m>[0-5]?\d)"
     r"(?::(?P<s>[0-5]?\d)(?:(?:[.,]|:(?=\d{3}\b))(?P<f>\d+))?)?(?: *(?P<half>[ap])\.?m\.?)?"
 )
 _DATED = (
@@ -86,14 +87,14 @@ _KINDS = (
         "take the unit off, and name it in `columns`, as `unit: kPa`",
     ),
 )
-"""Cells that are no words for missing values, with the reason, and a remedy unless they are time
-stamps.
+"""Patterns of cells that are neither numbers nor words for missing values, each with the reason and
+a remedy.
 """
 
 
 @dataclass(frozen=True)
 class Lacking:
-    """A cell without a number although one is expected: the reason (`said`) and the remedy. It is
+    """A cell that should hold a number but does not, with the reason (`said`) and the remedy. It is
     shown as `text`, which is empty for an empty cell.
     """
 
@@ -106,8 +107,8 @@ class Lacking:
 
 
 class NotANumber(DataError):
-    """A cell is neither a number nor a word for a missing value; `known` is True if it is no word
-    at all.
+    """A cell is neither a number nor a word for a missing value; `known` is True for a cell whose
+    kind is known, for example a formula that failed.
     """
 
     def __init__(self, cell: str, said: str, remedy: str, known: bool = True) -> None:
@@ -123,7 +124,7 @@ class NotANumber(DataError):
 def number_of(cell: object, decimal: str = ".", thousands: str | None = None) -> float | None:
     """Return the number in a cell, NaN if it is empty; None for anything else.
 
-    Infinity and `nan` are read as such: the spec decides what happens to them.
+    Infinity and `nan` are returned as they are; the spec says what happens to such values.
     """
     if isinstance(cell, str):
         cell = cell.strip()
@@ -136,7 +137,7 @@ def number_of(cell: object, decimal: str = ".", thousands: str | None = None) ->
             cell = cell.replace(".", "x").replace(decimal, ".")
         if not cell:
             return math.nan
-        # Python would read 1_5 as 15, and digits of every script
+        # Python would accept 1_5 as 15, and the digits of every script
         if "_" in cell or not cell.isascii():
             return None
     elif isinstance(cell, bool) or not isinstance(cell, Real | Decimal):
@@ -178,8 +179,8 @@ class CellReader:
 
     @property
     def reads_more_than_numbers(self) -> bool:
-        """Return whether its cells are texts, or stamps that are no numbers, or have a decimal
-        point of their own.
+        """Return True if cells of the column can be something other than plain numbers: texts, time
+        stamps, or numbers with another decimal mark than the table.
         """
         is_stamped = self.clock and bool(self.format or self.form not in ("", NUMBER))
         return self.texts is not None or is_stamped
@@ -214,7 +215,7 @@ class CellReader:
                 text, f"is not a number{kind and f': {kind}'}", remedy or stamps, bool(kind)
             )
         form, seconds = stamp
-        # after an hour of minutes, the hours appear
+        # a clock that shows minutes begins to show hours after the first hour
         if not self.form or (self.form, form) == (MINUTES, CLOCK):
             self.form = form
         if form != self.form:
@@ -245,10 +246,11 @@ def stamp_of(text: str) -> tuple[str, float] | None:
 
     Dates have the form of ISO 8601, `2026/03/01` or `01.03.2026`, optionally followed by a time.
     Without a time zone they count as UTC, because only differences matter. A stamp that is read
-    differently in different countries, such as `3/1/2026` or `12:30`, gives None.
+    differently in different countries, such as `3/1/2026` or `12:30`, returns None.
     """
     with suppress(ValueError):
-        if text[4:5] == "-" and ":" in text:  # ISO 8601, parsed in the faster way
+        # a stamp in the form of ISO 8601 is parsed in a faster way
+        if text[4:5] == "-" and ":" in text:
             stamp = datetime.fromisoformat(text)
             zone = " with a zone" if stamp.utcoffset() else ""
             return f"{ISO}{zone}", stamp.replace(tzinfo=stamp.tzinfo or UTC).timestamp()

@@ -22,7 +22,8 @@ from mapmore_cli.storage.tables import (
 )
 from mapmore_cli.storage.tables.cells import shortened
 
-# if at least this many rows have equally many digits, a row with fewer digits is suspicious
+# smallest number of rows with the same number of digits for which a last row with fewer digits is
+# suspicious
 FEWEST_ROWS = 10
 
 DAMAGE = (OSError, EOFError, ValueError)
@@ -32,8 +33,8 @@ on.
 
 
 def gated(reader: Reader) -> Reader:
-    """Return the reader with the gate behind it, and with a function that returns the first
-    rows.
+    """Return the reader with a `read` whose results the gate has checked, and with a function that
+    returns the first rows.
     """
     read = partial(_judged_tables, reader.read, f"file for the reader `{reader.name}`")
     return replace(reader, read=read, peek=reader.peek or partial(_first_rows, read))
@@ -54,7 +55,7 @@ def _judged_tables(
 def _first_rows(
     read: Callable[[Path, TableRequest], list[RawTable]], path: Path, most: int
 ) -> Iterable[Top]:
-    """Return the first rows of all columns, which a request without columns asks for."""
+    """Return the first rows of all columns, by calling `read` with a request without columns."""
     for table in read(path, TableRequest(path.name, ())):
         rows = zip(*(values[:most].tolist() for values in table.columns.values()), strict=True)
         return [Top([list(table.columns), *rows], lambda cell: isinstance(cell, float))]
@@ -62,7 +63,7 @@ def _first_rows(
 
 
 def _with_padding_told(table: RawTable) -> RawTable:
-    """Return the table with a doubt about the padding after the text of its file."""
+    """Return the table with a warning if there is padding after the text of its file."""
     if not table.padding:
         return table
     what = (

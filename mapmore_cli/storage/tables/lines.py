@@ -27,13 +27,14 @@ LONGEST = 10_000_000
 """Largest number of characters in a line; a file of megabytes without a line end is no table."""
 
 PACKED_TEXT = 4_000_000
-"""Bytes of a compressed text from which on its compression ratio is checked. If its lines are
-damaged, they are read one by one, which takes seconds per megabyte on a slow machine.
+"""Unpacked size of a compressed text, in bytes, above which its compression ratio is checked. The
+limit is low because damaged lines are read one by one, which takes seconds per megabyte on a slow
+machine.
 """
 
 CHUNK = 1 << 20
-"""Bytes that are read at a time. If any of them is irregular, all of them are read record by
-record.
+"""Bytes that are read at a time. If one line among them is irregular, all of them are read record
+by record.
 """
 
 LAST_LINES = 50
@@ -56,7 +57,7 @@ _UNPACKED: dict[bytes, Callable[[Any], Any]] = {
     b"BZh": bz2.open,
     b"\xfd7zXZ": lzma.open,
 }
-"""Beginning of compressed files, and the function that unpacks them."""
+"""Functions that unpack compressed files, by the bytes with which such files begin."""
 
 
 def name_of_packed(name: str) -> str:
@@ -116,8 +117,8 @@ def as_text(binary: IO[bytes]) -> TextIO:
 
 class Lines(Iterator[str]):
     """The lines of a text with their ends, one by one or many at a time; a byte order mark is
-    skipped. `taken` and `rows` count the UTF-8 bytes and the lines so far. `padding` counts the
-    characters of `PADDING` at the end, which are no part of the text.
+    skipped. `taken` and `rows` are the numbers of UTF-8 bytes and of lines that were consumed so
+    far. `padding` counts the characters of `PADDING` at the end, which are no part of the text.
 
     Raises DataError for a line that is too long for a table, and for text that is hundreds of times
     larger than its file, whose size is `packed`.
@@ -130,9 +131,10 @@ class Lines(Iterator[str]):
         self._plain = codecs.lookup(encoding).name == "utf-8"
         self._decoder = codecs.getincrementaldecoder(encoding)(errors)
         self._held, self._at, self._ended, self._size = b"", 0, False, 0
-        self._tail = b""  # padding, if no text follows
+        self._tail = b""  # this is padding, if no text follows it
         self.taken = self.rows = self.padding = 0
-        self.endless = False  # a device may be endless, and consist of padding only
+        # reading stops here, because a device may be endless and consist of padding only
+        self.endless = False
 
     def __next__(self) -> str:
         line = self._line()
@@ -150,7 +152,7 @@ class Lines(Iterator[str]):
         line = self._line()
         while not self._ended and len(self._held) - self._at < CHUNK:
             self._more()
-        # a CR at the end of the buffer may be half of a line end
+        # a CR at the end of the buffer may be the first half of a line end
         ends = (self._held.rfind(b"\n", self._at), self._held.rfind(b"\r", self._at, -1))
         end = len(self._held) if self._ended else max(1 + max(ends), self._at + len(line))
         return self._held[self._at : end]
@@ -185,7 +187,7 @@ class Lines(Iterator[str]):
             data = text.encode("utf-8", TEXT_ERRORS)
         self._held, self._at = rest + self._without_tail(data), 0
         if self._ended and self._held[-1:] not in (b"", b"\n", b"\r") and LINE.match(self._tail):
-            # a NUL before the end of a line is a damaged cell, and fills nothing
+            # a NUL before the end of a line belongs to a damaged cell, and is no padding
             self._held, self._tail, self.padding = self._held + self._tail, b"", 0
         self._size += len(data)
         if self._packed is not None:
@@ -206,7 +208,8 @@ class Lines(Iterator[str]):
             begin = 0
         tail = data[begin:]
         self.padding += sum(tail.count(PADDING[i : i + 1]) for i in range(len(PADDING)))
-        self._tail = (self._tail + tail)[: LONGEST + 1]  # a longer one is no line of a table
+        # padding that is longer than any line of a table need not be kept
+        self._tail = (self._tail + tail)[: LONGEST + 1]
         return data[:begin]
 
 
@@ -230,11 +233,12 @@ def encoding_of(head: bytes) -> str:
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
     for name, halves in (("utf-16-le", head[1::2]), ("utf-16-be", head[::2])):
-        if halves.count(0) > 0.35 * len(head):  # the upper bytes of plain letters
+        # the upper bytes of plain letters in UTF-16 are zero
+        if halves.count(0) > 0.35 * len(head):
             return name
     for name in ("utf-8", "cp1252"):
         with suppress(UnicodeDecodeError):
-            # the last character may be incomplete
+            # the last character of `head` may be incomplete
             codecs.getincrementaldecoder(name)().decode(head)
             return name
     return "latin-1"
@@ -280,8 +284,8 @@ def _left_open(label: str, row: int) -> DataError:
 
 
 def _holds_record(cell: str, delimiter: str) -> bool:
-    """Return True if a later line of a cell looks like a line of the table: delimited, with a
-    number.
+    """Return True if a line after the first in a cell looks like a record of the table: it contains
+    a delimiter and a number.
     """
     return any(
         delimiter in line and any(holds_number(part.strip(' "')) for part in line.split(delimiter))
@@ -299,13 +303,14 @@ def replaced(path: Path) -> Iterator[TextIO]:
     """
     try:
         with written(path) as raw:
-            # the gzip header has no name and no time, so that the same table gives the same bytes
+            # the gzip header gets no name and no time, so that the same table gives the same bytes
             zipped = path.suffix == ".gz"
             binary = gzip.GzipFile("", "wb", fileobj=raw, mtime=0) if zipped else raw
             text = io.TextIOWrapper(binary, "utf-8", TEXT_ERRORS, newline="")
             yield text
             text.flush()
-            # closing a gzip stream writes its end, and leaves `raw` open
+            # closing a gzip stream writes its end and leaves `raw` open; other streams are only
+            # detached
             text.close() if zipped else text.detach()
     except BrokenPipeError:
         raise

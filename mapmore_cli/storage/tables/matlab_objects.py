@@ -1,5 +1,5 @@
-"""Objects of MATLAB, as tables and time series: their parts are known to MATLAB alone, so that each
-is refused with the commands that save its numbers as plain arrays.
+"""Refuse objects of MATLAB, for example tables and time series. Only MATLAB can read their
+contents, so the message gives the commands that save their numbers as plain arrays.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ REMEDIES: Mapping[str, str] = {
     "containers.Map": "S = cell2struct(values({name}), keys({name}), 2); " + _SAVED,
     "function_handle": "y = {name}(t); save('log.mat', 't', 'y')",
 }
-"""The commands of MATLAB that save the numbers of an object, by its class."""
+"""Commands of MATLAB that save the numbers of an object, by the class of the object."""
 
 _ALIKE = {"a function": "function_handle", "inline": "function_handle"}
 
 
 def object_of_matlab(name: str, of_class: str) -> DataError:
-    """Return the error for a value whose parts MATLAB alone can make out; it names the commands
-    that save its numbers.
+    """Return the error for an object whose contents only MATLAB can read. Its remedy is the
+    commands that save the numbers of the object.
     """
     words = of_class or "a table, datetime, timeseries, string or the like"
-    # the name of an element of a cell array is none of MATLAB's
+    # MATLAB has no name for an element of a cell array
     written = name if re.fullmatch(r"[A-Za-z]\w*(\.[A-Za-z]\w*)*", name) else "x"
     usual = REMEDIES["table"] if not of_class else "S = struct({name}); " + _SAVED
     commands = REMEDIES.get(_ALIKE.get(of_class, of_class), usual).replace("{name}", written)

@@ -167,7 +167,7 @@ def tables(top: Member, request: TableRequest) -> list[RawTable]:
     Raises DataError for an address that leads nowhere, arrays that are not columns of numbers, and
     columns of different lengths.
     """
-    if top.breaks_off is not None:  # this may be the cause of all other faults of the file
+    if top.breaks_off is not None:  # an incomplete file may be the cause of all its other faults
         top.breaks_off.refuse(request.label, request)
     root = request.root or ""
     place = root.removesuffix(EVERY)
@@ -217,7 +217,7 @@ def _steps_to(column: SourceColumn, base: Member) -> tuple[str | Selection, ...]
 
 
 def _has_some(element: Member, request: TableRequest) -> bool:
-    """Return True for an element that may contain a wanted column."""
+    """Return True for an element that may contain one of the requested columns."""
     for column in request.columns:
         step = next(iter(_steps_to(column, element)), None)
         if not isinstance(step, str) or step in element.names:
@@ -228,12 +228,14 @@ def _has_some(element: Member, request: TableRequest) -> bool:
 def _table_of_member(
     base: Member, request: TableRequest, label: str, element: int | None = None
 ) -> RawTable:
-    """Return the columns of a member, cut to the length of the shortest; the gate judges that."""
+    """Return the columns of a member, all cut to the length of the shortest one. The gate reports
+    it if they differed.
+    """
     noted: dict[SourceColumn, Noted] = {}
     columns: dict[SourceColumn, Array] = {}
     for column in request.columns:
         values, noted[column] = _column(base, column, label, request.cells(column))
-        # only one long column is in memory at a time
+        # this way, only one long column is in memory at a time
         columns[column] = by_blocks(np.asarray, values)
     refuse_other_clocks(noted, label)
     lengths = {column: len(values) for column, values in columns.items()}
@@ -277,7 +279,7 @@ def refuse_other_clocks(noted: Mapping[SourceColumn, Noted], label: str) -> None
     timed = [(column, told) for column, told in noted.items() if told.step]
     for column, told in timed[1:]:
         name, first = timed[0]
-        later = round(told.start - first.start, 6)  # the precision of seconds since 1970
+        later = round(told.start - first.start, 6)  # rounded to the precision of seconds since 1970
         if not math.isclose(first.step, told.step, rel_tol=1e-6):
             what = (
                 f"'{name}' was sampled every {first.step:.6g} s, '{column}' every {told.step:.6g} s"
@@ -341,7 +343,7 @@ def as_numbers(values: object, what: str, read: CellReader | None = None) -> Arr
     kind = array.dtype.kind
     if kind in "USO":
         numbers = np.empty(array.size)
-        known = dict[Any, float]()  # small files may hold the same text millions of times
+        known = dict[Any, float]()  # a small file may contain the same text millions of times
         for index, cell in enumerate(array.flat):
             if cell not in known:
                 try:
@@ -395,7 +397,7 @@ def _step_into(here: Member, step: str | Selection, address: str, label: str) ->
 
 
 def _further(here: Member, wanted: str = "") -> str:
-    """Return how an address can continue."""
+    """Return a text that says how an address can continue at a member."""
     if here.names:
         return known_names(wanted, here.names, f"{here.kind.capitalize()} has")
     if here.count is not None:

@@ -20,8 +20,8 @@ from mapmore_cli.storage.tables import Noted, RawTable, Reader, TableRequest, To
 from mapmore_cli.storage.tables.cells import CellReader
 from mapmore_cli.storage.tables.members import EVERY, Member, as_numbers, tables
 
-MOST_MEMBERS = 500  # members of a file that are visited
-WIDEST = 64  # columns of a matrix that counts as a table
+MOST_MEMBERS = 500  # largest number of members of a file that are visited
+WIDEST = 64  # largest number of columns of a matrix that counts as a table
 RATES = ("fs", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "framerate")
 STEPS = ("dt", "ts", "h", "sampletime", "samplingtime", "timestep")
 
@@ -54,9 +54,7 @@ def tree_reader(
 
 
 class Place(NamedTuple):
-    """A member of a tree: its address, its name, the address of its group, and the member
-    itself.
-    """
+    """A member of a tree with its address, its name and the address of its group."""
 
     address: str
     name: str
@@ -84,8 +82,8 @@ class Column:
 
 
 def first_rows(top: Member, most: int, separator: str = "/") -> Top:
-    """Return the first rows of the log in a tree of arrays: of the group with the longest columns,
-    at least two.
+    """Return the first rows of the log in a tree of arrays. The log is the group with the longest
+    columns, of which there must be at least two.
 
     Groups with the same members, and elements of an array, are recordings (`root` ends with `[*]`),
     of which the first is shown; members with other names may stand beside them. A number named `fs`
@@ -101,7 +99,7 @@ def first_rows(top: Member, most: int, separator: str = "/") -> Top:
         (None, [], []),
     )
     for name in () if log else top.names:
-        top.named(name)  # raises an error for an object that only its own program can read
+        top.named(name)  # this raises an error for an object that only its own program can read
     steps = (column.noted.step for column in log)
     step = next(filter(None, steps), None) or _sample_time(columns)
     titles = [column.title or column.address for column in log]
@@ -117,8 +115,8 @@ def first_rows(top: Member, most: int, separator: str = "/") -> Top:
 
 
 def _places(top: Member, separator: str) -> list[Place]:
-    """Return the members of a tree level by level, up to a largest number, because links may lead
-    in circles.
+    """Return the members of a tree level by level, at most `MOST_MEMBERS` of them, because links
+    may form circles.
     """
     places = [Place("", "", "", top)]
     for address, _, _, here in places:  # the list grows during the loop
@@ -134,8 +132,8 @@ def _places(top: Member, separator: str) -> list[Place]:
 
 
 def _title_of(here: Member, name: str, variable: str) -> str:
-    """Return the name of a member. Values that Simulink logs get their label, or else the name of
-    the block or the variable that contains them.
+    """Return the name of a member. The values of a signal that Simulink logged get the label of the
+    signal, or otherwise the name of its block or variable.
     """
     if name != "values" or "dimensions" not in here.names:
         return name
@@ -162,7 +160,9 @@ def _readable(here: Member, name: str | int) -> Member | None:
 def _ways_to_read(
     places: Sequence[Place], separator: str, most: int
 ) -> Iterator[tuple[str | None, list[Column]]]:
-    """Yield `root` and the columns below it: first as recordings, then as a whole file."""
+    """Yield the ways to read a file, each as the value of `root` and the columns below it: first
+    with several recordings in the file, then with one.
+    """
     for place in places:
         with suppress(DataError):
             if (first := _first_recording(place.member)) is not None:
@@ -194,8 +194,9 @@ def _first_recording(here: Member) -> Member | None:
 
 
 def _log(columns: Sequence[Column]) -> list[Column]:
-    """Return the longest columns of equal length that lie together, and columns of this length in
-    the groups around them; if none lie together, columns of equal length anywhere.
+    """Return the columns that belong to one log: the longest columns of equal length in one group,
+    and columns of this length in the groups that contain it. If no group has several such columns,
+    return columns of equal length from anywhere.
     """
     for together in (True, False):
         logs = Counter((one.length, one.group if together else "") for one in columns)

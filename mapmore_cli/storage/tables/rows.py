@@ -77,7 +77,7 @@ def table_of_records(
 def wanted_of(
     places: Mapping[SourceColumn, int], names: Sequence[str] | None, request: TableRequest
 ) -> list[Wanted]:
-    """Return how the columns with these indices are read, with their `names` if they have some."""
+    """Return the title, index and cell reader of the columns with the indices in `places`."""
     return [
         (column if names is None else names[place], place, request.cells(column))
         for column, place in places.items()
@@ -92,7 +92,7 @@ def values_of_rows(
 ) -> tuple[IntArray, Array]:
     """Return the numbers of the rows, (n,), and the values of the `wanted` columns, (k, n).
 
-    Raises NotANumber, with row and column, and the `hint` for the row.
+    Raises NotANumber with row and column, and with the remedy that `hint` returns for the row.
     """
     numbers: list[int] = []
     values: list[float] = []

@@ -12,15 +12,17 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.storage.tables.cells import MISSING, NotANumber, number_of
 
 TINY = 0.1
-"""Fraction of the largest whole number below which numbers with decimals are conspicuous."""
+"""Numbers with decimals are suspicious if they are below this fraction of the largest
+whole number.
+"""
 
 ENOUGH = 100
-"""Count of numbers such as 23.000, without a whole number before them, from which on zeros at the
-end count as kept.
+"""If this many numbers such as 23.000 come before the first whole number, the program that wrote
+the file keeps zeros at the end.
 """
 
 BLOCK = 10_000
-"""Numbers of a column that are checked together."""
+"""Count of numbers of a column that are checked at a time."""
 
 
 def may_be_grouped(values: Array) -> bool:

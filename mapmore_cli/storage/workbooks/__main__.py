@@ -57,7 +57,7 @@ def sheets_of(path: Path, most: int) -> list[Sheet]:
                 merged = [(*first, *last, "") for first, last in sheet.merged_cell_ranges or []]
                 every = _facts(path, one.name)
                 facts = [fact for fact in every if fact[-1] != HIDDEN]
-                # calamine leaves out rows at the beginning in which nothing has a value
+                # calamine leaves out empty rows at the beginning
                 end = max((top + 1 for top, *_ in facts if not most or top < most), default=0)
                 if end * width <= room:
                     cells += [[""] * len(cells[0]) for _ in range(end - len(cells) if cells else 0)]
@@ -76,7 +76,7 @@ def _facts(path: Path, title: str) -> list[Fact]:
 
 
 def _hidden(facts: Iterable[Fact], cells: list[list[Any]]) -> tuple[list[int], list[int]]:
-    """Return the hidden rows and columns of these cells."""
+    """Return the indices of the hidden rows and columns among the cells."""
     height, width = len(cells), max(map(len, cells), default=0)
     rows, columns = set[int](), set[int]()
     for top, first, bottom, last, said in facts:
@@ -90,7 +90,8 @@ def _hidden(facts: Iterable[Fact], cells: list[list[Any]]) -> tuple[list[int], l
 def _mark(cells: list[list[Any]], facts: Iterable[Fact]) -> None:
     """Write the facts about cells, besides their values, into the cells."""
     width = max(map(len, cells), default=0)
-    left = 4 * width * len(cells)  # ranges that overlap many times are nonsense
+    # the total is limited, because ranges of cells that overlap many times are nonsense
+    left = 4 * width * len(cells)
     for top, first, bottom, last, said in facts:
         rows, columns = range(top, min(bottom + 1, len(cells))), range(first, min(last + 1, width))
         for row, column in islice(product(rows, columns), max(left, 0)):
@@ -118,7 +119,7 @@ def _plain(cell: object) -> object:
 
 
 if __name__ == "__main__":
-    # does not exist on Windows, and there may be a lower limit
+    # the module does not exist on Windows, and the system may already have a lower limit
     with suppress(ImportError, ValueError):
         import resource
 
@@ -129,5 +130,6 @@ if __name__ == "__main__":
         json.dump(sheets, sys.stdout, default=lambda cell: {"stamp": str(cell)})
     except SystemExit:
         raise
-    except BaseException as fault:  # compiled code that gives up raises no Exception
+    # compiled code that fails may raise an error that is no Exception
+    except BaseException as fault:
         sys.exit(str(fault) or type(fault).__name__)

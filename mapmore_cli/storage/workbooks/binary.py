@@ -25,7 +25,7 @@ BEGINS = b"\xd0\xcf\x11\xe0"
 BEGIN, END, SHEET, BOOL_OR_ERROR, FORMULA = 0x809, 0x0A, 0x85, 0x205, (0x06, 0x206, 0x406)
 ROW, COLUMNS, STYLE, FORMAT = 0x208, 0x7D, 0xE0, 0x41E
 NUMBERS, ROW_OF_NUMBERS = (0x203, 0x27E, *FORMULA), 0xBD
-IN_STREAM = 0xFFFFFFF0  # larger sector numbers have a special meaning
+IN_STREAM = 0xFFFFFFF0  # smallest sector number with a special meaning
 
 
 def facts_of(content: bytes, title: str) -> list[Fact]:

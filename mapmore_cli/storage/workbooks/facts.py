@@ -56,8 +56,8 @@ def never_computed(empty: Iterable[tuple[int, int]], computed: bool) -> Iterator
     """Yield the formulas that were never computed, among those with an `empty` text as value, given
     by row and column.
 
-    A formula may also return an empty text. It is taken for such a formula if any other formula of
-    the sheet has been `computed`.
+    A formula whose value is an empty text may also have been computed. This is assumed if another
+    formula of the sheet has been `computed`.
     """
     if not computed:
         yield from ((row, column, row, column, NEVER_COMPUTED) for row, column in empty)

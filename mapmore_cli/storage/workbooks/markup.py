@@ -29,7 +29,9 @@ OF_ODS = re.compile(
     rb"formula=|value-type=\"(?:error|percentage)|spanned=|>Err:|>#|"
     rb"visibility=\"(?:collapse|filter)"
 )
-"""Text that occurs in sheets with facts; the others, which are most, are not parsed."""
+"""Pattern of text that occurs in sheets with such facts. All other sheets, which are the majority,
+need not be parsed.
+"""
 
 ERROR = re.compile(r"#\w[\w/]*[!?]?|Err:\d+")
 
@@ -98,7 +100,7 @@ def _facts_of_xlsx(content: bytes, percent: Collection[str]) -> Iterator[Fact]:
             yield hidden_columns(int(node.get("min", "1")) - 1, int(node.get("max", "1")) - 1)
         elif tag == "c" and (place := re.fullmatch(r"([A-Z]+)(\d+)", node.get("r", ""))):
             kind, value = node.get("t"), node.findtext(f"{space}}}v")
-            # the value of a formula may be an empty text
+            # the value of a formula may also be an empty text
             is_open = not value and node.find(f"{space}}}f") is not None
             column, row_of_cell = number_of_letters(place[1]), int(place[2]) - 1
             if node.get("s") in percent:
@@ -154,5 +156,7 @@ def _facts_of_cell(cell: ElementTree.Element) -> Iterator[str]:
 
 
 def _said(node: ElementTree.Element, name: str) -> str:
-    """Return an attribute in any namespace; empty if it does not exist."""
+    """Return the value of an attribute, whatever its namespace; empty if the attribute does not
+    exist.
+    """
     return next((value for key, value in node.items() if key.endswith(f"}}{name}")), "")

@@ -1,6 +1,6 @@
 """Extract facts about cells, besides their values, from binary workbooks in an archive (.xlsb).
 
-Records follow each other, each preceded by its kind and its length, with seven bits per byte
+Each record is preceded by its kind and its length, which are encoded with seven bits per byte
 ([MS-XLSB], 2.1.4).
 """
 
@@ -23,7 +23,7 @@ from mapmore_cli.storage.workbooks.facts import (
 from mapmore_cli.storage.workbooks.markup import part_of_sheet
 
 BOOK, STYLES = "xl/workbook.bin", "xl/styles.bin"
-CELLS = range(1, 12)  # kinds of records that are cells, each beginning with column and style
+CELLS = range(1, 12)  # kinds of the records that are cells; each begins with column and style
 COLUMNS, FORMAT, STYLES_OF_CELLS, END_OF_STYLES, STYLE = 60, 44, 617, 618, 47
 ROW, ERROR_CELL, SHEET, MERGED = 0, 3, 156, 176
 FORMULA_TEXT, FORMULA_NUMBER, FORMULA_FLAG, FORMULA_ERROR = 8, 9, 10, 11
@@ -86,7 +86,9 @@ def _records(content: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def _length(content: bytes, place: int) -> tuple[int, int]:
-    """Return the length at a position, and the position after it."""
+    """Return the length of a record that is encoded at a position, and the position after the
+    length.
+    """
     length = 0
     for number in range(4):
         part = content[place + number]
@@ -97,7 +99,9 @@ def _length(content: bytes, place: int) -> tuple[int, int]:
 
 
 def _key_of_sheet(book: bytes, title: str) -> str:
-    """Return the key of the sheet with a title. Raises ValueError if there is none."""
+    """Return the key by which a workbook links the sheet with a title. Raises ValueError if there
+    is no such sheet.
+    """
     for kind, record in _records(book):
         if kind == SHEET:
             key, place = _text(record, 8)

@@ -330,12 +330,12 @@ class MissingRule(Section):
 
     @property
     def texts(self) -> frozenset[str]:
-        """The tokens that are texts, without spaces around them."""
+        """The texts among `tokens`, without spaces around them."""
         return frozenset(token.strip() for token in self.tokens if isinstance(token, str))
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """The tokens that are numbers, for example -999."""
+        """The numbers among `tokens`, for example -999."""
         return tuple(token for token in self.tokens if not isinstance(token, str))
 
 

@@ -38,8 +38,8 @@ class OperatorFamily(Section):
 
 
 def _forms() -> Iterator[tuple[str, type[OperatorFamily]]]:
-    """Yield the key of each operator's family and its class. Families with the same keys share a
-    class.
+    """Yield, for each family of operators, its key in a dictionary and the class of its settings.
+    Families whose settings have the same keys share a class.
     """
     shapes: dict[tuple[Any, ...], list[str]] = {}
     for key, (operator, *_) in families().items():
@@ -78,7 +78,9 @@ def _about_numbers(operator: Operator, shape: tuple[Any, ...]) -> Iterator[str]:
 
 
 def _number_fields(operator: Operator) -> dict[str, Any]:
-    """Return the fields for the parameter values of an operator with one parameter."""
+    """Return the fields of a section by which a spec gives the values of an operator's only
+    parameter.
+    """
     (one,) = operator.parameters
     bounds = Field(gt=one.above) if one.below == float("inf") else Field(gt=one.above, lt=one.below)
     unit_of = always_in(one.unit)
@@ -159,7 +161,7 @@ class AlongRange(Section):
 
     @property
     def functions(self) -> list[str]:
-        """The functions as texts, in which `{...}` waits for the training range."""
+        """The functions as texts. A text in braces is replaced when the training range is known."""
         raise NotImplementedError
 
 
@@ -379,8 +381,8 @@ def entries_of(
 
 
 def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
-    """Yield every text of a family that names quantities, with its place: True for an expression,
-    False for the name of a state.
+    """Yield every text of a family that names quantities, with its place before it, and after it
+    True for an expression or False for the name of a state.
 
     `loc` is the place of the family. Families inside it are left out.
     """

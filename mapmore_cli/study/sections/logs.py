@@ -82,7 +82,8 @@ def _is_encoding(name: str) -> bool:
     """Return True if Python knows an encoding by this name."""
     try:
         return bool("a".encode(name))
-    except (LookupError, ValueError):  # ValueError: a zero byte in the name
+    # `codecs.lookup` raises ValueError for a zero byte in the name
+    except (LookupError, ValueError):
         return False
 
 
@@ -106,8 +107,8 @@ TableNumber = Annotated[int, Field(ge=1, le=10_000)]
 
 
 def fault_of_format(text: str, in_parts: bool = False) -> tuple[str, str] | None:
-    """Return what is wrong with a format of time stamps, and the remedy: `strptime` cannot read it,
-    or it is ambiguous. None if it is right.
+    """Return a description of the fault in a format of time stamps, and the remedy. A format is
+    faulty if `strptime` cannot read it, or if it is ambiguous. Return None if there is no fault.
     """
     remedy = f"write it, for example, as {FORMAT}"
     if in_parts:
@@ -116,7 +117,8 @@ def fault_of_format(text: str, in_parts: bool = False) -> tuple[str, str] | None
             "`%Y-%m-%d`"
         )
     try:
-        with catch_warnings(action="ignore"):  # `strptime` warns about days without a year
+        # `strptime` warns about a day without a year, which is no fault here
+        with catch_warnings(action="ignore"):
             datetime.strptime(datetime(2026, 3, 1).strftime(text), text)
     except (ValueError, re.error) as fault:
         return f"{text!r} is not a format of time stamps: {fault}", remedy
@@ -177,7 +179,7 @@ class SourceColumn(Section):
 
     @property
     def _formats(self) -> Sequence[str]:
-        """The formats of the columns, one for each."""
+        """Format of each column of the clock, in the order of `places`."""
         if isinstance(self.format, list):
             return self.format
         return self.format.split() if self.format and self.columns else [self.format or ""]
@@ -225,8 +227,8 @@ class SourceColumn(Section):
         ]
 
     def _fault_of(self, text: str) -> tuple[str, str] | None:
-        """Return what is wrong with a format, or with the format of one part, and the remedy; None
-        if it is right.
+        """Return a description of the fault in a format of time stamps, or in the format of one
+        part of a clock, and the remedy; None if there is no fault.
         """
         if self.columns and (text in CODES or can_convert(text, "s")):
             return None

@@ -176,7 +176,7 @@ def refuse_mixed(parts: Sequence[Summand]) -> None:
 _OWN_TYPES = ("mapmore", "literature", "auto")
 if TYPE_CHECKING:
     ModelType = str
-else:  # the types of mapmore, and the kinds of models that plugins add
+else:  # the types of mapmore itself, and the kinds of models that plugins add
     ModelType = Literal[(*_OWN_TYPES, *sorted(plugins.entry_points("kinds")))]
 
 
@@ -196,8 +196,9 @@ class ModelSettings(Settings):
     - `type`: Kind of the model, one of the words above. Example: `literature`
     - `budget`: Computing time of each process of a search. More time tries more structures.
       Example: `5 min`
-    - `prefer`: `short` ends a search with the first list of structures; by default longer ones are
-      tried where a black box errs less by a tenth, as `short`
+    - `prefer`: With `short`, a search ends after the first list of structures. By default, longer
+      structures are tried as well if a black box has an error that is smaller by at least a tenth.
+      Example: `short`
     - `inputs`: Inputs that a search may use; by default all quantities that vary. Example:
       `[pressure, strain]`
     - `backbone`: A formula of the literature; the segment functions explain only what remains after
@@ -271,7 +272,7 @@ _TYPE_OF = {
     **{key.name: one.name for one in kinds.kinds() for key in fields(one.settings)},
     **{"name": "literature", "backbone": "mapmore", "sum": "sum"},
 }
-"""For each key that belongs to one type only, that type."""
+"""the keys of kinds that plugins add come first, the keys that all types share last"""
 
 if TYPE_CHECKING:
     ModelChoice = ModelSettings

@@ -13,9 +13,10 @@ from mapmore_cli.modelling.expressions.operator import (
     Setting,
 )
 
-# velocities from which the search begins, as fractions of the training range
+# velocities at which the search for v begins, as fractions of the training range
 WIDTHS = (0.001, 0.004, 0.016, 0.064, 0.25)
-# smallest and largest of them: almost a jump, and almost a straight line
+# smallest and largest v that the search tries: with the first, the rule is almost a jump, and with
+# the second almost a straight line
 FINEST, COARSEST = 1e-4, 4.0
 
 

@@ -18,7 +18,8 @@ from mapmore_cli.modelling.expressions.operator import (
     linear,
 )
 
-# times the duration of the longest piece: a slower lag looks like a drift at a constant rate
+# largest time constant, as a multiple of the duration of the longest piece: the effect of a slower
+# lag looks like a drift at a constant rate
 BEYOND = 100.0
 
 

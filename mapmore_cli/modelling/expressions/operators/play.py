@@ -9,7 +9,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.expressions.operator import Operator, Parameter, Recursion, Setting
 
-WIDEST = 0.5  # half-width as a fraction of the range beyond which a play never follows its source
+WIDEST = 0.5  # largest half-width, as a fraction of the range of x; a wider play never moves
 
 WIDTHS = Parameter("widths", "1", "0.1", below=1.0, between=lambda _step, _longest: (1e-3, WIDEST))
 # half-widths from which a search begins, as fractions of the range
@@ -39,8 +39,8 @@ def stop_recursion(setting: Setting) -> Recursion:
 
 
 def play(x: Array, width: float) -> Array:
-    """Return play along one piece, shape (n,). A loop over floats is five times as fast as the
-    recursion.
+    """Return the values of `play` along one piece, shape (n,). This loop over floats is five times
+    as fast as the general recursion.
     """
     w, followed = float(x[0]) if len(x) else 0.0, list[float]()
     for now in x.tolist():

@@ -15,12 +15,13 @@ from mapmore_cli.modelling.expressions.operator import (
 
 # largest exponent; beyond it, a state is practically infinite, and the run has diverged
 STEEPEST = 700.0
-MOST = 1e4  # largest rate that training tries: the loop then turns within 1e-4 of the range
+# largest rate that training tries: after a reversal, the state then turns within 1e-4 of the range
+MOST = 1e4
 
 
 def recursion(setting: Setting) -> Recursion:
-    """Return the rule of z with `dz/du = 1 - p |z|` while it moves away from zero and `1 + q |z|`
-    while it moves towards zero; u is x divided by its training range.
+    """Return the rule of z with `dz/du = 1 - p |z|` while z moves away from zero, and `dz/du = 1 +
+    q |z|` while z moves towards zero. The input u is x divided by its training range.
 
     In one step, u changes by d. Let s be the sign of d, a its magnitude, and w = s z. Each branch
     is a first-order lag in a: `w' = w exp(-r a) + (1 - exp(-r a))/r`, with r = q for w < 0 and r =

@@ -4,8 +4,9 @@ from mapmore_cli.modelling.literature.formula import Formula
 from mapmore_cli.modelling.literature.problem import Nonlinear
 
 DECAY = (1e-3, 10.0)
-"""Bounds of a decay rate as a fraction of the largest rate. Below the first, it affects only the
-samples at rest; above the second, it is straight to within a twentieth.
+"""Bounds of a decay rate as a fraction of the largest rate. Below the first, the decay affects only
+the samples at rest; above the second, the decay differs from a straight line by less than a
+twentieth.
 """
 
 

@@ -4,12 +4,12 @@ factor, with a passive spring in parallel.
 H eq 4-5: `F_PAM = P F f_la(l) f_v(v) + F f_lp(l)` with `f_la = 1 + a0 l + a1 l^2 + a2 l^3`, `f_v =
 1 + b0 v` and `f_lp = c0 + c1 l`. The units are those of H's table I: the pressure P in kPa, the
 elongation l in m, the velocity v in m/s, F in N/kPa, c0 in kPa, c1 in kPa/m. The elongation is
-measured from a rest length that each muscle has for itself. The velocity is *positive when the
-muscle shortens*. If b0 is negative, a shortening muscle pulls less, as a damper does.
+measured from the rest length of each muscle. The velocity is *positive when the muscle shortens*.
+If b0 is negative, a shortening muscle pulls less, as a damper does.
 
-With the products with F as parameters, the formula is linear in all parameters except b0. A search
-for b0 alone is therefore enough (variable projection). H searches all seven parameters with the
-simplex method (`method: simplex`).
+If its products with F are taken as parameters, the formula is linear in all of them except b0. A
+search for b0 alone is therefore enough (variable projection). H searches all seven parameters with
+the simplex method (`method: simplex`).
 """
 
 from mapmore_cli.modelling.literature.formula import Formula, LinearForm

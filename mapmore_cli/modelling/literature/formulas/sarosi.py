@@ -6,10 +6,10 @@ from mapmore_cli.modelling.literature.formula import Formula
 from mapmore_cli.modelling.literature.problem import Intervals, Nonlinear
 
 # Every author prints a negative exponent a3, so that the force decays with the strain. A positive
-# exponent may fit the training data better, but the force then dives outside them. The exponent is
-# sought from an almost straight line to a decay within 1/50 of the largest strain. Published fits
-# have a3*max|strain| of about -8 (W). Nearer to zero, the exponential cannot be distinguished from
-# the linear terms, and a1 and a2 grow without bound.
+# exponent may fit the training data better, but outside them the force then falls steeply. The
+# exponent is sought from an almost straight line to a decay within 1/50 of the largest strain.
+# Published fits have a3*max|strain| of about -8 (W). Nearer to zero, the exponential cannot be
+# distinguished from the linear terms, and a1 and a2 grow without bound.
 DECAY = ((-50.0, -1e-3),)
 
 STARTS = {

@@ -30,7 +30,7 @@ from mapmore_cli.modelling.literature.formulas.sarosi import sarosi
 from mapmore_cli.modelling.literature.problem import finite
 
 SHORTEST = 1.0  # strain of a muscle of zero length, at which the search for the free strain ends
-BISECTIONS = 60  # halvings from a strain of one down to rounding
+BISECTIONS = 60  # number of bisections, from a strain of one down to rounding errors
 
 
 class ForceCurve(NamedTuple):
@@ -46,8 +46,8 @@ class ForceCurve(NamedTuple):
         return self.A * np.exp(self.c * strain) + self.B * strain + self.C
 
     def mean(self, start: float, end: Array) -> Array:
-        """Return the mean force from strain `start` to each `end`, shape (n,). If both are equal,
-        it is the force itself.
+        """Return the mean force between the strain `start` and each strain in `end`, shape (n,). If
+        both are equal, it is the force at this strain.
         """
         z = self.c * (end - start)
         ratio = np.where(z == 0.0, 1.0, np.expm1(z) / np.where(z == 0.0, 1.0, z))

@@ -24,8 +24,8 @@ PRESSURES = {
 
 def by_region(local: Formula, regions: Mapping[str, str]) -> Formula:
     """Return a formula with separate parameters in each region, for example `B0_rise` for `B0`, and
-    zero outside all regions. `regions` maps names to expressions that are one inside and zero
-    outside.
+    zero outside all regions. `regions` holds, for each region's name, an expression that is one
+    inside the region and zero outside.
     """
     terms = []
     for region, inside in regions.items():
