@@ -47,33 +47,26 @@ def test_the_runs_of_an_example_have_the_name_of_its_folder(folder, name, tmp_pa
     assert yaml.safe_load(study.read_text())["name"] == name
 
 
-def without(annex, folder):
-    """Return how `mapmore` runs where a copy of the package lacks an annex."""
-    copy = folder / "lacking" / "mapmore_cli"
-    shutil.copytree(PROJECT / "mapmore_cli", copy)  # with what Python has compiled
-    shutil.rmtree(copy / "annexes" / annex)
-    return partial(mapmore, cwd=folder, env={"PYTHONPATH": str(copy.parent)}, timeout=120)
-
-
-@pytest.mark.parametrize("annex", ANNEXES)
-def test_an_annex_can_be_removed(annex, example, tmp_path):
-    folder = tmp_path / "study"
+def test_the_core_runs_without_annexes_and_names_each_that_is_missing(example, tmp_path):
+    folder, copy = tmp_path / "study", tmp_path / "lacking" / "mapmore_cli"
     shutil.copytree(example, folder)
-    run = without(annex, folder)
-    draws = annex in ("motion", "exporting")  # what pages show is theirs in part, or not at all
-    finished = run("run" if draws else "validate", "study.yaml", "-q")
+    shutil.copytree(PROJECT / "mapmore_cli", copy)  # with what Python has compiled
+    for annex in ANNEXES:
+        shutil.rmtree(copy / "annexes" / annex)
+    run = partial(mapmore, cwd=folder, env={"PYTHONPATH": str(copy.parent)}, timeout=120)
+    finished = run("run", "study.yaml", "-q")
     assert finished.returncode == 0, finished.stderr
     assert (folder / "runs" / "example" / "scores.json").is_file()
-    assert (folder / "runs" / "example" / "report" / "index.html").is_file() == draws
-    if annex in COMMANDS:
-        missing = run(*COMMANDS[annex])
+    assert (folder / "runs" / "example" / "report" / "index.html").is_file()
+    offered = run("--help").stdout
+    for command, *arguments in COMMANDS.values():
+        missing = run(command, *arguments)
         assert missing.returncode == 2
-        assert f"`{COMMANDS[annex][0]}` is not installed" in missing.stderr
-        assert COMMANDS[annex][0] in run("--help").stdout
-    else:
-        model, name = KEYS[annex]
-        spec = yaml.safe_load((folder / "study.yaml").read_text())
-        del spec["segment"], spec["dictionary"]
+        assert f"`{command}` is not installed" in missing.stderr
+        assert command in offered
+    spec = yaml.safe_load((folder / "study.yaml").read_text())
+    del spec["segment"], spec["dictionary"]
+    for model, name in KEYS.values():
         (folder / "other.yaml").write_text(
             yaml.safe_dump({**spec, "name": "other", "model": model})
         )

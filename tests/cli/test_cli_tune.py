@@ -5,9 +5,7 @@ import shlex
 import numpy as np
 import pytest
 from cli_samples import (
-    by_place,
     csv_rows,
-    options,
     write_recording,
     write_study,
 )
@@ -58,17 +56,6 @@ def test_the_simplest_that_is_as_good_as_the_best_is_named(tmp_path, tuned):
     assert trials[4, 1]["above_best"] > trials[4, 1]["standard_error"]  # a polynomial has no kink
     assert found["chosen"]["segment.strain.count"] == 2
     assert found["set"] == [f"{key}={value}" for key, value in found["chosen"].items()]
-
-
-def test_a_fold_errs_as_a_run_that_holds_its_level_out(tmp_path, document, tuned):
-    (trial,) = tuned(write_bench(tmp_path), "--over", "fit.max_terms=3")["trials"]
-    tables = [np.loadtxt(tmp_path / f"bench_{p}.csv", delimiter=",", skiprows=1) for p in LEVELS]
-    scale = max(np.abs(table[:, 2]).max() for table in (*tables[:2], *tables[3:]))
-    for level, error in zip((200, 400, 500), trial["folds"], strict=True):
-        settings = options("fit.max_terms=3", f"data.split.validate.pressure=[300, {level}]")
-        rows = by_place(document("validate", tmp_path / "bench.yaml", "-q", *settings))
-        held = rows["mapmore", "validate", f"pressure={level}"]
-        assert error * scale == pytest.approx(held["rmse"], rel=1e-9)
 
 
 def test_tables_figures_and_the_settings_to_use(tmp_path, mapmore):

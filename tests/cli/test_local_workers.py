@@ -64,7 +64,14 @@ def test_a_job_that_fails_is_not_started_again(tmp_path):
 
 
 @pytest.mark.skipif(not PROC.exists(), reason="looks for the workers in /proc")
-@pytest.mark.parametrize(("name", "code"), [("SIGTERM", 143), ("SIGHUP", 129), ("SIGKILL", -9)])
+@pytest.mark.parametrize(
+    ("name", "code"),
+    [
+        ("SIGTERM", 143),
+        pytest.param("SIGHUP", 129, marks=pytest.mark.long),  # the same handler
+        ("SIGKILL", -9),
+    ],
+)
 def test_no_worker_outlives_its_parent(name, code, tmp_path):
     """One worker; two are interrupted in test_cli_exits.py."""
     command = [

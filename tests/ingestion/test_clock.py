@@ -63,18 +63,6 @@ def test_gaps_are_an_error_where_the_spec_says_so_and_a_warning_where_it_says_no
     assert "about 30 samples are missing" in warnings[0]
 
 
-def test_units_of_gaps_do_not_hang_on_the_model(ingest):
-    columns = {**COLUMNS, "time": {"column": "t", "unit": "min"}}
-    for unit in ("s", "ms"):
-        dataset = ingest(
-            {"a.csv": logged(0, 1, 2, 5, 6)},
-            columns=columns,
-            gaps={"longer_than": 61.0, "action": "split"},
-            units={"time": unit},
-        )
-        assert [c.size for c in dataset.curves] == [3, 2]
-
-
 def test_clock_that_is_set_back_splits_where_gaps_do(ingest):
     text = logged(0, 0.1, 0.2, 0.05, 0.15, 1.0, 1.1)
     with refused("a.csv:row 5: time runs backwards, from 0.2 to 0.05", "action: split"):
@@ -363,3 +351,39 @@ def test_a_time_step_that_would_fill_the_memory_is_refused(ingest):
     assert curve.size == 601
     with refused("would make 3e+07 samples from 4", "a longer time step; 0.75 would keep"):
         ingest({"a.csv": text}, resample=1e-7)
+
+
+WITHOUT_TIME = {name: column for name, column in COLUMNS.items() if name != "time"}
+MINUTES = {**COLUMNS, "time": {"column": "t", "unit": "min"}}
+AT_REST = {**COLUMNS, "force": {"column": "F", "unit": "N", "rest": 0.15}}
+WEIGHED = {"time": SECOND["time"], "load": {"column": "p"}}
+SHIFTED = {"shift": 0.25, "max_gap": 0.15}
+TIMES = {
+    "gaps": {"columns": MINUTES, "gaps": {"longer_than": 61.0, "action": "split"}},
+    "resampled": {"resample": 0.05},
+    "sample times": {"columns": WITHOUT_TIME, "sample_time": 0.1, "every": 2},
+    "rest": {"columns": AT_REST},
+    "second log": {
+        "join": [{"files": ["b.txt"], "columns": WEIGHED, **SHIFTED}],
+        "missing": "drop",
+    },
+}
+
+
+@pytest.mark.parametrize("case", TIMES)
+def test_times_of_a_spec_are_seconds_whatever_the_unit_of_the_model(ingest, case):
+    files = {
+        "a.csv": logged(0, 0.1, 0.2, 0.3, 2.4, 2.5),
+        "b.txt": csv_text(ms=[0, 100, 400, 2200], p=[1, 2, 3, 4]),
+    }
+
+    def of(unit):
+        made = ingest(files, **{"files": ["a.csv"], **TIMES[case]}, units={"time": unit})
+        return [dict(curve.columns) for curve in made.curves]
+
+    seconds = of("s")
+    for unit, factor in (("ms", 1e3), ("min", 1 / 60)):
+        for plain, other in zip(seconds, of(unit), strict=True):
+            assert other.pop("time") == pytest.approx(factor * plain["time"], abs=1e-12)
+            for name, values in other.items():
+                np.testing.assert_allclose(values, plain[name], atol=1e-9)

@@ -1,3 +1,4 @@
+import re
 from dataclasses import replace
 
 import matplotlib as mpl
@@ -10,7 +11,7 @@ from report_builder import build, drawn, legend_of, of_pieces
 
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.signals.sampling import envelope
-from mapmore_cli.reporting.figures import panels, style
+from mapmore_cli.reporting.figures import elements, panels, style
 from mapmore_cli.reporting.figures.drawing import drawings
 from mapmore_cli.reporting.figures.fit import curve_fit, held_out_spans
 from mapmore_cli.reporting.figures.segments import draw_segments, segment_curves
@@ -238,6 +239,32 @@ class TestTerms:
 )
 def test_a_long_name_keeps_as_much_of_its_beginning_as_of_its_end(length, short):
     assert panels.shorten("abcdefghij", length) == short
+
+
+def test_lines_of_words_go_down_and_turned_ones_end_at_their_place():
+    def heights(**turned):
+        made = elements.text("a\nb\nc", 3.0, 50.0, 10.0, **turned)
+        return [float(y) for y in re.findall(r'tspan x="3.0" y="([^"]+)"', made)]
+
+    assert heights() == [50.0, 61.5, 73.0]
+    assert heights(turned=True) == [27.0, 38.5, 50.0]
+
+
+def test_a_path_has_a_gap_where_a_number_is_missing():
+    x, y = np.array([0.0, 1.0, np.nan, 3.0, 4.0, 5.0]), np.array([0.0, 1.0, 2.0, 3.0, np.inf, 5.0])
+    assert elements.path(x, y) == "M0.0 0.0L1.0 1.0M3.0 3.0M5.0 5.0"
+
+
+def test_dashes_and_markers_have_the_lengths_of_their_line():
+    x, y = np.array([1.0, np.nan]), np.array([2.0, 3.0])
+    line = elements.line_svg(x, y, {"linestyle": "--", "linewidth": 2.0, "color": "#000000"})
+    assert 'stroke-width="2" stroke-dasharray="7.4 3.2"' in line
+    look = {"markersize": 4.0, "markeredgewidth": 0.5}
+    assert elements.markers(x, y, "o", "#000000", look).count('cx="1.0" cy="2.0" r="2"') == 1
+    squares = elements.markers(x, y, "s", "#000000", look)
+    assert squares.count("<path") == 1
+    assert "translate(1.0 2.0)scale(2)" in squares
+    assert 'stroke-width="0.25"' in squares
 
 
 class TestResiduals:

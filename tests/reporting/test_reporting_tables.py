@@ -7,7 +7,8 @@ import pytest
 from report_builder import score, tables_of
 from scipy.stats import t as student
 
-from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.domain.fits import FormulaFit, Optimum
+from mapmore_cli.domain.models import FoldError
 from mapmore_cli.domain.recording import Dataset, Quantity, Recording
 from mapmore_cli.domain.results import AUTOCORRELATION, PiecesFit, ResidualTest, Validation
 from mapmore_cli.domain.scores import Published, ScoreTable
@@ -17,7 +18,16 @@ from mapmore_cli.reporting.score_tables import (
     short_verdict,
     verdict_sentence,
 )
-from mapmore_cli.reporting.tables import levels_table, recordings_table, same_models, terms_table
+from mapmore_cli.reporting.tables import (
+    folds_table,
+    formulas_table,
+    levels_table,
+    limits_tables,
+    recordings_table,
+    rival_minima,
+    same_models,
+    terms_table,
+)
 
 
 def column(table, heading):
@@ -200,11 +210,39 @@ class TestModel:
             math.sqrt(fit.selection.sse / 50) * abs(fit.scaling.y_slope)
         )
 
+    def test_parameters_have_the_interval_of_student(self, inputs):
+        validation = replace(inputs.validation, formulas={"sarosi": formula_fit("sarosi", 2.0)})
+        (row,) = formulas_table(replace(inputs, validation=validation)).rows
+        reach = student.ppf(0.975, 50 - 1) * 0.1
+        assert row[3:5] == ("a", 1.0)
+        assert row[6:9] == pytest.approx((0.1, 1.0 - reach, 1.0 + reach))
+
+    def test_limits_are_those_of_each_curve(self, inputs):
+        (table,) = limits_tables(inputs.model)
+        inside = [curve.training for curve in inputs.dataset.curves]
+        strains = [curve.columns["strain"][rows] for curve, rows in
+                   zip(inputs.dataset.curves, inside, strict=True) if rows.any()]  # fmt: skip
+        assert column(table, "strain from") == pytest.approx([x.min() for x in strains])
+        assert column(table, "strain to") == pytest.approx([x.max() for x in strains])
+
+
+def formula_fit(name, sse, status="converged", **others):
+    return FormulaFit(name, {"a": 1.0}, {"a": 0.1}, status, "-", 1, 1.0, sse, 50, **others)
+
+
+def test_another_minimum_has_the_ratio_of_its_error():
+    other = Optimum({"a": -2.5}, 4.5)
+    (sentence,) = rival_minima("own", formula_fit("sarosi", 2.0, rivals=(other,)))
+    assert sentence == "own: another minimum, a = -2.5, has 1.5 times its training error"
+
+
+def test_the_least_error_of_the_folds_is_marked():
+    table = folds_table([FoldError("a", 2.0, 3), FoldError("b", 1.5, 3)], "N")
+    assert table.rows == (("a", 2.0, 3, "no"), ("b", 1.5, 3, "yes"))
+
 
 def test_formulas_that_are_one_model_are_named_once_each_pair():
-    def fit(name, sse, status="converged"):
-        return FormulaFit(name, {"a": 1.0}, {"a": 0.1}, status, "-", 1, 1.0, sse, 50)
-
+    fit = formula_fit
     same = same_models(
         [
             ("tondu_lopez", fit("tondu_lopez", 2.0)),

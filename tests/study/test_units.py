@@ -232,3 +232,30 @@ def test_what_nobody_knows_is_no_unit_of_anything():
     assert can_convert("psi", "kPa")
     assert not is_same("psi", "kPa")
     assert is_same("kPa", "kilopascal")
+
+
+def powers(**exponents):
+    """Powers of base units in the order of the alphabet, in which they are written into files."""
+    return list(exponents.items())
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor", "offset", "base"),
+    [
+        ("kPa", 1e3, 0.0, powers(kg=1, m=-1, s=-2)),
+        ("N*s/mm", 1e3, 0.0, powers(kg=1, s=-1)),
+        ("cm^3/min", 1e-6 / 60, 0.0, powers(m=3, s=-1)),
+        ("mA", 1e-3, 0.0, powers(A=1)),
+        ("degC", 1.0, 273.15, powers(K=1)),
+        ("degF", 5 / 9, 459.67 * 5 / 9, powers(K=1)),
+        ("%", 0.01, 0.0, []),
+    ],
+)
+def test_base_units_are_those_of_the_si(unit, factor, offset, base):
+    found = units.base_units(unit)
+    assert (found.factor, found.offset) == pytest.approx((factor, offset), rel=1e-14)
+    assert list(found.powers.items()) == base
+
+
+def test_without_whole_powers_of_known_units_there_are_no_base_units():
+    assert units.base_units("kPa^0.5") is units.base_units("flurbs") is None

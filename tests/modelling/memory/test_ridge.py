@@ -9,9 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from memory_samples import recipe_of
 
+from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.frols import frols
-from mapmore_cli.modelling.frols.moments import moments, standard, standardised
+from mapmore_cli.modelling.frols.moments import gram, moments, standard, standardised, weighted
 from mapmore_cli.modelling.frols.ridge import (
     RIDGES,
     Regularised,
@@ -153,6 +154,19 @@ def test_moments_do_not_depend_on_blocks_units_or_origin(seed, cuts, slope, offs
         for part in (slice(15), slice(15, None))
     )
     np.testing.assert_allclose(whole.without(early).covariance, late.covariance, atol=1e-9)
+
+
+@given(st.integers(0, 10_000), st.lists(st.integers(0, 40), max_size=3))
+def test_uncertainties_and_rows_in_messages_go_with_their_samples_in_every_block(seed, cuts):
+    P, y = problem(40, 3, seed)
+    sigma = np.random.default_rng(seed + 1).uniform(0.5, 2.0, 40)
+    products, scale, samples = gram(weighted(blocks_of(P, y, *sorted(cuts)), sigma))
+    Z = np.column_stack([P, y]) / sigma[:, None]
+    np.testing.assert_allclose(products * np.outer(scale, scale), Z.T @ Z, rtol=1e-9, atol=1e-6)
+    assert samples == 40
+    y[31] = np.nan
+    with pytest.raises(DataError, match="y is not finite at row 31"):
+        gram(blocks_of(P, y, *sorted(cuts)))
 
 
 def test_a_constant_candidate_is_never_chosen_and_harms_nothing():

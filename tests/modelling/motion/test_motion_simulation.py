@@ -13,6 +13,7 @@ from motion_samples import BOUNDARIES, ROWS, STEP, coefficients, looped, publish
 from motion_tables import continued
 
 from mapmore_cli.annexes.motion.body import BUMPLESS, CARRIED, REST, ZERO, poles
+from mapmore_cli.annexes.motion.model import motion_inputs
 from mapmore_cli.annexes.motion.simulation import (
     EDGE,
     active,
@@ -238,3 +239,8 @@ def test_errors_are_those_of_the_last_wavelength():
     assert found.transient == pytest.approx(3.0)
     slopes = [(error[k + 1] - error[k - 1]) / (2 * STEP) for k in range(n - length + 1, n - 1)]
     assert found.max_velocity >= max(abs(slope) for slope in slopes) - 1e-12
+
+
+def test_inputs_are_the_driving_one_and_what_drives_beside_it_by_their_names():
+    motion = replace(published("linear"), drives=("load*input", "1", "zeal + air*bend"))
+    assert motion_inputs(motion) == ["input", "air", "bend", "load", "zeal"]

@@ -16,7 +16,7 @@ from mapmore_cli.modelling.expressions.families import products
 from mapmore_cli.modelling.frols import frols, reads_once
 from mapmore_cli.modelling.frols.weighing import Choice
 from mapmore_cli.modelling.pieces.build import fit_together, scaled_inputs, segment
-from mapmore_cli.modelling.pieces.placement import placements
+from mapmore_cli.modelling.pieces.placement import end_of_trend, placements
 from mapmore_cli.modelling.pieces.recipe import Cuts
 
 seeds = st.integers(0, 2**32 - 1)
@@ -76,6 +76,21 @@ def test_the_anchor_does_not_hang_on_one_noisy_sample():
     y = 5 - 3 * x
     left = placed(x, y + 2.0 * (x == 0))[0]
     assert left.y_intercept == pytest.approx(y[:5].mean() + 2.0 / 5)
+
+
+@given(seeds, st.sampled_from([1.0, 0.05, 20.0]), st.integers(20, 150))
+def test_the_anchor_is_on_a_parabola_through_the_weight_of_the_nearest_samples(seed, near, n):
+    """Six samples of the median weight, or 5 % of the samples and one, whatever they weigh."""
+    rng = np.random.default_rng(seed)
+    away, y, weights = np.linspace(0, 1, n), rng.normal(0, 1, n), rng.uniform(1, 2, n)
+    nearest = int(np.ceil(0.05 * n))
+    weights[:nearest] *= near
+    wanted, rows = (max(3, nearest) + 1) * np.median(weights) * (1 - 1e-9), 1
+    while weights[:rows].sum() < wanted or rows < nearest:
+        rows += 1
+    slopes = np.polyfit(away[:rows], y[:rows], min(2, rows - 1), w=np.sqrt(weights[:rows]))
+    expected = np.polyval(slopes, away[:nearest]).mean()
+    assert end_of_trend(away[None], y, weights) == pytest.approx(expected, abs=1e-6)
 
 
 POWERS = products(["strain"], 4)

@@ -151,7 +151,7 @@ def verdict(read, path, cell, clock):
     return value if math.isfinite(value) else "nothing"
 
 
-@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(cell=cells, clock=st.booleans())
 @example("0:03:20", False)
 @example("\u0661\u0662", False)

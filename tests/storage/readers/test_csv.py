@@ -301,6 +301,14 @@ def test_what_is_wrong_is_one_clear_message(tmp_path, case):
     assert len(message) < 300
 
 
+@pytest.mark.parametrize(("count", "end"), [(12, "."), (13, ", ....")])
+def test_of_the_columns_that_there_are_a_dozen_are_named(tmp_path, count, end):
+    names = [f"x{number}" for number in range(count)]
+    (tmp_path / "a.csv").write_text(f"{','.join(names)}\n{','.join('1' * count)}\n")
+    told = refusal(("there is no column 'force'",), "csv", tmp_path / "a.csv", "force")
+    assert told.endswith(f"The header has: {', '.join(names[:12])}{end}")
+
+
 def test_a_packed_file_that_unpacks_to_hundreds_of_times_its_size_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr("mapmore_cli.storage.tables.BOMB_SIZE", 1_000_000)
     path = tmp_path / "a.csv.gz"
