@@ -37,6 +37,7 @@ made.
 
 OF_CURVES: tuple[Rule, ...] = (
     curves.few_samples,
+    curves.one_fold,
     fits.short_segments,
     fits.few_for_formula,
     curves.even_steps,

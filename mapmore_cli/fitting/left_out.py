@@ -108,7 +108,7 @@ def left_out(
     """
     refuse_over_time(choices)
     dataset = contest.dataset
-    folds = _level_folds(dataset) if group is None else _group_folds(dataset, group)
+    folds = folds_of(dataset, group)
     parts, warnings = list[Said](), list[str]()
     own_data = replace(dataset, target=fitted_to)
     made_by = choices_by_fold(workspace.run_dir, choices, own_data, folds)
@@ -141,29 +141,25 @@ def _held_out(dataset: Dataset, outs: Sequence[BoolArray]) -> Dataset:
     return replace(dataset, curves=tuple(replace(curve, held_out=out) for curve, out in curves))
 
 
-def _level_folds(dataset: Dataset) -> list[Masks]:
-    """Return, for every level, a fold that leaves out the samples at this level, as a mask for each
-    curve.
+def folds_of(dataset: Dataset, group: str | None) -> list[Masks]:
+    """Return, for every level or for every value of `group`, a fold that leaves out the samples with
+    it, as a mask for each curve. Raises DataError if there is only one, so that nothing is left to train with.
     """
-    levels = dict.fromkeys(curve.level for curve in dataset.curves)
-    return [
-        tuple(np.full(curve.size, curve.level == level) for curve in dataset.curves)
-        for level in levels
+    of_curves = [
+        np.full(curve.size, curve.level) if group is None else curve.columns[group]
+        for curve in dataset.curves
     ]
-
-
-def _group_folds(dataset: Dataset, of: str) -> list[Masks]:
-    """Return, for every value of the quantity, a fold that leaves out the samples with this value,
-    as a mask for each curve. Raises DataError if there is only one value.
-    """
-    values = np.unique(np.concatenate([curve.columns[of] for curve in dataset.curves]))
+    values = np.unique(np.concatenate(of_curves))
     if len(values) < 2:
+        kind = "level" if group is None else "group"
         raise DataError(
-            f"split.leave_one_group_out: {of} is {values[0]:g} in all recordings, so that "
-            "there is only one group",
-            "name the quantity that distinguishes the groups in `data.groups`",
+            f"split.leave_one_{kind}_out: {group or dataset.level} is {values[0]:g} in all curves, "
+            f"so that there is only one {kind}, and nothing is left to train without it",
+            "hold out recordings or a share of the samples instead"
+            if group is None
+            else "name the quantity that distinguishes the groups in `data.groups`",
         )
-    return [tuple(curve.columns[of] == value for curve in dataset.curves) for value in values]
+    return [tuple(of_curve == value for of_curve in of_curves) for value in values]
 
 
 def _by_fold(parts: Sequence[Forecasts], folds: Sequence[Masks]) -> Forecasts:

@@ -212,6 +212,13 @@ MEMORY = {
     "segment": {},
     "dictionary": [{"slow": {"of": ["strain"], "tau": [0.5]}}, {"terms": ["pressure"]}],
 }
+ONE_LEVEL: dict[str, Any] = {
+    "data": {
+        "files": ["level_200.csv"],
+        "levels": {"of": "pressure", "at": [200]},
+        "split": {"leave_one_level_out": True},
+    }
+}
 LAST_HALF = {**MEMORY, "data": {**MEMORY["data"], "split": {"validate": {"last": 0.5}}}}
 STRAINS = dict(zip(LEVELS, (0.0, 0.07, 0.14, 0.21), strict=True))
 BY_STRAIN: dict[str, Any] = {
@@ -325,6 +332,7 @@ FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
         ("recorded-twice", "warning", at(300, copied(100)), THREE_LEVELS, []),
         ("recorded-twice", "error", at(300, copied(100)), BY_FILE, []),
         ("few-samples", "warning", at(200, first_rows(3)), {}, []),
+        ("one-fold", "error", clean, ONE_LEVEL, ["pressure is 200 in all curves"]),
         ("short-segment", "error", at(300, first_rows(5)), {}, []),
         (
             "short-segment",

@@ -14,6 +14,7 @@ from mapmore_cli.checking.rules import Issue, Issues, Subject
 from mapmore_cli.domain.arrays import Array, extremes, picked
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.fitting.left_out import folds_of
 from mapmore_cli.modelling.memory.records import sampled
 from mapmore_cli.modelling.signals.sampling import MANY, even_share
 from mapmore_cli.modelling.validation.repeatability import WORTH, floors
@@ -35,6 +36,19 @@ def few_samples(subject: Subject) -> Issues:
                 "leave the level out, widen `levels.within`, or loosen `keep`",
                 "data",
             )
+
+
+def one_fold(subject: Subject) -> Issues:
+    """Find a cross-validation over levels or groups of which there is only one."""
+    data = subject.spec.data
+    if not data.split.leaves_out:
+        return
+    group = data.groups.of if data.groups and data.split.leave_one_group_out else None
+    try:
+        folds_of(subject.dataset, group)
+    except DataError as fault:
+        place = subject.where("data", "split")
+        yield Issue("error", "one-fold", place, fault.message, fault.remedy or "", "data")
 
 
 def beyond_training(subject: Subject) -> Issues:
