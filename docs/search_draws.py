@@ -22,9 +22,9 @@ from pages import DOCS, asked, read_rows, run, scores, shipped, write_tables
 from search_tables import BARE, LATEST, NEAR, SETS, SLACK, WORSE, says_so
 
 from mapmore_cli.annexes.search.black_boxes import BLACK_BOX
-from mapmore_cli.annexes.search.searching import choices_of
 from mapmore_cli.annexes.search.situation import situation_of
 from mapmore_cli.annexes.search.stage import search_slice
+from mapmore_cli.annexes.search.trying import choices_of
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.recording import Dataset

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from pages import DOCS, asked, read_rows, run, scores, write_tables
 
-from mapmore_cli.annexes.search.searching import formulas_beside
+from mapmore_cli.annexes.search.stage import formulas_beside
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.scores import OWN, Score
 from mapmore_cli.modelling.learners import LEARNERS

@@ -19,7 +19,8 @@ import numpy as np
 from pages import DOCS, write_tables
 
 from mapmore_cli.annexes.search.bench import Slice
-from mapmore_cli.annexes.search.searching import choices_of, search
+from mapmore_cli.annexes.search.searching import search
+from mapmore_cli.annexes.search.trying import choices_of
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.fitting.kinds import refit

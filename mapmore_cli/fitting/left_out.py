@@ -142,8 +142,9 @@ def _held_out(dataset: Dataset, outs: Sequence[BoolArray]) -> Dataset:
 
 
 def folds_of(dataset: Dataset, group: str | None) -> list[Masks]:
-    """Return, for every level or for every value of `group`, a fold that leaves out the samples with
-    it, as a mask for each curve. Raises DataError if there is only one, so that nothing is left to train with.
+    """Return, for every level or for every value of `group`, a fold that leaves out the samples
+    with it, as a mask for each curve. Raises DataError if there is only one, so that nothing is
+    left to train with.
     """
     of_curves = [
         np.full(curve.size, curve.level) if group is None else curve.columns[group]

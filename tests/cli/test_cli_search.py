@@ -90,7 +90,7 @@ def plain_models_only(monkeypatch):
     monkeypatch.setattr(
         searching,
         "offered_structures",
-        lambda *of: [one for one in every(*of) if one.kind == "simple"],
+        lambda *of: [one for one in every(*of) if one.family == "simple"],
     )
 
 

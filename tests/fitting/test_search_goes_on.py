@@ -14,8 +14,9 @@ from mapmore_cli.annexes.search import further, searching, stage
 from mapmore_cli.annexes.search.bench import Slice
 from mapmore_cli.annexes.search.black_boxes import black_boxes
 from mapmore_cli.annexes.search.further import go_on
-from mapmore_cli.annexes.search.searching import choices_of, search
+from mapmore_cli.annexes.search.searching import search
 from mapmore_cli.annexes.search.situation import situation_of
+from mapmore_cli.annexes.search.trying import choices_of
 from mapmore_cli.domain.results import Search, Tried
 from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.modelling.forecast import forecast
@@ -109,7 +110,7 @@ def is_plain(one):
 
 
 def is_of_higher_order(one):
-    return one["words"] == "order ORDER of the inputs"
+    return one["words"].endswith("of the inputs")
 
 
 def exact(_dataset, folds, _situation):

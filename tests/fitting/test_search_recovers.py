@@ -15,8 +15,9 @@ from common import dataset_of
 
 from mapmore_cli.annexes.search import candidate, searching
 from mapmore_cli.annexes.search.bench import Slice
-from mapmore_cli.annexes.search.searching import choices_of, search
+from mapmore_cli.annexes.search.searching import search
 from mapmore_cli.annexes.search.situation import situation_of
+from mapmore_cli.annexes.search.trying import choices_of
 from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.modelling.expressions.operator import Setting, along
 from mapmore_cli.modelling.expressions.operators import OPERATORS
@@ -155,7 +156,7 @@ def test_direction_is_not_tried_where_no_model_may_run_along_recordings():
     looked_at = situation_of(dataset)
     assert not looked_at.timed
     kinds = [
-        {one.kind for one in candidate.offered_structures(searching.family("tables"), situation)}
+        {one.family for one in candidate.offered_structures(searching.family("tables"), situation)}
         for situation in (looked_at, replace(looked_at, ordered=True))
     ]
     assert ["direction" in of for of in kinds] == [False, True]

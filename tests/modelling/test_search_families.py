@@ -9,12 +9,13 @@ import pytest
 import yaml
 from common import curve_of, dataset_of
 
-from mapmore_cli.annexes.search import searching
+from mapmore_cli.annexes.search import choosing
 from mapmore_cli.annexes.search.bench import Bench, Slice, cut_short, searchable
 from mapmore_cli.annexes.search.candidate import offered_structures
 from mapmore_cli.annexes.search.further import ROUNDS
-from mapmore_cli.annexes.search.searching import FAMILIES, choices_of, family
+from mapmore_cli.annexes.search.searching import FAMILIES, family
 from mapmore_cli.annexes.search.situation import Situation, situation_of
+from mapmore_cli.annexes.search.trying import choices_of
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.modelling.forecast import forecast
@@ -77,6 +78,36 @@ def test_every_candidate_is_a_valid_structure_of_the_inputs(name):
     assert len(words) == len(set(words)) >= 2
 
 
+def order_along_level(candidate, level):
+    """The order of a polynomial that has as many coefficients as a structure has functions of the
+    level.
+    """
+    orders = [0]
+    for entry in candidate.sections["dictionary"]:
+        for kind, settings in entry.items():
+            if kind == "terms" or level not in str(settings["of"]):
+                continue
+            if kind == "products" and "steps" in str(settings):
+                orders.append(6)  # squares and products of the level and of two steps
+            elif "spline" in f"{kind} {settings}":
+                orders.append(6)  # with three knots
+            else:
+                orders.append(settings["order"])
+    return max(orders)
+
+
+@pytest.mark.parametrize("levels", [2, 3, 4, 5, 6, 8])
+def test_no_structure_of_a_table_has_more_bends_along_the_level_than_levels_determine(levels):
+    """What a polynomial of order n does between n levels or fewer is arbitrary, and no left-out
+    sample shows it: all of them lie at the other levels.
+    """
+    table = replace(SITUATIONS["map"], curves=levels, samples=2000, ordered=True)
+    pooled = [one for one in offered(table) if "segment" in one.sections]
+    pooled = [one for one in pooled if one.sections["segment"]["pressure"] == "none"]
+    assert pooled
+    assert [one.words for one in pooled if order_along_level(one, "pressure") >= levels] == []
+
+
 def test_terms_grow_with_the_inputs():
     two, six = (
         replace(SITUATIONS["map"], inputs=tuple(names), level=None) for names in ("ab", "abcdef")
@@ -89,9 +120,13 @@ def test_terms_grow_with_the_inputs():
 
 
 def test_a_long_structure_may_have_a_parameter_for_every_forty_samples():
-    few, many = (replace(SITUATIONS["map"], samples=size) for size in (60, 4000))
+    few, many = (replace(SITUATIONS["map"], curves=6, samples=size) for size in (60, 4000))
     terms = [
-        {one.words: one.sections["fit"]["max_terms"] for one in offered(of) if one.kind == "longer"}
+        {
+            one.words: one.sections["fit"]["max_terms"]
+            for one in offered(of)
+            if one.family == "longer"
+        }
         for of in (few, many)
     ]
     assert [each["order 5 of the inputs"] for each in terms] == [28, 100]
@@ -99,13 +134,13 @@ def test_a_long_structure_may_have_a_parameter_for_every_forty_samples():
 
 def test_recordings_whose_levels_are_left_out_in_turn_get_no_delays():
     untimed = replace(SITUATIONS["record"], step=None)
-    texts = [str(one.sections["dictionary"]) for one in offered(untimed) if one.kind == "longer"]
+    texts = [str(one.sections["dictionary"]) for one in offered(untimed) if one.family == "longer"]
     assert texts
     assert not any("[k-" in text or "lags" in text for text in texts)
 
 
 def test_the_structure_of_the_papers_is_tried_wherever_there_are_levels():
-    (papers,) = (one for one in offered(SITUATIONS["map"]) if one.kind == "papers")
+    (papers,) = (one for one in offered(SITUATIONS["map"]) if one.family == "papers")
     found = choices_of(papers.sections, WHOLE)
     assert (found.fit.max_terms, found.fuse.transition, found.segment["pressure"]) == (
         1,
@@ -367,6 +402,6 @@ def test_structures_are_compared_on_the_rows_that_all_of_them_predict():
     every, some = np.ones(4, dtype=bool), np.array([True, False, True, True])
     one = [(np.array([3.0, 100.0, 0.0, 3.0]), every), (np.array([1.0, np.inf]), every[:2])]
     other = [(np.array([1.0, np.nan, 1.0, 2.0]), some), (np.array([1.0, 2.0]), every[:2])]
-    found = searching._on_common_rows([one, other])
+    found = choosing.on_common_rows([one, other])
     assert found[0] == pytest.approx([np.sqrt(6), np.inf])
     assert found[1] == pytest.approx([np.sqrt(2), np.sqrt(2.5)])

@@ -36,6 +36,9 @@ takes long.
 BLACK_BOX = "black box"
 """Kind of these models in the table."""
 
+SHOWN = (BLACK_BOX, "papers")
+"""Kinds that are shown in the table but never chosen."""
+
 Left = tuple[Array, BoolArray]
 """Errors of a structure on the left-out samples of a fold, (n,), and a mask of the samples that it
 predicts.

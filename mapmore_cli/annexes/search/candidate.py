@@ -6,12 +6,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 from itertools import product
 from math import ceil, comb
 from typing import Any
 
 from mapmore_cli.annexes.search.situation import Situation
+from mapmore_cli.domain.results import Tried
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature import TARGET
 from mapmore_cli.modelling.literature.formula import Formula
@@ -43,21 +44,40 @@ steps.
 """
 
 
-@dataclass(frozen=True)
-class Structure:
-    """A structure: its kind, its name, and the sections of a spec that define it (`segment`,
-    `dictionary`, `fuse.KEY`).
+BEYOND = "fuse.extrapolation"
+"""Setting for the behaviour of pieces outside the range of each curve."""
+
+WAYS = {
+    "saturate": ", held",
+    "continue": ", continued",
+    "continue_linear": ", going on straight",
+}
+"""Behaviours of pieces outside the range of each curve, and the words that are added to the name of
+a structure that behaves differently from what its file of candidates says.
+"""
+
+
+def way_of(candidate: Tried) -> str:
+    """Return the behaviour of the pieces of a candidate outside the range of each curve: the value
+    at the end is held if its file of candidates says nothing.
     """
-
-    kind: str
-    words: str
-    sections: Mapping[str, Any]
+    return str(candidate.sections.get(BEYOND, "saturate"))
 
 
-def offered_structures(family: Mapping[str, Any], of: Situation) -> Iterator[Structure]:
-    """Yield the candidates that a family offers for a study: the items of its `candidates`, with
-    their words filled in. The family's settings in `fit` apply to candidates that have none of
-    their own.
+def going_on(candidate: Tried, way: str | None) -> Tried:
+    """Return the candidate that behaves in another way outside the range of each curve; None leaves
+    it as it is.
+    """
+    if way is None:
+        return candidate
+    words = candidate.words + WAYS[way] * (way != way_of(candidate))
+    return replace(candidate, words=words, sections={**candidate.sections, BEYOND: way})
+
+
+def offered_structures(family: Mapping[str, Any], of: Situation) -> Iterator[Tried]:
+    """Yield the candidates that a family offers for a study, not tried yet: the items of its
+    `candidates`, with their words filled in. The family's settings in `fit` apply to candidates
+    that have none of their own.
     """
     if family.get("timed") and not of.timed:
         return
@@ -78,7 +98,7 @@ def offered_structures(family: Mapping[str, Any], of: Situation) -> Iterator[Str
                 if not of.timed and kind not in SIZED:
                     fit["max_terms"] = ceil(fit["max_terms"] * max(len(of.inputs) + 1, 3) / 3)
                 parts |= {"segment": {**pooled, **parts.get("segment", {})}, "fit": fit}
-            yield Structure(kind, name, parts)
+            yield Tried(kind, name, parts)
 
 
 def _applies(when: Mapping[str, int], of: Situation) -> bool:

@@ -78,7 +78,7 @@ def note_of(result: Search, short: int) -> str:
     if long is before:
         return (
             "the search went on with longer structures, because a black box errs less, but none "
-            f"of them gains 5 % on {before.words}"
+            f"of them gains {100 * GAIN:g} % on {before.words}"
         )
     return (
         f"{long.words} with {long.parameters} parameters errs "

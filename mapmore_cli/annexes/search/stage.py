@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pydantic import TypeAdapter
 from pydantic_core import to_json
 
 from mapmore_cli.annexes.search.bench import Slice
-from mapmore_cli.annexes.search.searching import choices_of, formulas_beside, search, settings_of
+from mapmore_cli.annexes.search.searching import search
+from mapmore_cli.annexes.search.trying import EMPTY, choices_of
 from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.domain.results import Search
 from mapmore_cli.fitting.kinds.choices import ModelChoices
 from mapmore_cli.fitting.stage import Stage, Workspace
 from mapmore_cli.modelling.expressions import parse
@@ -74,7 +77,24 @@ def run_search(part: Slice, workspace: Workspace) -> None:
     )
 
 
-STAGE = Stage(name="search", revision=15, outputs=(SEARCH,), reads=search_slice, run=run_search)
+STAGE = Stage(name="search", revision=16, outputs=(SEARCH,), reads=search_slice, run=run_search)
+
+
+def settings_of(result: Search) -> dict[str, Any]:
+    """Return the sections that were found, as settings on top of the spec."""
+    return {**EMPTY, **result.found.sections}
+
+
+def formulas_beside(result: Search, every: bool = False) -> list[str]:
+    """Return the formula of the literature with the smallest error of those tried; none if it is
+    the chosen structure. With `every`, return all formulas, so that they are not selected by their
+    errors.
+    """
+    formulas = [tried for tried in result.tried if tried.family == "formula" and not tried.failure]
+    if not every:
+        best = min(formulas, key=attrgetter("excess"), default=result.found)
+        formulas = [best] * (best is not result.found)
+    return [str(tried.sections["model"]["name"]) for tried in formulas]
 
 
 def with_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:

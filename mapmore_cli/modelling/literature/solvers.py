@@ -11,6 +11,7 @@ the other two methods, which exist for comparison with the papers.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache, partial
 from typing import Literal, NamedTuple
 
@@ -195,10 +196,10 @@ def variable_projection(problem: LeastSquares) -> Solution:
     """Solve `problem` by variable projection.
 
     If there are many samples, the search uses means of neighbouring samples. It starts from the
-    start of the problem alone, if there is one. The lowest end is refined on all samples. The
-    status is `converged`, `at_bound`, `stopped_by_limit`, or `failed` if every start overflows.
-    Notes name a parameter that ends at a bound or that the data do not determine, and say how many
-    starts agree.
+    start of the problem alone, if there is one at which the formula does not overflow. The lowest
+    end is refined on all samples. The status is `converged`, `at_bound`, `stopped_by_limit`, or
+    `failed` if every start overflows. Notes name a parameter that ends at a bound or that the data
+    do not determine, and say how many starts agree.
     """
     if not problem.nonlinear:
         straight = _projected(problem, np.empty(0))
@@ -226,6 +227,8 @@ def variable_projection(problem: LeastSquares) -> Solution:
     best, bounds = min(ends, key=lambda pair: pair[0].cost, default=(None, bounds))
     finished = [] if best is None else descend(partial(_projection, problem), [best.x], bounds)
     if best is None or not finished:
+        if problem.start is not None:
+            return variable_projection(replace(problem, start=None))
         return failure(problem, METHOD)
     c, touched = onto_bounds(finished[0].x, bounds)
     reached = [end for end, _ in ends]
