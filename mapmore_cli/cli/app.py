@@ -106,7 +106,9 @@ class Commands(TyperGroup):
         if not self.commands:
             added = plugins.entry_points("commands")
             for name in added.keys() & MODULES.keys():
-                plugins.leave_plugin_out("commands", name, ValueError("mapmore has such a command"))
+                plugins.leave_plugin_out(
+                    "commands", name, ValueError("mapmore itself has a command of this name")
+                )
             names = {*MODULES, *added} - {*REMOVED}
             ordered = [*(name for name in ORDER if name in names), *sorted(names - {*ORDER})]
             self.commands = cast("dict[str, Command]", dict.fromkeys(ordered))

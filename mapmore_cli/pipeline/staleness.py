@@ -131,7 +131,7 @@ def _varied(loaded: LoadedSpec, variation: Need) -> LoadedSpec:
         return changed(loaded, (*variation.overrides, *as_overrides(overrides)))
     except SpecError as error:
         raise SpecError(
-            f"{loaded.name}: as the competitor `{variation.key}`, with other settings: "
+            f"{loaded.name}: with the settings of the competitor `{variation.key}`: "
             f"{error.message}",
             error.remedy,
         ) from error

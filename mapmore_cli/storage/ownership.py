@@ -130,8 +130,8 @@ def to_trash(run_dir: Path, paths: Sequence[str], without: str = "") -> Path:
         if place.stat().st_dev != run_dir.stat().st_dev:
             place.rmdir()
             raise WriteError(
-                f"{trash}: lies on another file system than {run_dir}, so that nothing can be "
-                "moved there in one step; nothing was",
+                f"{trash}: lies on another file system than {run_dir}, so that files cannot be "
+                "moved there in one step; nothing was moved",
                 "move the folder .trash away, or remove with `clean --yes --now`",
             )
         for path in paths:

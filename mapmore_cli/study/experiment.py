@@ -531,7 +531,8 @@ class ExperimentSpec(Section):
                 "[{polynomial: {of: [strain], order: 4}}]`"
             )
             raise Contradiction(
-                f"`{parts[0]}` belongs to the structure that `model: {{type: auto}}` searches",
+                f"`{parts[0]}` is a part of the structure, which `model: "
+                f"{{type: auto}}` searches by itself",
                 remedy,
                 *parts,
             )
@@ -542,7 +543,7 @@ class ExperimentSpec(Section):
             )
             raise Contradiction(
                 "there are no candidate terms",
-                f"add a `dictionary`, as {example}",
+                f"add a `dictionary`, for example {example}",
                 "dictionary",
                 "model",
                 "name",

@@ -61,7 +61,7 @@ def _each(said: Named, table: Table, option: str) -> Named:
                 f"{len(members)} columns that move are" if members else "no column that moves is"
             )
             remedy = ", ".join(x.called for x in members or table.values() if x.values)
-            raise UsageError(f"{option}: {several} called {wanted}", f"say one of {remedy}")
+            raise UsageError(f"{option}: {several} called {wanted}", f"name one of these: {remedy}")
         for x in members:
             key = name if one.is_called else str(x.column)
             each[key] = replace(one, column=x.column)

@@ -192,7 +192,7 @@ def templates(language: str) -> Environment:
             return value
         if isinstance(value, str):
             return LITERALS[language](str(value))
-        raise TypeError(f"not a text, and no number: {value!r}")
+        raise TypeError(f"neither a text nor a number: {value!r}")
 
     def noted(text: str) -> Code:
         # on a page, the text `</script>` ends a script even inside a comment

@@ -89,7 +89,7 @@ class SumMaker(Maker):
         joint = _jointly(formulas, given.dataset, None)
         if joint.failed:
             raise FitError(
-                f"the fit of {joint.name} failed: {'; '.join(joint.notes)}", "take other formulas"
+                f"the fit of {joint.name} failed: {'; '.join(joint.notes)}", "use other formulas"
             )
         return FitResult(joint)
 

@@ -209,7 +209,7 @@ def _operated(tokens: Tokens, name: Token, depth: int) -> Operated:
         numbers.append(sign * float(digits))
     closing = tokens.next.position
     if not tokens.skip(")"):
-        raise ExpressionError(f"expected `,` or `)` after what `{name.text}` works on", closing)
+        raise ExpressionError(f"expected `,` or `)` after the state inside `{name.text}`", closing)
     if len(numbers) not in operator.counts:
         wanted = " or ".join(map(str, operator.counts))
         raise ExpressionError(

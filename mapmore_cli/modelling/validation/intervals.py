@@ -119,8 +119,8 @@ def left_out_summary(
     for part, values in pooled.items():
         if not len(values) or not np.isfinite(values).all():
             raise FitError(
-                f"without {part}, the model of the other data has no prediction for it",
-                "leave out `validate.intervals`",
+                f"the model that was fitted without {part} has no prediction for it",
+                "remove `validate.intervals`",
             )
     parts = list(pooled.values())
     return LeftOut(

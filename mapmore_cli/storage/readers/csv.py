@@ -348,12 +348,13 @@ def _of_width(row: int, record: list[str], layout: Layout) -> list[str]:
         return [""] * width
     if has_nul:
         raise DataError(
-            f"{request.label}:row {row}: the line contains NUL bytes: what was here is lost",
+            f"{request.label}:row {row}: the line contains NUL bytes, so that its "
+            "contents are lost",
             ("Get the file again, or correct or remove the line. `missing: drop` leaves it out."),
         )
     few = "few" if len(record) < width else "many"
     raise DataError(
-        f"{request.label}:row {row}: too {few} fields: {len(record)}, where the first line "
+        f"{request.label}:row {row}: too {few} fields: {len(record)}, but the first line "
         f"has {width}",
         line_hint(record)
         or (

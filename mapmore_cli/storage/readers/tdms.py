@@ -76,7 +76,9 @@ def _in_order(members: Sequence[tuple[str, Member]]) -> Member:
 def _channel(channel: Any, size: int) -> Member:
     """Return a channel of a file of `size` bytes; each value takes at least one byte."""
     if len(channel) > size:
-        raise ValueError(f"'{channel.name}' declares {len(channel)} values")
+        raise ValueError(
+            f"'{channel.name}' declares {len(channel)} values, more than the file can hold"
+        )
     return Member(
         "a channel",
         values=lambda selection: channel[selection[0]] if selection else channel[:],

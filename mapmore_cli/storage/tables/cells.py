@@ -78,13 +78,13 @@ _KINDS = (
     (
         rf"[+-]?\d*(?:[{THOUSANDS}]\d+)+(?:e[+-]?\d+)?",
         "it has another decimal point than the spec says, or separators of thousands",
-        'say which, as `decimal: ","`, `decimal: "."` or `thousands: ","`; or format the '
-        "cells as numbers in the program that wrote them",
+        'write which, for example `decimal: ","`, `decimal: "."` or `thousands: ","`; or format '
+        "the cells as numbers in the program that wrote them",
     ),
     (
         r"[+-]?(?!0x)\d[\d.,]*(?:e[+-]?\d+)? *(?:[^\W\d_]+|[^\w\s.,+-][^\W\d_]*)",
-        "a unit stands behind it",
-        "take the unit off, and name it in `columns`, as `unit: kPa`",
+        "it is followed by a unit",
+        "remove the unit from the cells, and name it in `columns`, for example `unit: kPa`",
     ),
 )
 """Patterns of cells that are neither numbers nor words for missing values, each with the reason and

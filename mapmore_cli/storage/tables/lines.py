@@ -178,7 +178,7 @@ class Lines(Iterator[str]):
             raise DataError(
                 f"{self._label}:row {self.rows + 1}: is longer than {LONGEST // 10**6} million "
                 "characters",
-                "give a table",
+                "give a text file with a table",
             )
         data = self._stream.read1(CHUNK)
         self._ended = not data
