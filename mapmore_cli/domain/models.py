@@ -332,7 +332,9 @@ class Model:
 
     @property
     def memories(self) -> tuple[MemoryModel, ...]:
-        """Every part with memory: its own, and those of the models that it contains."""
+        """Every part with memory: the model's own, and the parts with memory of the models that it
+        contains.
+        """
         return tuple(memory for model in self.every for memory in model.body.memories)
 
 

@@ -274,7 +274,7 @@ class Tried:
     error: float = math.nan  # root mean square of these errors
     # the same for folds of left-out levels or recordings; NaN if there are too few of these
     parts: float = math.nan
-    # mean over all folds of the logarithm of the ratio of its error to that of the best structure
+    # mean, over all folds, of the logarithm of its error divided by the error of the best structure
     excess: float = math.nan
     spread: float = math.nan  # standard error of that mean
     seconds: float = 0.0  # computing time

@@ -194,7 +194,7 @@ class Score:
 
 
 FAR_FROM_ZERO = 3.0
-"""Ratio of the mean to the range of a target from which on the target lies far from zero."""
+"""A target lies far from zero if the ratio of its mean to its range is larger than this."""
 
 _NUMBERS = {
     name: hint.__metadata__
@@ -240,8 +240,8 @@ class Limit:
 
 @dataclass(frozen=True)
 class Published:
-    """Numbers of a publication by model, all for held-out data. They are shown beside ours and used
-    in no computation.
+    """Numbers of a publication by model, all for held-out data. They are shown beside the scores of
+    mapmore, and no computation uses them.
     """
 
     source: str

@@ -443,8 +443,8 @@ class _Run:
 
     def unwritten(self, until: str) -> dict[str, str]:
         """Return the specs that belong to the run and are not written yet, by file name: the spec
-        to repeat the run where it lies, and the one that a search found. Specs that the record
-        lacks are included.
+        with which the run can be repeated in its folder, and the spec that a search found. Specs
+        that the record lacks are included.
         """
         if until == SEARCH_STAGE:
             return {}

@@ -113,7 +113,7 @@ def _metrics(
 
 
 EQUAL_WITHIN = 0.01
-"""Relative difference of two errors below which neither model is called better."""
+"""Relative difference between two errors below which neither model counts as better."""
 
 
 def scored(table: ScoreTable, dataset: Dataset) -> Quantity:

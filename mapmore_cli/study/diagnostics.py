@@ -23,7 +23,7 @@ _MOST = 25  # largest number of mistakes that is shown
 
 @dataclass(frozen=True)
 class Mistake:
-    """A mistake: its place, what is wrong, and what would be right."""
+    """A mistake in a spec: its place, a description, and the correction."""
 
     at: Position
     message: str

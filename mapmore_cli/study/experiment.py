@@ -497,8 +497,8 @@ class ExperimentSpec(Section):
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """Names of all quantities of the study: those of its data, and `direction` if it cuts the
-        segments.
+        """Names of all quantities of the study: the quantities of its data, and `direction` if
+        segments are separated by it.
         """
         cut = [name for name, how in self.segment.items() if isinstance(how, CutByDirection)]
         return tuple(dict.fromkeys((*self.data.quantities, *cut)))

@@ -112,8 +112,8 @@ class Context:
 
     @classmethod
     def of(cls, root: Node, partial: bool = False) -> Context:
-        """Return the units and quantities of a spec, read from those of its parts that are
-        well-formed.
+        """Return the units and quantities of a spec. Parts of the spec that are malformed are
+        ignored.
         """
         spec = written(root)
         spec["target"] = as_target(spec.get("target"))

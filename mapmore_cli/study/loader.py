@@ -138,8 +138,8 @@ LoadedSpec = Loaded[ExperimentSpec]
 def load(path: Path, overrides: Sequence[str] = ()) -> LoadedSpec:
     """Read an experiment spec, with `key.path=value` overrides on top.
 
-    Raises SpecError with all mistakes at once, each with its place, the source line and what would
-    be right; UsageError for an override that does not have the form `key.path=value`.
+    Raises SpecError with all mistakes at once, each with its place, the source line and the
+    correction; UsageError for an override that does not have the form `key.path=value`.
     """
     return load_as(path, ExperimentSpec, overrides, findings)
 

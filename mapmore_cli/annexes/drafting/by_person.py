@@ -1,4 +1,4 @@
-"""Apply what a person says about the columns: their names, units and purposes."""
+"""Apply the answers of a person about the columns: their names, units and purposes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def named_by_person(said: Named, table: Table, option: str, known: Named) -> Nam
     """Return the columns that a person names: by known names, by names that the person gives, or by
     titles.
 
-    A unit that is not given is that of the title, or otherwise the model's.
+    If no unit is given, the unit in the title is used, or otherwise the unit of the model.
     """
     columns: Named = {}
     names = {one.column: name for name, one in known.items()}

@@ -301,7 +301,7 @@ class _FoundTable:
 
     def header_lines(self) -> dict[int, list[str]]:
         """Return the lines directly above the numbers that may be titles or units, by their index.
-        They are as wide as the numbers, and no cell beyond them is filled.
+        They are as wide as the rows of numbers, and no cell to the right of these is filled.
 
         Blank lines may stand below titles and above a line of units. A cell that contains only the
         mark of a remark counts as empty.

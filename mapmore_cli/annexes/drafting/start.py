@@ -50,7 +50,9 @@ NOTHING_SAID = Answers()
 
 @dataclass(frozen=True)
 class Start:
-    """The drafts, the one with the most files first, and remarks about what they do not cover."""
+    """The drafts, the one with the most files first, and remarks about files and columns that they
+    do not cover.
+    """
 
     drafts: tuple[Draft, ...]
     remarks: tuple[str, ...]

@@ -43,13 +43,13 @@ class ExpressionError(ValueError):
 class _State:
     @property
     def parts(self) -> tuple[State, ...]:
-        """The state and all states of which it is made, the innermost first."""
+        """The state itself and all states inside it, the innermost first."""
         assert isinstance(self, State)
         return (self,) if isinstance(self, Measured) else (*self.source.parts, self)
 
     @property
     def quantity(self) -> str:
-        """The measured quantity of which the state is made."""
+        """The measured quantity inside the state."""
         return self.parts[0].name
 
     @property

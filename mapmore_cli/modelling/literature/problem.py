@@ -201,8 +201,8 @@ SCATTER = 0.1
 """Fraction of the smallest distance between two levels within which values are nominally equal."""
 
 VALUES_A_LEVEL = 5
-"""Mean number of distinct values at a level from which on they count as scatter; fewer values may
-be separate levels.
+"""Smallest mean number of distinct values at a level for which they count as scatter; fewer values
+may be separate levels.
 """
 
 

@@ -38,7 +38,7 @@ from mapmore_cli.modelling.memory.states import resolve_states
 from mapmore_cli.modelling.selection import MemoryRecipe
 
 DIGITS = 10  # significant digits of an estimated parameter; its standard error is far larger
-ALL = 64  # largest number of sets of starting values of which every one is tried
+ALL = 64  # largest number of sets of starting values for which each set is tried
 # distance, as a fraction of the range between the bounds, at which a parameter counts as at its
 # bound
 AT_BOUND = 1e-6

@@ -71,7 +71,7 @@ def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
 
     Compression (gzip, bzip2, xz) is recognised by content, not by name. Lines end with LF, CR LF or
     CR. Blank lines are skipped (they count as header lines and as skipped rows); an empty field is
-    NaN. Fields beyond the last column may only be blank.
+    NaN. Fields after the last column must be blank.
 
     Raises
     ------

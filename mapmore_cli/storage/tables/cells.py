@@ -161,7 +161,7 @@ class CellReader:
     - `second`: one second in the unit of the column.
     - `usual`: default remedy.
     - `form`: form of the stamps read so far; all must have the same.
-    - `texts`: the numbers of the texts that were read so far, where the column holds texts.
+    - `texts`: for a column of texts, the number of each text that was read so far.
     """
 
     missing: Set[str] = frozenset()

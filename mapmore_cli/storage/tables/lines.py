@@ -96,7 +96,8 @@ def lines_of(
     """Yield the lines of a file with their ends. Raises DataError if the file is missing,
     unreadable or incomplete.
 
-    `told` is called from time to time with the number of bytes read and the size of the file.
+    The function `told` is called from time to time with the number of bytes read and the size of
+    the file.
     """
     label = str(path)
     with (

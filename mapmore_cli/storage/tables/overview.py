@@ -83,11 +83,11 @@ class Column:
 
 def first_rows(top: Member, most: int, separator: str = "/") -> Top:
     """Return the first rows of the log in a tree of arrays. The log is the group with the longest
-    columns, of which there must be at least two.
+    columns; it must have at least two columns.
 
     Groups with the same members, and elements of an array, are recordings (`root` ends with `[*]`),
-    of which the first is shown; members with other names may stand beside them. A number named `fs`
-    or `dt` becomes the log's `sample_time` if the file does not state one.
+    and the first of them is shown; members with other names may stand beside them. A number named
+    `fs` or `dt` becomes the log's `sample_time` if the file does not state one.
     """
     places = _places(top, separator)
     root, log, columns = next(

@@ -88,7 +88,9 @@ def _hidden(facts: Iterable[Fact], cells: list[list[Any]]) -> tuple[list[int], l
 
 
 def _mark(cells: list[list[Any]], facts: Iterable[Fact]) -> None:
-    """Write the facts about cells, besides their values, into the cells."""
+    """Replace cells for which there are facts by marks: errors, formulas that were never computed,
+    numbers shown in per cent, and merged cells.
+    """
     width = max(map(len, cells), default=0)
     # the total is limited, because ranges of cells that overlap many times are nonsense
     left = 4 * width * len(cells)
