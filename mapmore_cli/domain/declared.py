@@ -193,12 +193,12 @@ Pair = Annotated[tuple[float, float], ListToo()]
 
 @dataclass(frozen=True)
 class Matching:
-    """Mark of a text that must match a pattern."""
+    """Mark of a text that must match a regular expression."""
 
     pattern: str
 
     def __get_pydantic_core_schema__(self, source: object, handler: Handler) -> object:
-        """Return the schema of the text with the pattern."""
+        """Return the schema of the text with its pattern added."""
         return {**handler(source), "pattern": self.pattern}
 
 

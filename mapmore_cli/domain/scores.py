@@ -174,7 +174,7 @@ class Score:
 
     @classmethod
     def of(cls, model: str, target: str, split: str, curve: str, row: Compared) -> Score:
-        """Compute a row from its samples."""
+        """Compute a row of the score table from its samples."""
         numbers: dict[str, Any] = {name: measure.of(row) for name, measure in MEASURES.items()}
         return cls(model, target, split, curve, normaliser_name=row.scale.name, **numbers)
 
@@ -231,7 +231,7 @@ class Limit:
 
     @property
     def sentence(self) -> str:
-        """A sentence with the value and its limit."""
+        """Sentence that states the value and its limit."""
         return (
             f"{self.metric} of {self.model} on the {self.split} rows is {self.value:.6g}; the "
             f"limit is {self.limit:g}"
@@ -246,7 +246,8 @@ class Published:
 
     source: str
     nrmse: Mapping[str, float] = field(default_factory=dict)  # fractions
-    rmse: Mapping[str, float] = field(default_factory=dict)  # in the unit of the target
+    # RMSE of each model, in the unit of the target
+    rmse: Mapping[str, float] = field(default_factory=dict)
     # lower bounds, if the publication gives only these
     rmse_at_least: Mapping[str, float] = field(default_factory=dict)
 

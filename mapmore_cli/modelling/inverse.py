@@ -330,7 +330,9 @@ def _bisected(f: Callable[[Array, IntArray], Array], low: Array, high: Array) ->
 
 
 def _picked(values: Array, rows: IntArray, n: int, rule: str) -> Array:
-    """Return one solution for each row; NaN means none."""
+    """Return one of the solutions for each row, chosen by the `rule`; NaN for a row without a
+    solution.
+    """
     values_of_rows, before = np.full(n, np.nan), np.nan
     starts = np.searchsorted(rows, np.arange(n + 1))
     for row in range(n):

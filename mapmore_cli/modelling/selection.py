@@ -102,7 +102,7 @@ class Fit(Settings):
 
     @property
     def known_scale(self) -> float | None:
-        """The scale, if the spec gives a number."""
+        """The value of `scale`; None if it is `auto`."""
         return None if isinstance(self.scale, str) else self.scale
 
     @property

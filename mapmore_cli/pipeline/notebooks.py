@@ -78,7 +78,7 @@ class LoadedModel:
 
     @property
     def units(self) -> dict[str, str]:
-        """Units of the inputs and of the outputs."""
+        """Units of the inputs and the outputs, by name."""
         return {quantity.name: quantity.unit for quantity in (*self.inputs, *self.model.outputs)}
 
     @property

@@ -211,7 +211,7 @@ def written(path: Path) -> Iterator[IO[bytes]]:
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file whole."""
+    """Write a file as a whole, as `replacing` does."""
     with written(path) as file:
         file.write(data)
 

@@ -47,7 +47,7 @@ class Finding:
 
     @property
     def loc(self) -> Loc:
-        """Path as keys and list indices."""
+        """Path of the mistake as keys and list indices."""
         if not isinstance(self.way, str):
             return self.way
         steps = self.way.removesuffix(":").split(".")

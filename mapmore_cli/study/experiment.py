@@ -290,7 +290,7 @@ class PublishedScores(Section):
 
     @property
     def numbers(self) -> Published:
-        """The numbers as a type of the domain layer."""
+        """The numbers as a `Published`, the type that the score tables use."""
         return Published(self.source, self.nrmse, self.rmse, self.rmse_at_least)
 
 

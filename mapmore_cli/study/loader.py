@@ -70,11 +70,11 @@ Check = Callable[[M], Iterable[Finding]]
 
 @dataclass(frozen=True)
 class Loaded(Generic[M]):
-    """A valid spec."""
+    """A valid spec, with its place and the settings that were applied."""
 
     spec: M  # contents of the file with defaults; numbers are in the units of the model
     path: Path
-    folder: Path  # relative paths start here
+    folder: Path  # folder at which relative paths of the spec start
     overrides: tuple[str, ...]  # settings that were applied on top of the file
     _root: Node = field(repr=False, compare=False)
     _source: SourceText = field(repr=False, compare=False)

@@ -397,7 +397,7 @@ class _Builder:
         self.repeated = 0
 
     def node(self, node: yaml.Node, depth: int, key_at: Position | None = None) -> Node:
-        """Return the tree under one node."""
+        """Return the tree of values under one node of PyYAML."""
         at = self._position(node)
         self.repeated += id(node) in self.seen
         self.seen.add(id(node))

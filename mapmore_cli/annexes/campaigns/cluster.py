@@ -167,7 +167,7 @@ def _connected(scheduler: str | Path) -> Client:
 
 
 def _work(job: Job, shared: Shared, number: int) -> Finished:
-    """Do a job on a worker."""
+    """Do a job on a worker of the cluster, and return its result."""
     from distributed import get_worker
 
     get_worker().log_event(shared.token.name, number)

@@ -19,7 +19,7 @@ from mapmore_cli.storage.tables.cells import stamp_of
 from mapmore_cli.study.units import check_unit
 
 WIDEST, LINES = 2000, 200  # largest number of columns, and of lines of a table, that `init` reads
-REMARKS = ("#", "%", "//", "!")  # beginnings of lines that are no data
+REMARKS = ("#", "%", "//", "!")  # beginnings of lines that are remarks instead of data
 LETTERS = "smNVAKgh1%-"  # single characters that are common units
 # a line of labelled values, as microcontrollers print them: `t:12,p:3.4`
 _LABELLED = re.compile(r"\s*[A-Za-z_]\w*\s*[:=]\s*[-+]?[.\d]\S*")
@@ -236,7 +236,7 @@ class _FoundTable:
 
     @property
     def columns(self) -> list[list[Any]]:
-        """The filled cells below the header, column by column."""
+        """The filled cells below the header, one list for each column."""
         return _filled_by_column(self.rows[self.first :], self.wide)
 
     @property

@@ -97,7 +97,7 @@ class Study:
 
     @property
     def quantities(self) -> set[str]:
-        """Quantities named in the titles."""
+        """Names of the quantities that titles of the study's columns identify."""
         labels = map(read_label, self.layout.titles)
         return {label.quantity for label in labels if label is not None}
 

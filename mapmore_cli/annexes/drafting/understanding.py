@@ -38,11 +38,11 @@ class Understood:
 
     @property
     def drives(self) -> list[str]:
-        """The inputs, including those from names."""
+        """Names of the inputs, including those whose values are in names of files."""
         return [*self.inputs, *(one.quantity for one in self.conditions)]
 
     def without_others(self, target: str) -> Named:
-        """Return the columns without the other targets."""
+        """Return the columns of the study without the other targets."""
         others = {*self.targets} - {target}
         return {name: one for name, one in self.columns.items() if name not in others}
 

@@ -337,7 +337,7 @@ class Body:
         return f"{self.text(condition.left)} {condition.comparison} {self.text(condition.right)}"
 
     def text(self, expression: Expression) -> Code:
-        """Return the text of a whole expression."""
+        """Return an expression as text in this language."""
         match expression:
             case Sum((first, *others)):
                 text: str = self.text(first)

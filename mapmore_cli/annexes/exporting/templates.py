@@ -185,7 +185,7 @@ LITERALS: Mapping[str, Callable[[str], str]] = {
 
 @cache
 def templates(language: str) -> Environment:
-    """Return the templates in `sources/` for a language."""
+    """Return the environment of Jinja for the templates of a language in `sources/`."""
 
     def written(value: object) -> object:
         if isinstance(value, Code | int | float):
@@ -247,7 +247,7 @@ def with_notice(name: str, text: str) -> str:
 
 
 def rendered_template(template: str, **words: object) -> Code:
-    """Return a file of `sources/` with the words inserted."""
+    """Return a file of `sources/` with its template words replaced."""
     return Code(
         templates(template.rpartition(".")[2]).get_template(f"{template}.jinja").render(words)
     )

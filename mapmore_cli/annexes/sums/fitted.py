@@ -76,7 +76,7 @@ def _unit(text: str, dataset: Dataset) -> str:
 
 
 class SumMaker(Maker):
-    """Maker that adds models, or fits formulas together."""
+    """Object that makes sums: it adds models, or fits formulas together."""
 
     def fit(self, part: ModelChoices, given: Given) -> FitResult:
         """Fit formulas together. If the summands are models of other runs, nothing is fitted.

@@ -77,7 +77,7 @@ class Arithmetic:
     """
 
     def where(self, condition: Amount, then: Amount, otherwise: Amount) -> Amount:
-        """Return `then` if the condition holds, otherwise `otherwise`."""
+        """Return `then` where the condition holds, and `otherwise` elsewhere."""
         return np.where(
             condition, *(side() if callable(side) else side for side in (then, otherwise))
         )
@@ -194,7 +194,7 @@ class Operator:
 
     @property
     def latex(self) -> str:
-        """Name in upright letters, as LaTeX."""
+        """Name of the operator as LaTeX source, in upright letters."""
         return rf"\mathrm{{{self.name.replace('_', chr(92) + '_')}}}"
 
 

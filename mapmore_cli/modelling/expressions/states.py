@@ -49,7 +49,7 @@ class _State:
 
     @property
     def quantity(self) -> str:
-        """The measured quantity inside the state."""
+        """Name of the measured quantity inside the state."""
         return self.parts[0].name
 
     @property
@@ -79,7 +79,7 @@ class Measured(_State):
 
 @dataclass(frozen=True)
 class Lagged(_State):
-    """A state some samples ago."""
+    """A state some samples ago: `source` delayed by `steps` samples."""
 
     source: State
     steps: int

@@ -35,12 +35,12 @@ class Regularised:
 
     @cached_property
     def gram(self) -> Array:
-        """`G = Z'Z/n + ridge I`, (M, M)."""
+        """Regularised Gram matrix `G = Z'Z/n + ridge I`, (M, M)."""
         return self.covariance[:-1, :-1] + self.ridge * np.eye(len(self.covariance) - 1)
 
     @property
     def products(self) -> Array:
-        """`h = Z'y/n`, (M,)."""
+        """Products of candidates and output, `h = Z'y/n`, (M,)."""
         return self.covariance[-1, :-1]
 
     def coefficients(self, chosen: IntArray) -> Array:
@@ -130,7 +130,7 @@ def _left_out_error(
     if not len(chosen):
         return float(held.products[-1, -1])
     kept = prune(data, chosen)[:max_terms][-1]
-    combination = np.zeros(len(held.sums))  # residual = combination'z - constant
+    combination = np.zeros(len(held.sums))  # the residual is `combination'z - constant`
     combination[[*kept, -1]] = [*-data.coefficients(kept), 1.0]
     constant = float(combination @ training.mean)
     return float(

@@ -80,7 +80,7 @@ class Weighing:
         return self if self.scale is None else replace(self, scale=self.scale / unit)
 
     def rows(self, blocks: Blocks) -> Blocks:
-        """Return the blocks divided by the uncertainty."""
+        """Return the blocks with each row divided by its uncertainty."""
         return blocks if self.sigma is None else weighted(blocks, self.sigma)
 
     def settled(

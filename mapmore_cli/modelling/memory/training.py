@@ -44,7 +44,7 @@ ALL = 64  # largest number of sets of starting values for which each set is trie
 AT_BOUND = 1e-6
 
 
-Numbers = tuple[tuple[float, ...], ...]  # the numbers of each state
+Numbers = tuple[tuple[float, ...], ...]  # numbers of the operators of each state
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Unknown:
 
     @cached_property
     def limits(self) -> Array:
-        """Smallest and largest parameters, (2, m)."""
+        """Smallest and largest value of each parameter, (2, m)."""
         ends = [
             parameter.between(self.step, self.longest)
             for _, parameter in self.places
@@ -119,7 +119,7 @@ class Unknown:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the parameters, (m)."""
+        """Names of the m parameters."""
         return tuple(f"{parameter.key} of {operated.name}" for operated, parameter in self.places)
 
     def begun_at(self, before: Identified | None) -> Array:

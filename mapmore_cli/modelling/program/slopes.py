@@ -25,7 +25,7 @@ from mapmore_cli.modelling.program.statements import (
 from mapmore_cli.modelling.program.values import INPUT
 from mapmore_cli.modelling.program.writing import pruned, pruned_block
 
-Slopes = tuple[Expression, ...]  # derivatives of one value, one by each direction
+Slopes = tuple[Expression, ...]  # derivatives of one value, one for each variable
 FUNCTION = "{}_slopes"  # name of a function that returns its value and its derivatives
 
 

@@ -151,7 +151,7 @@ class _Against(NamedTuple):
 
     @property
     def told(self) -> str:
-        """The contradiction in words."""
+        """Description of the contradiction in words."""
         return (
             f", by {self.amount:.3g} on average over a stretch, which is {self.errors:.3g} "
             f"times what their noise explains; the largest is at {self.place.told}"

@@ -64,7 +64,7 @@ class Sheet(NamedTuple):
     label: str
 
     def panel(self, draw: Callable[..., None]) -> Panel:
-        """Return a panel that calls `draw`."""
+        """Return the panel of this sheet, with `draw` as the function that draws it."""
         x_label, y_label = self.plane.labels
         columns = (self.across.ravel(), self.up.ravel(), self.output.ravel())
         data = dict(zip((x_label, y_label, self.label), columns, strict=True))

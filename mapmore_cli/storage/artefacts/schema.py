@@ -83,7 +83,7 @@ def stored_at(where: str) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class SegmentationFile:
-    """Cuts of all training curves."""
+    """Contents of a segmentation file: the cuts of all training curves."""
 
     curves: Annotated[tuple[SegmentedCurve, ...], "training curves"]
 

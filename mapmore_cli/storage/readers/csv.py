@@ -224,7 +224,7 @@ def _blocks_of(
     """
     while block := lines.block():
         last.append(block)
-        if not block.strip(b"\r\n "):  # there may be millions of blank lines
+        if not block.strip(b"\r\n "):  # a text may contain millions of blank lines
             lines.take(block, len(block.splitlines()))
             continue
         values = values_of_text(block, layout)
@@ -437,7 +437,7 @@ def _cut_lines(lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
             if delimiter is None
             else list(csv.reader(lines, delimiter=delimiter))
         )
-    except csv.Error:  # a quotation mark may never be closed
+    except csv.Error:  # a quotation mark in the lines may never be closed
         return []
 
 

@@ -125,7 +125,7 @@ class Cut:
     rows: int = 0
 
     def refuse(self, where: str, request: TableRequest) -> None:
-        """Raise DataError if missing values are errors."""
+        """Raise DataError for an incomplete file, unless missing values are to be left out."""
         if not request.incomplete:
             raise DataError(f"{where}: {self.said}", self.remedy)
 

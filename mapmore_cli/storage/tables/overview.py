@@ -119,7 +119,7 @@ def _places(top: Member, separator: str) -> list[Place]:
     may form circles.
     """
     places = [Place("", "", "", top)]
-    for address, _, _, here in places:  # the list grows during the loop
+    for address, _, _, here in places:  # places are added to the list during this loop
         for name in here.names or range(here.count or 0):
             if len(places) > MOST_MEMBERS:
                 return places

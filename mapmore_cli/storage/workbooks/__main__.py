@@ -31,7 +31,7 @@ MOST_CELLS, CELLS_OF_BYTE = 100_000, 50
 number takes at least a byte, however well it is compressed.
 """
 
-TOO_LARGE = 3  # exit code for sheets that span more cells
+TOO_LARGE = 3  # exit code if the sheets span more cells than that
 
 
 Sheet = tuple[str, bool, list[list[Any]], list[int], list[int]]

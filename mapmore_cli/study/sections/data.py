@@ -435,7 +435,7 @@ class Data(Logs):
 
     @property
     def missing_rule(self) -> MissingRule:
-        """The rule for missing values."""
+        """The rule for missing values; the default rule if `missing` is a word."""
         return self.missing if isinstance(self.missing, MissingRule) else MissingRule()
 
     @property
