@@ -146,8 +146,8 @@ class Commands(TyperGroup):
         """Run the command and flush its output, so that a broken pipe is noticed here and not at
         exit.
         """
-        # The base of BadParameter is the usage error of the click that this Typer uses (its own
-        # copy, or the package).
+        # The base class of BadParameter is the class of usage errors in the copy of click that this
+        # Typer uses: its own copy, or the package.
         typers_own: tuple[type[BaseException], ...] = (
             typer.Exit,
             typer.Abort,

@@ -181,8 +181,8 @@ def parts_between(knots: Array) -> int:
 
 @dataclass(frozen=True)
 class _Line:
-    """The model along one input at each of n rows. x holds values of the input in some of the rows,
-    shape (m,).
+    """The output of a model as a function of one input, at each of n rows, which give the other
+    inputs. In the methods, x holds values of the input, shape (m,), and `rows` the row of each.
     """
 
     value: Callable[[Columns], list[Array]]

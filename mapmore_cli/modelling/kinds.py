@@ -213,7 +213,7 @@ def numbers_in_reach(model: Model) -> Iterator[None]:
     except ExpressionError as fault:
         raise DataError(
             f"the model {model.name} cannot be written as equations: {fault.message}",
-            "run its spec again",
+            "repeat the run that made it",
         ) from fault
 
 

@@ -33,7 +33,9 @@ TRASH = ".trash"
 
 
 def is_as_written(path: Path, stamp: Stamp | None, rehash: bool = False) -> bool:
-    """Return True if a path is a file (not a link) that the record lists with this stamp."""
+    """Return True if a path is a regular file that has not changed since the run wrote it. `stamp`
+    is its entry in the record of the run, or None.
+    """
     if stamp is None or path.is_symlink() or not path.is_file():
         return False
     now = take_stamp(path, stamp, rehash)

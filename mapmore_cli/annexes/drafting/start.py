@@ -156,7 +156,9 @@ def _shared_out(columns: Named, table: Table) -> tuple[Named, Named]:
 def _with_experiment(
     draft: Draft, study: Study, folder: Path, known: Understood, target: str, answers: Answers
 ) -> Draft:
-    """Return the draft with the settings that its recordings need, and the experiment."""
+    """Return the draft with the settings that its recordings need, and with its target, levels and
+    held-out data.
+    """
     in_names = {one.quantity: one.in_model_units for one in known.conditions}
     hold, made = answers.hold, ""
     if answers.length is not None:

@@ -120,8 +120,8 @@ class StateWriter:
     def _next(
         self, stem: str, rule: Callable[..., Any], values: Sequence[Expression]
     ) -> Expression:
-        """Write a rule applied to some values. It becomes a function of the program if a run calls
-        it with numbers.
+        """Write a rule applied to some values, and return the result. If all past values are known
+        (`seen` is None), the rule becomes a function of the program.
         """
         m = self.m
         if self.seen is not None:

@@ -236,8 +236,9 @@ class TrainingData:
         self.selector = selector(self.data, recipe)
 
     def fit(self, choice: TermChoice, vector: Array | None = None) -> MemoryFit:
-        """Return the model of a choice with its one-step-ahead coefficients; or with those of a
-        point that was found in free run, in the order of the choice, and their standard errors.
+        """Return the fitted model of a choice of terms. Without `vector`, it has the coefficients
+        of the one-step-ahead fit. With it, it has the coefficients and standard errors of that
+        point, which was found in free run; the coefficients are in the order of the choice.
         """
         selection, constant, identified = choice.selection, choice.constant, None
         chosen = selection.chosen

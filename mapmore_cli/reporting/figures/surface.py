@@ -72,7 +72,7 @@ class Sheet(NamedTuple):
 
     @property
     def samples(self) -> tuple[Array, Array, Array]:
-        """The samples that are drawn, (m,) each."""
+        """The samples that are drawn: both inputs and the target, (m,) each."""
         x, y, z = (values[self.rows] for values in self.plane[2:])
         return x, y, z
 
