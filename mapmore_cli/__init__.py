@@ -43,5 +43,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """Return the names in the interface, loaded or not."""
+    """Return the names in the interface, whether or not they are loaded yet."""
     return __all__

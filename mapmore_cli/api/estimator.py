@@ -35,7 +35,7 @@ ROUNDING = 1e-13  # a coefficient that is smaller than this fraction of the sum 
 
 
 class NotFitted(ValueError, AttributeError):
-    """`fit` has not been called yet."""
+    """Error of a method that needs a fit: `fit` has not been called yet."""
 
 
 @dataclass(eq=False, repr=False)
@@ -158,7 +158,7 @@ class FROLS:
         )
 
     def predict(self, X: ArrayLike) -> Array:
-        """Return the model at every row of `X`, (n,)."""
+        """Return the output of the model at every row of `X`, (n,)."""
         self._check_fitted()
         names = _names_of_frame(X)
         own = getattr(self, "feature_names_in_", None)
@@ -211,7 +211,7 @@ class FROLS:
         return (" + ".join(parts).replace("+ -", "- ") or "0",)
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:  # noqa: ARG002
-        """Return the parameters by name."""
+        """Return the parameters of the estimator by name, as scikit-learn expects."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     def set_params(self, **given: object) -> Self:
@@ -319,7 +319,7 @@ def _no_unit(numbers: Array, unit: str) -> Array:
 
 
 def _finite_numbers(values: object, name: str) -> Array:
-    """Return finite real numbers; raises ValueError for other values."""
+    """Return the values as an array of finite real numbers. Raises ValueError for other values."""
     try:
         found = Door(_no_unit).numbers(values, name)
     except DataError as fault:

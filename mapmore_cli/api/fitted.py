@@ -114,7 +114,7 @@ class Study:
 
     @property
     def columns(self) -> Mapping[str, Any]:
-        """The section `columns` as the caller gave it."""
+        """The section `columns` of the spec, as the caller gave it."""
         section: Mapping[str, Any] = self.document["data"].get("columns", {})
         return section
 

@@ -46,12 +46,12 @@ class Run(Finished):
 
     @cached_property
     def model(self) -> LoadedModel:
-        """The model, as a function of its inputs."""
+        """The model of the run, as a function of its inputs."""
         return LoadedModel(RunFiles(self.run_dir).model(), self.scores)
 
     @property
     def page(self) -> Path:
-        """The page of the run."""
+        """Path of the page of the run."""
         return self.run_dir / RUN_PAGE
 
     def __repr__(self) -> str:

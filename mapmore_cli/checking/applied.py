@@ -1,4 +1,6 @@
-"""List the rules by what they need, and apply them to a spec and its data."""
+"""List the rules by the data that they need (recordings or curves), and apply them to a spec and
+its data.
+"""
 
 from __future__ import annotations
 

@@ -39,7 +39,8 @@ class Settling:
 
     A sample is settled if its rate is below `limit` per second, a round number; the rate is
     computed in a `window` in s. `share` is the settled share of all samples, and `share_between`
-    that of the samples in the middle of the pressure range: staircases rest there, sweeps do not.
+    the settled share of the samples in the middle of the pressure range: a staircase of pressures
+    rests there, a sweep does not.
     """
 
     limit: float

@@ -124,5 +124,5 @@ def as_text(mark: str, issues: Sequence[Issue]) -> str:
 
 
 def sentences(run_dir: Path) -> tuple[str, ...]:
-    """Return the findings of a run as sentences."""
+    """Return the stored findings of a run as sentences."""
     return tuple(issue.sentence for issue in kept(run_dir) or ())

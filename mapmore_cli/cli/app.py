@@ -106,7 +106,9 @@ class Commands(TyperGroup):
         if not self.commands:
             added = plugins.entry_points("commands")
             for name in added.keys() & MODULES.keys():
-                plugins.leave_plugin_out("commands", name, ValueError("mapmore has such a command"))
+                plugins.leave_plugin_out(
+                    "commands", name, ValueError("mapmore itself has a command of this name")
+                )
             names = {*MODULES, *added} - {*REMOVED}
             ordered = [*(name for name in ORDER if name in names), *sorted(names - {*ORDER})]
             self.commands = cast("dict[str, Command]", dict.fromkeys(ordered))
@@ -144,8 +146,8 @@ class Commands(TyperGroup):
         """Run the command and flush its output, so that a broken pipe is noticed here and not at
         exit.
         """
-        # The base of BadParameter is the usage error of the click that this Typer uses (its own
-        # copy, or the package).
+        # The base class of BadParameter is the class of usage errors in the copy of click that this
+        # Typer uses: its own copy, or the package.
         typers_own: tuple[type[BaseException], ...] = (
             typer.Exit,
             typer.Abort,

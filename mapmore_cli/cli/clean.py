@@ -86,7 +86,9 @@ def _identity(place: Path) -> tuple[int, int]:
 def _view(
     gone: dict[Path, tuple[str, ...]], kept: dict[Path, tuple[str, ...]], yes: bool, where: str
 ) -> View:
-    """Return which runs were or would be removed, and what keeps the others."""
+    """Return the result of the command: the runs that were or would be removed, and the reasons why
+    others are kept.
+    """
     files = [str(folder / path) for folder, paths in gone.items() for path in paths]
     count = f"{len(files)} files of {len(gone)} runs"
     done = f"{count} {'moved' if where else 'removed'}{where}"

@@ -146,7 +146,7 @@ def _of_models(
 
 
 def _draw(names: Sequence[str], models: Sequence[Path], figure: Path) -> None:
-    """Draw the drift over all models."""
+    """Draw the drift over all models, and write the figure."""
     from mapmore_cli.modelling.validation.comparison import reference_points
     from mapmore_cli.reporting.figures.commands import drift_drawing
     from mapmore_cli.storage.artefacts import read_model

@@ -100,7 +100,7 @@ def _verdict(before: str, after: str, comparison: Comparison) -> str:
 
 
 def _cautions(comparison: Comparison) -> list[str]:
-    """Return what the reader must know about the interval."""
+    """Return warnings about the interval of a comparison."""
     heaviest = max(comparison.curves, key=lambda curve: curve.weight)
     notes = list(_of_settings(comparison))
     if heaviest.weight > ONE_CURVE:

@@ -215,7 +215,7 @@ def refuse_endings(
 
 
 def write_figure(path: Path, drawing: Drawing) -> None:
-    """Write a figure in the format of its ending."""
+    """Write a figure in the format that the ending of the path names."""
     from mapmore_cli.reporting.figures.drawing import compose, to_bytes
     from mapmore_cli.reporting.figures.style import figure_style
 
@@ -253,7 +253,7 @@ def write_ci_files(
 # --------------------------------------------------------------------------------------------------
 
 INTERNAL_FAULT = 1
-INTERRUPTED = 130  # 128 + SIGINT, as shells report it
+INTERRUPTED = 130  # exit code after Ctrl-C: 128 + SIGINT, as shells report it
 BROKEN_PIPE = 141  # 128 + SIGPIPE
 
 _STDOUT = {
@@ -301,7 +301,7 @@ def error_document(error: BaseException) -> dict[str, object]:
 
 
 def exit_code(error: BaseException) -> int:
-    """Return the code that a command ends with."""
+    """Return the exit code of a command that ends with this error."""
     error = explained(error)
     if isinstance(error, MapmoreError):
         return error.exit_code

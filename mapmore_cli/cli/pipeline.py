@@ -103,8 +103,8 @@ def _bring_up_to_date(
 
 
 def _of_reasons(name: str, reasons: dict[str, str | None]) -> View:
-    """Return which stages would run, and why. In the document, null means that a stage is up to
-    date.
+    """Return the view of `--explain`: the stages that would run, and the reasons. In the document,
+    null means that a stage is up to date.
     """
     from mapmore_cli.reporting.table import Table
 

@@ -83,7 +83,7 @@ class Reporter:
         return {"progress": self.progress, "warn": self.warn, "on_stage": self.stage}
 
     def say(self, message: str) -> None:
-        """Print one line."""
+        """Print one line, unless `quiet` is set."""
         if not self._quiet:
             self.complain(message)
 

@@ -99,8 +99,8 @@ def _of_run(run_dir: Path) -> View:
 
 
 def _stale(run_dir: Path) -> dict[str, str]:
-    """Return the stages of a run whose results are older than their sources, each with a line that
-    says so.
+    """Return the stages of a run whose results are older than their sources, each with a
+    warning.
     """
     return {
         name: (
@@ -181,8 +181,8 @@ def _of_json(path: Path) -> View:
 
 
 def of_scores(table: ScoreTable, published: Published | None = None) -> View:
-    """Return the score rows of every curve in the document, and the pooled ones in the table,
-    beside the numbers of a publication.
+    """Return the score rows of every curve in the document, and the pooled rows in the table,
+    together with the numbers of a publication.
     """
     rows = [score_row(score) for score in table.scores]
     pooled = (
@@ -372,14 +372,14 @@ class Shown(Protocol):
     """A kind of a plugin that defines how `mapmore show` shows its models."""
 
     def show(self, model: Model, show_other: Callable[[Model], View]) -> View:
-        """Return what is shown besides the equations. `show_other` does the same for a model
-        inside.
+        """Return a view of a model that is shown before its equations. `show_other` makes the view
+        of a model inside this one.
         """
 
 
 def _view_of(model: Model) -> View:
-    """Return a model as its kind shows it, besides the equations. If the kind defines nothing, the
-    model is shown as it is stored.
+    """Return the view of a model that its kind defines, without the equations. If the kind defines
+    nothing, the model is shown as it is stored.
     """
     from mapmore_cli.modelling.kinds import kind_of
 

@@ -125,8 +125,8 @@ _mapped: WeakKeyDictionary[mmap.mmap, dict[Any, tuple[float, float]]] = WeakKeyD
 
 
 def stacked(blocks: Iterable[Sequence[Any]]) -> list[Any]:
-    """Return columns that are put together from blocks, of which each has a part of every column,
-    (b,) or (b, k); there is at least one block. Raises OSError if the disk is full.
+    """Join blocks into whole columns. Each block has a part of every column, (b,) or (b, k), and
+    there must be at least one block. Raises OSError if the disk is full.
     """
     held: list[Sequence[Any]] = []
     size, rest = 0, iter(blocks)

@@ -19,7 +19,8 @@ class Normaliser:
 
     name: str
     value: float
-    extent: float = math.nan  # range of the same samples
+    # size of the range of the samples from which the normaliser is computed
+    extent: float = math.nan
 
     def fraction(self, error: float) -> float:
         """Return the error as a fraction of the normaliser; NaN if the normaliser is zero or
@@ -37,8 +38,8 @@ class SampleBlock(NamedTuple):
     recorded: Array
     measured: Array
     predicted: Array
-    one_step: Array  # predictions from the measured past
-    half: Array  # half the width of the interval
+    one_step: Array  # predictions one step ahead, from the measured past
+    half: Array  # half the width of the prediction interval
     sigma: Array  # uncertainty of the measured values
 
     @property
@@ -60,12 +61,12 @@ class Compared:
     free: int = 0
 
     def total(self, of: Callable[[SampleBlock], Array | BoolArray]) -> float:
-        """Return the sum over all samples."""
+        """Return the sum of a function of the samples."""
         with np.errstate(over="ignore", invalid="ignore"):
             return float(sum(float(np.sum(of(block))) for block in self.blocks()))
 
     def spread(self, of: Callable[[SampleBlock], Array]) -> float:
-        """Return the sum of squares about the mean."""
+        """Return the sum of squares, about the mean, of a function of the samples."""
         mean = self.total(of) / max(self.total(lambda block: np.ones(len(of(block)))), 1)
         return self.total(lambda block: (of(block) - mean) ** 2)
 
@@ -80,7 +81,7 @@ class Compared:
 
     @cached_property
     def n(self) -> int:
-        """Number of samples."""
+        """Number of samples of the row."""
         return sum(len(block.measured) for block in self.blocks())
 
     @cached_property
@@ -126,5 +127,5 @@ MOST_VALUES = 1_000_000
 
 
 def ratio(above: float, below: float) -> float:
-    """Return a quotient; NaN if the divisor is zero."""
+    """Return the quotient of two numbers; NaN if the divisor is zero."""
     return above / below if below > 0 else math.nan

@@ -2,10 +2,10 @@
 
     z_s: Annotated[float, Interval(ge=0, le=0.5)] = 0.25
 
-Type and default are those of the field, bounds are `annotated_types`, a unit is an `InUnit`, and
-the explanation is in the docstring of the class. The spec validates these classes, and its JSON
-schema and `docs/spec.md` are made from them. Pydantic calls special methods of these types by name,
-so pydantic is not imported here.
+The type and the default are written at the field, bounds are `annotated_types`, a unit is an
+`InUnit`, and the explanation is in the docstring of the class. The spec validates these classes,
+and its JSON schema and `docs/spec.md` are made from them. Pydantic calls special methods of these
+types by name, so pydantic is not imported here.
 """
 
 from __future__ import annotations
@@ -193,12 +193,12 @@ Pair = Annotated[tuple[float, float], ListToo()]
 
 @dataclass(frozen=True)
 class Matching:
-    """Mark of a text that must match a pattern."""
+    """Mark of a text that must match a regular expression."""
 
     pattern: str
 
     def __get_pydantic_core_schema__(self, source: object, handler: Handler) -> object:
-        """Return the schema of the text with the pattern."""
+        """Return the schema of the text with its pattern added."""
         return {**handler(source), "pattern": self.pattern}
 
 

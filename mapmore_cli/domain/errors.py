@@ -104,7 +104,7 @@ class SpecError(MapmoreError):
 
 
 class DataError(MapmoreError):
-    """The recordings are wrong, or too few samples remain for what the spec asks (exit 4)."""
+    """The recordings are wrong, or too few samples remain for the settings of the spec (exit 4)."""
 
     exit_code = 4
 

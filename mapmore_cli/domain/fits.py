@@ -336,7 +336,7 @@ class StateSet:
 
     @property
     def longest_step(self) -> float:
-        """Time step, s, beyond which the memory restarts."""
+        """Longest time between two samples, s, across which the memory continues."""
         return math.inf if self.ordered else self.step
 
     @property

@@ -77,12 +77,12 @@ class Body:
 
     @property
     def models(self) -> tuple[Model, ...]:
-        """Empty by default."""
+        """Models that this body contains; none by default."""
         return ()
 
     @property
     def memories(self) -> tuple[MemoryModel, ...]:
-        """Empty by default."""
+        """Parts with memory; none by default."""
         return ()
 
 
@@ -141,7 +141,7 @@ class Formula(Body):
 
     @property
     def backbone(self) -> FormulaFit:
-        """The formula."""
+        """The formula, which is the whole model."""
         return self.fit
 
 
@@ -158,7 +158,7 @@ class Memory(Body):
 
     @property
     def memories(self) -> tuple[MemoryModel, ...]:
-        """The single part with memory."""
+        """The part with memory, as the only element."""
         return (self.model,)
 
 
@@ -290,7 +290,7 @@ class Model:
     shape: Annotated[Shape | None, "the shape that it keeps, where the spec asked for one"] = None
 
     def body_of(self, kind: type[B]) -> B:
-        """Return the body, which must be of this kind."""
+        """Return the body, which must be of the type `kind`."""
         assert isinstance(self.body, kind)
         return self.body
 
@@ -301,7 +301,7 @@ class Model:
 
     @property
     def outputs(self) -> tuple[Quantity, ...]:
-        """The predicted quantities."""
+        """The predicted quantities with their units."""
         return tuple(model.output for model in self.each)
 
     def of(self, output: str) -> Model:
@@ -332,7 +332,9 @@ class Model:
 
     @property
     def memories(self) -> tuple[MemoryModel, ...]:
-        """Every part with memory: its own, and those of the models that it contains."""
+        """Every part with memory: the model's own, and the parts with memory of the models that it
+        contains.
+        """
         return tuple(memory for model in self.every for memory in model.body.memories)
 
 

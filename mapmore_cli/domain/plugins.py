@@ -127,8 +127,8 @@ def leave_out_others() -> None:
 
 @cache  # reading the installed packages is the slowest part of the start
 def _installed() -> tuple[EntryPoint, ...]:
-    """Return the entry points of mapmore, and those of other packages for it. A package whose list
-    of entry points cannot be read is left out.
+    """Return the entry points of mapmore itself, and the entry points that other packages provide
+    for it. A package whose list of entry points cannot be read is left out.
     """
     points, packages = list[EntryPoint](), set[str]()
     for package in [distribution(OURS)] if os.environ.get(NONE_OF_OTHERS) else distributions():

@@ -105,7 +105,7 @@ class CurveRange:
     limits: Annotated[Ranges, "least and greatest training value of each input", "[*]"]
 
     def of(self, names: Iterable[str]) -> CurveRange:
-        """Return the range with some inputs only."""
+        """Return the range of only some inputs."""
         return CurveRange(self.curve, self.level, {name: self.limits[name] for name in names})
 
 
@@ -146,7 +146,7 @@ class Curve:
 
     @property
     def training(self) -> BoolArray:
-        """Return True for training samples, (n,)."""
+        """Return True for training samples, (n,): those that are neither held out nor at rest."""
         return ~self.held_out if self.at_rest is None else ~(self.held_out | self.at_rest)
 
     def at(self, rows: IntArray | BoolArray) -> Curve:
@@ -231,7 +231,7 @@ class Dataset:
         return {recording.id: recording.log or recording.id for recording in self.recordings}
 
     def unit(self, name: str) -> str:
-        """Return the unit of a column."""
+        """Return the unit of a column of the dataset."""
         return self.quantities[name].unit
 
 

@@ -138,7 +138,7 @@ class ResidualTest:
 
     @property
     def words(self) -> str:
-        """Description of the values outside, in words."""
+        """Text that says how many of the tested values lie outside their bounds."""
         count = f"{self.beyond} of {self.tested}"
         if self.name == AUTOCORRELATION:
             return f"{count} lags"
@@ -197,7 +197,7 @@ class Validation:
 
     @property
     def table(self) -> ScoreTable:
-        """The numbers without predictions, for all outputs."""
+        """The scores and findings of all outputs, without the predictions."""
         failed = [
             name
             for output in self.each
@@ -271,10 +271,10 @@ class Tried:
         # RMSE on each fold, of a model fitted without this fold, as a fraction of `Search.scale`;
         # empty if a fit failed
     ] = ()
-    error: float = math.nan  # root mean square of these errors
+    error: float = math.nan  # root mean square of the errors in `errors`
     # the same for folds of left-out levels or recordings; NaN if there are too few of these
     parts: float = math.nan
-    # mean over all folds of the logarithm of the ratio of its error to that of the best structure
+    # mean, over all folds, of the logarithm of its error divided by the error of the best structure
     excess: float = math.nan
     spread: float = math.nan  # standard error of that mean
     seconds: float = 0.0  # computing time

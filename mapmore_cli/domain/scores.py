@@ -174,7 +174,7 @@ class Score:
 
     @classmethod
     def of(cls, model: str, target: str, split: str, curve: str, row: Compared) -> Score:
-        """Compute a row from its samples."""
+        """Compute a row of the score table from its samples."""
         numbers: dict[str, Any] = {name: measure.of(row) for name, measure in MEASURES.items()}
         return cls(model, target, split, curve, normaliser_name=row.scale.name, **numbers)
 
@@ -194,7 +194,7 @@ class Score:
 
 
 FAR_FROM_ZERO = 3.0
-"""Ratio of the mean to the range of a target from which on the target lies far from zero."""
+"""A target lies far from zero if the ratio of its mean to its range is larger than this."""
 
 _NUMBERS = {
     name: hint.__metadata__
@@ -231,7 +231,7 @@ class Limit:
 
     @property
     def sentence(self) -> str:
-        """A sentence with the value and its limit."""
+        """Sentence that states the value and its limit."""
         return (
             f"{self.metric} of {self.model} on the {self.split} rows is {self.value:.6g}; the "
             f"limit is {self.limit:g}"
@@ -240,13 +240,14 @@ class Limit:
 
 @dataclass(frozen=True)
 class Published:
-    """Numbers of a publication by model, all for held-out data. They are shown beside ours and used
-    in no computation.
+    """Numbers of a publication by model, all for held-out data. They are shown beside the scores of
+    mapmore, and no computation uses them.
     """
 
     source: str
     nrmse: Mapping[str, float] = field(default_factory=dict)  # fractions
-    rmse: Mapping[str, float] = field(default_factory=dict)  # in the unit of the target
+    # RMSE of each model, in the unit of the target
+    rmse: Mapping[str, float] = field(default_factory=dict)
     # lower bounds, if the publication gives only these
     rmse_at_least: Mapping[str, float] = field(default_factory=dict)
 

@@ -56,7 +56,7 @@ class Workspace:
 
     @property
     def files(self) -> RunFiles:
-        """Results of the earlier stages."""
+        """Results that the earlier stages wrote."""
         return RunFiles(self.run_dir)
 
 

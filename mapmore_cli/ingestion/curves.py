@@ -155,7 +155,7 @@ class LevelSet:
         return level if abs(level - value) <= reach else None
 
     def describe(self) -> str:
-        """Return the levels in one line of text."""
+        """Return a description of the levels in one line."""
         return (
             f"levels of {self.of}: {', '.join(f'{value:g}' for value in self.at)} (within "
             f"{self.within:g})"

@@ -157,7 +157,8 @@ def _check(data: Data) -> None:
     for name in sorted({name for one in entries for name in one.columns} - data.columns.keys()):
         raise SpecError(
             f"files: '{name}' has a column in some files only",
-            "Name its column in `data.columns`; beside files stand those that differ from these.",
+            "Name its column in `data.columns`. The `columns` of single files only replace entries "
+            "of `data.columns`.",
         )
     constants = [set(entry.set) if isinstance(entry, FileEntry) else set() for entry in data.files]
     for name in sorted(set().union(*constants)):

@@ -50,7 +50,9 @@ class IngestSlice:
 
 
 def slice_of(spec: ExperimentSpec) -> IngestSlice:
-    """Return the part of the spec that ingest reads; it does not contain cross-validation."""
+    """Return the part of the spec that ingest reads. Settings for cross-validation are not
+    included, because ingest does not need them.
+    """
     split = spec.data.split.model_copy(
         update={"leave_one_level_out": False, "leave_one_group_out": False, "structure_seen": False}
     )

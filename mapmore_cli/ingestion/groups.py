@@ -78,8 +78,8 @@ def group_effects(curves: Sequence[Curve], groups: Groups, target: str) -> Group
     strains does not get an offset for that reason.
 
     The logarithm of a gain has a normal prior with mean zero and standard deviation `SPREAD`. The
-    residuals are assumed to be as large as those of a separate polynomial for each group. So the
-    gain of a group with few samples, or with small `p`, is near 1.
+    residuals are assumed to be as large as the residuals of a separate polynomial for each group.
+    So the gain of a group with few samples, or with small `p`, is near 1.
 
     Raises
     ------

@@ -155,7 +155,7 @@ def read_tables(
 
 def _second(table: Logs, units: Mapping[str, str]) -> float:
     """Return the length of a second in the unit of the time column. It is 1 if there is no such
-    column, and for a clock in several columns, each of which has its own unit.
+    column, and also for a clock in several columns, which have units of their own.
     """
     clock = table.columns.get("time")
     if clock is None or clock.columns:

@@ -43,8 +43,9 @@ all intervals together.
 """
 
 SPLITS, STEEP = 6, 3.0
-"""Largest number of times that a part is divided, and the ratio of a slope at an end to the slope
-of the secant from which on it is divided, because it may turn twice.
+"""Largest number of times that a part is divided, and the ratio between the slope at an end of a
+part and the slope of its secant above which the part is divided, because the output may turn twice
+in it.
 """
 
 # rows that are scanned at a time; and bisections that halve an interval down to rounding
@@ -180,8 +181,8 @@ def parts_between(knots: Array) -> int:
 
 @dataclass(frozen=True)
 class _Line:
-    """The model along one input at each of n rows. x holds values of the input in some of the rows,
-    shape (m,).
+    """The output of a model as a function of one input, at each of n rows, which give the other
+    inputs. In the methods, x holds values of the input, shape (m,), and `rows` the row of each.
     """
 
     value: Callable[[Columns], list[Array]]
@@ -262,8 +263,8 @@ class _Line:
     def solutions(
         self, x: Array, rows: IntArray, span: float
     ) -> tuple[Array, IntArray, BoolArray, Array]:
-        """Return the solutions in monotone parts between the edges `x` of the `rows`, shape (e,)
-        each, and their rows, shape (m,) each, ascending.
+        """Return all solutions and their rows, shape (m,) each, ascending. They are searched in the
+        monotone parts between the edges `x`, shape (e,), whose rows are `rows`, shape (e,).
 
         Also return for each row, shape (n,), whether the solutions fill a range, and the edge whose
         output is nearest to the wanted output.
@@ -329,7 +330,9 @@ def _bisected(f: Callable[[Array, IntArray], Array], low: Array, high: Array) ->
 
 
 def _picked(values: Array, rows: IntArray, n: int, rule: str) -> Array:
-    """Return one solution for each row; NaN means none."""
+    """Return one of the solutions for each row, chosen by the `rule`; NaN for a row without a
+    solution.
+    """
     values_of_rows, before = np.full(n, np.nan), np.nan
     starts = np.searchsorted(rows, np.arange(n + 1))
     for row in range(n):

@@ -81,7 +81,7 @@ class Verbs(Protocol):
         return outside_limits(getattr(model.body, "ranges", ()), model.level, columns)
 
     def rules(self, model: Model) -> Iterable[str]:  # noqa: ARG002
-        """Return how the equations are combined, in sentences."""
+        """Return sentences that say how the equations are combined."""
         return ()
 
     def faults(self, model: Model) -> Iterable[str]:  # noqa: ARG002
@@ -213,7 +213,7 @@ def numbers_in_reach(model: Model) -> Iterator[None]:
     except ExpressionError as fault:
         raise DataError(
             f"the model {model.name} cannot be written as equations: {fault.message}",
-            "run its spec again",
+            "repeat the run that made it",
         ) from fault
 
 
@@ -230,7 +230,7 @@ def equations(
 
 
 def rules(model: Model) -> tuple[str, ...]:
-    """Return how the equations are combined, in sentences. With both, a reader can compute the
+    """Return sentences that say how the equations are combined. With both, a reader can compute the
     model.
     """
     return tuple(verbs_of(model).rules(model))

@@ -21,10 +21,10 @@ class Regressor(Protocol):
     """Regressor that is fitted to inputs (n, m) and outputs (n,), and predicts (n,) for others."""
 
     def fit(self, x: Array, y: Array, /) -> object:
-        """Learn from samples."""
+        """Fit the regressor to samples."""
 
     def predict(self, x: Array, /) -> Array:
-        """Return the outputs at other inputs."""
+        """Predict the outputs at inputs, (m,)."""
 
 
 @dataclass(frozen=True)

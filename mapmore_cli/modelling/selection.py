@@ -102,7 +102,7 @@ class Fit(Settings):
 
     @property
     def known_scale(self) -> float | None:
-        """The scale, if the spec gives a number."""
+        """The value of `scale`; None if it is `auto`."""
         return None if isinstance(self.scale, str) else self.scale
 
     @property
@@ -135,7 +135,8 @@ class Fit(Settings):
 
 @dataclass(frozen=True, kw_only=True)
 class MemoryRecipe(Fit):
-    """Settings of a model with memory: those of `Fit`, and what they act on.
+    """Settings of a model with memory: the keys of `Fit`, and the output, terms and samples to
+    which they apply.
 
     With a ridge, candidates are centred and divided by their standard deviations, and the model has
     a separate constant. Without a ridge, the constant is a candidate like any other. `tolerance` is

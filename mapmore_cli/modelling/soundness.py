@@ -17,7 +17,7 @@ from mapmore_cli.modelling.programs import program_of
 from mapmore_cli.modelling.signals.rates import signal_values
 from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths_of
 
-ROWS = 16  # rows of the trial
+ROWS = 16  # number of rows of the trial
 
 
 def unsound(model: Model) -> str | None:
@@ -60,5 +60,6 @@ def _try(model: Model) -> None:
         lambda: model.left_out and half_widths_of(model, columns, INTERVAL),
         lambda: [signal_values(signal, timed) for signal in model.signals],
     ):
-        with suppress(MapmoreError), np.errstate(all="ignore"):  # commands report these errors
+        # the commands report these errors to the user
+        with suppress(MapmoreError), np.errstate(all="ignore"):
             attempt()

@@ -119,7 +119,7 @@ def _entry(path: Path, *keys: str) -> object:
 
 
 def _check_finished(run_dir: Path) -> None:
-    """Check that the files listed in `run.json` exist unchanged."""
+    """Raise DataError unless all files that `run.json` lists exist and are unchanged."""
     remedy = "bring the run up to date with `mapmore run`"
     if missing := [kept for kept in KEPT if not (run_dir / kept).is_file()]:
         raise DataError(f"{run_dir}: is not a finished run ({', '.join(missing)} missing)", remedy)

@@ -37,8 +37,8 @@ class Door:
     clock: bool = False
 
     def numbers(self, values: object, what: str, axis: str = "row") -> Array:
-        """Return values as numbers in their shape; messages call them `what`. Missing values
-        (masked, None, NA, NaT) become NaN.
+        """Return values as numbers, in an array of the same shape. Messages call the values `what`.
+        Missing values (masked, None, NA, NaT) become NaN.
 
         Raises DataError for anything else: text, truth values, complex numbers, dates unless a
         clock is wanted, units that do not fit.

@@ -78,7 +78,7 @@ class LoadedModel:
 
     @property
     def units(self) -> dict[str, str]:
-        """Units of the inputs and of the outputs."""
+        """Units of the inputs and the outputs, by name."""
         return {quantity.name: quantity.unit for quantity in (*self.inputs, *self.model.outputs)}
 
     @property
@@ -201,8 +201,8 @@ class LoadedModel:
         """Return the lower and the upper end of the interval that contains a sample of a new curve
         with the probability `level`, in the shape of the output.
 
-        They are NaN outside the training range. If the spec has no `validate: {intervals: true}`,
-        a `Fitted` model fits again what it needs; a model that was loaded raises `DataError`.
+        They are NaN outside the training range. If the spec has no `validate: {intervals: true}`, a
+        `Fitted` model makes the fits that it needs; a model that was loaded raises `DataError`.
         """
         flat, shape = self._flattened(columns)
         low, high = interval(self._with_intervals, flat, level)
@@ -361,7 +361,7 @@ def given_numbers(
     """Return the values that a user passed for the quantity `name` as numbers in a `unit`; `layout`
     is the format of time stamps.
 
-    Raises DataError with a message that begins with `what`.
+    Raises DataError with a message that begins with `what`, a name for the values.
     """
     clock = name == "time"
     read = CellReader(clock=clock, format=layout, second=convert(1.0, "s", unit) if clock else 1.0)

@@ -49,8 +49,8 @@ def one_blas_thread() -> Iterator[None]:
 
 @cache
 def _thread_pools(_with_scipy: bool) -> ThreadpoolController:
-    """Return the libraries with threads. They are looked up once, and again after SciPy is loaded,
-    because it takes longer than a small stage.
+    """Return the libraries with threads. They are looked up only once, and again after SciPy is
+    loaded, because looking them up takes longer than a small stage.
     """
     import numpy  # noqa: F401 - has one of them
     from threadpoolctl import ThreadpoolController

@@ -94,8 +94,8 @@ class Reading:
 
 
 def reading_of(model: Model, columns_there: Collection[str]) -> Reading:
-    """Return what must be read: every input that is among `columns_there`, the source of every
-    other signal, and `time` if there are signals or memory.
+    """Return the parts of a table that must be read: every input that is among `columns_there`, the
+    source of every other signal, and `time` if there are signals or memory.
     """
     signals = tuple(signal for signal in model.signals if signal.name not in columns_there)
     over_time = bool(signals) or runs_over_time(model)

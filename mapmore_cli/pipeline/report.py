@@ -45,7 +45,7 @@ class ReportSlice:
 
 
 def report_slice(spec: ExperimentSpec) -> ReportSlice:
-    """Return the stage's slice of the spec."""
+    """Return the part of the spec on which the stage `report` depends."""
     split = spec.data.split
     left_out = (
         "level" if split.leave_one_level_out else "group" if split.leave_one_group_out else ""

@@ -1,5 +1,5 @@
-"""Bring a run up to date: run the stages whose inputs have changed, as `make` does, but recognised
-by hashes instead of file times.
+"""Bring a run up to date: run the stages whose inputs have changed, as `make` does. Changes are
+recognised by hashes instead of file times.
 
 A run folder is valid after every step: a stage builds its outputs beside the old ones, they are
 moved into place, and the stage's entry in `run.json`, which is written last, commits them. Anything
@@ -228,7 +228,7 @@ class _Run:
         are complete. If another process is working, the lock decides.
         """
         records, runs = known_records(self.run_dir), self.run_dir.parent
-        # the sources of a stage without a record need not be checked twice
+        # a stage without a record must run, so its sources are not checked here
         if until not in records:
             return None
         plans = list(self.planned(until, records))
@@ -443,8 +443,8 @@ class _Run:
 
     def unwritten(self, until: str) -> dict[str, str]:
         """Return the specs that belong to the run and are not written yet, by file name: the spec
-        to repeat the run where it lies, and the one that a search found. Specs that the record
-        lacks are included.
+        with which the run can be repeated in its folder, and the spec that a search found. Specs
+        that the record lacks are included.
         """
         if until == SEARCH_STAGE:
             return {}

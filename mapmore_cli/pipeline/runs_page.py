@@ -121,7 +121,7 @@ def _picture(validation: Validation, dataset: Any) -> tuple[str, str]:
 
 
 def _page(runs: Path, rows: Sequence[Row]) -> str:
-    """Return the page with these rows."""
+    """Return the page of all runs as HTML, with these rows."""
     from mapmore_cli.reporting.order import RUN_PAGE
     from mapmore_cli.reporting.scripts import EVERYWHERE, json_text, scripts, text_of
     from mapmore_cli.reporting.table import environment, title_of

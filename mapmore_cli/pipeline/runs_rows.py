@@ -53,7 +53,7 @@ class Row:
 
     @property
     def day(self) -> str:
-        """End of the run, to the minute."""
+        """Time at which the run ended, to the minute."""
         return f"{datetime.fromtimestamp(self.ended, UTC):%Y-%m-%d %H:%M}"
 
 

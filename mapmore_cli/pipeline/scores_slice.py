@@ -1,4 +1,4 @@
-"""Define what the scores of a run depend on besides its model."""
+"""Define the settings on which the scores of a run depend, apart from its model."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mapmore_cli.study.experiment import Competitor, ExperimentSpec
 
 @dataclass(frozen=True)
 class ScoresSlice:
-    """Part of the spec on which the scores depend, besides the model.
+    """Part of the spec on which the scores depend, apart from the model.
 
     `target` is the scored quantity. If the model must be inverted for it, `seen_as` holds the
     scored quantity too, and is None otherwise. `static` is the spec of the static run in `needs`,

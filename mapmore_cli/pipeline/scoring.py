@@ -52,7 +52,7 @@ def score(part: ScoresSlice, workspace: Workspace) -> None:
 
 
 def _scored(part: ScoresSlice, workspace: Workspace, measured: Dataset, model: Model) -> Validation:
-    """Return predictions and scores of one output."""
+    """Score the models of one output, and return predictions and scores."""
     dataset = measured if part.seen_as is None else scored_as(part.seen_as, measured, model)
     static_run = workspace.needed[part.static] if part.static is not None else None
     contest = Contest(

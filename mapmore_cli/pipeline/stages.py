@@ -160,7 +160,7 @@ FITTING = Stage(name="fit", revision=14, outputs=(FIT,), reads=fit_choices, run=
 
 
 def fuse(part: ModelChoices, workspace: Workspace) -> None:
-    """Make the model from the fits, and write it."""
+    """Make the model from the fits, and write it to the run folder."""
     from mapmore_cli.modelling.outputs.model import outputs_model
     from mapmore_cli.storage.artefacts import write_model
     from mapmore_cli.storage.run_record import tool_versions

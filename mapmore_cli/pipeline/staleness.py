@@ -53,7 +53,7 @@ class Needed:
 
     @property
     def last(self) -> str:
-        """The last stage that is needed."""
+        """Name of the last stage of the other run that is needed."""
         return MODEL_STAGE if self.need.compared or self.need.overrides else "report"
 
     def is_kept(self, runs: Path) -> bool:
@@ -131,7 +131,7 @@ def _varied(loaded: LoadedSpec, variation: Need) -> LoadedSpec:
         return changed(loaded, (*variation.overrides, *as_overrides(overrides)))
     except SpecError as error:
         raise SpecError(
-            f"{loaded.name}: as the competitor `{variation.key}`, with other settings: "
+            f"{loaded.name}: with the settings of the competitor `{variation.key}`: "
             f"{error.message}",
             error.remedy,
         ) from error
@@ -239,7 +239,9 @@ def _model_mark(run: Needed, stages: Sequence[Stage] | None, runs: Path, rehash:
 
 
 def _reasons(stage: Stage, known: StageRecord | None, now: StageRecord, previous: str) -> list[str]:
-    """Return all differences from the committed entry."""
+    """Return the differences between a stage's committed entry and the entry that it would have
+    now.
+    """
     if known is None:
         return ["first time"]
     reasons = slice_differences(stage.name, known.slice, now.slice)

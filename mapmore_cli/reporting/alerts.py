@@ -145,7 +145,7 @@ def _of_competitors(scores: Sequence[Score], unit: str) -> Iterator[tuple[str, s
 
 
 def _errors_of_curves(scores: Sequence[Score], split: str) -> dict[str, dict[str, float]]:
-    """Return the RMSE of every curve, by model."""
+    """Return the RMSE of every curve, for each model: `errors[model][curve]`."""
     errors: dict[str, dict[str, float]] = {}
     for score in scores:
         if score.split == split and score.curve != "all" and math.isfinite(score.rmse):

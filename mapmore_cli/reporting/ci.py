@@ -25,7 +25,7 @@ class RunReport:
 
     @property
     def missed(self) -> tuple[Limit, ...]:
-        """The limits that its scores miss."""
+        """The limits in `limits` that the scores of the run miss."""
         return tuple(limit for limit in self.limits if not limit.kept)
 
 

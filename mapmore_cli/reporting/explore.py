@@ -1,4 +1,4 @@
-"""Prepare what a page needs to compute its models: their code in JavaScript, and samples.
+"""Prepare the data with which a page computes its models: their code in JavaScript, and samples.
 
 The code comes from the annex that exports models; without it, a page has no section "Explore".
 """
@@ -100,7 +100,7 @@ def wrapped(key: str, model: Model, more: str = "") -> str:
 
 
 def _competitors(inputs: ReportInputs) -> dict[str, Model]:
-    """Return the competitors that the page can compute beside its model: they predict the same
+    """Return the competitors that the page can compute as well as its model: they predict the same
     quantity from its inputs, and, if they have memory, have its time step.
     """
     model = inputs.model
@@ -164,8 +164,8 @@ def _numbers(values: Array) -> list[float | None]:
 
 
 def _samples(inputs: ReportInputs, curves: Sequence[Curve], names: Sequence[str]) -> dict[str, Any]:
-    """Return columns of samples, evenly thinned to `MOST_SAMPLES` of each part, the names of their
-    curves, and the original number.
+    """Return columns of training samples and of held-out samples, each evenly thinned to
+    `MOST_SAMPLES`, with the names of their curves and the numbers of samples before thinning.
     """
     held = inputs.pooled_held_out
     parts = [np.flatnonzero(held == part) for part in (False, True)]

@@ -138,7 +138,7 @@ class ReportInputs:
         return self.dataset.quantities[self.dataset.target]
 
     def axis_label(self, quantity: Quantity, prefix: str = "") -> str:
-        """Return the label of an axis."""
+        """Return the label of an axis for a quantity, in the style of the report."""
         return self.style.axis_label(quantity, prefix)
 
     @property
@@ -232,7 +232,7 @@ class ReportInputs:
 
     @property
     def has_pieces(self) -> bool:
-        """Return False if the model is a formula only."""
+        """Return True if the model has segments."""
         return self.model.pieces is not None and bool(self.model.pieces.segments)
 
     @property

@@ -81,7 +81,7 @@ def render_page(
 
 
 def _words_of(inputs: ReportInputs, figures: Figures) -> dict[str, Any]:
-    """Return the words of an output for the template."""
+    """Return the words that the template of the page needs for an output."""
     scores, table = inputs.validation.scores, inputs.validation.each[0].table
     known = (inputs.own, scored(table, inputs.dataset), inputs.failed, table.alert)
     return {

@@ -82,7 +82,7 @@ def score_table(
 
 
 def full_scale(pooled: Sequence[Score], unit: str) -> str:
-    """Return a sentence about the normaliser of errors."""
+    """Return a sentence that names the normaliser of errors and its value."""
     scale = f"FS = {pooled[0].normaliser_name} = {pooled[0].normaliser:.4g} {unit}".rstrip()
     return f"NRMSE: RMSE / FS, for all rows {scale}."
 
@@ -113,7 +113,7 @@ def _metrics(
 
 
 EQUAL_WITHIN = 0.01
-"""Relative difference of two errors below which neither model is called better."""
+"""Relative difference between two errors below which neither model counts as better."""
 
 
 def scored(table: ScoreTable, dataset: Dataset) -> Quantity:
@@ -199,7 +199,7 @@ def short_verdict(table: ScoreTable, own: str) -> str:
 
 
 def _error(score: Score, unit: str) -> str:
-    """Return an error as readable text."""
+    """Return the error of a score, with its unit, as readable text."""
     return f"{score.rmse:.3g}{_of(unit)} ({_percent(score.nrmse)})"
 
 

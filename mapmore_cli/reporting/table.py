@@ -56,7 +56,7 @@ class Column:
 
     @property
     def heading(self) -> str:
-        """Name with unit, `RMSE [N]`."""
+        """Heading of the column: its name with its unit, for example `RMSE [N]`."""
         return f"{self.name} [{self.unit}]" if self.unit not in ("", "1") else self.name
 
 
@@ -132,7 +132,7 @@ class Table:
 
     @property
     def shown(self) -> tuple[tuple[str, ...], ...]:
-        """Cells as shown to people, row by row."""
+        """Cells as readable texts, row by row."""
         return tuple(
             tuple(_show(cell, column) for cell, column in zip(row, self.columns, strict=True))
             for row in self.rows

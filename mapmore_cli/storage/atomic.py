@@ -47,7 +47,7 @@ def is_special(path: Path) -> bool:
     Data are then written into it, and it is never replaced.
     """
     other = path.exists() and not path.is_file() and not path.is_dir()
-    # a link that the user made is not followed, because its target is not what the user named
+    # a link that the user made is not followed, because the user named the link and not its target
     return _is_of_system(path) or (other and not path.is_symlink())
 
 
@@ -211,7 +211,7 @@ def written(path: Path) -> Iterator[IO[bytes]]:
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file whole."""
+    """Write a file as a whole, as `replacing` does."""
     with written(path) as file:
         file.write(data)
 

@@ -33,7 +33,9 @@ TRASH = ".trash"
 
 
 def is_as_written(path: Path, stamp: Stamp | None, rehash: bool = False) -> bool:
-    """Return True if a path is a file (not a link) that the record lists with this stamp."""
+    """Return True if a path is a regular file that has not changed since the run wrote it. `stamp`
+    is its entry in the record of the run, or None.
+    """
     if stamp is None or path.is_symlink() or not path.is_file():
         return False
     now = take_stamp(path, stamp, rehash)
@@ -130,8 +132,8 @@ def to_trash(run_dir: Path, paths: Sequence[str], without: str = "") -> Path:
         if place.stat().st_dev != run_dir.stat().st_dev:
             place.rmdir()
             raise WriteError(
-                f"{trash}: lies on another file system than {run_dir}, so that nothing can be "
-                "moved there in one step; nothing was",
+                f"{trash}: lies on another file system than {run_dir}, so that files cannot be "
+                "moved there in one step; nothing was moved",
                 "move the folder .trash away, or remove with `clean --yes --now`",
             )
         for path in paths:

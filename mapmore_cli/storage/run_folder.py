@@ -73,25 +73,25 @@ class RunFiles:
         return DATASET_FILE.latest(self.folder / DATASET)
 
     def segmentation(self) -> tuple[SegmentedCurve, ...]:
-        """Return the cuts of the training curves."""
+        """Return the cuts of the training curves, which `segment` wrote."""
         from mapmore_cli.storage.artefacts import SEGMENTATION_FILE
 
         return SEGMENTATION_FILE.latest(self.folder / SEGMENTATION).curves
 
     def fit(self) -> FitResult:
-        """Return the fit."""
+        """Return the fit that the stage `fit` wrote."""
         from mapmore_cli.storage.artefacts import FIT_FILE
 
         return FIT_FILE.latest(self.folder / FIT)
 
     def model(self) -> Model:
-        """Return the model."""
+        """Return the model that `fuse` wrote."""
         from mapmore_cli.storage.artefacts import MODEL_FILE
 
         return MODEL_FILE.latest(self.folder / MODEL)
 
     def validation(self) -> Validation:
-        """Return predictions and scores."""
+        """Return predictions and scores, which `validate` wrote."""
         from mapmore_cli.storage.artefacts import VALIDATION_FILE
 
         return VALIDATION_FILE.latest(self.folder / VALIDATION)

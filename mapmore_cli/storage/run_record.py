@@ -5,7 +5,7 @@ Sizes, times and hashes show whether files are still the ones that were read or 
 no absolute paths, users, hosts or environment variables.
 
 1.0  first version. 1.1  `origin`: the spec from which the run was made. 1.2  `files`: files that
-the run wrote besides the outputs of its stages.
+the run wrote in addition to the outputs of its stages.
 """
 
 from __future__ import annotations

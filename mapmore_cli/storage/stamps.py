@@ -20,8 +20,8 @@ def take_stamp(path: Path, known: Stamp | None = None, rehash: bool = False) -> 
     """Return the stamp of a file. The hash is taken from `known` if the state of the file is the
     same, unless `rehash` is True. Raises OSError if the file cannot be read.
     """
-    # The state is taken before reading: if a file changes meanwhile, its time differs from its
-    # stamp, and it is read again next time.
+    # The state is taken before reading: if the file changes while it is read, its time differs from
+    # its stamp, and it is read again next time.
     state = state_of(path.stat())
     if known is not None and not rehash and known.is_of(state):
         return known

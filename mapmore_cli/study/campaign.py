@@ -49,7 +49,7 @@ class Campaign(Section):
     title: str | None = None
     base: SpecPath | None = None
     runs: Annotated[list[Variant], Field(min_length=1)]
-    # name of the run by whose errors those of all other runs are divided
+    # name of the model by whose errors the errors of all other models are divided
     relative_to: str | None = None
     best_of: list[
         str

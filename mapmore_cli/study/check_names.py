@@ -334,8 +334,8 @@ def along_recordings(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def idle(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Refuse settings that have no effect: those of pieces if the model has none, and those of
-    memory if no term has memory.
+    """Refuse settings that have no effect: settings for pieces if the model has none, and settings
+    for memory if no term has memory.
     """
     if spec.has_memory:
         yield from _of_pieces(spec)

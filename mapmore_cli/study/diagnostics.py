@@ -23,7 +23,7 @@ _MOST = 25  # largest number of mistakes that is shown
 
 @dataclass(frozen=True)
 class Mistake:
-    """A mistake: its place, what is wrong, and what would be right."""
+    """A mistake in a spec: its place, a description, and the correction."""
 
     at: Position
     message: str
@@ -47,7 +47,7 @@ class Finding:
 
     @property
     def loc(self) -> Loc:
-        """Path as keys and list indices."""
+        """Path of the mistake as keys and list indices."""
         if not isinstance(self.way, str):
             return self.way
         steps = self.way.removesuffix(":").split(".")

@@ -290,7 +290,7 @@ class PublishedScores(Section):
 
     @property
     def numbers(self) -> Published:
-        """The numbers as a type of the domain layer."""
+        """The numbers as a `Published`, the type that the score tables use."""
         return Published(self.source, self.nrmse, self.rmse, self.rmse_at_least)
 
 
@@ -497,8 +497,8 @@ class ExperimentSpec(Section):
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """Names of all quantities of the study: those of its data, and `direction` if it cuts the
-        segments.
+        """Names of all quantities of the study: the quantities of its data, and `direction` if
+        segments are separated by it.
         """
         cut = [name for name, how in self.segment.items() if isinstance(how, CutByDirection)]
         return tuple(dict.fromkeys((*self.data.quantities, *cut)))
@@ -531,7 +531,8 @@ class ExperimentSpec(Section):
                 "[{polynomial: {of: [strain], order: 4}}]`"
             )
             raise Contradiction(
-                f"`{parts[0]}` belongs to the structure that `model: {{type: auto}}` searches",
+                f"`{parts[0]}` is a part of the structure, which `model: "
+                f"{{type: auto}}` searches by itself",
                 remedy,
                 *parts,
             )
@@ -542,7 +543,7 @@ class ExperimentSpec(Section):
             )
             raise Contradiction(
                 "there are no candidate terms",
-                f"add a `dictionary`, as {example}",
+                f"add a `dictionary`, for example {example}",
                 "dictionary",
                 "model",
                 "name",

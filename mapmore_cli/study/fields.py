@@ -112,8 +112,8 @@ class Context:
 
     @classmethod
     def of(cls, root: Node, partial: bool = False) -> Context:
-        """Return the units and quantities of a spec, read from those of its parts that are
-        well-formed.
+        """Return the units and quantities of a spec. Parts of the spec that are malformed are
+        ignored.
         """
         spec = written(root)
         spec["target"] = as_target(spec.get("target"))
@@ -175,12 +175,12 @@ class Place:
 
     @property
     def siblings(self) -> Mapping[str, Any]:
-        """The section that contains the number."""
+        """The section of the spec that contains the number."""
         return self.text.around
 
     @property
     def key(self) -> str:
-        """The nearest key above the number."""
+        """The nearest key of the spec above the number."""
         return next(str(step) for step in reversed(self.text.way) if isinstance(step, str))
 
     @property
@@ -196,12 +196,12 @@ class Place:
 
     @property
     def level(self) -> str | None:
-        """The quantity that is constant within a curve."""
+        """Name of the quantity that is constant within a curve."""
         return self.context.level
 
     @property
     def target(self) -> str:
-        """The quantity that is modelled."""
+        """Name of the quantity that is modelled."""
         return self.context.target
 
     def unit_of(self, quantity: object) -> str | None:

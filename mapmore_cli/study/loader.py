@@ -70,11 +70,11 @@ Check = Callable[[M], Iterable[Finding]]
 
 @dataclass(frozen=True)
 class Loaded(Generic[M]):
-    """A valid spec."""
+    """A valid spec, with its place and the settings that were applied."""
 
     spec: M  # contents of the file with defaults; numbers are in the units of the model
     path: Path
-    folder: Path  # relative paths start here
+    folder: Path  # folder at which relative paths of the spec start
     overrides: tuple[str, ...]  # settings that were applied on top of the file
     _root: Node = field(repr=False, compare=False)
     _source: SourceText = field(repr=False, compare=False)
@@ -138,8 +138,8 @@ LoadedSpec = Loaded[ExperimentSpec]
 def load(path: Path, overrides: Sequence[str] = ()) -> LoadedSpec:
     """Read an experiment spec, with `key.path=value` overrides on top.
 
-    Raises SpecError with all mistakes at once, each with its place, the source line and what would
-    be right; UsageError for an override that does not have the form `key.path=value`.
+    Raises SpecError with all mistakes at once, each with its place, the source line and the
+    correction; UsageError for an override that does not have the form `key.path=value`.
     """
     return load_as(path, ExperimentSpec, overrides, findings)
 

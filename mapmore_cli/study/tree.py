@@ -21,7 +21,7 @@ class SourceText:
     """
 
     name: str
-    folder: Path  # relative paths start here
+    folder: Path  # folder at which relative paths in the text start
     text: str
     numbered: bool = True
 

@@ -78,7 +78,7 @@ _ABSOLUTE = {unit: f"{unit}_abs" if unit.endswith("Pa") else f"{unit}a" for unit
 """Names of units of absolute pressure. `kPaa` is not among them, because it is more likely a typing
 error.
 """
-_AIR = 101325  # Pa, of the standard atmosphere
+_AIR = 101325  # pressure of the standard atmosphere, Pa
 _WEIGHTS = {"kg": "kgf", "g": "gf", "lb": "lbf"}
 _COMMON = [
     *_EVERYDAY,

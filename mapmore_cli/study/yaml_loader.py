@@ -376,8 +376,8 @@ _remembered = lru_cache(maxsize=16)(_tree_of)
 
 
 def _composed(text: str) -> yaml.Node | None:
-    """Return the nodes of a text. The garbage collector is switched off meanwhile: all objects of a
-    long text are alive, and scanning them takes minutes.
+    """Return the nodes of a text. The garbage collector is switched off while the text is parsed:
+    all objects of a long text are alive, and scanning them takes minutes.
     """
     enabled = gc.isenabled()
     gc.disable()
@@ -397,7 +397,7 @@ class _Builder:
         self.repeated = 0
 
     def node(self, node: yaml.Node, depth: int, key_at: Position | None = None) -> Node:
-        """Return the tree under one node."""
+        """Return the tree of values under one node of PyYAML."""
         at = self._position(node)
         self.repeated += id(node) in self.seen
         self.seen.add(id(node))

@@ -43,7 +43,7 @@ def model(tmp_path):
     [
         (
             put(f"{SEGMENT}/theta/shape", [1]),
-            "theta_error, has 2 values, where others of (k) have 1",
+            "theta_error, has 2 values, but other arrays with the dimension (k) have 1",
         ),
         (put(THETA, [[1.0, 2.0]]), "theta, is not an array of 1 dimensions of float64"),
         (put(THETA, [np.nan, 1.0]), "theta, is not finite"),

@@ -38,8 +38,8 @@ variables belong to the whole process.
 
 @dataclass(frozen=True)
 class Shared:
-    """Data that a worker needs besides its job: a file that shows whether it sees the folder of
-    runs, the version of mapmore, and the variables that specs may use.
+    """Data that a worker needs in addition to its job: a file that shows whether it sees the folder
+    of runs, the version of mapmore, and the variables that specs may use.
     """
 
     token: Path
@@ -167,7 +167,7 @@ def _connected(scheduler: str | Path) -> Client:
 
 
 def _work(job: Job, shared: Shared, number: int) -> Finished:
-    """Do a job on a worker."""
+    """Do a job on a worker of the cluster, and return its result."""
     from distributed import get_worker
 
     get_worker().log_event(shared.token.name, number)

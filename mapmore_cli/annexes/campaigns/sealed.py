@@ -168,8 +168,8 @@ def _question(job: Job, run_dir: Path) -> object:
 
 @cache
 def _program() -> Mapping[str, object]:
-    """Return everything on which numbers depend besides specs and sources: versions of the program
-    and of its tools.
+    """Return everything on which numbers depend, apart from specs and sources: versions of the
+    program and of its tools.
     """
     return {
         **tool_versions(),

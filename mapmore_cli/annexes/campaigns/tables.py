@@ -49,7 +49,7 @@ class CampaignScores:
 
     @cached_property
     def pooled(self) -> dict[str, Pooled]:
-        """The decisive scores, by run."""
+        """The decisive scores of each run."""
         return {
             name: {score.model: score for score in deciding(scores)}
             for name, scores in self.runs.items()
@@ -68,7 +68,7 @@ class CampaignScores:
 
     @property
     def normalisers(self) -> str:
-        """Names of the normalisers of errors."""
+        """Text with the names of all normalisers of errors in the tables."""
         rows = [score for run in self.pooled.values() for score in run.values()]
         return " and ".join(dict.fromkeys(score.normaliser_name for score in rows))
 

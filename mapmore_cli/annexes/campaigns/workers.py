@@ -70,7 +70,7 @@ def worker_died(times: int) -> MapmoreError:
         "check whether the system ended it because memory was short; use fewer runs at a time "
         "(--jobs)"
     )
-    return MapmoreError(f"the process that worked on it died {times} times", remedy)
+    return MapmoreError(f"the worker process of this run died {times} times", remedy)
 
 
 @contextmanager

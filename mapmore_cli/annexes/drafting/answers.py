@@ -1,5 +1,5 @@
-"""Read what a person says about a folder on the command line: `--columns`, `--target`, `--inputs`,
-`--hold` ...
+"""Read the options with which a person describes a folder on the command line: `--columns`,
+`--target`, `--inputs`, `--hold` ...
 """
 
 from __future__ import annotations

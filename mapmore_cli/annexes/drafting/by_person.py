@@ -1,4 +1,4 @@
-"""Apply what a person says about the columns: their names, units and purposes."""
+"""Apply the answers of a person about the columns: their names, units and purposes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def named_by_person(said: Named, table: Table, option: str, known: Named) -> Nam
     """Return the columns that a person names: by known names, by names that the person gives, or by
     titles.
 
-    A unit that is not given is that of the title, or otherwise the model's.
+    If no unit is given, the unit in the title is used, or otherwise the unit of the model.
     """
     columns: Named = {}
     names = {one.column: name for name, one in known.items()}
@@ -61,7 +61,7 @@ def _each(said: Named, table: Table, option: str) -> Named:
                 f"{len(members)} columns that move are" if members else "no column that moves is"
             )
             remedy = ", ".join(x.called for x in members or table.values() if x.values)
-            raise UsageError(f"{option}: {several} called {wanted}", f"say one of {remedy}")
+            raise UsageError(f"{option}: {several} called {wanted}", f"name one of these: {remedy}")
         for x in members:
             key = name if one.is_called else str(x.column)
             each[key] = replace(one, column=x.column)

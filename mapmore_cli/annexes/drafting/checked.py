@@ -49,7 +49,9 @@ def checked(draft: Draft, plainer: Sequence[Draft], folder: Path) -> Draft:
 
 
 MOST = 300
-"""Largest number of files of which the rules examine all."""
+"""Largest number of files that the rules examine completely; of more files, this number
+is drawn.
+"""
 
 
 def _with_few_files(draft: Draft, folder: Path) -> tuple[Draft, int]:

@@ -283,15 +283,16 @@ def find(table: Table, wanted: Column, option: str, texts: bool = False) -> Titl
     )
     if texts and empty is not None:
         raise UsageError(
-            f"{option}: {empty.called} has neither numbers nor texts that stand in several rows",
-            "where a text stands for the rows below it as well, write it into each of these rows",
+            f"{option}: {empty.called} has neither numbers nor texts that occur in several rows",
+            "if a text also applies to the rows below it, write it into each of these rows",
         )
     if len(near) != 1:
         kind = "" if texts else " of numbers"
         problem = "several columns are" if near else f"no column{kind} is"
         several = ", ".join(one.called for one in near or numbers)
         raise UsageError(
-            f"{option}: {problem} called {wanted}", f"give one of {several}, or its number"
+            f"{option}: {problem} called {wanted}",
+            f"give the title or the number of one of these: {several}",
         )
     return near[0]
 

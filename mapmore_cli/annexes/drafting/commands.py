@@ -128,7 +128,8 @@ def init(
     )
     if output == STANDARD and len(answers.target) > 1:
         raise UsageError(
-            f"-o -: {len(answers.target)} specs cannot be written as one text", "name a file by -o"
+            f"-o -: {len(answers.target)} specs cannot be written as one text",
+            "name a file with -o",
         )
     if output is not None:
         _refuse([output], force)

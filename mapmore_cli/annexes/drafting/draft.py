@@ -64,7 +64,7 @@ class NamedColumn:
 
     @property
     def places(self) -> set[Column]:
-        """Columns of the file."""
+        """The columns of the file that are read for the quantity."""
         return {*self.parts} or {self.column}
 
     def as_spec(self) -> Section:
@@ -220,7 +220,7 @@ def _wrapped(note: Note, margin: str) -> list[str]:
 
 
 def range_of(values: Sequence[Array], unit: str = "1") -> str:
-    """Return the range of values in words."""
+    """Return a text with the smallest and the largest of some values."""
     low, high = min(one.min() for one in values), max(one.max() for one in values)
     return f"{low:.4g} to {high:.4g}{'' if unit == '1' else f' {unit}'}"
 

@@ -53,8 +53,9 @@ def with_paper(draft: Draft, paper: str, held: Held | None) -> Draft:
     """
     if held is None:
         raise UsageError(
-            f"--like {paper}: its study needs a quantity that was held",
-            "name it, for example `--hold pressure`",
+            f"--like {paper}: these settings need a quantity that was held "
+            "constant; none was found",
+            "name the quantity, for example `--hold pressure`",
         )
     for key, (value, why) in settings(paper, held.swept).items():
         draft = draft.with_section(key, value, why)

@@ -82,7 +82,7 @@ class Number(NamedTuple):
 
     @property
     def shown(self) -> str:
-        """The number as written in the name."""
+        """The number in the form in which the name has it."""
         return f"{self.word}{' ' if self.word else ''}{self.value:g}{self.unit}"
 
 

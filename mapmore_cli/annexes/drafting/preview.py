@@ -19,7 +19,7 @@ from mapmore_cli.storage.tables.cells import stamp_of
 from mapmore_cli.study.units import check_unit
 
 WIDEST, LINES = 2000, 200  # largest number of columns, and of lines of a table, that `init` reads
-REMARKS = ("#", "%", "//", "!")  # beginnings of lines that are no data
+REMARKS = ("#", "%", "//", "!")  # beginnings of lines that are remarks instead of data
 LETTERS = "smNVAKgh1%-"  # single characters that are common units
 # a line of labelled values, as microcontrollers print them: `t:12,p:3.4`
 _LABELLED = re.compile(r"\s*[A-Za-z_]\w*\s*[:=]\s*[-+]?[.\d]\S*")
@@ -102,7 +102,7 @@ def preview(path: Path) -> Preview:
         raise DataError(f"{path.name}: is empty")
     remedy = f"write `columns` by hand, as `pressure: {{column: {reader.column}, unit: kPa}}`"
     if reader.peek is None:
-        raise DataError(f"{path.name}: its arrays have to be named", remedy)
+        raise DataError(f"{path.name}: which of its arrays are columns cannot be found out", remedy)
     try:
         tops = list(reader.peek(path, LINES))
     except DataError as fault:  # the error of the reader says how to save the file in another form
@@ -171,17 +171,13 @@ def _raster(path: Path, found: _FoundTable) -> DataError:
     """Return the error for a table with values of one quantity along the first row and of another
     along the first column. Its remedy is a command that rewrites such a map as a table of rows.
     """
-    told = (
-        f"{path.name}: is a map of cells: its first line and its first column hold the values of "
-    )
-    told += "two quantities, and a sample is a cell between them; write a row for each cell"
+    told = f"{path.name}: is a map: its first line and its first column hold the values of "
+    told += "two quantities, and every other cell is a sample; write a row for each of these cells"
     after = '; then give `init` the new file with `--columns "strain:%,pressure:kPa,force:N"`, in '
-    after += (
-        "the order row, column, cell. Where the numbers of the first line are names of sensors, "
-    )
-    after += "put a letter before each"
+    after += "the order row, column, cell. If the numbers of the first line are names of sensors, "
+    after += "write a letter before each"
     if found.top.sheet is not None:
-        return DataError(f"{told}, as a sheet of three columns{after}")
+        return DataError(f"{told}, in a sheet of three columns{after}")
     marks = {"tab": "\\t", "whitespace": " "}
     mark = found.top.settings.get("delimiter", ",")
     mark = marks.get(mark, mark)
@@ -193,7 +189,7 @@ def _raster(path: Path, found: _FoundTable) -> DataError:
         f"print('row', 'column', 'cell', sep='{mark}'); "
         f"[print(row[0], *pair, sep='{mark}') for row in rows for pair in zip(top[1:], row[1:])]"
     )
-    return DataError(f'{told}, as by: python -c "{line}" > {path.stem}_rows.csv{after}')
+    return DataError(f'{told}, for example with: python -c "{line}" > {path.stem}_rows.csv{after}')
 
 
 def _no_table(path: Path, tops: Sequence[Top], remedy: str) -> DataError:
@@ -240,7 +236,7 @@ class _FoundTable:
 
     @property
     def columns(self) -> list[list[Any]]:
-        """The filled cells below the header, column by column."""
+        """The filled cells below the header, one list for each column."""
         return _filled_by_column(self.rows[self.first :], self.wide)
 
     @property
@@ -305,7 +301,7 @@ class _FoundTable:
 
     def header_lines(self) -> dict[int, list[str]]:
         """Return the lines directly above the numbers that may be titles or units, by their index.
-        They are as wide as the numbers, and no cell beyond them is filled.
+        They are as wide as the rows of numbers, and no cell to the right of these is filled.
 
         Blank lines may stand below titles and above a line of units. A cell that contains only the
         mark of a remark counts as empty.

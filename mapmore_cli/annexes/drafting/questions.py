@@ -50,7 +50,7 @@ Ask = Callable[[Question], str]
 answer is asked again.
 """
 View = Callable[[Answers], Understood]
-"""Function that returns what answers mean for the study."""
+"""Function that interprets answers: it returns the columns, targets and inputs of the study."""
 
 
 @dataclass(frozen=True)

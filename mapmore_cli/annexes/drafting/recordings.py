@@ -1,5 +1,5 @@
-"""Read the recordings of a study as its draft says, and add to the draft what reading them
-needs.
+"""Read the recordings of a study with the settings of its draft, and add settings that are needed
+to read them.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def read_draft(
 
 def _with_words(read: Callable[[object], T], known: Sequence[str] = ()) -> tuple[object, T]:
     """Return the first rule for missing values with which something can be read, and the result: a
-    few words, for example `---`, may mean missing values, besides those that are known.
+    few words, for example `---`, may mean missing values, in addition to the known words.
 
     Raises DataError for too many words, and for a cell that is no such word, for example a date.
     """
@@ -337,8 +337,8 @@ def _read_tolerantly(draft: Draft, folder: Path, target: str) -> tuple[Draft, Da
 
 
 def _with_losses_told(draft: Draft, dataset: Dataset) -> Draft:
-    """Return the draft with notes on empty cells and odd time stamps, if there are any; those of a
-    joined log are not counted.
+    """Return the draft with notes on empty cells and odd time stamps, if there are any; cells and
+    time stamps of a joined log are not counted.
     """
     rules = {
         "missing": ("missing value", "samples have an empty cell"),

@@ -97,7 +97,7 @@ class Study:
 
     @property
     def quantities(self) -> set[str]:
-        """Quantities named in the titles."""
+        """Names of the quantities that titles of the study's columns identify."""
         labels = map(read_label, self.layout.titles)
         return {label.quantity for label in labels if label is not None}
 
@@ -139,8 +139,8 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
 
 
 def _joined_over_units(layouts: Sequence[tuple[Preview, list[Path]]]) -> list[Study]:
-    """Return a study for each layout with its files, and one for layouts that differ in the units
-    of their titles alone: the layout of the most files is used for all.
+    """Return a study for each layout, with its files. Layouts that differ only in the units of
+    their titles form one study, for which the layout of the most files is used.
     """
     families: dict[str, list[tuple[Preview, list[Path]]]] = {}
     for layout, files in layouts:

@@ -50,7 +50,9 @@ NOTHING_SAID = Answers()
 
 @dataclass(frozen=True)
 class Start:
-    """The drafts, the one with the most files first, and remarks about what they do not cover."""
+    """The drafts, the one with the most files first, and remarks about files and columns that they
+    do not cover.
+    """
 
     drafts: tuple[Draft, ...]
     remarks: tuple[str, ...]
@@ -154,7 +156,9 @@ def _shared_out(columns: Named, table: Table) -> tuple[Named, Named]:
 def _with_experiment(
     draft: Draft, study: Study, folder: Path, known: Understood, target: str, answers: Answers
 ) -> Draft:
-    """Return the draft with the settings that its recordings need, and the experiment."""
+    """Return the draft with the settings that its recordings need, and with its target, levels and
+    held-out data.
+    """
     in_names = {one.quantity: one.in_model_units for one in known.conditions}
     hold, made = answers.hold, ""
     if answers.length is not None:

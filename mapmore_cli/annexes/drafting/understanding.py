@@ -38,11 +38,11 @@ class Understood:
 
     @property
     def drives(self) -> list[str]:
-        """The inputs, including those from names."""
+        """Names of the inputs, including those whose values are in names of files."""
         return [*self.inputs, *(one.quantity for one in self.conditions)]
 
     def without_others(self, target: str) -> Named:
-        """Return the columns without the other targets."""
+        """Return the columns of the study without the other targets."""
         others = {*self.targets} - {target}
         return {name: one for name, one in self.columns.items() if name not in others}
 
@@ -111,8 +111,9 @@ def understood(
     inputs = [name for name in inputs if name not in {*grouping, *apart}]
     if not inputs and not conditions and not is_driven:
         raise UsageError(
-            f"{study.files[0].name}: nothing is left that drives {targets[0]}",
-            "name it by --inputs, or what was held by --hold",
+            f"{study.files[0].name}: no column is left that can be an input of a "
+            f"model of {targets[0]}",
+            "name the inputs with --inputs, or the quantity that was held constant with --hold",
         )
     used = [
         name

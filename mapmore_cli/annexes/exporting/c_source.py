@@ -98,7 +98,7 @@ def c_source(model: Model, single: bool = False) -> CSource:
                 f"{model.name} has {len(model.inputs)} inputs, but the bit mask has room for "
                 f"{MOST_INPUTS}"
             ),
-            "export its parts",
+            "export the models that it consists of one by one",
         )
     name, program = identifier(model.name), program_of(model)
     dialect = SINGLE if single else DOUBLE
@@ -201,7 +201,8 @@ def mujoco_files(model: Model, _wanted: Wanted) -> dict[str, str]:
         )
     if (inputs["strain"], model.output.unit) != ("1", "N"):
         raise UsageError(
-            "MuJoCo counts in m and N", "run the study with `units: {strain: 1, force: N}`"
+            "MuJoCo needs the strain as a fraction and the force in N",
+            "run the study with `units: {strain: 1, force: N}`",
         )
     source = c_source(model)
     text = rendered_template("mujoco.c", **source.words, pressure=inputs["pressure"])

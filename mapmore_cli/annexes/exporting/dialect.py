@@ -81,7 +81,9 @@ class Dialect:
         return HELPER.format(name)
 
     def helpers(self, *lines: str) -> dict[str, Code]:
-        """Return the functions that the lines call and the language lacks, as expressions of x."""
+        """Return the functions that occur in the lines and that the language lacks: for each, its
+        expression of x, which an export writes as a helper.
+        """
         called = set(re.findall(r"\w+(?=\()", "\n".join(lines)))
         return {
             helper: Code(entry.texts[self.language])
@@ -337,7 +339,7 @@ class Body:
         return f"{self.text(condition.left)} {condition.comparison} {self.text(condition.right)}"
 
     def text(self, expression: Expression) -> Code:
-        """Return the text of a whole expression."""
+        """Return an expression as text in this language."""
         match expression:
             case Sum((first, *others)):
                 text: str = self.text(first)

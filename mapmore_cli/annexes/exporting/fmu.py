@@ -53,7 +53,9 @@ class UnitSources:
 
     @property
     def verifier(self) -> dict[str, str]:
-        """A program that runs the unit, by name."""
+        """Source of a program that runs the unit for the comparison with `predict`, by
+        file name.
+        """
         name = "verify-unit.c" if self.standard == 2 else "verify-unit-3.c"
         return {name: source(name)}
 
@@ -95,7 +97,7 @@ def unit_file(model: Model, wanted: Wanted, standard: int = 2) -> dict[str, byte
             # the default date of 1980 is kept, so that the same model gives the same bytes
             entry = zipfile.ZipInfo(name)
             entry.compress_type = zipfile.ZIP_DEFLATED
-            entry.create_system = 3  # marked as made on Unix, whatever the system
+            entry.create_system = 3  # the file counts as made on Unix, whatever the system
             entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
             archive.writestr(entry, data)
     return {f"{unit.name}{'' if standard == 2 else '_fmi3'}.fmu": stream.getvalue()}

@@ -97,7 +97,7 @@ def lookup_table(model: Model, wanted: Wanted) -> dict[str, str]:
                 f"--grid: {len(outside)} of {len(grid.valid)} points lie outside of the training "
                 f"range, for example {first}"
             ),
-            "keep the grid within the range, or take `--to table`, which marks such points",
+            "keep the grid within the range, or use `--to table`, which marks such points",
         )
     return {f"{identifier(model.name)}.csv": _csv(model, grid)}
 

@@ -185,14 +185,14 @@ LITERALS: Mapping[str, Callable[[str], str]] = {
 
 @cache
 def templates(language: str) -> Environment:
-    """Return the templates in `sources/` for a language."""
+    """Return the environment of Jinja for the templates of a language in `sources/`."""
 
     def written(value: object) -> object:
         if isinstance(value, Code | int | float):
             return value
         if isinstance(value, str):
             return LITERALS[language](str(value))
-        raise TypeError(f"not a text, and no number: {value!r}")
+        raise TypeError(f"neither a text nor a number: {value!r}")
 
     def noted(text: str) -> Code:
         # on a page, the text `</script>` ends a script even inside a comment
@@ -247,7 +247,7 @@ def with_notice(name: str, text: str) -> str:
 
 
 def rendered_template(template: str, **words: object) -> Code:
-    """Return a file of `sources/` with the words inserted."""
+    """Return a file of `sources/` with its template words replaced."""
     return Code(
         templates(template.rpartition(".")[2]).get_template(f"{template}.jinja").render(words)
     )

@@ -36,13 +36,13 @@ class MotionKind(Kind):
         return MotionMaker()
 
     def findings(self, spec: ExperimentSpec) -> Iterator[Finding]:
-        """Check a spec of such a model."""
+        """Check a spec whose model is a state-space model of motion."""
         from mapmore_cli.annexes.motion.checks import findings
 
         return findings(spec)
 
     def section(self) -> Section:
-        """Return the section of a page about these models."""
+        """Return the section of a run's page about models of motion."""
         from mapmore_cli.annexes.motion.page import SECTION
 
         return SECTION

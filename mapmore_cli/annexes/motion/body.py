@@ -53,7 +53,7 @@ class MotionSection:
 
     @property
     def p3(self) -> float:
-        """Weight of the input."""
+        """Weight of the input, P3."""
         return float(self.weights[0])
 
     @property

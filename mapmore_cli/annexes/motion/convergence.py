@@ -49,7 +49,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
 
 
 def draw_searches(ax: Axes, fit: MotionFit) -> None:
-    """Draw the smallest error so far of every section."""
+    """Draw the smallest error so far of every section, iteration by iteration."""
     for section, search in zip(fit.model.sections, fit.searches, strict=True):
         colour, line = (GREY, "--") if section.direction == FALL else (BLACK, "-")
         # a logarithmic axis has no place for an exact fit, whose error is zero

@@ -15,7 +15,7 @@ from mapmore_cli.modelling.memory.records import records_of, time_step
 
 
 class MotionMaker(Maker):
-    """Maker of models of motion."""
+    """Object that makes state-space models of motion."""
 
     def fit(self, part: ModelChoices, given: Given) -> FitResult:
         """Fit every section to all recordings.

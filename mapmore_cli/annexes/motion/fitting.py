@@ -179,7 +179,7 @@ def joined(motion: Motion, pieces: Sequence[Piece], reach: float) -> Motion:
 
 
 def _poles(place: Array, reach: float) -> Array:
-    """Return P1 and P2 of every section, (s, 2)."""
+    """Return P1 and P2 of every section, (s, 2), from search coordinates."""
     return np.array([of_angles(pair, reach) for pair in place.reshape(-1, 2)])
 
 

@@ -177,7 +177,7 @@ class MotionVerbs(Verbs):
         return tuple(printed(name, add(*terms)) for name, terms in sums.items())
 
     def rules(self, model: Model) -> tuple[str, ...]:
-        """Return how the sections are run, in sentences."""
+        """Return sentences that say how the sections are run."""
         motion = _motion(model)
         ways = {
             "hard": "every section runs, the active one's output is taken",

@@ -44,7 +44,7 @@ class Bounds(Settings):
     p3: Pair | None = None
 
     def __post_init__(self) -> None:
-        """Refuse bounds in the wrong order."""
+        """Refuse bounds whose lower end is above the upper end."""
         for name in ("p1", "p2", "p3"):
             ends = getattr(self, name)
             if ends is not None and ends[0] >= ends[1]:

@@ -132,7 +132,7 @@ def simulate(motion: Motion, columns: Columns) -> Array:
 
 
 def driven(drives: tuple[str, ...], columns: Columns) -> Array:
-    """Return the values (n, m) of the drives."""
+    """Return the values of the drives at every sample, (n, m)."""
     n = row_count(columns)
     return np.column_stack(
         [np.broadcast_to(evaluate(parse(text), columns, n), n) for text in drives]

@@ -32,7 +32,7 @@ SLACK, LITTLE = (
 # largest number of points to which the processes are fitted; they are spread over the samples, so
 # that a curve of thousands of samples does not dominate
 MOST_MEASURED = 150
-MOST_POINTS = 100  # largest number of points of a forecast
+MOST_POINTS = 100  # largest number of further points for which a forecast is made
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ class Committee:
         )
 
     def add(self, number: int) -> None:
-        """Treat a place as measured, with its expected value."""
+        """Treat a place as measured, with the value that the committee expects there."""
         expected = float(self.expected[number])
         self._own = [
             process.with_point(self.scaled[number], expected - float(base[number]))
@@ -196,7 +196,7 @@ def until(committee: Committee, wanted: float) -> Until:
 
 
 def picture(committee: Committee, measured: MeasuredMap, halves: tuple[Array, Array]) -> Picture:
-    """Return the half widths at all places."""
+    """Return the half widths at all places before and after the plan, for the figure."""
     places = {name: committee.places[:, column] for column, name in enumerate(measured.names)}
     known = {name: measured.x[:, column] for column, name in enumerate(measured.names)}
     return Picture(places, *halves, known)

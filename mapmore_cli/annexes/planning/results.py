@@ -21,8 +21,8 @@ class Candidate:
 
     at: Mapping[str, float]  # values of the quantities to set, by name, in the model's units
     kind: Literal["between", "point"]  # `between` two levels, or a `point` of a map
-    gap: float = math.nan  # distance of the two levels
-    half_width: float = math.nan  # half width there before the measurement
+    gap: float = math.nan  # distance between the two levels
+    half_width: float = math.nan  # half width at this place before the measurement
     after: float = math.nan  # forecast of the half width after the measurement
     error: float = math.nan  # expected root mean square error there before the measurement
     cost: float = 1.0  # cost by the user's prices of a change of each quantity
@@ -37,7 +37,7 @@ class Until:
     wanted: float
     widest: float  # present half width
     more: int | None  # None if further measurements do not reach it
-    least: float  # smallest half width that they reach
+    least: float  # smallest half width that further measurements reach
 
 
 @dataclass(frozen=True)
@@ -81,13 +81,13 @@ class Trial:
     ] = ()  # NRMSE on each fold, of a model fitted without this fold; empty if a fit failed
     error: float = math.nan  # their geometric mean
     excess: float = math.nan  # mean over the folds of ln(error / error of the best combination)
-    spread: float = math.nan  # standard error of that mean
-    failure: str = ""  # why a fit failed
+    spread: float = math.nan  # standard error of `excess`
+    failure: str = ""  # reason why a fit failed
 
 
 @dataclass(frozen=True)
 class Tuning:
-    """All combinations that were tried."""
+    """All combinations of settings that were tried, and the recommended one."""
 
     name: str
     left_out: str  # what each fold leaves out

@@ -372,9 +372,10 @@ def _values(dataset: Dataset, of: str) -> Array:
 def _neighbours(
     dataset: Dataset, study: Dataset, whole: BoolArray, of: str
 ) -> tuple[list[BoolArray], bool]:
-    """Return training samples at neighbouring values, (n,), in the way in which the study holds
-    them out, and True if they lie at an end: if it holds out values beyond an end, as many values
-    at that end; otherwise as many inner neighbours as it holds out in a row, or single values. At
+    """Return folds, (n,), that leave out training samples at neighbouring values, as the study does
+    with its held-out samples; and True if these values lie at an end. If the study holds out values
+    beyond an end of the training values, a fold leaves out as many values at that end. Otherwise,
+    it leaves out as many inner neighbours as the study holds out in a row, or single values. At
     least two values remain.
     """
     at_curves, every = _values(dataset, of), _values(study, of)

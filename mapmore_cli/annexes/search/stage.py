@@ -67,7 +67,7 @@ def _kin(target: str, spec: ExperimentSpec) -> tuple[str, ...]:
 
 
 def run_search(part: Slice, workspace: Workspace) -> None:
-    """Search, and write the structures that were tried."""
+    """Search the structure, and write the structures that were tried."""
     dataset = workspace.files.dataset()
     result = search(dataset, part, workspace.progress)
     for note in result.notes:

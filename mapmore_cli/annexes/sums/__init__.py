@@ -36,13 +36,13 @@ class Part:
 
     @property
     def models(self) -> tuple[Model, ...]:
-        """The model, and the models that feed it."""
+        """The model of this part, and the models that feed it."""
         return (self.model, *(model for part in self.fed for model in part.models))
 
 
 @dataclass(frozen=True)
 class Sum(Body):
-    """Models that are added."""
+    """A body of several models that are added."""
 
     parts: Annotated[tuple[Part, ...], "the summands, with their signs and inputs"]
 

@@ -76,7 +76,7 @@ def _unit(text: str, dataset: Dataset) -> str:
 
 
 class SumMaker(Maker):
-    """Maker that adds models, or fits formulas together."""
+    """Object that makes sums: it adds models, or fits formulas together."""
 
     def fit(self, part: ModelChoices, given: Given) -> FitResult:
         """Fit formulas together. If the summands are models of other runs, nothing is fitted.
@@ -89,7 +89,7 @@ class SumMaker(Maker):
         joint = _jointly(formulas, given.dataset, None)
         if joint.failed:
             raise FitError(
-                f"the fit of {joint.name} failed: {'; '.join(joint.notes)}", "take other formulas"
+                f"the fit of {joint.name} failed: {'; '.join(joint.notes)}", "use other formulas"
             )
         return FitResult(joint)
 

@@ -93,8 +93,9 @@ def actuator(force: Model, pressure: Model) -> Model:
         )
     if kinds.fed_back(pressure):
         raise DataError(
-            f"{pressure.name} continues from the measured {output.name}",
-            "fit it without past outputs",
+            f"{pressure.name} needs measured values of {output.name}, which an "
+            "actuator does not have",
+            "fit it without delayed outputs",
         )
     inputs = {quantity.name: quantity for quantity in pressure.inputs}
     if other := [name for name in inputs if needed.get(name, inputs[name]) != inputs[name]]:

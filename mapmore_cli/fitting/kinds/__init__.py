@@ -52,11 +52,11 @@ class Maker(Protocol):
 
     @abstractmethod
     def fit(self, part: ModelChoices, given: Given) -> FitResult:
-        """Return the fit."""
+        """Fit a model of this kind, and return the fit."""
 
     @abstractmethod
     def build(self, part: ModelChoices, given: Given, result: FitResult) -> Model:
-        """Return the model made from the fits."""
+        """Make the model from its fit, and return it."""
 
     def fit_together(
         self,
@@ -82,7 +82,7 @@ class Fitted(Protocol):
     """A kind of a plugin that defines how its models are fitted."""
 
     def maker(self) -> Maker:
-        """Return the maker of its models."""
+        """Return the object that makes models of this kind."""
 
 
 def maker_of(name: str) -> Maker:

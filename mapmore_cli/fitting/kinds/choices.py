@@ -155,7 +155,7 @@ def fit_choices(spec: ExperimentSpec) -> ModelChoices:
 
 
 def summands(spec: ExperimentSpec) -> list[str]:
-    """Return the specs of the models that are added."""
+    """Return the specs of the runs whose models are added."""
     if spec.model.sum is not None:
         return list(dict.fromkeys(part.model for part in spec.model.sum if part.model is not None))
     return [str(spec.needs.static), str(spec.needs.damping)] if spec.model.type == "sum" else []

@@ -140,7 +140,9 @@ def dictionary_block(terms: Sequence[Expression]) -> Callable[[Mapping[str, Arra
 
 
 def _needed(terms: Sequence[Expression], columns: Columns, n: int) -> dict[str, Array]:
-    """Return the columns that the terms need."""
+    """Return the columns that occur in the terms. Raises DataError if one is missing or has another
+    length.
+    """
     needed: dict[str, Array] = {}
     for name in sorted(names_in(terms)):
         if name not in columns:

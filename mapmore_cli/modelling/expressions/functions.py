@@ -96,7 +96,7 @@ FUNCTIONS: Mapping[str, ScalarFunction] = dict(
         function(
             "sign",
             np.sign,
-            "0",  # zero at the kink too
+            "0",  # the derivative is zero at the kink too
             python="(x > 0) - (x < 0) if x == x else x",
             c="x != x ? x : (x > 0) - (x < 0)",
             latex=r"\operatorname{sign}\left(#\right)",

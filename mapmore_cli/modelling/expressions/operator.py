@@ -69,7 +69,7 @@ program.
 
 
 class Arithmetic:
-    """Operations that a recursion needs besides `+ - * / **` and comparisons. This class computes
+    """Operations for recursions, in addition to `+ - * / **` and comparisons. This class computes
     with whole columns; others compute with floats or write statements of a program.
 
     `then` and `otherwise` are values, or functions without arguments that compute a value. For
@@ -77,7 +77,7 @@ class Arithmetic:
     """
 
     def where(self, condition: Amount, then: Amount, otherwise: Amount) -> Amount:
-        """Return `then` if the condition holds, otherwise `otherwise`."""
+        """Return `then` where the condition holds, and `otherwise` elsewhere."""
         return np.where(
             condition, *(side() if callable(side) else side for side in (then, otherwise))
         )
@@ -154,8 +154,8 @@ class Operator:
     - `summary`: explanation of its family for the author of a spec.
     - `recursion`: function that returns the rule from one sample to the next.
     - `parameters`: its numbers, in the order in which the name of a state has them.
-    - `needs`: what training must find out about the source: its `range`, if widths are fractions of
-      it, or the `oscillator` that it drives, if the name has no numbers.
+    - `needs`: the property of the source that training must find out: its `range`, if widths are
+      fractions of it, or the `oscillator` that it drives, if the name has no numbers.
     - `starts`: sets of numbers from which training begins its search, as a function of the time
       between samples and the duration of the longest piece, s. None if training cannot estimate the
       numbers.
@@ -194,7 +194,7 @@ class Operator:
 
     @property
     def latex(self) -> str:
-        """Name in upright letters, as LaTeX."""
+        """Name of the operator as LaTeX source, in upright letters."""
         return rf"\mathrm{{{self.name.replace('_', chr(92) + '_')}}}"
 
 

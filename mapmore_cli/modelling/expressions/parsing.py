@@ -53,8 +53,8 @@ MAX_DEPTH = 50
 def parse(text: str, ranged: Callable[[Expression], Expression] | None = None) -> Expression:
     """Return the syntax tree of `text` in canonical form. The same text returns the same object.
 
-    With `ranged`, parts of the text may depend on a training range; the function returns what
-    stands in their place.
+    With `ranged`, parts of the text may depend on a training range; the function returns the
+    expression that replaces such a part.
 
     Raises ExpressionError if `text` is no valid expression; its `position` is the place of the
     fault.

@@ -43,13 +43,13 @@ class ExpressionError(ValueError):
 class _State:
     @property
     def parts(self) -> tuple[State, ...]:
-        """The state and all states of which it is made, the innermost first."""
+        """The state itself and all states inside it, the innermost first."""
         assert isinstance(self, State)
         return (self,) if isinstance(self, Measured) else (*self.source.parts, self)
 
     @property
     def quantity(self) -> str:
-        """The measured quantity of which the state is made."""
+        """Name of the measured quantity inside the state."""
         return self.parts[0].name
 
     @property
@@ -79,7 +79,7 @@ class Measured(_State):
 
 @dataclass(frozen=True)
 class Lagged(_State):
-    """A state some samples ago."""
+    """A state some samples ago: `source` delayed by `steps` samples."""
 
     source: State
     steps: int
@@ -209,7 +209,7 @@ def _operated(tokens: Tokens, name: Token, depth: int) -> Operated:
         numbers.append(sign * float(digits))
     closing = tokens.next.position
     if not tokens.skip(")"):
-        raise ExpressionError(f"expected `,` or `)` after what `{name.text}` works on", closing)
+        raise ExpressionError(f"expected `,` or `)` after the state inside `{name.text}`", closing)
     if len(numbers) not in operator.counts:
         wanted = " or ".join(map(str, operator.counts))
         raise ExpressionError(

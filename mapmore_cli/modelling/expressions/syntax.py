@@ -21,7 +21,7 @@ from mapmore_cli.modelling.expressions.states import IDENTIFIER, ExpressionError
 MAX_EXPONENT = 20
 
 Class = TypeVar("Class", bound=type)
-# what Python's arithmetic operators accept beside an expression
+# operands that Python's arithmetic operators accept together with an expression
 Operand = Union["Expression", float]
 Operation = Callable[[Any, Operand], "Expression"]
 
@@ -68,7 +68,7 @@ class Expression:
 
     @cached_property
     def names(self) -> frozenset[str]:
-        """All quantities that occur in the expression."""
+        """All names that occur in the expression."""
         match self:
             case Sum(parts) | Product(parts):
                 return names_in(parts)
@@ -136,7 +136,7 @@ class Name(Expression):
 
 @_node
 class Sum(Expression):
-    """Two or more terms."""
+    """A sum of two or more terms."""
 
     terms: tuple[Expression, ...]
 

@@ -142,13 +142,15 @@ class _Records:
 
     @cached_property
     def sums(self) -> Array:
-        """Sums of products of residuals at each lag."""
+        """Sum, over pairs of samples at each lag, of the products of residuals."""
         e = self.residual[:, None]
         return np.array([float(np.sum(e * _shifted(e, self.lengths, lag))) for lag in self.lags])
 
     @cached_property
     def shifts(self) -> list[Array]:
-        """The columns shifted by each lag, shape (n, k)."""
+        """The orthonormal columns, averaged over shifts by each lag forwards and backwards, shape
+        (n, k).
+        """
         return [_shifted(self.basis, self.lengths, lag) for lag in self.lags]
 
     def expected(self, kept: float) -> Array:

@@ -306,7 +306,7 @@ class Regression:
     only: Callable[[IntArray], Blocks] | None = None
 
     def of(self, chosen: IntArray) -> Blocks:
-        """Return the blocks of some candidates only."""
+        """Return the blocks with only the columns of the chosen candidates."""
         if self.only is not None:
             return self.only(chosen)
         return lambda: ((P[:, chosen], y) for P, y in self.blocks())
@@ -412,7 +412,8 @@ def _fewer_rows(blocks: Blocks, samples: int, width: int) -> tuple[Array, Array]
 
 def _by_basis(P: Array, y: Array, stopping: Stopping, sigma: Array | None = None) -> Selection:
     blocks, limit = blocks_of_rows(P, y), stopping.limit(*P.shape)
-    with np.errstate(over="ignore", invalid="ignore"):  # `safe_scale` finds the cause
+    # if values overflow, `safe_scale` finds the cause
+    with np.errstate(over="ignore", invalid="ignore"):
         squares = np.append(_column_squares(P), y @ y)
     scale = safe_scale(squares, blocks)
     if (scale != 1.0).any():

@@ -27,7 +27,7 @@ SMALLEST, LARGEST = 1e-140, 1e140
 
 
 def blocks_of_rows(P: Array, y: Array) -> Blocks:
-    """Return the rows of arrays in memory, as views."""
+    """Return the rows of arrays in memory as blocks, which are views of the arrays."""
 
     def blocks() -> Iterator[tuple[Array, Array]]:
         for start in range(0, len(y), BLOCK):
@@ -119,7 +119,8 @@ def _sum_of_products(blocks: Blocks) -> tuple[Array, int]:
         M = P.shape[1]
         if not samples:
             total = np.zeros((M + 1, M + 1))
-        with np.errstate(over="ignore", invalid="ignore"):  # `safe_scale` finds the cause
+        # if values overflow, `safe_scale` finds the cause
+        with np.errstate(over="ignore", invalid="ignore"):
             # NumPy recognises the transpose and calls syrk without a copy, for either memory order
             total[:M, :M] += P.T @ P
             total[M, :M] += P.T @ y
@@ -164,12 +165,12 @@ class Moments:
 
     @property
     def mean(self) -> Array:
-        """Mean of z, (M+1,)."""
+        """Mean of z over the rows, (M+1,)."""
         return self.sums / self.samples
 
     @property
     def covariance(self) -> Array:
-        """Mean of `(z - mean)(z - mean)'`, (M+1, M+1)."""
+        """Covariance matrix of z, the mean of `(z - mean)(z - mean)'`, (M+1, M+1)."""
         mean = self.mean
         return self.products / self.samples - mean[:, None] * mean
 
@@ -198,7 +199,8 @@ def _mean_and_variance(blocks: Blocks) -> tuple[Array, Array, Array]:
     spread.
     """
     origin, sums, squares, samples = np.zeros(0), np.zeros(1), np.zeros(1), 0
-    with np.errstate(over="ignore", invalid="ignore"):  # `safe_scale` finds the cause
+    # if values overflow, `safe_scale` finds the cause
+    with np.errstate(over="ignore", invalid="ignore"):
         for P, y in blocks():
             Z = np.column_stack([P, y])
             if samples == 0 and len(y):

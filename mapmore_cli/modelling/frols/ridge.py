@@ -35,12 +35,12 @@ class Regularised:
 
     @cached_property
     def gram(self) -> Array:
-        """`G = Z'Z/n + ridge I`, (M, M)."""
+        """Regularised Gram matrix `G = Z'Z/n + ridge I`, (M, M)."""
         return self.covariance[:-1, :-1] + self.ridge * np.eye(len(self.covariance) - 1)
 
     @property
     def products(self) -> Array:
-        """`h = Z'y/n`, (M,)."""
+        """Products of candidates and output, `h = Z'y/n`, (M,)."""
         return self.covariance[-1, :-1]
 
     def coefficients(self, chosen: IntArray) -> Array:
@@ -62,7 +62,7 @@ def select(data: Regularised, max_terms: int, among: IntArray | None = None) -> 
     """Select up to `max_terms` candidates forwards, from all or from `among`, shape (m,), in
     standardised units.
 
-    ERR is that of the regularised problem: `1 - sum ERR` is `(SSE/n + ridge theta'theta) /
+    ERR belongs to the regularised problem: `1 - sum ERR` is `(SSE/n + ridge theta'theta) /
     (y'y/n)`. In the tables, excluded candidates are NaN.
     """
     M = len(data.covariance) - 1
@@ -130,7 +130,7 @@ def _left_out_error(
     if not len(chosen):
         return float(held.products[-1, -1])
     kept = prune(data, chosen)[:max_terms][-1]
-    combination = np.zeros(len(held.sums))  # residual = combination'z - constant
+    combination = np.zeros(len(held.sums))  # the residual is `combination'z - constant`
     combination[[*kept, -1]] = [*-data.coefficients(kept), 1.0]
     constant = float(combination @ training.mean)
     return float(
@@ -144,8 +144,9 @@ def ridge_press(blocks: Blocks, data: Regularised, subsets: Sequence[IntArray]) 
     """Return `PRESS = sum_i (r_i / (1 - h_i))^2` of each subset, shape (m,), in one pass over
     standardised blocks; infinite if a leverage is one.
 
-    The leverage `h_i = 1/n + z_i' G^-1 z_i / n` consists of that of the mean and that of the terms.
-    With a ridge it is exact, except that one sample also changes the means and standard deviations.
+    The leverage `h_i = 1/n + z_i' G^-1 z_i / n` is the sum of the leverages of the mean and of the
+    terms. With a ridge it is exact, except that one sample also changes the means and standard
+    deviations.
     """
     total = np.zeros(len(subsets))
     for P, y in blocks():

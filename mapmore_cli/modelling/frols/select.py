@@ -252,7 +252,7 @@ def selected(
     """Return the greedy choice with the number of terms that the stopping rule prefers. Raises
     DigitsLost like `greedy`.
 
-    The remainders are those of columns of `Z = [P y]` divided by `scale`, shape (M+1,). `blocks`
+    The remainders belong to the columns of `Z = [P y]`, divided by `scale`, shape (M+1,). `blocks`
     are the rows of `Z`; they are read for `press`, and if the tolerance may end the selection. They
     are weighted by `uncertainty`, shape (n,), unless it is None.
     """

@@ -19,7 +19,7 @@ from mapmore_cli.modelling.frols.correlated import MOST, correlated_errors
 from mapmore_cli.modelling.frols.moments import Blocks, weighted
 
 TUNING = {"huber": 1.345, "bisquare": 4.685}
-"""Residual, in units of the scale, from which on a sample has less weight (`huber`) or none
+"""Size of a residual, in units of the scale, above which a sample has less weight (`huber`) or none
 (`bisquare`). With these values, the loss is 95 % efficient for normal noise.
 """
 
@@ -80,7 +80,7 @@ class Weighing:
         return self if self.scale is None else replace(self, scale=self.scale / unit)
 
     def rows(self, blocks: Blocks) -> Blocks:
-        """Return the blocks divided by the uncertainty."""
+        """Return the blocks with each row divided by its uncertainty."""
         return blocks if self.sigma is None else weighted(blocks, self.sigma)
 
     def settled(
@@ -110,7 +110,7 @@ class Choice:
     kept.
 
     - `only`: the blocks of some candidates.
-    - `weights`: those of a robust loss, (n,); None for squares.
+    - `weights`: weights of a robust loss, (n,); None for squares.
     """
 
     selection: Selection
@@ -213,14 +213,14 @@ def sandwich_errors(
     """Return standard errors of `theta`, shape (k,), for residuals that are correlated within a
     curve or weighted by a robust loss.
 
-    With `psi_i = w_i r_i` and its mean slope m (1 for squares) they are the sandwich
-    `(P'P)^-1 (sum_c s_c s_c') (P'P)^-1 / m^2` of the sums `s_c = sum_{i in c} psi_i p_i`, times
-    `G/(G-1) (n-1)/(n-k)` with G curves (Cameron and Miller 2015, eq 11). Without curves they are
-    `sum psi^2 / (n-k) / m^2 (P'P)^-1` (Huber 1981, eq 7.6.2).
+    With `psi_i = w_i r_i` and its mean slope m (1 for squares) they are the sandwich `(P'P)^-1
+    (sum_c s_c s_c') (P'P)^-1 / m^2` of the sums `s_c = sum_{i in c} psi_i p_i`, times `G/(G-1)
+    (n-1)/(n-k)` with G curves (Cameron and Miller 2015, eq 11). Without curves they are `sum psi^2
+    / (n-k) / m^2 (P'P)^-1` (Huber 1981, eq 7.6.2).
 
     - `blocks`: the k chosen columns and the target, in units of the uncertainty.
     - `curves`: the curve of each row, from 0, (n,); None if residuals are independent.
-    - `weights`: those of the `loss`, (n,); None for squares.
+    - `weights`: weights of the `loss`, (n,); None for squares.
     """
     count, k, n, square = 1 if curves is None else int(curves.max()) + 1, len(theta), 0, 0.0
     sums, factor = np.zeros((k, count)), np.empty((0, k))

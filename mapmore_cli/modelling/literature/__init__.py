@@ -76,7 +76,7 @@ def is_known(fit: FormulaFit) -> bool:
 
 
 def of(fit: FormulaFit) -> Formula:
-    """Return the formula that was fitted."""
+    """Return the formula to which a fit belongs."""
     return get(fit.formula)
 
 

@@ -146,7 +146,7 @@ class Formula:
 
     @property
     def expression(self) -> Expression:
-        """The formula with its parameters as names."""
+        """The formula as an expression, in which the parameters are names."""
         return parse(self.text)
 
     @cached_property
@@ -311,5 +311,5 @@ class Formula:
 
 
 def with_numbers(expression: Expression, numbers: Mapping[str, float]) -> Expression:
-    """Return the expression with numbers instead of names."""
+    """Return the expression with some names replaced by numbers."""
     return substitute(expression, {name: Number(value) for name, value in numbers.items()})

@@ -79,7 +79,7 @@ def linearised(q: Array, p: Array, x: Array) -> tuple[Array, Array]:
     high, low = (a1 * p + a2) * decay + (a4 * x + a5) * p + a6, b0 + b1 * p + b2 * x
     above = (high - low) / w
     softened = np.logaddexp(0.0, above)
-    share = 0.5 * (1.0 + np.tanh(0.5 * above))  # d force / d hi
+    share = 0.5 * (1.0 + np.tanh(0.5 * above))  # derivative of the force by `hi`
     below = 1.0 - share
     falling = decay * share
     slopes = (

@@ -128,11 +128,11 @@ class FormulaVerbs(Verbs):
         return len(model.body_of(Formula).fit.parameters)
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-        """Return the formula with the values of its parameters."""
+        """Return the equations of the formula with the values of its parameters."""
         return formula_equations(model.body_of(Formula).fit, units)
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
-        """Write the formula as statements."""
+        """Write the formula as statements, and return its value."""
         body = model.body_of(Formula)
         limit(m, body.ranges, body.level, inputs)
         return formula_value(m, body.fit, inputs)

@@ -24,7 +24,7 @@ class FamilySettings(Settings):
 
     - `of`: The quantity, with one value for each specimen. Example: `rest_length`
     - `scale`: How the largest force depends on the quantity l. `saturating` is `a atan(b (l - 7.5
-      mm))`, for a length, of which 7.5 mm are fittings. `power` is `a l^b`. Example: `power`
+      mm))`, for a length that includes 7.5 mm of fittings. `power` is `a l^b`. Example: `power`
     """
 
     of: str

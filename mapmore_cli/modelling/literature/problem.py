@@ -33,7 +33,7 @@ class Nonlinear:
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Smallest and largest coordinate."""
+        """Smallest and largest value of the coordinate."""
         return self.intervals[0][0], self.intervals[-1][1]
 
     def span(self, columns: Columns) -> float:
@@ -180,7 +180,7 @@ def condensed(columns: Columns, y: Array) -> tuple[Columns, Array, Array]:
     """
     if len(y) <= LIMIT:
         return columns, y, np.ones(len(y))
-    # scaled to 0 to 1 in their ranges
+    # coordinates of the rows, scaled to 0 to 1 over the range of each input
     places = [
         (column - column.min()) / (float(np.ptp(column)) or 1.0) for column in columns.values()
     ]
@@ -201,8 +201,8 @@ SCATTER = 0.1
 """Fraction of the smallest distance between two levels within which values are nominally equal."""
 
 VALUES_A_LEVEL = 5
-"""Mean number of distinct values at a level from which on they count as scatter; fewer values may
-be separate levels.
+"""Smallest mean number of distinct values at a level for which they count as scatter; fewer values
+may be separate levels.
 """
 
 

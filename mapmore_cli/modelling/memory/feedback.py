@@ -72,7 +72,7 @@ class StateWriter:
         return self._next("scaled", clipped, [value])
 
     def value(self, wanted: State) -> Expression:
-        """Write a state in physical units."""
+        """Write the statements that compute a state in physical units, and return its value."""
         if wanted not in self.known:
             match wanted:
                 case Measured(name):
@@ -120,8 +120,8 @@ class StateWriter:
     def _next(
         self, stem: str, rule: Callable[..., Any], values: Sequence[Expression]
     ) -> Expression:
-        """Write a rule applied to some values. It becomes a function of the program if a run calls
-        it with numbers.
+        """Write a rule applied to some values, and return the result. If all past values are known
+        (`seen` is None), the rule becomes a function of the program.
         """
         m = self.m
         if self.seen is not None:
@@ -170,7 +170,9 @@ class Parts(NamedTuple):
 
 
 def parts_of_terms(terms: Sequence[str], fed_back: Container[str]) -> Parts:
-    """Return terms split into factors. Raises DataError like `parted`."""
+    """Return terms split into factors of inputs and of fed-back states. Raises DataError like
+    `parted`.
+    """
     both = [parted(parse(text), fed_back) for text in terms]
     owns = list(dict.fromkeys(part for part, _ in both if part != ONE))
     groups = np.array([-1 if part == ONE else owns.index(part) for part, _ in both], dtype=np.int64)

@@ -50,7 +50,7 @@ def fit_with_memory(
     numbers = left_open(records, recipe.dictionary, recipe.step)
     if numbers.states and recipe.loss != "squares":
         raise DataError(
-            f"{numbers.states[0].name}: its open numbers can be found with `loss: squares` "
+            f"{numbers.states[0].name}: its free parameters can be estimated with `loss: squares` "
             f"only, not with `{recipe.loss}`",
             "write the numbers, for example `slow(pressure, 0.3)`, or remove `fit.loss`",
         )
@@ -92,7 +92,7 @@ def fit_outputs(records: Sequence[Record], recipes: Sequence[MemoryRecipe]) -> l
     """
     if numbers := left_open(records, recipes[0].dictionary, recipes[0].step).states:
         raise DataError(
-            f"{numbers[0].name}: its open numbers can be found for one target only, and "
+            f"{numbers[0].name}: its free parameters can be estimated for one target only, and "
             f"this spec has {', '.join(recipe.target for recipe in recipes)}",
             "write the numbers, for example `slow(pressure, 0.3)`, or a separate spec for "
             "each target",

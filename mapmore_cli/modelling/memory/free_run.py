@@ -52,7 +52,7 @@ class Along:
         self.lost = False
 
     def __call__(self, columns: Columns) -> SimulatedRun:
-        """Return the predictions at the next rows, (n,), which continue those of the last call.
+        """Return the predictions at the next rows, (n,), which follow the rows of the last call.
         `columns` is as in `kinds.simulate`.
 
         Raises DataError if an input is missing, and AtSample if a first output is missing or the

@@ -166,8 +166,8 @@ class _Ridged:
     """Regularised FROLS: forward selection, then pruning, from sums of products that are computed
     block by block.
 
-    Its methods are those of `_Plain`. The ridge is chosen here if the recipe leaves it open. Raises
-    DataError if no candidate explains anything.
+    It has the same methods as `_Plain`. The ridge is chosen here if the recipe leaves it open.
+    Raises DataError if no candidate explains anything.
     """
 
     def __init__(self, data: Regressors, recipe: MemoryRecipe) -> None:

@@ -44,8 +44,9 @@ def with_signed_gain(
 ) -> Model:
     """Return the model with static gains of the signs that the recipe asks for.
 
-    `records` are those of the fit. Raises FitError if no coefficients of the chosen terms have
-    these signs, or if the method cannot impose them and the fit has others.
+    `records` are the pieces of recordings to which the model was fitted. Raises FitError if no
+    coefficients of the chosen terms have these signs, or if the method cannot impose them and the
+    fit has others.
     """
     memory, body = fit.model, model.body_of(Memory)
     region = region_of(model, curves, recipe)

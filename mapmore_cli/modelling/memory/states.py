@@ -72,7 +72,7 @@ def value_of(
     still: bool = False,
 ) -> Array:
     """Return one state in physical units, shape (n,), continued from `past` unless that is None.
-    The state and those of which it is made are stored in `known` by name. `still` is as in
+    The state, and the states inside it, are stored in `known` by name. `still` is as in
     `evaluate_states`.
     """
     before = {} if past is None else past
@@ -125,7 +125,7 @@ def delayed(x: Array, steps: int, before: Array) -> Array:
 
 
 def memory_inputs(memory: MemoryModel) -> tuple[str, ...]:
-    """Return every quantity of which the states are made, except the output."""
+    """Return every quantity from which the states are computed, except the output."""
     return tuple(sorted({state(name).quantity for name in memory.states.names} - {memory.output}))
 
 

@@ -38,13 +38,13 @@ from mapmore_cli.modelling.memory.states import resolve_states
 from mapmore_cli.modelling.selection import MemoryRecipe
 
 DIGITS = 10  # significant digits of an estimated parameter; its standard error is far larger
-ALL = 64  # largest number of sets of starting values of which every one is tried
+ALL = 64  # largest number of sets of starting values for which each set is tried
 # distance, as a fraction of the range between the bounds, at which a parameter counts as at its
 # bound
 AT_BOUND = 1e-6
 
 
-Numbers = tuple[tuple[float, ...], ...]  # the numbers of each state
+Numbers = tuple[tuple[float, ...], ...]  # numbers of the operators of each state
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Unknown:
 
     @cached_property
     def limits(self) -> Array:
-        """Smallest and largest parameters, (2, m)."""
+        """Smallest and largest value of each parameter, (2, m)."""
         ends = [
             parameter.between(self.step, self.longest)
             for _, parameter in self.places
@@ -119,7 +119,7 @@ class Unknown:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the parameters, (m)."""
+        """Names of the m parameters."""
         return tuple(f"{parameter.key} of {operated.name}" for operated, parameter in self.places)
 
     def begun_at(self, before: Identified | None) -> Array:
@@ -236,8 +236,9 @@ class TrainingData:
         self.selector = selector(self.data, recipe)
 
     def fit(self, choice: TermChoice, vector: Array | None = None) -> MemoryFit:
-        """Return the model of a choice with its one-step-ahead coefficients; or with those of a
-        point that was found in free run, in the order of the choice, and their standard errors.
+        """Return the fitted model of a choice of terms. Without `vector`, it has the coefficients
+        of the one-step-ahead fit. With it, it has the coefficients and standard errors of that
+        point, which was found in free run; the coefficients are in the order of the choice.
         """
         selection, constant, identified = choice.selection, choice.constant, None
         chosen = selection.chosen

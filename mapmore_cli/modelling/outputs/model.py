@@ -41,11 +41,11 @@ class OutputsVerbs(Verbs):
     """Operations of a model of several outputs. Those that return one number raise UsageError."""
 
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
-        """Predict the output; raises UsageError if there are several."""
+        """Predict the only output. Raises UsageError if there are several outputs."""
         return kinds.simulate(kinds.alone(model), columns)
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
-        """Write the output; raises UsageError if there are several."""
+        """Write the only output. Raises UsageError if there are several outputs."""
         return kinds.verbs_of(model).write(m, kinds.alone(model), inputs)
 
     def outside_range(self, model: Model, columns: Columns) -> BoolArray:
@@ -58,7 +58,7 @@ class OutputsVerbs(Verbs):
         return beyond
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-        """Return the equations of every output, with its name."""
+        """Return the equations of every output, with the name of the output added."""
         return tuple(
             replace(row, id=f"{part.output.name}: {row.id}")
             for part in model.each

@@ -83,7 +83,7 @@ def segment(
     Raises DataError if a segment holds no sample, or if a curve has too few samples for the cut.
     """
     terms = [candidate(text) for text in recipe.dictionary]
-    # losses that leave samples out are not comparable
+    # losses that give samples less weight cannot be compared between segments
     recipe = replace(recipe, fit=replace(recipe.fit, loss="squares", scale="auto"))
     recipes = [recipe, *(replace(recipe, target=name) for name in also)]
     training = training_curves(curves, recipe.level is not None)
@@ -424,7 +424,7 @@ def build(
     quantities: Mapping[str, Quantity],
     backbone: FormulaFit | None = None,
 ) -> Model:
-    """Build a model from curves in one call."""
+    """Build a model from curves in one call: segment, fit and fuse."""
     segmentation = segment(curves, recipe, backbone)
     result = FitResult(PiecesFit(*fit(curves, segmentation, recipe, backbone)), backbone)
     model = fuse(name, curves, segmentation, result, recipe, quantities)

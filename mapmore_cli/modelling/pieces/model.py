@@ -136,7 +136,7 @@ class PiecesVerbs(Verbs):
         )
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
-        """Write the pieces as statements, including their backbone."""
+        """Write the pieces as statements, including their backbone, and return the output."""
         body = model.body_of(Pieces)
         limit(m, body.ranges, body.level, inputs)
         base = formula_value(m, body.backbone, inputs)

@@ -14,8 +14,8 @@ from mapmore_cli.domain.arrays import Array, extremes
 from mapmore_cli.domain.fits import Scaling
 from mapmore_cli.modelling.signals.sampling import even_share
 
-# share of a segment's samples near its end whose mean stands for the end of the trend, and the
-# smallest number of samples for this mean
+# share of a segment's samples whose mean is taken as the end of the trend, and the smallest number
+# of samples in this mean
 END_FRACTION, FEWEST = 0.05, 3
 # largest number of variables for which all `2^v` corners are tried as origins; with more, only
 # all-left and all-right

@@ -25,7 +25,7 @@ from mapmore_cli.modelling.program.statements import (
 from mapmore_cli.modelling.program.values import INPUT
 from mapmore_cli.modelling.program.writing import pruned, pruned_block
 
-Slopes = tuple[Expression, ...]  # derivatives of one value, one by each direction
+Slopes = tuple[Expression, ...]  # derivatives of one value, one for each variable
 FUNCTION = "{}_slopes"  # name of a function that returns its value and its derivatives
 
 
@@ -119,7 +119,9 @@ def _choice_with_slopes(choice: Choose, known: dict[str, Slopes], count: int) ->
 
 
 def _chained(value: Expression, known: dict[str, Slopes], count: int) -> Slopes:
-    """Return the derivatives of an expression by every direction (chain rule)."""
+    """Return the derivatives of an expression by the chain rule, one for each variable of
+    differentiation.
+    """
     outer = {name: derivative(value, name) for name in sorted(value.names) if name in known}
     return tuple(
         add(*(multiply(slope, known[name][way]) for name, slope in outer.items()))

@@ -181,7 +181,7 @@ def product_as_written(*factors: Expression) -> Expression:
 
 
 def renamed_all(terms: Iterable[Expression], names: Mapping[str, Expression]) -> list[Expression]:
-    """Return the expressions with other names."""
+    """Return the expressions with names replaced, as `names` says."""
     return [substitute(term, names) for term in terms]
 
 

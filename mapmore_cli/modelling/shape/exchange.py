@@ -90,7 +90,7 @@ class Exchange:
             )
 
     def binding(self) -> list[Stencils]:
-        """Return the stencils whose inequalities bind, one by one."""
+        """Return the stencils whose inequalities bind, each as a group of its own."""
         return [
             stencils.at(np.array([row]))
             for first, stencils in self.stencils

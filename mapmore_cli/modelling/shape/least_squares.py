@@ -16,7 +16,7 @@ STEPS = 50
 # an inequality counts as fulfilled if it is missed by less than this fraction of the largest right
 # side: rounding causes far less, and contradictory inequalities far more
 MISSED = 1e-6
-# a smaller remainder counts as zero
+# a remainder of the dual problem below this counts as zero
 NOTHING_LEFT = 1e-30
 
 

@@ -48,12 +48,12 @@ class Region:
 
     @property
     def span(self) -> float:
-        """Range of the training output."""
+        """Size of the range of the training output."""
         return float(np.ptp(self.values))
 
     @property
     def ends(self) -> dict[str, tuple[float, float]]:
-        """Smallest and largest value of each input."""
+        """Smallest and largest value of each input in the region."""
         margin = {
             input_range.name: self.fit.beyond * (input_range.high - input_range.low).max()
             for input_range in self.ranges

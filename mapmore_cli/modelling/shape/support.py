@@ -104,8 +104,8 @@ def refuse_unsupported(
             raise FitError(
                 f"fit.shape: `{word.quantity}: {word.word}` is supported by {count} "
                 f"differences of the training data, of which {wrong} contradict it{against_words}",
-                f"a sign needs at least {FEWEST} differences, and data that contradict it "
-                "by no more than their noise: remove it, or raise `fit.slack`",
+                f"a sign needs at least {FEWEST} differences, and the data may contradict it only "
+                "within their noise; remove the sign, or raise `fit.slack`",
             )
 
 
@@ -151,7 +151,7 @@ class _Against(NamedTuple):
 
     @property
     def told(self) -> str:
-        """The contradiction in words."""
+        """Description of the contradiction in words."""
         return (
             f", by {self.amount:.3g} on average over a stretch, which is {self.errors:.3g} "
             f"times what their noise explains; the largest is at {self.place.told}"

@@ -87,7 +87,7 @@ def turning_points(values: Array, swing: float) -> IntArray:
     the movement included.
 
     A reversal counts when the values have moved back from the extreme by `swing`. The result is
-    empty if they never move so far.
+    empty if the values never move by so much.
     """
     series = values.tolist()
     turns: list[int] = []

@@ -100,7 +100,7 @@ def _slopes(
     order + 1` sums over the window fill it.
     """
     places = start[:, None] + np.arange((stop - start).max())
-    power = (places < stop[:, None]).astype(float)  # t^0, and zero outside the window
+    power = (places < stop[:, None]).astype(float)  # t^0: one inside the window, and zero outside
     places = np.minimum(places, len(time) - 1)
     t = (time[places] - at[:, None]) / window
     y = values[places] - values[start][:, None]  # a large offset of the values would cost digits

@@ -109,8 +109,8 @@ the model cannot be trusted between levels.
 def left_out_summary(
     kind: LeftOutKind, curves: int, residuals: Mapping[str, Sequence[Array]]
 ) -> LeftOut:
-    """Return what intervals need of the residuals (measured minus predicted) of each left-out part,
-    if `curves` curves are used for training.
+    """Summarise the residuals (measured minus predicted) of each left-out part, so that intervals
+    can be computed from them. `curves` is the number of curves used for training.
 
     Raises FitError if a model has no prediction for a part that was left out, for example because
     its free run diverges.
@@ -119,8 +119,8 @@ def left_out_summary(
     for part, values in pooled.items():
         if not len(values) or not np.isfinite(values).all():
             raise FitError(
-                f"without {part}, the model of the other data has no prediction for it",
-                "leave out `validate.intervals`",
+                f"the model that was fitted without {part} has no prediction for it",
+                "remove `validate.intervals`",
             )
     parts = list(pooled.values())
     return LeftOut(
@@ -186,8 +186,8 @@ def scatter_of_recordings(levels: Sequence[Sequence[Array]]) -> float:
 
 
 def interval_limits(left_out: LeftOut) -> str | None:
-    """Return why there is no interval or what it does not include, and what to measure; None if it
-    is complete.
+    """Return a text that says why there is no interval, or which errors the interval does not
+    include, and what to measure. Return None if the interval is complete.
     """
     if left_out.astray > ASTRAY:
         return (

@@ -201,7 +201,7 @@ class ScoredSamples:
     wanted: BoolArray
 
     def blocks(self) -> Iterator[SampleBlock]:
-        """Yield the samples block by block."""
+        """Yield the samples block by block, as `SampleBlock`."""
         y, forecast = self.curve.columns[self.target], self.forecast
         sigma = self.curve.columns.get(uncertainty_of(self.target))
         columns = (y, forecast.values, forecast.one_step, forecast.half, sigma)

@@ -106,8 +106,8 @@ def _means_of_others(branches: Sequence[_Branch], x: Array) -> Array:
     """Return the mean of the branches of one kind from other logs, at the samples of each branch,
     shape (n,).
 
-    It is the sum of all branches minus that of the own log, so that the cost per log does not grow
-    with the number of logs.
+    It is computed from the sum of all branches minus the sum of the branches of the same log, so
+    that the cost for each log does not grow with the number of logs.
     """
     means = np.full(len(x), np.nan)
     kinds: dict[tuple[bool | float, ...], dict[str, list[_Branch]]] = {}

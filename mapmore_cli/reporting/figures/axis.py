@@ -29,7 +29,7 @@ class Axis:
     ticks: dict[float, str] | None = None
 
     def hold(self, values: Any) -> None:
-        """Extend the range to contain values."""
+        """Extend the range of the data so that it contains these values."""
         finite = np.asarray(values, dtype=np.float64)
         finite = finite[np.isfinite(finite) & ((finite > 0) | (not self.logarithmic))]
         if finite.size:
@@ -38,7 +38,7 @@ class Axis:
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Start and end of the axis."""
+        """Start and end of the axis, in the unit of the data."""
         if self.limits is not None:
             return self.limits
         if not self.low <= self.high:

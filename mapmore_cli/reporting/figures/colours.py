@@ -33,7 +33,7 @@ def hex_of(colour: Any) -> str:
     accepts, is converted.
     """
     if not isinstance(colour, str):
-        raise TypeError(f"{colour!r} is no colour by name")
+        raise TypeError(f"{colour!r} is not the name of a colour")
     if colour.replace(".", "", 1).isdigit():
         return "#" + bytes([round(255 * float(colour))] * 3).hex()
     return colour

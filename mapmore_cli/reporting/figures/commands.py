@@ -60,7 +60,8 @@ def draw_model(
     """
     if not isinstance(model.body, Pieces | Formula):
         raise TypeError(
-            f"{model.name} has no curves to draw; call it with a recording, and draw what it says"
+            f"{model.name} has no curves to draw; call it with a recording, and "
+            "draw what it returns"
         )
     ranges = model.body.ranges
     along = varying_input(model, [one.limits for one in ranges])

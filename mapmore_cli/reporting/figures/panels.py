@@ -205,7 +205,7 @@ def colour_bar(ax: Any, shades: Any, label: str, **look: Any) -> None:
 
 
 def key(label: str, **look: Any) -> Key:
-    """Return the entry of a legend."""
+    """Return an entry of a legend with this label and appearance."""
     return Key(label, look)
 
 

@@ -62,7 +62,7 @@ class Sketch:
 
     @property
     def figure(self) -> Sketch:
-        """The sketch itself, which also draws colour bars."""
+        """The sketch itself, because Matplotlib's figure draws colour bars."""
         return self
 
     def _add(self, svg: Svg, zorder: float, label: str = "", **look: Any) -> None:
@@ -287,7 +287,7 @@ class Sketch:
 
         self.beside.append((0.0, svg))
 
-    # Length of the axes
+    # Ranges of the axes
 
     def get_xlim(self) -> tuple[float, float]:
         """Return the ends of the horizontal axis."""

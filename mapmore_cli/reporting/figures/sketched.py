@@ -175,7 +175,7 @@ def _axes(
 
 
 def _entry(label: str, look: dict[str, Any], style: FigureStyle) -> str:
-    """Return an entry of the legend."""
+    """Return the SVG of one entry of the legend."""
     size = style.size - 1
     y = size
     if "facecolor" in look:

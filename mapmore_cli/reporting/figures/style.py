@@ -31,7 +31,7 @@ RC: dict[Any, Any] = {
     "legend.columnspacing": 1.4,
     "legend.handlelength": 2.2,
     "lines.linewidth": 1.1,
-    "svg.fonttype": "none",  # text remains text: searchable, and small
+    "svg.fonttype": "none",  # text remains text, so that it can be searched and the file is small
     "text.parse_math": False,  # a `$` in a name is a plain character
     "xtick.major.width": 0.6,
     "ytick.major.width": 0.6,
@@ -113,7 +113,7 @@ for a line on white.
 
 @dataclass(frozen=True)
 class ModelStyle:
-    """Appearance of one model in every figure."""
+    """Appearance of the line and the dots of one model, the same in every figure."""
 
     colour: str
     dashes: object

@@ -64,7 +64,7 @@ class Sheet(NamedTuple):
     label: str
 
     def panel(self, draw: Callable[..., None]) -> Panel:
-        """Return a panel that calls `draw`."""
+        """Return the panel of this sheet, with `draw` as the function that draws it."""
         x_label, y_label = self.plane.labels
         columns = (self.across.ravel(), self.up.ravel(), self.output.ravel())
         data = dict(zip((x_label, y_label, self.label), columns, strict=True))
@@ -72,7 +72,7 @@ class Sheet(NamedTuple):
 
     @property
     def samples(self) -> tuple[Array, Array, Array]:
-        """The samples that are drawn, (m,) each."""
+        """The samples that are drawn: both inputs and the target, (m,) each."""
         x, y, z = (values[self.rows] for values in self.plane[2:])
         return x, y, z
 

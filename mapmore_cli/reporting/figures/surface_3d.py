@@ -17,7 +17,7 @@ the surface.
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return one panel if the model has two inputs."""
+    """Return a figure with one panel if the model has two inputs, otherwise none."""
     sheet = sheet_of(inputs)
     if sheet is None:
         return []

@@ -23,7 +23,7 @@ BEFORE, BEHIND = (
 
 @dataclass(frozen=True)
 class Script:
-    """A classic script within a page."""
+    """A JavaScript script that stands in a page, and is no module."""
 
     text: str
 
@@ -34,7 +34,7 @@ class Script:
 
 
 def text_of(name: str) -> str:
-    """Return a file of this folder."""
+    """Return the text of a file in this folder."""
     return files(__package__).joinpath(name).read_text(encoding="utf-8")
 
 

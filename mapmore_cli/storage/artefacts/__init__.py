@@ -272,7 +272,9 @@ def write_segmentation(path: Path, curves: tuple[SegmentedCurve, ...], *units: U
 def read_segmentation(
     path: Path, warn: Warn = lambda _message: None, unverified: bool = False
 ) -> tuple[SegmentedCurve, ...]:
-    """Read the cuts of the training curves."""
+    """Read the cuts of the training curves from a file. Raises the errors that the module
+    describes.
+    """
     return SEGMENTATION_FILE.read(path, warn, unverified).curves
 
 

@@ -193,7 +193,11 @@ def _compare_lengths(path: str, shape: tuple[int, ...], letters: Letters, sizes:
     for length, letter in zip(shape, letters, strict=False):
         name = letter.removesuffix(" or 0")
         if (length or name == letter) and sizes.setdefault(name, length) != length:
-            raise Invalid(path, f"has {length} values, where others of ({name}) have {sizes[name]}")
+            raise Invalid(
+                path,
+                f"has {length} values, but other arrays with the dimension ({name}) "
+                f"have {sizes[name]}",
+            )
 
 
 def wrong_with(value: object, check: object) -> str:

@@ -83,7 +83,7 @@ def stored_at(where: str) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class SegmentationFile:
-    """Cuts of all training curves."""
+    """Contents of a segmentation file: the cuts of all training curves."""
 
     curves: Annotated[tuple[SegmentedCurve, ...], "training curves"]
 
@@ -276,5 +276,5 @@ def _scalar(value: object) -> object:
         return str(value)
     if isinstance(value, str) and not is_one_line(value):
         fault = f"the name {value!r} cannot be stored: it is not one line of valid text"
-        raise DataError(fault, "rename the file or column that it is of")
+        raise DataError(fault, "rename the file or column that has this name")
     return value

@@ -1,8 +1,8 @@
 """Read recordings, with one file for each format. A file with a `READER` in this folder adds a
 format.
 
-The values of `data.reader`, the keys that each reader uses, the suffixes that ids of recordings
-leave out, and what `init` does with a file are all taken from that declaration (`Reader`). A
+The values of `data.reader`, the keys that each reader uses, the suffixes that are left out in ids
+of recordings, and the treatment of a file by `init` all follow from that declaration (`Reader`). A
 library that only one format needs is imported when such a file is read.
 """
 

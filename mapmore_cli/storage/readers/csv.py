@@ -71,7 +71,7 @@ def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
 
     Compression (gzip, bzip2, xz) is recognised by content, not by name. Lines end with LF, CR LF or
     CR. Blank lines are skipped (they count as header lines and as skipped rows); an empty field is
-    NaN. Fields beyond the last column may only be blank.
+    NaN. Fields after the last column must be blank.
 
     Raises
     ------
@@ -224,7 +224,7 @@ def _blocks_of(
     """
     while block := lines.block():
         last.append(block)
-        if not block.strip(b"\r\n "):  # there may be millions of blank lines
+        if not block.strip(b"\r\n "):  # a text may contain millions of blank lines
             lines.take(block, len(block.splitlines()))
             continue
         values = values_of_text(block, layout)
@@ -348,12 +348,13 @@ def _of_width(row: int, record: list[str], layout: Layout) -> list[str]:
         return [""] * width
     if has_nul:
         raise DataError(
-            f"{request.label}:row {row}: the line contains NUL bytes: what was here is lost",
+            f"{request.label}:row {row}: the line contains NUL bytes, so that its "
+            "contents are lost",
             ("Get the file again, or correct or remove the line. `missing: drop` leaves it out."),
         )
     few = "few" if len(record) < width else "many"
     raise DataError(
-        f"{request.label}:row {row}: too {few} fields: {len(record)}, where the first line "
+        f"{request.label}:row {row}: too {few} fields: {len(record)}, but the first line "
         f"has {width}",
         line_hint(record)
         or (
@@ -436,7 +437,7 @@ def _cut_lines(lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
             if delimiter is None
             else list(csv.reader(lines, delimiter=delimiter))
         )
-    except csv.Error:  # a quotation mark may never be closed
+    except csv.Error:  # a quotation mark in the lines may never be closed
         return []
 
 

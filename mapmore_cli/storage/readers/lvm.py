@@ -162,7 +162,9 @@ def peek_lvm(path: Path, most: int) -> Iterable[Top]:
 
 
 def _lvm_segments(path: Path, label: str, most: int | None = None) -> list[LvmSegment]:
-    """Return the segments in the first `most` lines of a file, or all segments for None."""
+    """Return the segments in the first `most` lines of a file, or all segments if `most`
+    is None.
+    """
     with open_lines(path, guess_encoding(path), label, errors="replace") as (whole, _):
         taken, padding = list(islice(whole, most)), whole.padding
     lines, has_end = [line.rstrip("\r\n") for line in taken], "".join(taken[-1:])[-1:] in "\r\n"

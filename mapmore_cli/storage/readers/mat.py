@@ -176,7 +176,7 @@ class _Version5:
                 "save the measurements as arrays of numbers",
             )
         if len(inner) != count * (len(names) or of_class == CELL):
-            raise ValueError(f"{len(inner)} elements of {count}")
+            raise ValueError(f"it holds {len(inner)} elements instead of {count}")
         if of_class == CELL:
             return Member(
                 f"a cell array of {size_in_words(shape)}",

@@ -83,5 +83,6 @@ def _unit_noted(file: ParquetFile, field: Field) -> str:
 
 READER = replace(
     tree_reader("parquet", opened_parquet, (".parquet",), "force", by_index=False),
-    keys=("root",),  # Parquet columns that are read hold no texts
+    # only `root` is allowed: other keys for texts have no effect, because the columns hold numbers
+    keys=("root",),
 )

@@ -76,7 +76,9 @@ def _in_order(members: Sequence[tuple[str, Member]]) -> Member:
 def _channel(channel: Any, size: int) -> Member:
     """Return a channel of a file of `size` bytes; each value takes at least one byte."""
     if len(channel) > size:
-        raise ValueError(f"'{channel.name}' declares {len(channel)} values")
+        raise ValueError(
+            f"'{channel.name}' declares {len(channel)} values, more than the file can hold"
+        )
     return Member(
         "a channel",
         values=lambda selection: channel[selection[0]] if selection else channel[:],
@@ -86,7 +88,7 @@ def _channel(channel: Any, size: int) -> Member:
 
 
 def _waveform(properties: Mapping[str, Any]) -> Noted:
-    """Return what LabVIEW stored about a waveform."""
+    """Return the unit and the times that LabVIEW stored about a waveform."""
     start = properties.get("wf_start_time", np.datetime64(0, "s"))
     began = float(as_numbers(start, "wf_start_time", CellReader(clock=True)))
     return Noted(

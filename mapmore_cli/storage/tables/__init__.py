@@ -21,7 +21,7 @@ SourceColumn = str | int
 
 @dataclass(frozen=True)
 class TableRequest:
-    """The wanted columns of a file, and what its reader must know.
+    """The wanted columns of a file, and the information that its reader needs.
 
     - `label`, `columns`: name of the file in messages, and the wanted columns.
     - `header`: number of header lines, the first of which holds the names (text, sheets).
@@ -30,8 +30,8 @@ class TableRequest:
     - `decimal`, `thousands`: separators in numbers (texts, and cells that hold texts).
     - `comment`: beginning of lines that are no records (text).
     - `encoding`: encoding of the characters (text); a UTF-8 byte order mark is skipped.
-    - `sheet`: title of the sheet, or a glob of which every match is a recording; None for the first
-      visible sheet (workbooks).
+    - `sheet`: title of the sheet, or a glob whose matches are one recording each; None for the
+      first visible sheet (workbooks).
     - `hidden`: `keep` or `drop` hidden rows (workbooks).
     - `root`: place from which columns are addressed; `train[*]` makes every element a recording
       (MAT, HDF5).
@@ -115,7 +115,7 @@ class Cut:
     """Evidence that a file is incomplete at its end.
 
     - `said`, `remedy`: message and remedy if an incomplete file is an error.
-    - `done`: what is done about it if missing values are left out.
+    - `done`: how the end of the file is treated if missing values are left out.
     - `rows`: number of rows at the end that cannot be trusted.
     """
 
@@ -125,7 +125,7 @@ class Cut:
     rows: int = 0
 
     def refuse(self, where: str, request: TableRequest) -> None:
-        """Raise DataError if missing values are errors."""
+        """Raise DataError for an incomplete file, unless missing values are to be left out."""
         if not request.incomplete:
             raise DataError(f"{where}: {self.said}", self.remedy)
 
@@ -241,9 +241,9 @@ def locate_columns(
 ) -> dict[SourceColumn, int]:
     """Return the 0-based index of every wanted column in a file of `width` columns.
 
-    `names` are those of the header, or None without one; `hint` replaces the usual remedy if the
-    reader knows a better one. Raises DataError for a column that does not exist, or whose name
-    occurs twice in the header.
+    `names` are the names in the header, or None if there is no header; `hint` replaces the usual
+    remedy if the reader knows a better one. Raises DataError for a column that does not exist, or
+    whose name occurs twice in the header.
     """
     label, places = request.label, dict[SourceColumn, int]()
     for column in request.columns:

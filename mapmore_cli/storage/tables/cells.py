@@ -78,13 +78,13 @@ _KINDS = (
     (
         rf"[+-]?\d*(?:[{THOUSANDS}]\d+)+(?:e[+-]?\d+)?",
         "it has another decimal point than the spec says, or separators of thousands",
-        'say which, as `decimal: ","`, `decimal: "."` or `thousands: ","`; or format the '
-        "cells as numbers in the program that wrote them",
+        'write which, for example `decimal: ","`, `decimal: "."` or `thousands: ","`; or format '
+        "the cells as numbers in the program that wrote them",
     ),
     (
         r"[+-]?(?!0x)\d[\d.,]*(?:e[+-]?\d+)? *(?:[^\W\d_]+|[^\w\s.,+-][^\W\d_]*)",
-        "a unit stands behind it",
-        "take the unit off, and name it in `columns`, as `unit: kPa`",
+        "it is followed by a unit",
+        "remove the unit from the cells, and name it in `columns`, for example `unit: kPa`",
     ),
 )
 """Patterns of cells that are neither numbers nor words for missing values, each with the reason and
@@ -161,7 +161,7 @@ class CellReader:
     - `second`: one second in the unit of the column.
     - `usual`: default remedy.
     - `form`: form of the stamps read so far; all must have the same.
-    - `texts`: the numbers of the texts that were read so far, where the column holds texts.
+    - `texts`: for a column of texts, the number of each text that was read so far.
     """
 
     missing: Set[str] = frozenset()

@@ -96,7 +96,8 @@ def lines_of(
     """Yield the lines of a file with their ends. Raises DataError if the file is missing,
     unreadable or incomplete.
 
-    `told` is called from time to time with the number of bytes read and the size of the file.
+    The function `told` is called from time to time with the number of bytes read and the size of
+    the file.
     """
     label = str(path)
     with (
@@ -131,7 +132,7 @@ class Lines(Iterator[str]):
         self._plain = codecs.lookup(encoding).name == "utf-8"
         self._decoder = codecs.getincrementaldecoder(encoding)(errors)
         self._held, self._at, self._ended, self._size = b"", 0, False, 0
-        self._tail = b""  # this is padding, if no text follows it
+        self._tail = b""  # padding at the end of the text read so far; text may still follow it
         self.taken = self.rows = self.padding = 0
         # reading stops here, because a device may be endless and consist of padding only
         self.endless = False
@@ -158,7 +159,7 @@ class Lines(Iterator[str]):
         return self._held[self._at : end]
 
     def take(self, lines: bytes, count: int) -> None:
-        """Consume these lines; `count` is their number."""
+        """Mark these lines as read; `count` is their number."""
         self._at += len(lines)
         self.taken, self.rows = self.taken + len(lines), self.rows + count
 
@@ -178,7 +179,7 @@ class Lines(Iterator[str]):
             raise DataError(
                 f"{self._label}:row {self.rows + 1}: is longer than {LONGEST // 10**6} million "
                 "characters",
-                "give a table",
+                "give a text file with a table",
             )
         data = self._stream.read1(CHUNK)
         self._ended = not data
@@ -238,7 +239,7 @@ def encoding_of(head: bytes) -> str:
             return name
     for name in ("utf-8", "cp1252"):
         with suppress(UnicodeDecodeError):
-            # the last character of `head` may be incomplete
+            # the last character of `head` may be cut off, which this decoder accepts
             codecs.getincrementaldecoder(name)().decode(head)
             return name
     return "latin-1"

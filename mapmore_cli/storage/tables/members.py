@@ -298,7 +298,7 @@ def refuse_other_clocks(noted: Mapping[SourceColumn, Noted], label: str) -> None
 def _column(
     base: Member, column: SourceColumn, label: str, read: CellReader
 ) -> tuple[Array, Noted]:
-    """Return the array at an address, (n,), and what the file says about it."""
+    """Return the array at an address, (n,), and the information about it in the file."""
     address = f"[:,{column}]" if isinstance(column, int) else column
     steps = _steps_to(column, base)
     if not steps:

@@ -83,11 +83,11 @@ class Column:
 
 def first_rows(top: Member, most: int, separator: str = "/") -> Top:
     """Return the first rows of the log in a tree of arrays. The log is the group with the longest
-    columns, of which there must be at least two.
+    columns; it must have at least two columns.
 
     Groups with the same members, and elements of an array, are recordings (`root` ends with `[*]`),
-    of which the first is shown; members with other names may stand beside them. A number named `fs`
-    or `dt` becomes the log's `sample_time` if the file does not state one.
+    and the first of them is shown; members with other names may stand beside them. A number named
+    `fs` or `dt` becomes the log's `sample_time` if the file does not state one.
     """
     places = _places(top, separator)
     root, log, columns = next(
@@ -119,7 +119,7 @@ def _places(top: Member, separator: str) -> list[Place]:
     may form circles.
     """
     places = [Place("", "", "", top)]
-    for address, _, _, here in places:  # the list grows during the loop
+    for address, _, _, here in places:  # places are added to the list during this loop
         for name in here.names or range(here.count or 0):
             if len(places) > MOST_MEMBERS:
                 return places

@@ -1,4 +1,5 @@
-"""Extract facts about cells, besides their values, from workbooks of older programs (.xls).
+"""Extract facts about cells that are not their values, for example errors, from workbooks of older
+programs (.xls).
 
 The records of a sheet (BIFF) are a stream in a file of sectors, which are chained by a table
 ([MS-CFB], [MS-XLS]).
@@ -37,7 +38,7 @@ def facts_of(content: bytes, title: str) -> list[Fact]:
 
 
 def _stream(content: bytes) -> bytes:
-    """Return the stream of the workbook's records."""
+    """Return the stream of an .xls file that holds the records of the workbook."""
     size, small = 1 << unpack_from("<H", content, 30)[0], 1 << unpack_from("<H", content, 32)[0]
     directory, _, limit, small_table, _, more = unpack_from("<6I", content, 48)
     places = list(unpack_from("<109I", content, 76))
@@ -141,7 +142,7 @@ def _percent_styles(stream: bytes) -> frozenset[int]:
 
 
 def _title(content: bytes) -> str:
-    """Return the title in the record of a sheet."""
+    """Return the title of a sheet from its record."""
     length, is_wide, letters = content[6], content[7] & 1, content[8:]
     return (
         letters[: 2 * length].decode("utf-16-le") if is_wide else letters[:length].decode("latin-1")

@@ -1,4 +1,6 @@
-"""Represent facts about the cells of a workbook, besides their values."""
+"""Represent facts about the cells of a workbook that are not their values, for example errors and
+hidden rows.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Extract facts about cells, besides their values, from workbooks that are archives of XML (.xlsx,
-.ods).
+"""Extract facts about cells that are not their values, for example errors, from workbooks that are
+archives of XML (.xlsx, .ods).
 """
 
 from __future__ import annotations

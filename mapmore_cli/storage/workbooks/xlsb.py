@@ -1,4 +1,5 @@
-"""Extract facts about cells, besides their values, from binary workbooks in an archive (.xlsb).
+"""Extract facts about cells that are not their values, for example errors, from binary workbooks in
+an archive (.xlsb).
 
 Each record is preceded by its kind and its length, which are encoded with seven bits per byte
 ([MS-XLSB], 2.1.4).

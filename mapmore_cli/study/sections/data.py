@@ -26,8 +26,8 @@ from mapmore_cli.study.tree import quoted
 OfLevel = Annotated[float, of_sibling("of")]
 
 STEP_PRESSURE, STEP_OF = "step_pressure", "pressure"
-"""Name of the quantity that `plateau` adds (the mean pressure of a step response), and the quantity
-of which it is the mean.
+"""Name of the quantity that `plateau` adds, which is the mean pressure of a step response on its
+plateau; and name of the quantity that is averaged.
 """
 
 
@@ -435,7 +435,7 @@ class Data(Logs):
 
     @property
     def missing_rule(self) -> MissingRule:
-        """The rule for missing values."""
+        """The rule for missing values; the default rule if `missing` is a word."""
         return self.missing if isinstance(self.missing, MissingRule) else MissingRule()
 
     @property

@@ -174,7 +174,7 @@ class SourceColumn(Section):
 
     @property
     def places(self) -> Sequence[str | int]:
-        """The columns of the file that are read."""
+        """The columns of the file that are read for this quantity."""
         return self.columns or [self.column]
 
     @property

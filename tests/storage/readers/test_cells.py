@@ -366,8 +366,8 @@ def test_one_column_may_have_thousands_and_another_decimals(tmp_path):
 1,5         `thousands: ","` | `decimal: ","`
 1'234       `thousands: ","` | `decimal: ","`
 1 234,5     `thousands: ","` | `decimal: ","`
-20 N        a unit stands behind it | unit:
-1e5 N       a unit stands behind it
+20 N        it is followed by a unit | unit:
+1e5 N       it is followed by a unit
 TRUE        it is TRUE or FALSE
 \uff11      its digits are of another script
 2026-03-01  it is a date

@@ -265,10 +265,10 @@ FAR_TOO_MUCH = {
         variable_5(1, (1, 200_000), element(14, b"") * 200_000),
         "'x' has more than 100000 elements",
     ),
-    "cells that are not there": (variable_5(1, (10**9, 1)), "0 elements of 1000000000"),
+    "cells that are not there": (variable_5(1, (10**9, 1)), "0 elements instead of 1000000000"),
     "fields": (
         variable_5(2, (10**9, 1), element(5, np.array([2], "<i4").tobytes()), element(1, b"P\0")),
-        "0 elements of 1000000000",
+        "0 elements instead of 1000000000",
     ),
     "numbers that are not there": (variable_5(6, (10**9, 10**9), NUMBER), "cannot reshape"),
     "packed": (

@@ -55,7 +55,13 @@ TEXTS = [["t", "F"], ["s", "N"], ["0", "1.000,5"], ["0,5", "-2,25"], ["1,0", " "
 def test_texts_with_decimal_commas_are_read_as_the_message_recommends(tmp_path, suffix):
     path = tmp_path / f"a{suffix}"
     workbook(path, a=TEXTS) if suffix == ".xlsx" else other_workbook(path, TEXTS)
-    refusal(["row 4, column t: '0,5'", 'say which, as `decimal: ","`'], "xlsx", path, "t", header=2)
+    refusal(
+        ["row 4, column t: '0,5'", 'write which, for example `decimal: ","`'],
+        "xlsx",
+        path,
+        "t",
+        header=2,
+    )
     table = read(path, "t", "F", header=2, decimal=",", thousands=".")
     np.testing.assert_array_equal(table.columns["t"], [0, 0.5, 1])
     np.testing.assert_array_equal(table.columns["F"], [1000.5, -2.25, np.nan])

@@ -178,7 +178,7 @@ class HysteresisLoss(Formula):
 
     @cached_property
     def expression(self) -> Expression:
-        """`text` with the expression of the stiffness inserted."""
+        """`text` as an expression, with the expression of the stiffness inserted."""
         stiffness = derivative(UPPER.expression, "strain")
         return substitute(parse(self.text), {"stiffness": stiffness / Name("length")})
 
