@@ -259,7 +259,7 @@ def _names_of_frame(X: object) -> list[str] | None:
     labels = labels_of(X) or ()
     names = [label for label in labels if isinstance(label, str)]
     if len(set(names)) < len(names):
-        raise ValueError(f"X has columns of one name: {', '.join(names)}")
+        raise ValueError(f"X has several columns with the same name: {', '.join(names)}")
     return names if names and len(names) == len(labels) else None
 
 

@@ -204,7 +204,7 @@ def _error(score: Score, unit: str) -> str:
 
 
 def _of(unit: str) -> str:
-    """Return a unit in the form in which it follows a number."""
+    """Return a unit as the text that is appended to a number."""
     return "" if unit in ("", "1") else f" {unit}"
 
 

@@ -297,9 +297,9 @@ def test_what_is_put_into_a_template_is_a_literal(language):
     for hostile, found in zip(HOSTILE, texts(language), strict=True):
         literal = templates.LITERALS[language](hostile)
         assert found == f"{literal}|b|{templates.LITERALS[language]('c')}|1.5|{literal}, {literal}"
-    with pytest.raises(TypeError, match="not a text"):
+    with pytest.raises(TypeError, match="neither a text nor a number"):
         templates.templates(language).from_string("{{ a }}").render(a=None)
-    with pytest.raises(TypeError, match="not a text"):
+    with pytest.raises(TypeError, match="neither a text nor a number"):
         templates.templates(language).from_string("{{ a }}").render()
 
 

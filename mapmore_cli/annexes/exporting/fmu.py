@@ -161,7 +161,7 @@ def _about(written: CSource) -> str:
 
 
 def _powers(base: BaseUnits | None) -> dict[str, float] | None:
-    """Return the attributes of a unit of measurement by base units; None for an unknown unit."""
+    """Return the attributes with which FMI describes a unit by SI base units; None if unknown."""
     if base is None:
         return None
     scale = (("factor", base.factor, 1.0), ("offset", base.offset, 0.0))

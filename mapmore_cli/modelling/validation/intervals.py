@@ -84,7 +84,7 @@ NEIGHBOURS = 0.6
 to 99 % of new curves at 4 to 20 levels (`docs/interval_tables.py`).
 """
 
-# degrees of freedom of the differences between curves below which they are unknown
+# with fewer degrees of freedom, the differences between curves are unknown
 LEAST_FREEDOM = 1.5
 CLEAR, CHANCE = 1.25, 0.2
 """Limits beyond which the squared errors of left-out levels show an error of the model. The first
