@@ -5,9 +5,8 @@ must be loud.
 import json
 import xml.etree.ElementTree as ET
 
-from cli_samples import (
-    options,
-)
+import pytest
+from cli_samples import options, write_recording
 
 
 def test_a_missed_limit_stands_in_the_document_of_a_run(study, tmp_path, mapmore):
@@ -51,3 +50,10 @@ def test_a_warning_of_many_runs_is_told_once(study, mapmore):
     told = "curve pressure=300: 1 segment(s) along strain instead of 4"
     (warning,) = (line for line in result.stderr.splitlines() if told in line)
     assert "(the same in 3 runs: bench.one, bench.two)" in warning
+
+
+def test_a_level_that_was_measured_at_one_place_is_cut_into_one_segment(study, tmp_path, mapmore):
+    write_recording(tmp_path, "bench", 300, [0.1] * 3, [379, 380, 381])
+    mapmore("fuse", study, code=0)
+    grid = mapmore("predict", "runs/bench/model.h5", "--grid", "pressure=300,strain=0.1", code=0)
+    assert float(grid.stdout.splitlines()[1].split(",")[2]) == pytest.approx(380)
