@@ -62,12 +62,6 @@ def fewer_families(monkeypatch):
     search_only(monkeypatch, "tables", "feedback")
 
 
-@pytest.fixture
-def quick_families(monkeypatch):
-    """A search of one family, for what does not depend on the structure."""
-    search_only(monkeypatch, "tables")
-
-
 def search_only(monkeypatch, *names):
     from mapmore_cli.annexes.search import searching
 

@@ -6,7 +6,6 @@ import importlib
 import json
 import re
 import runpy
-import shutil
 import sys
 from pathlib import Path
 
@@ -21,7 +20,6 @@ from mapmore_cli.api import Fitted
 ROOT = Path(__file__).resolve().parents[1]
 GALLERY = ROOT / "docs" / "gallery"
 QUICK = ("first_model", "terms_by_ratio", "delays")
-CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 SCRIPTS = [path.stem for path in sorted(GALLERY.glob("*.py")) if path.stem != "muscle"]
 
 

@@ -28,24 +28,12 @@ CASES = {
         SPEC_WRONG,
         ["bench.yaml:9:20", "metod", "method"],
     ),
-    "missing column": (
-        "column: eps",
-        "column: epsilon",
-        DATA_WRONG,
-        ["bench_100.csv", "epsilon", "eps"],
-    ),
     "text in a number column": ("", "", DATA_WRONG, ["bench_200.csv", "row 8", "eps", "abc"]),
     "one sample per segment": (
         "",
         "",
         DATA_WRONG,
         ["pressure=100/strain:1", "1 training sample", "fewer segments"],
-    ),
-    "duplicate level": (
-        "at: [100, 200, 300]",
-        "at: [100, 200, 200, 300]",
-        SPEC_WRONG,
-        ["bench.yaml:6:", "200"],
     ),
     "truncated gz": ("bench_*.csv", "bench_*.csv*", DATA_WRONG, ["bench_300.csv.gz", "damaged"]),
 }
@@ -94,11 +82,3 @@ def test_a_run_path_that_is_a_file(study, tmp_path, mapmore):
     mapmore("run", study, code=CANNOT_WRITE, says="bench")
     assert (tmp_path / "runs" / "bench").read_text() == "precious"
     mapmore("run", study, "--runs", tmp_path / "runs" / "bench", code=CANNOT_WRITE)
-
-
-def test_all_mistakes_of_a_spec_are_told_at_once(study, tmp_path, mapmore):
-    edit(study, "method: even", "metod: even")
-    edit(study, "unit: kPa", "unit: kPaa")
-    edit(study, "order: 3", "order: 300")
-    mapmore("run", study, code=SPEC_WRONG, says=["metod", "kPaa", "order"])
-    assert not (tmp_path / "runs").exists()

@@ -7,8 +7,6 @@ from cli_samples import PROJECT, thinned
 
 from mapmore_cli.study.loader import load
 
-pytestmark = pytest.mark.usefixtures("quick_families")
-
 
 @pytest.fixture
 def rig(tmp_path):
@@ -76,15 +74,6 @@ def test_nothing_usable_is_a_data_error(tmp_path, mapmore):
     (tmp_path / "diary.csv").write_text("dear diary\n")
     for path in (tmp_path, tmp_path / "diary.csv", tmp_path / "none"):
         assert mapmore("init", path, "-o", "-", code=4, says="error: ").stdout == ""
-
-
-def test_check_prints_issues_with_their_remedies(study, mapmore):
-    assert mapmore("check", study, code=0).stdout.splitlines()[-1] == "No issues."
-    outside = mapmore("check", study, "--set", "data.split.validate.pressure=[300]", code=0)
-    assert (
-        "validation samples have pressure 300, outside the training range 100 to 200 "
-        "[validation-outside]" in outside.stdout
-    )
 
 
 def test_check_ends_with_the_code_of_what_has_to_be_mended(study, mapmore):

@@ -6,10 +6,7 @@ import json
 import xml.etree.ElementTree as ET
 
 import pytest
-from cli_samples import (
-    options,
-    write_recording,
-)
+from cli_samples import options, write_recording
 
 
 def test_a_missed_limit_stands_in_the_document_of_a_run(study, tmp_path, mapmore):
@@ -60,6 +57,3 @@ def test_a_level_that_was_measured_at_one_place_is_cut_into_one_segment(study, t
     mapmore("fuse", study, code=0)
     grid = mapmore("predict", "runs/bench/model.h5", "--grid", "pressure=300,strain=0.1", code=0)
     assert float(grid.stdout.splitlines()[1].split(",")[2]) == pytest.approx(380)
-
-
-WORSE = "worse than the mean of the measured values"

@@ -18,7 +18,6 @@ from mapmore_cli.modelling.frols import frols
 
 PAGE = DOCS / "frols.md"
 TEXT = PAGE.read_text(encoding="utf-8")
-SOLVERS = ("ours", "sysidentpy", "fastcan", "pysindy")
 CASES = {name: (P, y, k) for name, P, y, k in cases()}
 
 

@@ -33,9 +33,6 @@ def read(path, *columns, **keys):
     return READERS["csv"].read(path, request)
 
 
-ROWS = [f"{i / 100},150,{i}" for i in range(40)]
-
-
 def test_two_quotes_that_swallow_rows_between_them_are_told(tmp_path):
     path = tmp_path / "a.csv"
     lines = ["strain,force,remark", *(f"{i / 100},{i},fine" for i in range(40))]

@@ -14,7 +14,6 @@ from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.storage.artefacts import read_model
 
 CLOSING = ("ratio, geometric mean", "ratio, worst", "runs better", "below the best formula")
-DIGITS = 0.006  # three of them
 
 
 def test_the_piston_of_the_printed_cylinder(tmp_path, mapmore, measured_data):

@@ -11,8 +11,6 @@ from page_tables import MEMORY, numbers, page_table
 from mapmore_cli.storage.artefacts import read_model
 from mapmore_cli.study.campaign import load_campaign
 
-REVERSALS = ("dmsp-20-88-inner-reversals", "peano-inner-reversals")
-DIGITS = 0.006  # three of them
 FEWER = "steps-2-500g"
 """Beside a competitor that does not predict all of its samples, this one has fewer; the table of
 cuts has it by itself.

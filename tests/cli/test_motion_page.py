@@ -15,7 +15,6 @@ from mapmore_cli.modelling.memory.records import Record
 
 PAGE = DOCS / "motion.md"
 DATASETS = DOCS.parent / "datasets"
-CONFIGS = DOCS.parent / "configs"
 BOUNDARIES = (1.05, 2.35, 3.15, 3.95, 4.75)
 FULL, PARTS = ("full",), tuple(f"section_{place}" for place in range(1, 7))
 MODELS = {

@@ -4,7 +4,6 @@ and nothing is read for it twice.
 
 import json
 
-import numpy as np
 import pytest
 from cli_samples import options, page_of
 
@@ -80,19 +79,3 @@ def test_what_made_levels_impossible_is_told(study, mapmore):
         "segment={}",
     )
     mapmore("run", study, *by_strain, code=4, says="probably in per cent")
-
-
-def arrays(scale):
-    pressure, strain = (
-        grid.ravel()
-        for grid in np.meshgrid([100.0, 200.0, 300.0], np.linspace(0, 0.2, 40), indexing="ij")
-    )
-    return {
-        "pressure": pressure,
-        "strain": scale * strain,
-        "force": pressure * (2 - 8 * strain) + pressure**2 / 400,
-    }
-
-
-# Models that lack a quantity, and labels
-# ------------------------------------------------------------------------------------------

@@ -12,6 +12,7 @@ from mapmore_cli.domain.models import Formula, Model
 from mapmore_cli.domain.recording import Curve, CurveRange, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.fitting.competitors import Contest
+from mapmore_cli.fitting.kinds.choices import metres_of
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
@@ -161,3 +162,10 @@ def test_a_competitor_is_a_model_of_the_same_numbers(name):
 def test_a_black_box_is_no_model():
     pytest.importorskip("sklearn")
     assert contest().rival("gaussian_process").model is None
+
+
+@pytest.mark.parametrize(
+    ("unit", "metres"), [("mm", 1e-3), ("m", 1.0), ("kPa", 1.0), ("cm^2", 1.0)]
+)
+def test_the_size_of_a_specimen_is_in_metres_if_it_is_a_length(unit, metres):
+    assert metres_of(unit) == metres

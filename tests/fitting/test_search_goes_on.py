@@ -25,8 +25,6 @@ from mapmore_cli.study.sections.model import ModelChoice
 
 WHOLE = Slice(None, ModelChoice(type="auto"), Fuse(), {}, None, (), False)
 SHORT = replace(WHOLE, model=ModelChoice(type="auto", prefer="short"))
-LONG = (0.10, 30)
-"""Error and parameters of a structure of a later round."""
 
 
 def choice_of(*structures, box):

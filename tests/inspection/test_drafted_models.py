@@ -10,11 +10,9 @@ import re
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import drafted_tables
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pages import read_rows
 from recorded import checked, drafted, write
 
 from mapmore_cli.annexes.drafting.answers import Answers
@@ -91,10 +89,3 @@ def test_the_groups_are_no_input_of_a_search(tmp_path):
             pull(tmp_path / f"{10 * number}cm_pull_{bar}bar.csv", bar, 2 + number / 10)
     spec = checked(drafted(tmp_path, answers=Answers(group="specimen")), tmp_path).spec
     assert search_slice(spec).ignored == ("force", "specimen")
-
-
-# Measured data
-# --------------------------------------------------------------------------------------------------
-
-
-ROWS = [tuple(row) for row in read_rows(drafted_tables.PAGE, "drafts")[1:]]

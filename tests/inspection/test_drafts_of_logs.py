@@ -16,14 +16,6 @@ DRIVE = 3 + 2 * np.sin(0.031 * K) * np.cos(0.012 * K)
 NOISE = np.random.default_rng(0).normal(size=len(K))
 
 
-def followed(drive, lag=20.0):
-    state, found = drive[0], []
-    for value in drive:
-        state += (value - state) / lag
-        found.append(state)
-    return np.array(found)
-
-
 @pytest.fixture
 def untried(tmp_path):
     """Drafts of a folder."""

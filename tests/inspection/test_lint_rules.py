@@ -13,7 +13,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, FitError, SpecError
 from mapmore_cli.modelling.validation.repeatability import monotone_floor
 from mapmore_cli.pipeline.inspection import inspect
@@ -21,7 +20,6 @@ from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.study.loader import load
 from mapmore_cli.study.yaml_loader import dump
 
-Table = dict[str, Array]
 LEVELS = (100.0, 200.0, 300.0, 400.0)
 SPEC: dict[str, Any] = {
     "name": "clean",

@@ -30,9 +30,6 @@ def runs_of(text):
     return found
 
 
-FEW = "a mapmore 2 sarosi 4 kerscher 3 repeatability 1; b mapmore 1 narx 5; c mapmore 3 cubic 2"
-
-
 def test_a_failed_run_is_told_by_its_name():
     table = nrmse_table(CampaignScores(runs_of("a mapmore 1 sarosi 2"), failed=("broken",)))
     assert table.rows[1] == ("broken", "failed", None)

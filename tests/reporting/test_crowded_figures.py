@@ -13,11 +13,7 @@ from mapmore_cli.reporting.figures import data, residuals
 from mapmore_cli.reporting.figures.drawing import compose, drawings
 from mapmore_cli.reporting.figures.segments import level_figures
 from mapmore_cli.reporting.figures.style import figure_style
-from mapmore_cli.reporting.order import FIGURES
 
-NEAR = {
-    f"near_{shift}": lambda p, e, shift=shift: surface(p, e) + shift for shift in range(9, 0, -1)
-}
 FAR = {"far": lambda p, e: surface(p, e) + 4000 * e**0.5}
 
 
@@ -66,10 +62,6 @@ class TestFarOff:
         assert replace(outlier, validation=swapped).far_off == ()
 
 
-# of models with memory
-NAMES = [name for name in FIGURES if name not in ("loops", "motion", "convergence")]
-
-
 def boxes(figure):
     """What every panel covers with its labels, in points."""
     return [ax.get_tightbbox(RendererBase(), for_layout_only=True).extents for ax in figure.axes]
@@ -89,9 +81,6 @@ def test_panels_are_of_one_size_and_their_labels_in_line(inputs):
         ]
         assert len(labels) >= 2
         assert np.ptp(labels) < 0.1
-
-
-LEVELS = np.array([80.0, 150.0, 350.0])
 
 
 def courses_of(inputs, **fusion):

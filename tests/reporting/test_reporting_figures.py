@@ -1,5 +1,6 @@
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import matplotlib as mpl
 import numpy as np
@@ -15,7 +16,7 @@ from mapmore_cli.reporting.figures import elements, panels, style
 from mapmore_cli.reporting.figures.drawing import drawings
 from mapmore_cli.reporting.figures.fit import curve_fit, held_out_spans
 from mapmore_cli.reporting.figures.segments import draw_segments, segment_curves
-from mapmore_cli.reporting.figures.terms import left_unexplained
+from mapmore_cli.reporting.figures.terms import left_unexplained, whole_curves
 from mapmore_cli.reporting.inputs import FigureStyle
 
 
@@ -229,6 +230,12 @@ class TestTerms:
             (left, by_runner_up), err = left_unexplained(fit), np.sort(fit.selection.err_all[0])
             assert left == pytest.approx([100 * (1 - err[-1])])
             assert by_runner_up == pytest.approx([100 * (1 - err[-2])])
+
+    def test_too_many_segments_are_those_of_whole_curves_evenly_spread(self):
+        fits = [SimpleNamespace(curve=curve) for curve in "aabbccddee"]
+        assert whole_curves(fits, 10) == fits
+        assert "".join(fit.curve for fit in whole_curves(fits, 9)) == "aabbddee"
+        assert "".join(fit.curve for fit in whole_curves(fits, 2)) == "aaee"
 
     def test_no_terms_no_figure(self, inputs):
         assert drawn(replace(inputs, fit=replace(inputs.fit, body=None)), "terms") == {}

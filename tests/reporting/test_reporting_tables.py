@@ -88,6 +88,15 @@ class TestScores:
         rows = [row for row in tables_of(failed)["scores"].rows if row[0] == "sarosi"]
         assert rows == [("sarosi", "failed", None, None, None, None, None, None)]
 
+    def test_a_target_far_from_zero_has_its_error_by_range_beside(self):
+        near, far = score("mapmore", 0.02), replace(score("mapmore", 0.02), nrmse_range=0.5)
+        assert "by range [%]" not in score_table([near], {"force": "N"}).headings
+        table = score_table([far], {"force": "N"})
+        assert column(table, "by range [%]") == [50.0]
+        assert "The target lies far from zero" in table.notes[1]
+        sentence = verdict_sentence([far], "mapmore", Quantity("force", "N"))
+        assert ", 50 % of the range: the target lies far from zero" in sentence
+
     def test_no_scores_at_all(self):
         assert score_table([], {}).rows == ()
 

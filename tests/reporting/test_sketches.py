@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -14,7 +15,7 @@ from mapmore_cli.reporting.figures.contours import outlines_above
 from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel, drawings, render_figure
 from mapmore_cli.reporting.figures.panels import key, raised
 from mapmore_cli.reporting.figures.sketch import Sketch
-from mapmore_cli.reporting.figures.sketched import sketched
+from mapmore_cli.reporting.figures.sketched import _share_axes, sketched
 from mapmore_cli.reporting.figures.style import PLAIN
 from mapmore_cli.reporting.figures.surface import sheet_of
 from mapmore_cli.reporting.inputs import FigureStyle
@@ -160,3 +161,29 @@ def test_the_rim_of_a_surface_is_that_of_the_training_range(inputs):
             at = {"strain": ends + shift, "pressure": sheet.up[known, side]}
             assert (outside_range(model, at) == beyond).all()
         assert known.sum() > 50
+
+
+@pytest.mark.parametrize(
+    ("all_x", "common_y", "x", "y"),
+    [
+        (True, "row", [(-1, 5)] * 3, [(0, 9), (0, 9), (4, 5)]),
+        (False, "all", [(0, 1), (-1, 2), (3, 5)], [(0, 9)] * 3),
+        (False, "none", [(0, 1), (-1, 2), (3, 5)], [(2, 3), (0, 9), (4, 5)]),
+    ],
+)
+def test_shared_axes_reach_from_the_lowest_to_the_highest_end(all_x, common_y, x, y):
+    """Two panels in the first row, one in the second."""
+    ends = [((0, 1), (2, 3)), ((-1, 2), (0, 9)), ((3, 5), (4, 5))]
+    names = ("xaxis", "yaxis")
+    panels = [
+        [
+            SimpleNamespace(
+                **{name: Axis(0.0, low, high) for name, (low, high) in zip(names, one, strict=True)}
+            )
+        ]
+        for one in ends
+    ]
+    _share_axes(panels, 2, all_x, common_y)
+    for name, expected in zip(names, (x, y), strict=True):
+        axes = [getattr(sheet, name) for (sheet,) in panels]
+        assert [(axis.low, axis.high) for axis in axes] == expected

@@ -2,10 +2,8 @@
 friction.
 """
 
-import numpy as np
 import pytest
-from hypothesis import strategies as st
-from rig_cases import MUSCLES, both, friction
+from rig_cases import MUSCLES, both
 
 from datasets.rig.muscle import (
     zero_force_strain,
@@ -15,10 +13,6 @@ PUBLISHED = {  # kPa, force at zero strain N, free strain
     "mckibben": ((80, 215, 0.036), (150, 445, 0.104), (250, 735, 0.181), (350, 1002, 0.221)),
     "peano": ((80, 227, 0.155), (200, 422, 0.234), (350, 605, 0.274), (500, 756, 0.295)),
 }
-
-contractions = st.floats(0.001, 0.3)
-pressures = st.floats(1e3, 6e5)
-strains = st.floats(0.0, 0.25)
 
 
 def free_strain(muscle, pressure):
@@ -32,8 +26,3 @@ def test_the_documented_forces_free_strains_and_lengths(kind):
     for kpa, force, strain in PUBLISHED[kind]:
         assert float(muscle.force(kpa * 1e3, 0.0)) == pytest.approx(force, rel=0.005)  # asked: 0.05
         assert free_strain(muscle, kpa * 1e3) == pytest.approx(strain, abs=6e-4)
-
-
-YIELDS = np.array([0.001, 0.004, 0.016])
-FRICTION = friction(3.0, 6e-5, YIELDS, (0.4, 0.35, 0.25))
-paths = st.lists(st.floats(-0.05, 0.3), min_size=2, max_size=30).map(np.array)

@@ -1,7 +1,6 @@
 """Sensors, and the muscle in a loop."""
 
 import numpy as np
-from closed_loop import Lift
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -24,6 +23,3 @@ def test_no_reading_is_minus_zero():
     assert not np.signbit(
         Sensor(0.0, 0.1).read(np.array([-0.01, -0.0, 0.01]), np.random.default_rng(1))
     ).any()
-
-
-LIFT = Lift(mass=10.0, length=0.1, damping=300.0, lag=0.02, highest=4e5, step=1e-3)

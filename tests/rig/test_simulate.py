@@ -21,11 +21,6 @@ from mapmore_cli.domain.errors import SpecError
 
 PROJECT = DATASETS.parent
 PEANO = "peano/load_cycles"
-SHORT = ("experiment.pressures=[80]", "experiment.duration=10", "experiment.sample_time=0.1")
-
-
-def silent(what, done, total):
-    pass
 
 
 SHIPPED = [  # and which of its recordings

@@ -6,7 +6,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import strategies as st
 from rig_cases import BRAID, MUSCLES, both, spec
 from scipy.integrate import quad, trapezoid
 from scipy.signal import find_peaks
@@ -22,7 +21,6 @@ from datasets.rig.water import (
 )
 
 TUBE = Pipe(length=0.5, diameter=0.0045, loss=0.0)
-absolute = st.floats(2e4, 1e6)
 
 
 def flow_at(reynolds):

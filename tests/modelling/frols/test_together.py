@@ -5,6 +5,8 @@ Billings 2013, section 3.4: the error reduction ratios of a candidate are added 
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from textbook import frols_streamed
 
 from mapmore_cli.modelling.frols import Regression, Weighing, frols_together
@@ -69,6 +71,18 @@ def test_no_output_alone_would_choose_these(data):
     shared = {*together(P, Y, 2)[0].chosen}
     assert shared == {*on_paper(P, Y, 2)[0]}
     assert any(shared != one for one in alone)
+
+
+@pytest.mark.parametrize("stop", ["bic", "ebic", "aicc", "press"])
+@given(st.integers(0, 10_000))
+def test_an_output_and_its_double_have_as_many_terms_as_it_has_alone(stop, seed):
+    """The second of two terms is as good as what it costs."""
+    rng = np.random.default_rng(seed)
+    P = rng.normal(size=(40, 2))
+    y = P @ [1.0, rng.uniform(0, 0.5)] + rng.normal(size=40)
+    found, _ = together(P, np.outer(y, [1, 2]), 2, 1e-3, stop=stop)
+    alone = frols_streamed(blocks_of_rows(P, y), 2, 1e-3, stop=stop)
+    assert found.chosen.tolist() == alone.chosen.tolist()
 
 
 @pytest.mark.parametrize("stop", ["tolerance", "bic", "aicc", "press"])

@@ -108,6 +108,7 @@ def test_four_curves_are_too_few_for_sums_and_curves_may_count_alike():
     assert [fitted(P, y, curves=one)[2].curves for one in (curve, curve % 4)] == [5, 0]
     mean = fitted(P[:, :1], 1.0 * curve, curves=curve, alike=True)[0]
     assert mean == pytest.approx([2.0])  # of five curves
+    assert fitted(P[:, :1], 1.0 * curve, curves=curve)[0] == pytest.approx([curve.mean()])
 
 
 def test_a_row_of_the_table_has_the_coefficient_in_its_standard_errors():

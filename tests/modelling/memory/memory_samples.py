@@ -11,7 +11,6 @@ from mapmore_cli.modelling.expressions.operator import Setting, along
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.selection import MemoryRecipe
-from mapmore_cli.modelling.validation.metrics import relative
 
 STEP = 0.01
 
@@ -79,14 +78,6 @@ def slow(x, tau, step):
 def resonance(x, frequency, damping, step):
     """Position of the oscillator that x drives."""
     return along(OPERATORS["resonance"], x, Setting((frequency, damping), step))
-
-
-def rrse(measured, predicted):
-    """Root relative squared error, `sqrt(sum (y - yhat)^2 / sum (y - mean y)^2)`; the history
-    counts as predicted exactly, as is usual.
-    """
-    known = np.isfinite(predicted)
-    return relative((predicted - measured)[known], measured)
 
 
 def rmse(measured, predicted):

@@ -84,6 +84,14 @@ def test_no_share_is_better_on_the_left_out_data(arrays):
     )
 
 
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_the_share_does_not_depend_on_the_unit(unit):
+    measured, backbone = np.array([3.0, 2.0, 4.0]), np.array([2.0, 2.5, 3.0])
+    residual = np.array([2.0, 0.0, 1.0])
+    left_out = LeftOutErrors(*(unit * x for x in (measured, backbone, residual)), 2)
+    assert left_out.share == pytest.approx(0.6)
+
+
 def test_a_residual_that_runs_through_the_levels_is_carried_whole():
     model = trusted(curves(levels=(*LEVELS, 450.0), held_out=()))
     assert model.body.fusion.shrink > 0.8

@@ -163,21 +163,3 @@ def test_a_family_writes_the_operators_that_name_it():
     assert {one for family in families().values() for one in family} == {
         operator for operator in OPERATORS.values() if operator.parameters
     }
-
-
-NEW = '''
-"""Rate-limited following: a valve that opens no faster than its motor."""
-from mapmore_cli.modelling.expressions.operator import Operator, Parameter, Recursion
-
-
-def recursion(setting):
-    most = setting.numbers[0] * setting.step
-    soft = lambda m, s, x: s + most * m.call("tanh", (x - s) / most)
-    return Recursion(
-        1, 1, lambda m, s, x, before: m.where(x > before, lambda: soft(m, s, x), lambda: m.clip(x,
-            s - most, s + most)), lambda x: x
-    )
-
-
-OPERATORS = (Operator("valve", "A rate limit.", recursion, (Parameter("rate", "1", "90"),)),)
-'''

@@ -101,14 +101,6 @@ def test_ends_are_one_at_their_end_and_decay_by_their_width(course, width):
     np.testing.assert_allclose([ahead[1], back[2]], np.exp(-1), rtol=0.05)
 
 
-def muscle():
-    rng = np.random.default_rng(0)
-    strain, pressure = rng.uniform(0.01, 0.25, 400), rng.uniform(50, 600, 400)
-    p, short = pressure / 600, (strain - 0.01) / 0.24
-    force = 3 + 490 * p - 292 * p * np.exp(-short / 0.1) + rng.normal(0, 1, 400)
-    return {"strain": strain, "pressure": pressure, "force": force}
-
-
 def test_products_take_them_as_any_other_family():
     of = [{"ends": {"of": "strain", "widths": [0.1]}}, "pressure"]
     texts = written("products", of=of, order=2, constant=False, **{"with": ["pressure"]})
