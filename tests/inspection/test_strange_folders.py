@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 from recorded import drafted, drafts, write
 
+from mapmore_cli.annexes.drafting.answers import answers_of
+from mapmore_cli.annexes.drafting.sources import find_studies
+
 STRAIN = np.linspace(0.0, 0.15, 40)
 THERE_AND_BACK = np.concatenate([STRAIN, STRAIN[::-1]])
 T = 0.01 * np.arange(3000)
@@ -102,3 +105,57 @@ def test_names_of_files_say_what_tests(tmp_path):
         == asked.data["split"]
         == {"validate": {"files": ["validation_1.csv"]}}
     )
+
+
+@pytest.mark.parametrize("suffix", [".log", ".asc", ".txt"])
+def test_comments_between_the_rows_of_a_serial_log_are_left_out(tmp_path, suffix):
+    for number in range(3):
+        u = 50 + 40 * np.sin((0.9 + 0.1 * number) * T[:500])
+        lines = ["# logger v2", "ms\tpressure_kPa\tangle_deg"]
+        for at, (pressure, angle) in enumerate(zip(u, np.roll(u, 3) / 9, strict=True)):
+            lines += ["# valve open"] * (at in (120, 400))
+            lines.append(f"{20 * at + 1234}\t{pressure:.2f}\t{angle:.3f}")
+        (tmp_path / f"COM3_{number}{suffix}").write_text("\n".join([*lines, "31240\t4"]))
+    draft = drafted(tmp_path)
+    assert draft.data["comment"] == "#"
+    assert [*draft.data["columns"]] == ["time", "pressure", "angle"]
+    assert len(draft.data["files"]) == 1
+
+
+@pytest.mark.parametrize(("unit", "second"), [("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
+def test_a_clock_that_counts_from_1970_says_its_unit_by_its_numbers(tmp_path, unit, second):
+    u = 50 + 40 * np.sin(T[:600])
+    rows = zip(np.arange(600), u, np.roll(u, 3), strict=True)
+    start, step = int(1_710_150_000 * second), max(1, int(second / 100))
+    lines = [f"{start + step * at},{pressure},{angle}" for at, pressure, angle in rows]
+    (tmp_path / "bag.csv").write_text("\n".join(["time,p [kPa],angle [deg]", *lines]))
+    assert drafted(tmp_path).data["columns"]["time"]["unit"] == unit
+
+
+def test_parts_of_a_clock_are_no_recordings(tmp_path):
+    u, whole = 50 + 40 * np.sin(T[:900]), np.arange(900)
+    columns = (whole // 100, 10.0 * (whole % 100), u, np.roll(u, 3))
+    write(tmp_path / "log.csv", columns, "s,ms,p [kPa],angle [deg]\n")
+    assert not drafted(tmp_path).tips
+
+
+def test_a_clock_that_is_set_back_is_the_reason_of_its_pieces(tmp_path):
+    u = 50 + 40 * np.sin(T[:900])
+    write(tmp_path / "log.csv", (T[:900] % 3, u, np.roll(u, 3)), "t [s],p [kPa],angle [deg]\n")
+    assert "0 gaps" not in drafted(tmp_path).text()
+
+
+def test_the_strain_of_a_length_may_be_named_as_input(tmp_path):
+    u = 50 + 40 * np.sin(T[:900])
+    columns = (T[:900], u, 80 + 5 * np.cos(3 * T[:900]), np.roll(u, 3))
+    write(tmp_path / "log.csv", columns, "t [s],p [kPa],length [mm],force [N]\n")
+    said = answers_of(target="force", inputs="pressure,strain", length="88mm")
+    assert drafted(tmp_path, answers=said).data["derive"]["strain"] == "(0.088 - length)/0.088"
+
+
+def test_files_of_office_programs_are_passed_over(tmp_path):
+    u = 50 + 40 * np.sin(T[:600])
+    write(tmp_path / "log.csv", (T[:600], u, np.roll(u, 3)), "t [s],p [kPa],angle [deg]\n")
+    for name in ("~$log.xlsx", "Thumbs.db", ".hidden.csv"):
+        (tmp_path / name).write_bytes(b"x")
+    assert find_studies(tmp_path)[1] == []

@@ -16,6 +16,7 @@ from mapmore_cli.annexes.search.further import ROUNDS
 from mapmore_cli.annexes.search.searching import FAMILIES, family
 from mapmore_cli.annexes.search.situation import Situation, situation_of
 from mapmore_cli.annexes.search.trying import choices_of
+from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.modelling.forecast import forecast
@@ -176,6 +177,20 @@ def test_constants_copies_and_the_clock_are_no_inputs():
     assert found.inputs == ("twice",)
     assert found.step == pytest.approx(0.01)
     assert situation_of(dataset_of({"time": time**2, "u": u, "y": y})).step is None
+
+
+def test_a_level_alone_is_no_input():
+    u = np.repeat([1.0, 2.0], 50)
+    levels = replace(dataset_of({"u": u[:50], "y": u[:50]}, {"u": u[50:], "y": u[50:]}), level="u")
+    with pytest.raises(DataError, match="u is the only input that changes"):
+        situation_of(levels)
+
+
+def test_every_fold_of_a_few_samples_leaves_some_out():
+    time = np.arange(40) * 0.01
+    columns = {"time": time, "u": np.arange(40) % 2.0, "y": np.arange(40) % 2.0}
+    bench = bench_of(dataset_of(columns, held_out=np.arange(40) >= 4))
+    assert all(fold.any() for fold in bench.folds)
 
 
 def test_what_is_held_out_is_not_looked_at():

@@ -1,5 +1,6 @@
 """Quick drawings: what they show, and that a page needs no Matplotlib for them."""
 
+import math
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -108,6 +109,7 @@ def test_levels_reach_beyond_the_data():
     assert levels[0] <= -3.0
     assert levels[-1] >= 801.0
     assert nice_ticks(5.0, 5.0, 4) == [5.0]
+    assert nice_ticks(1.0, math.nextafter(1.0, 2.0), 4) == [1.0]  # differ by rounding alone
 
 
 def test_marks_keep_their_order_and_gaps():

@@ -203,6 +203,12 @@ class TitledColumn:
 TURNS = (24.0, 60.0, 1000.0, 3600.0, 86400.0)
 """Values at which hours, minutes, milliseconds, and seconds of an hour and of a day restart."""
 
+CLOCKS = ("ms", "us", "ns")
+"""Units of time that are titles of a clock; a letter, or min, may be another quantity."""
+
+SINCE_1970 = (946_684_800.0, 4_102_444_800.0)
+"""Seconds from 1970 to the years 2000 and 2100: clocks of computers count from 1970 on."""
+
 SUMMARIES = {
     *("mean", "average", "avg", "median", "std", "sd", "stdev", "stddev", "min", "max", "sum"),
     *("total", "mittelwert", "mittel", "moyenne", "media", "promedio", "ecart-type"),
@@ -255,6 +261,8 @@ def _read_title(
         )
         if own_unit or not unit:
             quantity, is_plain, unit = label.quantity, label.plain, own_unit
+    if not (unit or quantity) and plain.strip().casefold() in CLOCKS:  # the title is a unit alone
+        unit = plain.strip().casefold()
     source = "" if not unit else "the file's units" if unit_of(line) else "title"
     return TitledColumn(column, place, title, values, quantity, is_plain, unit, source)
 
@@ -303,9 +311,14 @@ def listed(table: Table, but: Iterable[Column] = ()) -> dict[int, TitledColumn]:
 
 
 def unit_of_clock(values: Sequence[Array]) -> str:
-    """Suggest a unit for a clock: ms for whole numbers that increase by 1 to 100 per step,
-    otherwise s.
+    """Suggest a unit for a clock: the unit in which it shows a date of this century, if it counts
+    from 1970 on; otherwise ms for whole numbers that increase by 1 to 100 per step, and s for
+    others.
     """
+    first, last = (min(map(np.min, values)), max(map(np.max, values)))
+    for unit, second in {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}.items():
+        if SINCE_1970[0] * second <= first and last <= SINCE_1970[1] * second:
+            return unit
     steps = np.diff(max(values, key=len))
     step = float(np.median(steps)) if steps.size else 0.0
     is_whole = all((one == np.round(one)).all() for one in values)

@@ -371,11 +371,11 @@ def _as_memory_study(draft: Draft, recordings: Sequence[Recording]) -> Draft:
     limit = two_digits(BREAK * max(step, usual))
     gaps = sum(int(np.count_nonzero(np.diff(time) > limit)) for time in times)
     if gaps or "gaps" in draft.data:
-        draft = draft.with_data(
-            "gaps",
-            {"longer_than": limit, "action": "split"},
-            f"s: {gaps} gap{'s' if gaps != 1 else ''}, at which memory begins anew",
-        )
+        set_back = draft.notes.get(("data", "gaps"))
+        counted = [f"s: {gaps} gap{'s' if gaps != 1 else ''}"] if gaps else []
+        why = "; ".join([*counted, *([set_back.why] if set_back else [])])
+        cut = {"longer_than": limit, "action": "split"}
+        draft = draft.with_data("gaps", cut, f"{why}; the memory starts again there")
     return draft.with_section(
         "validate",
         {"normaliser": "range"},

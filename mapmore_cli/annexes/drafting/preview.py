@@ -25,6 +25,7 @@ LETTERS = "smNVAKgh1%-"  # single characters that are common units
 _LABELLED = re.compile(r"\s*[A-Za-z_]\w*\s*[:=]\s*[-+]?[.\d]\S*")
 HEAD = 1 << 16  # number of bytes at the beginning of a text that are examined
 _NUMBERS = re.compile(rb"[\s\"']*[-+.\d]")
+_COMMENT = re.compile(rb"[ \t]*(#|%|//)")
 _DIGITS = re.compile(rb"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 UNREAD = {
     "zip 7z rar tar tgz zst": "unpack it",
@@ -90,6 +91,18 @@ def kinds_of_lines(path: Path) -> tuple[bytes, ...]:
     return tuple(dict.fromkeys(kinds))
 
 
+def comment_among(path: Path, layout: Preview) -> str | None:
+    """Return the mark of comment lines between the rows of a text; None if there are none, or if
+    the line of titles begins with the mark, too, which would be lost with them.
+    """
+    titled = layout.settings.get("skip_rows", 0)
+    with path.open("rb") as lines:
+        for number, line in enumerate(lines):
+            if number >= titled and (found := _COMMENT.match(line)):
+                return found[1].decode() if number > titled else None
+    return None
+
+
 def preview(path: Path) -> Preview:
     """Return the layout of a file from its beginning. Raises DataError if it holds no table of
     numbers with at least two columns that `init` can read.
@@ -137,6 +150,9 @@ def _with_tables_below(path: Path, best: _FoundTable, layout: Preview, reader: R
     if len(tables) < 2:
         return layout
     headers = [tuple(_titles_of(table)) for table in tables]
+    mark = comment_among(path, layout) if layout.titles else None
+    if mark is not None and all(titles[0].startswith(mark) for titles in headers[1:]):
+        return layout  # comments between the rows of one table, which alone has titles
     rows = Counter[tuple[str, ...]]()
     for header, table in zip(headers, tables, strict=True):
         rows[header] += len(table.rows)
@@ -363,8 +379,16 @@ def _table_in(top: Top) -> _FoundTable | None:
         # a line of units may contain a number too, for example `kPa;1`
         return count > 0 and (count == len(cells) or not _are_units([*map(str, cells)]))
 
+    def is_between(place: int) -> bool:
+        """Return True for a comment between two rows of the table."""
+        around = rows[max(place - 1, 0)], rows[min(place + 1, len(rows) - 1)]
+        return _COMMENT.match(str(rows[place][0]).encode()) is not None and all(
+            map(has_numbers, around)
+        )
+
     filled = [place for place, row in enumerate(rows) if _nonempty(row)]
-    above = max((place for place in filled if not has_numbers(rows[place])), default=-1)
+    words = (place for place in filled if not has_numbers(rows[place]))
+    above = max((place for place in words if not is_between(place)), default=-1)
     first = next((place for place in filled if place > above), None)
     if len(numeric) < 2 or first is None:
         return None

@@ -17,11 +17,17 @@ from typing import Any
 from mapmore_cli.annexes.drafting.columns import read_titles
 from mapmore_cli.annexes.drafting.draft import Draft, Named, Section
 from mapmore_cli.annexes.drafting.names import Condition, stem_of
-from mapmore_cli.annexes.drafting.preview import Preview, kinds_of_lines, preview, unread
+from mapmore_cli.annexes.drafting.preview import (
+    Preview,
+    comment_among,
+    kinds_of_lines,
+    preview,
+    unread,
+)
 from mapmore_cli.checking.names import POSITIONS, read_label
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.ingestion.files import expand, relative_name
-from mapmore_cli.storage.readers import reader_of
+from mapmore_cli.storage.readers import READERS, reader_of
 from mapmore_cli.study.units import CANONICAL
 
 
@@ -131,11 +137,21 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
         seen[like] = layout
         kind = repr(replace(layout, numeric=()))
         layouts.setdefault(kind, (layout, []))[1].append(file)
-    studies = [replace(one, bad=tuple(bad)) for one in _joined_over_units([*layouts.values()])]
+    commented = [(_with_comments(layout, files), files) for layout, files in layouts.values()]
+    studies = [replace(one, bad=tuple(bad)) for one in _joined_over_units(commented)]
     studies.sort(key=lambda study: (-len(study.files), study.files[0]))
     folders = [study.folder for study in studies]
     named = (replace(one, name=_name(one, folders.count(one.folder) == 1)) for one in studies)
     return [*named], left_out
+
+
+def _with_comments(layout: Preview, files: Sequence[Path]) -> Preview:
+    """Return the layout with the mark of comment lines, if a text has such between its rows."""
+    if "comment" not in READERS[layout.reader].keys or layout.tables:
+        return layout
+    marks = (comment_among(file, layout) for file in files)
+    mark = next((mark for mark in marks if mark is not None), None)
+    return replace(layout, settings=layout.settings | ({"comment": mark} if mark else {}))
 
 
 def _joined_over_units(layouts: Sequence[tuple[Preview, list[Path]]]) -> list[Study]:
@@ -160,10 +176,13 @@ def _joined_over_units(layouts: Sequence[tuple[Preview, list[Path]]]) -> list[St
 
 
 def _is_own(file: Path, folder: Path) -> bool:
-    """Return True for a file that is neither hidden nor the result of a run."""
+    """Return True for a file that is neither hidden, nor left by an office program or a file
+    manager, nor the result of a run.
+    """
     inside = file.relative_to(folder)
     ours = any((folder / parent / "run.json").is_file() for parent in inside.parents)
-    return not ours and not any(part.startswith(".") for part in inside.parts)
+    hidden = any(part.startswith((".", "~$")) for part in inside.parts)
+    return not (ours or hidden or file.name.casefold() in ("thumbs.db", "desktop.ini"))
 
 
 def _name(study: Study, alone: bool) -> str:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mapmore_cli.annexes.drafting.answers import Answers
+from mapmore_cli.annexes.drafting.by_titles import known_by_titles
 from mapmore_cli.annexes.drafting.checked import checked
 from mapmore_cli.annexes.drafting.columns import Table, find
 from mapmore_cli.annexes.drafting.draft import Draft, Named
@@ -44,6 +45,7 @@ from mapmore_cli.annexes.drafting.sources import (
 from mapmore_cli.annexes.drafting.understanding import Understood, understood
 from mapmore_cli.checking.evidence import Unequal, unequal
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError
+from mapmore_cli.storage.readers import READERS
 
 NOTHING_SAID = Answers()
 
@@ -79,7 +81,7 @@ def propose(
     """
     table = split_by(table_of(study, folder), answers.recordings)
     columns, beside = _shared_out(answers.columns, table)
-    answers = replace(answers, columns=columns)
+    answers = replace(answers, columns=columns, inputs=_measured_strain(answers, table))
     if second is not None and answers.inputs is not None:
         inputs, in_second = _shared_out(answers.inputs, table)
         answers, beside = replace(answers, inputs=inputs), beside | in_second
@@ -122,8 +124,9 @@ def _tips(table: Table, known: Understood, answers: Answers) -> Iterator[str]:
     """
     named = {**answers.columns, **(answers.inputs or {})}
     used = {known.columns[name].column for name in known.inputs if name in named}
-    if known.group in known.columns:
-        used.add(known.columns[known.group].column)
+    for name in ("time", known.group):
+        if name in known.columns:
+            used |= known.columns[name].places
     for one in table.values():
         if one.summaries and one.column not in {
             known.columns[name].column for name in known.columns
@@ -139,6 +142,21 @@ def _tips(table: Table, known: Understood, answers: Answers) -> Iterator[str]:
                 f"{one.blocks} blocks is a recording, say `--recordings {one.asked_for}`: lags "
                 "then stay within a recording"
             )
+
+
+def _measured_strain(answers: Answers, table: Table) -> Named | None:
+    """Return the inputs; with a length of the muscle, and no column of strain, `strain` is the
+    length or the displacement of which it will be computed.
+    """
+    inputs, known = answers.inputs, known_by_titles(table)[0] | answers.columns
+    measured = next((name for name in ("length", "displacement") if name in known), None)
+    if inputs is None or answers.length is None or measured is None or "strain" in known:
+        return inputs
+    return {
+        (measured if is_strain else name): (known[measured] if is_strain else one)
+        for name, one in inputs.items()
+        for is_strain in [name == "strain" and one.refers_to(name)]
+    }
 
 
 def _shared_out(columns: Named, table: Table) -> tuple[Named, Named]:
@@ -267,7 +285,8 @@ def start(
             remarks.append(f"{label} ({study}): {fault.message.splitlines()[0]}")
     if drafts:
         return Start(tuple(drafts), tuple(remarks))
-    reasons = "\n  ".join(remarks) or "give a folder of recordings, as CSV files"
+    endings = sorted({suffix for reader in READERS.values() for suffix in reader.suffixes})
+    reasons = "\n  ".join(remarks) or f"give files with one of the endings {' '.join(endings)}"
     raise refusal or DataError(f"{path}: no usable recording was found", reasons)
 
 

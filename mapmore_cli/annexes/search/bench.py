@@ -105,6 +105,7 @@ class Bench:
         name, parts, asked, ends = _parts(training, situation, study)
         if beyond := [] if ends else _beyond(training, situation, study):
             name, parts, ends = "ends of an input, as the study holds one out", beyond, True
+        blocks, parts = ([fold for fold in some if fold.any()] for some in (blocks, parts))
         asked = bool(parts) and (asked or part.by_level or ends)
         if not blocks and not parts:
             raise DataError(
@@ -252,7 +253,7 @@ def _stretches(
                 inner.append(rows[end : len(rows) - end])
         folds += contiguous(inner, BLOCKS, len(x)) if inner else []
     words = f"each of {BLOCKS} inner stretches of the training samples of every curve"
-    return words, [fold for fold in folds if fold.any()]
+    return words, folds
 
 
 def _windows(logs: Sequence[IntArray], size: int, run: int) -> list[BoolArray]:

@@ -95,6 +95,12 @@ def situation_of(
     apart = [name for name in wanted if np.ptp(pooled[name]) > 0]
     if inputs is None:
         apart = _different(apart, pooled, dataset.level)
+    if apart == [dataset.level]:
+        raise DataError(
+            f"levels: {dataset.level} is the only input that changes, and a curve at one level "
+            "has nothing left to go over",
+            f"remove `levels` from `data`: {dataset.level} is then an input like others",
+        )
     spread = {
         name: float(np.mean([np.ptp(part) for part in parts[name]]) / np.ptp(pooled[name]))
         for name in apart

@@ -11,6 +11,9 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 
+SAME = 1e-12
+"""Share of a number by which another differs from it by rounding alone."""
+
 Place = Callable[[Any], Array]
 """Function that converts values on an axis to positions on the sheet, in points."""
 
@@ -98,7 +101,8 @@ class Axis:
 def nice_ticks(low: float, high: float, most: int) -> list[float]:
     """Return at most `most` + 1 multiples of 1, 2, 2.5 or 5 times a power of ten within a range."""
     span = high - low
-    if not (math.isfinite(span) and span > 0):
+    # numbers that differ in their last bits alone have no ticks between them
+    if not (math.isfinite(span) and span > SAME * max(abs(low), abs(high))):
         return [low]
     power = 10.0 ** math.floor(math.log10(span / most))
     step = next(step for step in (1, 2, 2.5, 5, 10, 20) if span / (step * power) <= most) * power

@@ -444,7 +444,7 @@ def _cut_lines(lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
 READER = Reader(
     "csv",
     read_csv,
-    suffixes=(".csv", ".txt", ".tsv", ".dat"),
+    suffixes=(".csv", ".txt", ".tsv", ".dat", ".log", ".asc", ".prn", ".tab"),
     keys=(
         "header",
         "skip_rows",
