@@ -1,11 +1,12 @@
-"""Measure the search on splits that a seed draws: `python docs/search_draws.py RUNS SEED VERSION
+"""Measure the search on splits that a seed draws: `python docs/search_draws.py RUNS SEED
 [STUDY ...]`.
 
 Twelve splits of tables hold out inner levels, an outer level or bands of an input; eight of
-recordings hold out the end, bands of time or whole recordings. The rows of a VERSION of the program
-(`before`, `after`) replace those of the same version in docs/tables/search/drawn.csv. Other models
-are fitted once for each split: a second version takes their errors from the rows of the first.
-STUDY names the studies whose rows are made; each row is written as soon as it is made.
+recordings hold out the end, bands of time or whole recordings. A row of
+docs/tables/search/drawn.csv belongs to a seed, a revision of the search (`revision` in `stage.py`)
+and a study; it replaces the earlier row of these. Other models are fitted once for each split: a
+second revision takes their errors from the rows of the first. STUDY names the studies whose rows
+are made; each row is written as soon as it is made, and so is the summary of all rows.
 
 The measured recordings must be there (docs/data.md), and scikit-learn (extra `baselines`).
 """
@@ -23,7 +24,7 @@ from search_tables import BARE, LATEST, NEAR, SETS, SLACK, WORSE, says_so
 
 from mapmore_cli.annexes.search.black_boxes import BLACK_BOX
 from mapmore_cli.annexes.search.situation import situation_of
-from mapmore_cli.annexes.search.stage import search_slice
+from mapmore_cli.annexes.search.stage import STAGE, search_slice
 from mapmore_cli.annexes.search.trying import choices_of
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import MapmoreError
@@ -40,6 +41,8 @@ RECORDINGS = tuple(name for name in SETS if name not in LATEST)
 OF_TABLES = ("inner level", "outer level", "band")
 OF_RECORDINGS = ("another recording", "last part", "band")
 DRAWN_TABLES, DRAWN_RECORDINGS = 12, 8
+MOST_DRAWS = 1000
+"""Times that bands are drawn until each holds a sample, which those of few values may not."""
 LEAST_LOG = 50
 """Samples of a recording that may be held out as a whole."""
 
@@ -111,8 +114,12 @@ def _split(study: str, kind: str, data: str, whole: Dataset, rng: np.random.Gene
     low, width = float(values.min()), float(np.ptp(values))
     count = int(rng.integers(1, 4))
     share = 0.3 / count if data == "recording" else 0.1
-    starts = (np.arange(count) + rng.uniform(0.1, 0.9 - share * count, count)) / count
-    bands = [[low + width * s, low + width * min(s + share, 0.98)] for s in starts]
+    for _ in range(MOST_DRAWS):
+        starts = (np.arange(count) + rng.uniform(0.1, 0.9 - share * count, count)) / count
+        bands = [[low + width * s, low + width * min(s + share, 0.98)] for s in starts]
+        if all(((a <= values) & (values <= b)).any() for a, b in bands):
+            break
+        (rng,) = rng.spawn(1)  # what is drawn for later studies stays the same
     return f"{{{of}: {{between: [{', '.join(f'[{a:.6g}, {b:.6g}]' for a, b in bands)}]}}}}"
 
 
@@ -122,7 +129,8 @@ def _overrides(name: str, split: str) -> tuple[str, ...]:
 
 
 HEADS = (
-    "version",
+    "seed .0f",
+    "revision .0f",
     "study",
     "data",
     "held out",
@@ -140,9 +148,9 @@ HEADS = (
 )
 
 
-def measured(version: str, draw: Draw, runs: Path, other: Sequence[Cell]) -> tuple[Cell, ...]:
-    """Return the row of a split; `other`, the error and the name of the best other model, is fitted
-    where it is empty.
+def measured(draw: Draw, runs: Path, other: Sequence[Cell]) -> tuple[Cell, ...]:
+    """Return the row of a split behind its seed and revision; `other`, the error and the name of
+    the best other model, is fitted where it is empty.
     """
     one = SETS[draw.study]
     rivals = "" if other else ", ".join(one.rivals)
@@ -160,7 +168,6 @@ def measured(version: str, draw: Draw, runs: Path, other: Sequence[Cell]) -> tup
     told = "" if ratio <= WORSE else "yes" if says_so(files) else "no"
     seconds = sum(tried.seconds for tried in search.tried)
     return (
-        version,
         *draw,
         search.found.words,
         search.found.parameters,
@@ -201,16 +208,21 @@ def _missed(model: Any, curve: Any, target: str) -> Array:
     return missed
 
 
-def table(runs: Path, seed: int, version: str, draw: Draw) -> Table:
+def kept_rows() -> list[tuple[Cell, ...]]:
+    """Return the rows that the page has."""
+    if "search/drawn.csv" not in PAGE.read_text(encoding="utf-8"):
+        return []
+    return [tuple(map(_number, row)) for row in read_rows(PAGE, "drawn")[1:]]
+
+
+def table(runs: Path, seed: int, draw: Draw) -> Table:
     """Return the table with the row of one split made anew."""
-    text = PAGE.read_text(encoding="utf-8")
-    kept = read_rows(PAGE, "drawn")[1:] if "search/drawn.csv" in text else []
-    rows = [tuple(map(_number, row)) for row in kept]
-    rows = [row for row in rows if (row[0], row[1]) != (version, draw.study)]
-    others = [row[8:10] for row in rows if (row[1], row[4]) == (draw.study, draw.split)]
-    rows.append(measured(version, draw, runs, others[0] if others else ()))
-    rows.sort(key=lambda row: str(row[0]), reverse=True)  # `before` first
-    return Table.of("drawn", f"NRMSE on splits of seed {seed}", HEADS, rows, *summary(rows))
+    key = (seed, STAGE.revision, draw.study)
+    rows = [row for row in kept_rows() if row[:3] != key]
+    others = [row[9:11] for row in rows if (row[0], *row[2:6]) == (seed, *draw)]
+    rows.append((*key[:2], *measured(draw, runs, others[0] if others else ())))
+    rows.sort(key=lambda row: row[:2])
+    return Table.of("drawn", "NRMSE on splits that seeds drew", HEADS, rows)
 
 
 def _number(cell: str) -> Cell:
@@ -220,36 +232,50 @@ def _number(cell: str) -> Cell:
         return cell
 
 
-def summary(rows: Sequence[tuple[Cell, ...]]) -> list[str]:
-    """Return a sentence for each version and kind of split, and for all tables and recordings."""
-    told = []
-    for data, kinds in (("table", OF_TABLES), ("recording", OF_RECORDINGS)):
-        for version in ("before", "after"):
-            for kind in ("", *kinds):
-                own = [
+def summary(rows: Sequence[tuple[Cell, ...]]) -> Table:
+    """Return one row for each seed, revision and kind of split, and for all tables and recordings
+    of a seed and a revision.
+    """
+    heads = (
+        "seed .0f",
+        "revision .0f",
+        "data",
+        "held out",
+        "splits .0f",
+        "as good as the best other .0f",
+        f"within {NEAR:g} times .0f",
+        "geometric mean .2f",
+        "worst .2f",
+        f"above {WORSE:g} times .0f",
+        "of these told .0f",
+        "found / best in the list .2f",
+    )
+    lines = []
+    for seed, revision in sorted({row[:2] for row in rows}):
+        for data, kinds in (("table", OF_TABLES), ("recording", OF_RECORDINGS)):
+            for kind in ("all", *kinds):
+                some = [
                     row
                     for row in rows
-                    if (row[0], row[2]) == (version, data) and kind in ("", row[3])
+                    if (row[0], row[1], row[3]) == (seed, revision, data)
+                    and kind in ("all", row[4])
                 ]
-                if own:
-                    words = f", held out: {kind}" if kind else "s"
-                    told.append(f"{version.capitalize()}, {data}{words}: {_summed(own)}")
-    return told
+                if some:
+                    lines.append((seed, revision, data, kind, *_summed(some)))
+    return Table.of("drawn_summary", "Splits that seeds drew, by kind", heads, lines)
 
 
-def _summed(rows: Sequence[tuple[Cell, ...]]) -> str:
-    ratios, regrets = (np.array([row[place] for row in rows], dtype=float) for place in (10, 12))
-    mean, regret = (np.exp(np.mean(np.log(each))) for each in (ratios, regrets))
-    return (
-        f"{len(rows)} splits, as good as the best other model in {np.sum(ratios <= SLACK)}, within "
-        f"{NEAR:g} times in {np.sum(ratios <= NEAR)}; geometric mean {mean:.2f}, worst "
-        f"{ratios.max():.2f}; {regret:.2f} times the best in the list."
-    )
+def _summed(rows: Sequence[tuple[Cell, ...]]) -> tuple[Cell, ...]:
+    ratios, regrets = (np.array([row[place] for row in rows], dtype=float) for place in (11, 13))
+    mean, regret = (float(np.exp(np.mean(np.log(each)))) for each in (ratios, regrets))
+    counts = [int(np.sum(ratios <= bound)) for bound in (SLACK, NEAR)]
+    told = [row[15] for row in rows if row[15]]
+    return (len(rows), *counts, mean, float(ratios.max()), len(told), told.count("yes"), regret)
 
 
 if __name__ == "__main__":
-    folder, (number, label, *names) = asked()
+    folder, (number, *names) = asked()
     for draw in drawn(int(number), folder):
         if draw.study in (names or SETS):
-            fill = partial(table, folder, int(number), label, draw)
-            write_tables(PAGE, {"drawn": fill})
+            write_tables(PAGE, {"drawn": partial(table, folder, int(number), draw)})
+            write_tables(PAGE, {"drawn_summary": lambda: summary(kept_rows())})
