@@ -58,6 +58,16 @@ def row_count(columns: Columns) -> int:
     return len(next(iter(columns.values()), ()))
 
 
+def columns_at(columns: Columns, rows: slice | IntArray | BoolArray) -> dict[str, Array]:
+    """Return every column at some rows."""
+    return {name: values[rows] for name, values in columns.items()}
+
+
+def root_mean_square(values: Array) -> float:
+    """Return `sqrt(mean(x^2))` of all values."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
 ROWS, WIDE = 1 << 14, 1 << 17
 """Samples in a block: a column of 128 KB, so that values computed from it stay in the processor's
 cache; and in a block for work with a high cost per call, such as a model.

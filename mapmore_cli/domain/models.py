@@ -292,6 +292,11 @@ class Model:
         return self.body
 
     @property
+    def input_names(self) -> tuple[str, ...]:
+        """Names of the inputs, in order."""
+        return tuple(quantity.name for quantity in self.inputs)
+
+    @property
     def each(self) -> tuple[Model, ...]:
         """The model of each output; with one output, the model itself."""
         return self.body.models if isinstance(self.body, Outputs) else (self,)

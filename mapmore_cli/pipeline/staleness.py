@@ -167,7 +167,7 @@ def plan_stages(
     loaded: LoadedSpec,
     run_dir: Path,
     records: Mapping[str, StageRecord],
-    rehash: bool = False,
+    rehash: bool,
     force: bool = False,
 ) -> Iterator[StagePlan]:
     """Yield the plan of every stage up to `until`, in order, from the files as they are now.

@@ -107,7 +107,7 @@ def _on_grid(model: Model, text: str | None) -> Grid:
         raise UsageError(
             "a table has no time, and this model has memory", "export it as C, py, numpy or fmu"
         )
-    names = [quantity.name for quantity in model.inputs]
+    names = model.input_names
     axes = {} if text is None else grid_axes(text, names)
     places = {
         name: np.array(axes[name]) if name in axes else _places_over_range(model, name)

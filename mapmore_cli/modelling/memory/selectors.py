@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, Columns, IntArray
+from mapmore_cli.domain.arrays import Array, Columns, IntArray, columns_at
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Selection, StateSet
 from mapmore_cli.domain.recording import uncertainty_of
@@ -48,7 +48,7 @@ class Regressors:
         samples.
         """
         terms = self.terms if among is None else [self.terms[i] for i in among]
-        states, y = {name: values[part] for name, values in self.states.items()}, self.y[part]
+        states, y = columns_at(self.states, part), self.y[part]
         for rows, P in dictionary_blocks(terms, states, len(y)):
             yield P, y[rows]
 
@@ -72,7 +72,7 @@ def regressors(
         sigma += [record.columns[unsure][known]] if unsure in record.columns else []
         parts.append(
             (
-                {name: column[known] for name, column in values.items()},
+                columns_at(values, known),
                 record.columns[target][known],
             )
         )

@@ -19,6 +19,7 @@ from mapmore_cli.domain.arrays import (
     Columns,
     IntArray,
     Rows,
+    columns_at,
     extremes,
     give_back,
     picked,
@@ -285,7 +286,7 @@ def _samples_of(
         recorded = order = np.lexsort(
             [samples[name] for name in (*given, recipe.target, *variables[::-1])]
         )
-        samples = {name: values[order] for name, values in samples.items()}
+        samples = columns_at(samples, order)
         origin = None if origin is None else origin[order]
     weighing = Weighing(
         samples[unsure] if given else None,

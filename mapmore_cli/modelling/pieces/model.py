@@ -83,7 +83,7 @@ class PiecesVerbs(Verbs):
         eq 5, M2 eq 9); NaN if an input is NaN.
         """
         body = model.body_of(Pieces)
-        names = tuple(quantity.name for quantity in model.inputs)
+        names = model.input_names
         pieces = _ready(body, names) if any(curve.segments for curve in body.curves) else None
 
         def value(inputs: dict[str, Array], n: int) -> Array:

@@ -50,7 +50,7 @@ def shaped(
     if region is None and not recipe.bounds:
         return model
     if region is not None:
-        names = [one.name for one in model.inputs]
+        names = model.input_names
         refuse_unsupported(curves, recipe.target, names, recipe.level, recipe.fit, fewest=0)
     start = np.concatenate([one.theta for one in body.segments])
     exchange = Exchange(
@@ -138,7 +138,7 @@ def _fused_output(model: Model, body: Pieces, count: int) -> Values:
     """Return the fused output as a function of its coefficients: a program that has them as
     inputs.
     """
-    inputs = [one.name for one in model.inputs]
+    inputs = model.input_names
     names = [f"coefficient_{number}" for number in range(count)]
     program = evaluator(pieces_program(_of_coefficients(body, names), [*inputs, *names]))
 
