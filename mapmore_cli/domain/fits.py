@@ -22,7 +22,7 @@ from mapmore_cli.domain.arrays import (
     Rows,
     Span,
 )
-from mapmore_cli.domain.declared import Checked, Count, Label, QuantityName, TermName, one_of
+from mapmore_cli.domain.declared import Checked, Count, Label, Notes, QuantityName, TermName, one_of
 from mapmore_cli.domain.recording import CurveRange
 
 Boundaries = Annotated[Numbers, ASCENDING]
@@ -267,7 +267,7 @@ class FormulaFit(Fit):
     condition: Annotated[float, "condition number of the linear problem"]
     sse: Annotated[float, "residual sum of squares", "[target]^2"]
     samples: Annotated[Count, "samples fitted to"]
-    notes: Annotated[tuple[str, ...], "remarks for the reader"] = ()
+    notes: Notes = ()
     rivals: Annotated[tuple[Optimum, ...], "other minima with nearly its training error"] = ()
     definition: str = ""
     errors_note: ErrorsNote = LOWER_BOUND

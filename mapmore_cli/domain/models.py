@@ -7,13 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Literal, TypeVar
 
 from mapmore_cli.domain.arrays import ASCENDING, IntArray, Number, Numbers, Ranges
-from mapmore_cli.domain.declared import (
-    Count,
-    Label,
-    QuantityName,
-    TermName,
-    Word,
-)
+from mapmore_cli.domain.declared import Count, Label, Notes, QuantityName, TermName, Word
 from mapmore_cli.domain.fits import (
     LOWER_BOUND,
     Boundaries,
@@ -280,7 +274,7 @@ class Model:
     signals: Annotated[
         tuple[Signal, ...], "inputs that follow from others over time, each after those"
     ] = ()
-    notes: Annotated[tuple[str, ...], "remarks for the reader"] = ()
+    notes: Notes = ()
     left_out: Annotated[
         LeftOut | None, "what intervals are made of, where the spec asked for them"
     ] = None

@@ -23,7 +23,6 @@ from mapmore_cli.pipeline.staleness import (
     Needed,
     StagePlan,
     as_found,
-    known_records,
     pipeline,
     plan_stages,
     plans_of,
@@ -225,7 +224,7 @@ class _Run:
         Results are moved into place as a whole and committed last, so results that look complete
         are complete. If another process is working, the lock decides.
         """
-        records, runs = known_records(self.run_dir), self.run_dir.parent
+        records, runs = load_records(self.run_dir), self.run_dir.parent
         if until not in records:  # sources need not be checked twice
             return None
         plans = list(self.planned(until, records))

@@ -171,7 +171,7 @@ def _combi_table(model: Model, grid: Grid) -> str:
     """
     rows, columns = grid.places.values()
     quantities = (*model.inputs, model.output)
-    lines = ["#1", *("# " + note(f"{quantity.name} [{quantity.unit}]") for quantity in quantities)]
+    lines = ["#1", *("# " + note(quantity.label) for quantity in quantities)]
     for name, values in ((name_of_output(model), grid.values), ("valid", grid.valid)):
         lines += ["", code("double {}({},{})", name, len(rows) + 1, len(columns) + 1)]
         inner = values.reshape(len(rows), len(columns))

@@ -49,6 +49,7 @@ from mapmore_cli.modelling.expressions import (
     parse,
 )
 from mapmore_cli.modelling.expressions.ranged import placed
+from mapmore_cli.modelling.expressions.syntax import names_in
 from mapmore_cli.modelling.frols import TIE_TOLERANCE, Regression, Weighing
 from mapmore_cli.modelling.frols.engine import choose, choose_together, reads_once
 from mapmore_cli.modelling.frols.select import Stopping
@@ -68,7 +69,7 @@ from mapmore_cli.modelling.pieces.shaped import shaped
 
 def quantities_in(terms: Iterable[Expression]) -> tuple[str, ...]:
     """Return the quantities that occur in some terms, in the order of their names."""
-    return tuple(sorted(frozenset[str]().union(*(term.names for term in terms))))
+    return tuple(sorted(names_in(terms)))
 
 
 def segment(

@@ -12,6 +12,7 @@ from mapmore_cli.domain.models import CurveFunction, Equation, Model, Pieces, Se
 from mapmore_cli.domain.results import SimulatedRun
 from mapmore_cli.modelling.equations import equation
 from mapmore_cli.modelling.expressions import Expression, parse
+from mapmore_cli.modelling.expressions.syntax import names_in
 from mapmore_cli.modelling.kinds import Verbs
 from mapmore_cli.modelling.literature.model import (
     backbone_values,
@@ -157,7 +158,5 @@ class PiecesVerbs(Verbs):
         ):
             yield "the levels of its curves do not increase"
         for segment in model.body_of(Pieces).segments:
-            if not frozenset().union(*(parse(text).names for text in segment.terms)) <= {
-                *segment.scaling.variables
-            }:
+            if not names_in(map(parse, segment.terms)) <= {*segment.scaling.variables}:
                 yield f"the terms of {segment.id} use other quantities than its scaling"
