@@ -76,6 +76,9 @@ class ChosenTerms:
     theta_error: Annotated[Array, "(k) standard errors of theta; NaN without a degree of freedom"]
     g: Annotated[Array, "(k) coefficients of the orthogonalised terms"]
     err: Annotated[Array, "(k) error reduction ratios"]
+    samples: Annotated[Count, "samples fitted to"]
+    condition: Annotated[float, "2-norm condition number of the chosen regressors"]
+    stop: Annotated[Label, "why selection stopped"]
 
 
 @dataclass(frozen=True, repr=False)
@@ -104,11 +107,8 @@ class Selection(ChosenTerms):
         "-",
     ]
     tied: Annotated[IntArray, "(k) other candidates within 1e-9 of the winner's err"]
-    condition: Annotated[float, "2-norm condition number of the chosen regressors"]
     sse: Annotated[float, "residual sum of squares, uncentred"]
     yy: Annotated[float, "total sum of squares, uncentred"]
-    samples: Annotated[Count, "samples fitted to"]
-    stop: Annotated[Label, "why selection stopped"]
     curves: Annotated[
         Count,
         "curves whose residuals were summed for theta_error; 0 where residuals count as "

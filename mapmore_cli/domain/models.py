@@ -30,9 +30,6 @@ class SegmentFunction(ChosenTerms):
     terms: Annotated[tuple[TermName, ...], "(k) names of the terms D_k, in the order of selection"]
     theta: Annotated[Numbers, "(k) coefficients of the terms, which are finite"]
     scaling: Annotated[Scaling, "scaling of the segment"]
-    samples: Annotated[Count, "samples fitted to"]
-    condition: Annotated[float, "2-norm condition number of the chosen regressors"]
-    stop: Annotated[Label, "why selection stopped"]
     limits: Annotated[
         Ranges, "least and greatest training value of each segmented variable in the segment", "[*]"
     ] = field(default_factory=dict)
