@@ -203,15 +203,21 @@ class Segment(GridCell):
 
 
 @dataclass(frozen=True)
-class SegmentedCurve(CurveRange):
+class CutCurve(CurveRange):
+    """Range of a training curve, and the places at which it is cut."""
+
+    boundaries: Annotated[
+        tuple[Boundaries, ...],
+        "(p) segment locations of each segmented variable, both ends included",
+        "[variables.*]",
+    ]
+
+
+@dataclass(frozen=True)
+class SegmentedCurve(CutCurve):
     """A training curve cut into segments; the samples stay in the dataset file."""
 
     variables: Annotated[tuple[QuantityName, ...], "(p) segmented variables"]
-    boundaries: Annotated[
-        tuple[Boundaries, ...],
-        "(p) segment locations of each variable, both ends included",
-        "[variables.*]",
-    ]
     segments: Annotated[tuple[Segment, ...], "segments of the curve"]
 
 

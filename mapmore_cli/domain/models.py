@@ -10,8 +10,8 @@ from mapmore_cli.domain.arrays import ASCENDING, IntArray, Number, Numbers, Rang
 from mapmore_cli.domain.declared import Count, Label, Notes, QuantityName, TermName, Word
 from mapmore_cli.domain.fits import (
     LOWER_BOUND,
-    Boundaries,
     ChosenTerms,
+    CutCurve,
     ErrorsNote,
     FormulaFit,
     MemoryModel,
@@ -37,14 +37,9 @@ class SegmentFunction(ChosenTerms):
 
 
 @dataclass(frozen=True)
-class CurveFunction(CurveRange):
+class CurveFunction(CutCurve):
     """The fused segment functions of one training curve."""
 
-    boundaries: Annotated[
-        tuple[Boundaries, ...],
-        "(p) segment locations of each segmented variable, both ends included",
-        "[variables.*]",
-    ]
     segments: Annotated[tuple[SegmentFunction, ...], "segment functions"]
 
 

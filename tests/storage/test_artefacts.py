@@ -173,7 +173,7 @@ def examples():
             (Curve("pressure=250", 250.0, columns, held, ("cycle",)),),
         ),
         "segmentation": (
-            SegmentedCurve("pressure=250", 250.0, limits, ("strain",), boundaries, (segment,)),
+            SegmentedCurve("pressure=250", 250.0, limits, boundaries, ("strain",), (segment,)),
         ),
         "fit": FitResult(
             PiecesFit(
