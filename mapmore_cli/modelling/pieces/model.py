@@ -64,15 +64,15 @@ def _weight(
     held = held_between(segment, curve, body)
     for (name, ends), place in zip(zones_of(curve, body).items(), segment.cell, strict=True):
         ways = np.array(ends).T / units.get(name, 1.0)
-        told = [
+        changes = [
             f"{verb} {start:.6g} to {end:.6g}"
             for verb, at in (("rises", place - 2), ("falls", place - 1))
             if 0 <= at < len(ways)
             for start, end in [ways[at]]
         ]
         sides = zip(("below", "above"), held.get(name, ()), strict=False)
-        told += [f"held {s} {v / units.get(name, 1.0):.6g}" for s, v in sides if v is not None]
-        words += [f"{name} {', '.join(told)}"] if told else []
+        changes += [f"held {s} {v / units.get(name, 1.0):.6g}" for s, v in sides if v is not None]
+        words += [f"{name} {', '.join(changes)}"] if changes else []
     return "; ".join(words)
 
 
@@ -100,11 +100,18 @@ class PiecesVerbs(Verbs):
         body = model.body_of(Pieces)
         pieces = (
             equation(
-                *(one.id, one.terms, one.theta, one.scaling, {**curve.limits, **one.limits}, units),
-                weight=_weight(one, curve, body, units),
+                *(
+                    segment.id,
+                    segment.terms,
+                    segment.theta,
+                    segment.scaling,
+                    {**curve.limits, **segment.limits},
+                    units,
+                ),
+                weight=_weight(segment, curve, body, units),
             )
             for curve in body.curves
-            for one in curve.segments
+            for segment in curve.segments
         )
         return *formula_equations(body.backbone, units), *pieces
 
@@ -125,13 +132,13 @@ class PiecesVerbs(Verbs):
         for name, sides in body.fusion.extrapolation.items():
             known = OUTER_LEVEL if name == level else OUTSIDE
             below, above = (known.get(str(side), f"it is taken to be {side}") for side in sides)
-            told = f"below its limits {below}, above {above}"
-            yield f"{name}: {f'beyond its limits {below}' if below == above else told}."
+            both_sides = f"below its limits {below}, above {above}"
+            yield f"{name}: {f'beyond its limits {below}' if below == above else both_sides}."
 
     def parameters(self, model: Model) -> int:
         """Return the number of coefficients of all segments plus the parameters of the backbone."""
         body = model.body_of(Pieces)
-        return sum(len(one.theta) for one in body.segments) + (
+        return sum(len(segment.theta) for segment in body.segments) + (
             0 if body.backbone is None else len(body.backbone.parameters)
         )
 
