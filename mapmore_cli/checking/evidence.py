@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, IntArray, extremes, row_blocks
+from mapmore_cli.domain.arrays import Array, IntArray, extremes, root_mean_square, row_blocks
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Recording, united
 from mapmore_cli.modelling.signals.rates import rate
@@ -212,7 +212,7 @@ def _with_equal_inputs(
             few, many = sorted((first.rows_kept, other.rows_kept))
             some = slice(0, few, 1 + few // PART)
             if few >= MUCH * many and all(
-                _rms(first.columns[x][some] - other.columns[x][some]) < LITTLE * size
+                root_mean_square(first.columns[x][some] - other.columns[x][some]) < LITTLE * size
                 for x, size in ranges.items()
             ):
                 yield first, other, few
@@ -222,22 +222,18 @@ def _left(first: Array, second: Array) -> tuple[float, dict[str, float]]:
     """Return the distance of two outputs, and the distances that remain after a gain, an offset, or
     both.
     """
-    less, more = sorted((first, second), key=_rms)
+    less, more = sorted((first, second), key=root_mean_square)
     ones, apart = np.ones_like(more), less - more
 
     def left(values: Array, *terms: Array) -> float:
         basis = np.column_stack(terms)
-        return _rms(values - basis @ np.linalg.lstsq(basis, values, rcond=None)[0])
+        return root_mean_square(values - basis @ np.linalg.lstsq(basis, values, rcond=None)[0])
 
-    return _rms(apart), {
+    return root_mean_square(apart), {
         "gain": left(less, more),
         "offset": left(apart, ones),
         "offset gain": left(less, more, ones),
     }
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 # Single samples

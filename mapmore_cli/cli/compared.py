@@ -137,7 +137,7 @@ def search_document(search: Search) -> Document:
     }
 
 
-def of_inspection(inspection: Inspection, unconfirmed: Sequence[str] = ()) -> View:
+def of_inspection(inspection: Inspection, unconfirmed: Sequence[str]) -> View:
     """Return the curves if there are any, then the issues with their remedies, the worst first, and
     the guesses that nobody has confirmed.
     """

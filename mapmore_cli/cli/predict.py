@@ -152,14 +152,14 @@ def predict(
         constants = _constants_of(model, given)
         if grid is not None:
             if runs_over_time(model):
-                needed = ", ".join(["time", *(quantity.name for quantity in model.inputs)])
+                needed = ", ".join(["time", *model.input_names])
                 raise UsageError(
                     "--grid: this model has memory, and a grid contains no time",
                     f"give a TABLE of recordings with the columns {needed}",
                 )
             axes = ",".join([grid, *(f"{name}={value!r}" for name, value in constants.items())])
             lines, label, constants = (
-                grid_lines(axes, [quantity.name for quantity in model.inputs]),
+                grid_lines(axes, model.input_names),
                 "--grid",
                 {},
             )
@@ -205,14 +205,12 @@ def _lines_of(
     )
 
 
-def _open_table(
-    table: Path, told: Callable[[int, int], None] = lambda _read, _size: None
-) -> tuple[Iterator[str], str]:
+def _open_table(table: Path, progress: Callable[[int, int], None]) -> tuple[Iterator[str], str]:
     """Return the lines of a table or of stdin, and the name of the table in messages."""
     from mapmore_cli.storage.tables.lines import as_text, lines_of
 
     if table != STANDARD:
-        return lines_of(table, told), str(table)
+        return lines_of(table, progress), str(table)
     try:
         os.read(0, 0)
     except OSError as fault:  # stdin may be closed, or be a folder

@@ -107,7 +107,7 @@ def _stale(run_dir: Path) -> dict[str, str]:
             f"{name} is out of date, because {before} was repeated since; run the spec again to "
             "renew it"
         )
-        for name, before in stale_stages(load_records(run_dir, lambda _message: None)).items()
+        for name, before in stale_stages(load_records(run_dir)).items()
     }
 
 
@@ -357,9 +357,8 @@ def _of_model(model: Model) -> View:
     from mapmore_cli.modelling.kinds import equations, rules
 
     lines = equations(model)
-    names = [f"{quantity.name} [{quantity.unit}]" for quantity in model.inputs]
-    inputs = ", ".join(names) or "its own past"
-    outputs = ", ".join(f"{output.name} [{output.unit}]" for output in model.outputs)
+    inputs = ", ".join(quantity.label for quantity in model.inputs) or "its own past"
+    outputs = ", ".join(output.label for output in model.outputs)
     title = f"{model.name}: {outputs} from {inputs}"
     view = _view_of(model)
     document = {**view.document, "equations": lines, "rules": rules(model)}

@@ -19,6 +19,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from mapmore_cli.domain.declared import Checked, QuantityName
+from mapmore_cli.domain.errors import DataError
 
 _Shape = tuple[Any, ...]
 
@@ -56,6 +57,25 @@ Ranges = Mapping[QuantityName, Span]
 def row_count(columns: Columns) -> int:
     """Return the number of rows of a table; zero for one without columns."""
     return len(next(iter(columns.values()), ()))
+
+
+def column_in(columns: Columns, name: str) -> Array:
+    """Return a column. Raises DataError if there is none with this name."""
+    if name not in columns:
+        raise DataError(
+            f"there is no column `{name}`", f"there are: {', '.join(columns) or 'none'}"
+        )
+    return columns[name]
+
+
+def columns_at(columns: Columns, rows: slice | IntArray | BoolArray) -> dict[str, Array]:
+    """Return every column at some rows."""
+    return {name: values[rows] for name, values in columns.items()}
+
+
+def root_mean_square(values: Array) -> float:
+    """Return `sqrt(mean(x^2))` of all values."""
+    return float(np.sqrt(np.mean(values**2)))
 
 
 ROWS, WIDE = 1 << 14, 1 << 17

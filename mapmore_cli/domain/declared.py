@@ -225,6 +225,8 @@ def is_label(text: str) -> bool:
     return len(text) <= 1000 and is_one_line(text) and not {*'"`$<>\\'} & {*text}
 
 
+Notes = Annotated[tuple[str, ...], "remarks for the reader"]
+
 Count = Annotated[int, Checked("is negative", lambda value: value >= 0)]
 
 QuantityName = Annotated[

@@ -22,7 +22,7 @@ from mapmore_cli.domain.arrays import (
     Rows,
     Span,
 )
-from mapmore_cli.domain.declared import Checked, Count, Label, QuantityName, TermName, one_of
+from mapmore_cli.domain.declared import Checked, Count, Label, Notes, QuantityName, TermName, one_of
 from mapmore_cli.domain.recording import CurveRange
 
 Boundaries = Annotated[Numbers, ASCENDING]
@@ -76,6 +76,9 @@ class ChosenTerms:
     theta_error: Annotated[Array, "(k) standard errors of theta; NaN without a degree of freedom"]
     g: Annotated[Array, "(k) coefficients of the orthogonalised terms"]
     err: Annotated[Array, "(k) error reduction ratios"]
+    samples: Annotated[Count, "samples fitted to"]
+    condition: Annotated[float, "2-norm condition number of the chosen regressors"]
+    stop: Annotated[Label, "why selection stopped"]
 
 
 @dataclass(frozen=True, repr=False)
@@ -104,11 +107,8 @@ class Selection(ChosenTerms):
         "-",
     ]
     tied: Annotated[IntArray, "(k) other candidates within 1e-9 of the winner's err"]
-    condition: Annotated[float, "2-norm condition number of the chosen regressors"]
     sse: Annotated[float, "residual sum of squares, uncentred"]
     yy: Annotated[float, "total sum of squares, uncentred"]
-    samples: Annotated[Count, "samples fitted to"]
-    stop: Annotated[Label, "why selection stopped"]
     curves: Annotated[
         Count,
         "curves whose residuals were summed for theta_error; 0 where residuals count as "
@@ -203,15 +203,21 @@ class Segment(GridCell):
 
 
 @dataclass(frozen=True)
-class SegmentedCurve(CurveRange):
+class CutCurve(CurveRange):
+    """Range of a training curve, and the places at which it is cut."""
+
+    boundaries: Annotated[
+        tuple[Boundaries, ...],
+        "(p) segment locations of each segmented variable, both ends included",
+        "[variables.*]",
+    ]
+
+
+@dataclass(frozen=True)
+class SegmentedCurve(CutCurve):
     """A training curve cut into segments; the samples stay in the dataset file."""
 
     variables: Annotated[tuple[QuantityName, ...], "(p) segmented variables"]
-    boundaries: Annotated[
-        tuple[Boundaries, ...],
-        "(p) segment locations of each variable, both ends included",
-        "[variables.*]",
-    ]
     segments: Annotated[tuple[Segment, ...], "segments of the curve"]
 
 
@@ -267,7 +273,7 @@ class FormulaFit(Fit):
     condition: Annotated[float, "condition number of the linear problem"]
     sse: Annotated[float, "residual sum of squares", "[target]^2"]
     samples: Annotated[Count, "samples fitted to"]
-    notes: Annotated[tuple[str, ...], "remarks for the reader"] = ()
+    notes: Notes = ()
     rivals: Annotated[tuple[Optimum, ...], "other minima with nearly its training error"] = ()
     definition: str = ""
     errors_note: ErrorsNote = LOWER_BOUND

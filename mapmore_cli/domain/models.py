@@ -7,17 +7,11 @@ from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Literal, TypeVar
 
 from mapmore_cli.domain.arrays import ASCENDING, IntArray, Number, Numbers, Ranges
-from mapmore_cli.domain.declared import (
-    Count,
-    Label,
-    QuantityName,
-    TermName,
-    Word,
-)
+from mapmore_cli.domain.declared import Count, Label, Notes, QuantityName, TermName, Word
 from mapmore_cli.domain.fits import (
     LOWER_BOUND,
-    Boundaries,
     ChosenTerms,
+    CutCurve,
     ErrorsNote,
     FormulaFit,
     MemoryModel,
@@ -36,9 +30,6 @@ class SegmentFunction(ChosenTerms):
     terms: Annotated[tuple[TermName, ...], "(k) names of the terms D_k, in the order of selection"]
     theta: Annotated[Numbers, "(k) coefficients of the terms, which are finite"]
     scaling: Annotated[Scaling, "scaling of the segment"]
-    samples: Annotated[Count, "samples fitted to"]
-    condition: Annotated[float, "2-norm condition number of the chosen regressors"]
-    stop: Annotated[Label, "why selection stopped"]
     limits: Annotated[
         Ranges, "least and greatest training value of each segmented variable in the segment", "[*]"
     ] = field(default_factory=dict)
@@ -46,14 +37,9 @@ class SegmentFunction(ChosenTerms):
 
 
 @dataclass(frozen=True)
-class CurveFunction(CurveRange):
+class CurveFunction(CutCurve):
     """The fused segment functions of one training curve."""
 
-    boundaries: Annotated[
-        tuple[Boundaries, ...],
-        "(p) segment locations of each segmented variable, both ends included",
-        "[variables.*]",
-    ]
     segments: Annotated[tuple[SegmentFunction, ...], "segment functions"]
 
 
@@ -283,7 +269,7 @@ class Model:
     signals: Annotated[
         tuple[Signal, ...], "inputs that follow from others over time, each after those"
     ] = ()
-    notes: Annotated[tuple[str, ...], "remarks for the reader"] = ()
+    notes: Notes = ()
     left_out: Annotated[
         LeftOut | None, "what intervals are made of, where the spec asked for them"
     ] = None
@@ -293,6 +279,11 @@ class Model:
         """Return the body, which must be of the type `kind`."""
         assert isinstance(self.body, kind)
         return self.body
+
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        """Names of the inputs, in order."""
+        return tuple(quantity.name for quantity in self.inputs)
 
     @property
     def each(self) -> tuple[Model, ...]:

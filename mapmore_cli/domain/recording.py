@@ -20,7 +20,7 @@ from mapmore_cli.domain.arrays import (
     picked,
     row_count,
 )
-from mapmore_cli.domain.declared import Count, Label, QuantityName, one_of
+from mapmore_cli.domain.declared import Count, Label, Notes, QuantityName, one_of
 
 STATIC_FORCE, DAMPING = "static_force", "damping"
 """Name of the column with the prediction of a static model for a step response, and name of the
@@ -42,6 +42,11 @@ class Quantity:
 
     name: Annotated[QuantityName, "canonical name"]
     unit: Annotated[Label, "its unit, as `kPa`, `1`, `N`"]
+
+    @property
+    def label(self) -> str:
+        """Name and unit, as `pressure [kPa]`."""
+        return f"{self.name} [{self.unit}]"
 
 
 @dataclass(frozen=True)
@@ -213,7 +218,7 @@ class Dataset:
     quantities: Annotated[Mapping[QuantityName, Quantity], "every column's quantity"]
     recordings: Annotated[tuple[Recording, ...], "files as read"]
     curves: Annotated[tuple[Curve, ...], "curves to model"]
-    notes: Annotated[tuple[str, ...], "remarks for the reader"] = ()
+    notes: Notes = ()
     also: Annotated[
         tuple[QuantityName, ...], "further modelled columns, of a model of several outputs"
     ] = ()

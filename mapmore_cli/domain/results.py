@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray
-from mapmore_cli.domain.declared import Label, QuantityName
+from mapmore_cli.domain.declared import Label, Notes, QuantityName
 from mapmore_cli.domain.fits import Fit, FormulaFit, MemoryFit, SegmentFit
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
@@ -48,7 +48,7 @@ class FitResult:
 
     body: Annotated[Fit | None, "what was fitted; absent where models are only added up"]
     backbone: Annotated[FormulaFit | None, "formula whose residual was fitted"] = None
-    notes: Annotated[tuple[str, ...], "remarks for the reader"] = ()
+    notes: Notes = ()
 
     @property
     def each(self) -> tuple[FitResult, ...]:

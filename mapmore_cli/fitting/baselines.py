@@ -31,7 +31,7 @@ def predictions(name: str, dataset: Dataset, model: Model) -> list[Array]:
     - `name`: one of `LEARNERS`.
     - `model`: the run's own model, which gives the names of the inputs.
     """
-    names = [quantity.name for quantity in model.inputs if quantity.name != dataset.target]
+    names = [name for name in model.input_names if name != dataset.target]
     delays = DELAYS if runs_over_time(model) else (0,)
     inputs = [features(curve, names, delays) for curve in dataset.curves]
     x = np.concatenate(

@@ -77,7 +77,7 @@ def choices_by_fold(
 
 def was_searched(run_dir: Path) -> bool:
     """Return True if the structure of a run was found by a search."""
-    return SEARCH_STAGE in load_records(run_dir, lambda _message: None)
+    return SEARCH_STAGE in load_records(run_dir)
 
 
 def _searching_again(run_dir: Path) -> Callable[[Dataset], ModelChoices] | None:

@@ -21,15 +21,13 @@ are left out, because one or two folds give no standard error.
 """
 
 
-def contiguous(parts: Sequence[IntArray], count: int, size: int, times: int = 1) -> list[BoolArray]:
-    """Return masks, (size,), of the first, second, ... of `count` contiguous blocks of each part,
-    repeated `times` times.
-    """
-    split = [np.array_split(part, count * times) for part in parts]
+def contiguous(parts: Sequence[IntArray], count: int, size: int) -> list[BoolArray]:
+    """Return masks, (size,), of the first, second, ... of `count` contiguous blocks of parts."""
+    split = [np.array_split(part, count) for part in parts]
     masks = []
     for number in range(count):
         mask = np.zeros(size, dtype=np.bool_)
-        mask[np.concatenate([block for blocks in split for block in blocks[number::count]])] = True
+        mask[np.concatenate([blocks[number] for blocks in split])] = True
         masks.append(mask)
     return masks
 

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import ROWS, Array, by_blocks, joined, row_by_row
+from mapmore_cli.domain.arrays import ROWS, Array, by_blocks, columns_at, joined, row_by_row
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve
@@ -26,7 +26,7 @@ def forecast_each(model: Model, curves: Sequence[Curve], target: str) -> tuple[F
     waiting, forecasts, names = (
         [*curves],
         list[Forecast](),
-        [quantity.name for quantity in model.inputs],
+        model.input_names,
     )
     while waiting:
         sizes = np.cumsum([curve.size for curve in waiting[:TOGETHER]])
@@ -57,7 +57,7 @@ def forecast(model: Model, curve: Curve, target: str | None = None) -> Forecast:
         return Forecast.of(row_by_row(partial(predict, model), curve.columns))
     runs: list[tuple[Array, Array]] = []
     for log, rows in enumerate(curve.stretches):
-        columns = {name: column[rows] for name, column in curve.columns.items()}
+        columns = columns_at(curve.columns, rows)
         try:
             runs.append((one_step_ahead(model, columns), simulate(model, columns).values))
         except AtSample as error:

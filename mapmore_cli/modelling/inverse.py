@@ -10,7 +10,7 @@ bisection finds.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -148,8 +148,8 @@ def _solutions(
     return values, rows, flat, nearest
 
 
-def _input_names(model: Model, name: str) -> list[str]:
-    names = [quantity.name for quantity in alone(model).inputs]
+def _input_names(model: Model, name: str) -> tuple[str, ...]:
+    names = alone(model).input_names
     if name not in names:
         raise UsageError(f"the model has no input '{name}'", f"it has {', '.join(names)}")
     return names
@@ -188,7 +188,7 @@ class _Line:
     value: Callable[[Columns], list[Array]]
     slopes: Callable[[Columns], list[Array]]
     name: str
-    names: list[str]
+    names: Sequence[str]
     wanted: Array
     given: Mapping[str, Array]
 

@@ -96,8 +96,8 @@ class Polynomial:
         scaling = Scaling("middle", "-", tuple(self.names), slope, intercept, 1.0, 0.0)
         cell = (1,) * len(self.names)
         segment = SegmentFunction(
-            *(self.theta, unknown, unknown, unknown, "polynomial", cell, tuple(terms), scaling),
-            *(0, math.nan, "all", limits),
+            *(self.theta, unknown, unknown, unknown, 0, math.nan, "all"),
+            *("polynomial", cell, tuple(terms), scaling, limits),
         )
         boundaries = tuple(np.array(limits[name]) for name in self.names)
         curve = CurveFunction("all", None, limits, boundaries, (segment,))

@@ -25,7 +25,7 @@ def unsound(model: Model) -> str | None:
     try:
         for part in model.every:
             fault = next(iter(kinds.verbs_of(part).faults(part)), None)
-            inputs = {quantity.name for quantity in part.inputs}
+            inputs = {*part.input_names}
             if part.backbone and (missing := {*literature.of(part.backbone).inputs} - inputs):
                 fault = fault or f"{part.backbone.name} needs {min(missing)}, which the model lacks"
             names = (quantity.name for quantity in (part.output, *part.inputs))

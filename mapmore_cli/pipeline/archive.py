@@ -19,7 +19,6 @@ from mapmore_cli.modelling.kinds import alone
 from mapmore_cli.modelling.validation.comparison import Comparison, compare
 from mapmore_cli.pipeline.staleness import (
     MODEL_STAGE,
-    known_records,
     recorded,
     slice_differences,
 )
@@ -40,6 +39,7 @@ from mapmore_cli.storage.run_record import (
     Origin,
     StageRecord,
     load_origin,
+    load_records,
 )
 from mapmore_cli.storage.stamps import take_stamp
 from mapmore_cli.study.experiment import ExperimentSpec
@@ -123,7 +123,7 @@ def _check_finished(run_dir: Path) -> None:
     remedy = "bring the run up to date with `mapmore run`"
     if missing := [kept for kept in KEPT if not (run_dir / kept).is_file()]:
         raise DataError(f"{run_dir}: is not a finished run ({', '.join(missing)} missing)", remedy)
-    outputs = [record.outputs for record in known_records(run_dir).values()]
+    outputs = [record.outputs for record in load_records(run_dir).values()]
     written = {path: stamp.sha256 for stamps in outputs for path, stamp in stamps.items()}
     for kept in KEPT[:3]:
         if take_stamp(run_dir / kept).sha256 != written.get(kept):
@@ -210,7 +210,7 @@ def compared(
     Raises UsageError if the settings differ, unless `other_settings` are allowed; DataError if the
     models predict other quantities or have too few curves in common.
     """
-    records = [known_records(model.parent) for model in (before, after)]
+    records = [load_records(model.parent) for model in (before, after)]
     settings = tuple(_other_settings(*records))
     if settings and not other_settings:
         raise UsageError(

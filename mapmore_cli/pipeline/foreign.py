@@ -58,7 +58,7 @@ def columns_of(model: Model, solved_for: str | None = None) -> Sequence[Sequence
     `solved_for`, the table has the output instead of it.
     """
     if solved_for is not None:
-        inputs = (quantity.name for quantity in model.inputs if quantity.name != solved_for)
+        inputs = (name for name in model.input_names if name != solved_for)
         return [[model.output.name, *inputs]]
     readings = (reading_of(model, [signal.name for signal in model.signals]), reading_of(model, []))
     return [reading.columns + reading.outputs for reading in readings]

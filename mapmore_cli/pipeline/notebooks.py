@@ -63,11 +63,8 @@ class LoadedModel:
 
     def __repr__(self) -> str:
         """Return a line with the predicted quantity and the inputs."""
-        inputs = (
-            ", ".join(f"{quantity.name} [{quantity.unit}]" for quantity in self.inputs)
-            or "its own past"
-        )
-        outputs = ", ".join(f"{output.name} [{output.unit}]" for output in self.model.outputs)
+        inputs = ", ".join(quantity.label for quantity in self.inputs) or "its own past"
+        outputs = ", ".join(output.label for output in self.model.outputs)
         return f"<model {self.model.name}: {outputs} of {inputs}>"
 
     def of(self, output: str) -> Self:

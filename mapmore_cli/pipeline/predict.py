@@ -12,7 +12,7 @@ from itertools import islice
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray, columns_at
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.domain.models import Formula, Model
 from mapmore_cli.domain.results import SimulatedRun
@@ -91,7 +91,7 @@ class Predictor:
         numbers = np.full((len(rows), len(self.names) - 1), np.nan)
         outside, diverged = np.zeros(len(rows), dtype=bool), list[int]()
         for part in between_gaps(columns["time"]) if reading.signals else [slice(None)]:
-            inputs = {name: x[part] for name, x in columns.items()}
+            inputs = columns_at(columns, part)
             try:
                 inputs = with_signals(reading.signals, inputs)
             except DataError:  # the window of a rate may hold too few samples
@@ -127,7 +127,7 @@ class Predictor:
         added = ["," * (len(self.names) - 1)] * len(block)
         if not len(known):
             return added, []
-        columns = {name: x[known] for name, x in columns.items()}
+        columns = columns_at(columns, known)
         try:
             numbers, outside, diverged = self.numbers(columns, known, runs)
         except AtSample as error:
@@ -238,7 +238,7 @@ def inverted_lines(
         )
     needed = [
         alone(model).output.name,
-        *(quantity.name for quantity in model.inputs if quantity.name != name),
+        *(quantity for quantity in model.input_names if quantity != name),
     ]
     table = Sheet(lines, label, ", ".join(needed))
     added = [f"{name}_found", f"{name}_solutions", f"{name}_status"]
@@ -248,7 +248,7 @@ def inverted_lines(
     known = np.flatnonzero(complete(columns.values(), len(block)))
     cells = [",,"] * len(block)
     if len(known):
-        inputs = {column: values[known] for column, values in columns.items()}
+        inputs = columns_at(columns, known)
         inverse = invert(model, inputs.pop(model.output.name), inputs, name, rule)
         starts = np.searchsorted(inverse.rows, np.arange(1, len(known)))
         parts = inverse.picked, np.split(inverse.values, starts), inverse.status
@@ -261,7 +261,7 @@ def _reading_turned(model: Model, name: str) -> Reading:
     """Return the columns that are read for an inverted model. Raises UsageError if it cannot be
     inverted.
     """
-    inputs = [quantity.name for quantity in alone(model).inputs]
+    inputs = alone(model).input_names
     if name not in inputs:
         raise UsageError(f"--as: the model has no input '{name}'", f"it has {', '.join(inputs)}")
     if runs_over_time(model):
@@ -323,7 +323,7 @@ def adapt(
             raise table.empty()
         columns = table.values(block, places)
         known = complete(columns.values(), len(block))
-        columns = {name: values[known] for name, values in columns.items()}
+        columns = columns_at(columns, known)
     target = columns.pop(model.output.name)
     fit = adapted(model.body.fit, columns, target, constants[of])
     ranges = tuple(

@@ -33,7 +33,7 @@ GAP = 10
 
 
 def by_recording(
-    rows: Iterator[Row], names: Sequence[str], most: float = math.inf
+    rows: Iterator[Row], names: Sequence[str], most: float
 ) -> Iterator[tuple[list[Row], bool]]:
     """Yield the rows of one recording at a time, in blocks of at most `most` rows, and True if a
     recording begins with the block. A recording ends where the column `recording` changes or time
@@ -99,7 +99,7 @@ def reading_of(model: Model, columns_there: Collection[str]) -> Reading:
     """
     signals = tuple(signal for signal in model.signals if signal.name not in columns_there)
     over_time = bool(signals) or runs_over_time(model)
-    wanted = [quantity.name for quantity in model.inputs] + [signal.of for signal in signals]
+    wanted = [*model.input_names, *(signal.of for signal in signals)]
     derived = {signal.name for signal in signals}
     columns = dict.fromkeys(
         name for name in (["time"] if over_time else []) + wanted if name not in derived

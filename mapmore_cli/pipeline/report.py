@@ -80,7 +80,7 @@ def provenance_of(run_dir: Path) -> dict[str, Any]:
     """
     from mapmore_cli.storage.run_record import load_origin, load_records, tool_versions
 
-    records, origin = load_records(run_dir, lambda _message: None), load_origin(run_dir)
+    records, origin = load_records(run_dir), load_origin(run_dir)
     provenance: dict[str, Any] = {**tool_versions()}
     inputs = {path: stamp for record in records.values() for path, stamp in record.inputs.items()}
     for number, (path, stamp) in enumerate(inputs.items()):

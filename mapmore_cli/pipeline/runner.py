@@ -24,7 +24,6 @@ from mapmore_cli.pipeline.staleness import (
     Needed,
     StagePlan,
     as_found,
-    known_records,
     pipeline,
     plan_stages,
     plans_of,
@@ -227,7 +226,7 @@ class _Run:
         Results are moved into place as a whole and committed last, so results that look complete
         are complete. If another process is working, the lock decides.
         """
-        records, runs = known_records(self.run_dir), self.run_dir.parent
+        records, runs = load_records(self.run_dir), self.run_dir.parent
         # a stage without a record must run, so its sources are not checked here
         if until not in records:
             return None

@@ -185,7 +185,7 @@ def scored_as(name: str, dataset: Dataset, model: Model) -> Dataset:
     """Return the dataset with an input of the model as the measured and scored quantity. Raises
     SpecError if the model has no such input.
     """
-    inputs = [quantity.name for quantity in model.inputs]
+    inputs = model.input_names
     if name not in inputs:
         raise SpecError(
             f"validate.as: the model of {model.output.name} cannot be inverted for `{name}`",

@@ -203,12 +203,12 @@ def _finished(part: ModelChoices, model: Model, dataset: Dataset) -> Model:
         from mapmore_cli.modelling.kinds import runs_over_time
         from mapmore_cli.modelling.shape.support import refuse_unsupported
 
-        names = [quantity.name for quantity in model.inputs]
+        names = model.input_names
         asked = (dataset.curves, model.output.name, names, model.level, part.fit)
         refuse_unsupported(*asked, over_time=runs_over_time(model))
     return replace(
         model,
-        signals=needed_signals(part.signals, [quantity.name for quantity in model.inputs]),
+        signals=needed_signals(part.signals, model.input_names),
         notes=(*model.notes, *explained_by_inputs(model, dataset)),
     )
 

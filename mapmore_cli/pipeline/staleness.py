@@ -60,12 +60,7 @@ class Needed:
         """Return True if the run is compared and has a model, because a comparison must not change
         the other run.
         """
-        return self.need.compared and MODEL_STAGE in known_records(runs / self.loaded.spec.name)
-
-
-def known_records(run_dir: Path) -> dict[str, StageRecord]:
-    """Return the committed stages of a run. A damaged record counts as empty, without a warning."""
-    return load_records(run_dir, lambda _message: None)
+        return self.need.compared and MODEL_STAGE in load_records(runs / self.loaded.spec.name)
 
 
 def needed_runs(stage: Stage, loaded: LoadedSpec) -> tuple[Needed, ...]:
@@ -167,7 +162,7 @@ def plan_stages(
     loaded: LoadedSpec,
     run_dir: Path,
     records: Mapping[str, StageRecord],
-    rehash: bool = False,
+    rehash: bool,
     force: bool = False,
 ) -> Iterator[StagePlan]:
     """Yield the plan of every stage up to `until`, in order, from the files as they are now.
@@ -214,7 +209,7 @@ def plans_of(
 ) -> list[StagePlan]:
     """Return the plans of another run in the folder `runs`."""
     run_dir = runs / run.loaded.spec.name
-    return list(plan_stages(stages, until, run.loaded, run_dir, known_records(run_dir), rehash))
+    return list(plan_stages(stages, until, run.loaded, run_dir, load_records(run_dir), rehash))
 
 
 def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
@@ -232,7 +227,7 @@ def _model_mark(run: Needed, stages: Sequence[Stage] | None, runs: Path, rehash:
     run, it is the fingerprint of the present model.
     """
     if run.is_kept(runs):
-        record = known_records(runs / run.loaded.spec.name)[MODEL_STAGE]
+        record = load_records(runs / run.loaded.spec.name)[MODEL_STAGE]
     else:
         record = plans_of(run, stages, MODEL_STAGE, runs, rehash)[-1].now
     return record.fingerprint[:SHORT_MARK]

@@ -205,7 +205,9 @@ def load_origin(run_dir: Path) -> Origin | None:
         return None
 
 
-def load_records(run_dir: Path, warn: Callable[[str], None]) -> dict[str, StageRecord]:
+def load_records(
+    run_dir: Path, warn: Callable[[str], None] = lambda _message: None
+) -> dict[str, StageRecord]:
     """Return the committed stages of a run by name; if `run.json` is damaged, warn and return an
     empty dict.
 

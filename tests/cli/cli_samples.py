@@ -175,13 +175,13 @@ def line(curve, level, slope, height, end):
         0.1 * one,
         slope * one,
         one,
+        50,
+        1.0,
+        "max_terms",
         f"{curve}/strain:1",
         (1,),
         ("strain",),
         scaling,
-        50,
-        1.0,
-        "max_terms",
     )
     limits = {"strain": (0.0, end), "pressure": (level, level)}
     return CurveFunction(curve, level, limits, (np.array([0.0, end]),), (segment,))

@@ -50,13 +50,13 @@ def segment(
         nothing,
         nothing,
         nothing,
+        50,
+        1.0,
+        "max_terms",
         f"s{cell}",
         cell,
         terms,
         scaling,
-        50,
-        1.0,
-        "max_terms",
         dict(samples),
     )
 

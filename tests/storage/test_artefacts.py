@@ -151,7 +151,7 @@ def examples():
     boundaries, limits = (np.array([0.0, 0.2]),), {"strain": (0.0, 0.2), "pressure": (250.0, 250.0)}
     numbers = (selection.theta, selection.theta_error, selection.g, selection.err)
     function = SegmentFunction(
-        *numbers, id_, (1,), ("strain^2", "1"), scaling, 40, 12.5, "max_terms"
+        *numbers, 40, 12.5, "max_terms", id_, (1,), ("strain^2", "1"), scaling
     )
     fusion = Fusion(
         extrapolation={"strain": ("continue", 0.0), "pressure": ("saturate", "saturate")}
@@ -173,7 +173,7 @@ def examples():
             (Curve("pressure=250", 250.0, columns, held, ("cycle",)),),
         ),
         "segmentation": (
-            SegmentedCurve("pressure=250", 250.0, limits, ("strain",), boundaries, (segment,)),
+            SegmentedCurve("pressure=250", 250.0, limits, boundaries, ("strain",), (segment,)),
         ),
         "fit": FitResult(
             PiecesFit(

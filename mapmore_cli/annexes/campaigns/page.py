@@ -8,7 +8,6 @@ from contextlib import suppress
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import SpecError, UsageError, error_text
@@ -160,7 +159,7 @@ def render_campaign(
 def run_names(
     entries: Sequence[Entry],
     campaigns: Sequence[Expanded],
-    known: Mapping[int, str] = MappingProxyType({}),
+    known: Mapping[int, str],
 ) -> list[str]:
     """Return the name of every run. A run whose spec has an error gets the name that messages use
     for it; the run itself reports the error. The `known` names, by the index of the entry, are used

@@ -23,9 +23,9 @@ from mapmore_cli.domain.scores import Alert, Limit, Published
 from mapmore_cli.ingestion.files import expand, relative_name
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.pipeline.jobs import Finished, Job, run_one
-from mapmore_cli.pipeline.staleness import known_records, needed_runs, pipeline
+from mapmore_cli.pipeline.staleness import needed_runs, pipeline
 from mapmore_cli.storage.run_folder import RunFiles, is_tidy
-from mapmore_cli.storage.run_record import RUN_RECORD, tool_versions, written_files
+from mapmore_cli.storage.run_record import RUN_RECORD, load_records, tool_versions, written_files
 from mapmore_cli.storage.seals import (
     REVISION,
     Sealed,
@@ -113,7 +113,7 @@ def _sealed(
     """Return the seal of a run that is up to date; None if a file differs from its record."""
     run_dir, spec = finished.run_dir, loaded.spec
     folder = os.path.relpath(loaded.folder, run_dir)
-    records = known_records(run_dir).values()
+    records = load_records(run_dir).values()
     recorded = {
         **{
             f"{folder}/{path}": stamp for record in records for path, stamp in record.inputs.items()

@@ -107,7 +107,7 @@ def _on_grid(model: Model, text: str | None) -> Grid:
         raise UsageError(
             "a table has no time, and this model has memory", "export it as C, py, numpy or fmu"
         )
-    names = [quantity.name for quantity in model.inputs]
+    names = model.input_names
     axes = {} if text is None else grid_axes(text, names)
     places = {
         name: np.array(axes[name]) if name in axes else _places_over_range(model, name)
@@ -171,7 +171,7 @@ def _combi_table(model: Model, grid: Grid) -> str:
     """
     rows, columns = grid.places.values()
     quantities = (*model.inputs, model.output)
-    lines = ["#1", *("# " + note(f"{quantity.name} [{quantity.unit}]") for quantity in quantities)]
+    lines = ["#1", *("# " + note(quantity.label) for quantity in quantities)]
     for name, values in ((name_of_output(model), grid.values), ("valid", grid.valid)):
         lines += ["", code("double {}({},{})", name, len(rows) + 1, len(columns) + 1)]
         inner = values.reshape(len(rows), len(columns))

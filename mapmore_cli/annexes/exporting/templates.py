@@ -212,7 +212,7 @@ def templates(language: str) -> Environment:
         "note": noted,
         "listed": lambda parts: Code(", ".join(str(written(part)) for part in parts)),
     }
-    environment.filters["unit"] = lambda quantity: noted(f"{quantity.name} [{quantity.unit}]")
+    environment.filters["unit"] = lambda quantity: noted(quantity.label)
     return environment
 
 

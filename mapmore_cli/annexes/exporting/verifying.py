@@ -62,7 +62,7 @@ class CompilerFailed(CompilerMissing):
     """The compiler works, but it refused the files of a model."""
 
 
-def library_place(name: str, standard: int = 2) -> str:
+def library_place(name: str, standard: int) -> str:
     """Return the path of this machine's shared library in a unit of FMI 2 or 3. Raises
     CompilerMissing for an unknown machine.
     """
@@ -140,7 +140,7 @@ def verify_program(
         _verify(model, [str(place)], folder, close)
 
 
-def verify_module(model: Model, text: str, each: bool = False) -> None:
+def verify_module(model: Model, text: str, each: bool) -> None:
     """Import a module and compare it with `predict`; with `each`, sample by sample. Raises
     MapmoreError like `verify_program`.
     """
@@ -167,7 +167,7 @@ def _verify(model: Model, command: Sequence[str], folder: Path, close: float = C
     range.
     """
     columns, count = points(model), len(model.inputs)
-    names = [*(quantity.name for quantity in model.inputs), *fed_back(model)]
+    names = [*model.input_names, *fed_back(model)]
     rows = np.column_stack([np.empty((POINTS, 0)), *(columns[name] for name in names)]).tolist()
     rows_as_text = "".join(" ".join(map(repr, row)) + "\n" for row in rows)
     answers = _answers(model, command, rows_as_text, folder).reshape(-1, len(model.each) + 1)
@@ -243,7 +243,7 @@ def training_ends(model: Model) -> dict[str, tuple[list[float], list[float]]]:
     unknown.
     """
     limits, ends = program_of(model).limits, {}
-    for name in (quantity.name for quantity in model.inputs):
+    for name in model.input_names:
         known = [limit for limit in limits if limit.inputs == {name}]
         # limits of the input itself are used, not those of quantities that are computed from it
         known = [limit for limit in known if limit.value == Name(f"{INPUT}{name}")] or known

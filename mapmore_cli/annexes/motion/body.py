@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from mapmore_cli.domain.arrays import ASCENDING, Array, Number, Numbers, Span
-from mapmore_cli.domain.declared import Count, Label, QuantityName, TermName, one_of
+from mapmore_cli.domain.declared import Count, Label, Notes, QuantityName, TermName, one_of
 from mapmore_cli.domain.fits import Fit, Step
 from mapmore_cli.domain.models import Body
 from mapmore_cli.domain.recording import CurveRange
@@ -128,7 +128,7 @@ class MotionFit(Fit):
     searches: Annotated[
         tuple[SectionSearch, ...], "the search of each section, in the order of sections"
     ]
-    notes: Annotated[tuple[str, ...], "remarks for the reader"] = ()
+    notes: Notes = ()
 
 
 @dataclass(frozen=True)

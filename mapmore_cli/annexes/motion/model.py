@@ -11,7 +11,7 @@ import numpy as np
 
 from mapmore_cli.annexes.motion.body import BUMPLESS, HARD, REST, Motion, MotionSection, StateSpace
 from mapmore_cli.annexes.motion.simulation import simulate as simulated
-from mapmore_cli.domain.arrays import Columns
+from mapmore_cli.domain.arrays import Columns, columns_at
 from mapmore_cli.domain.models import Equation, Model
 from mapmore_cli.domain.recording import CurveRange, Quantity
 from mapmore_cli.domain.results import SimulatedRun
@@ -140,7 +140,7 @@ class MotionVerbs(Verbs):
         start after it.
         """
         names = [
-            *(quantity.name for quantity in model.inputs),
+            *model.input_names,
             *(["time"] if "time" in columns else []),
         ]
         numbers = {name: np.asarray(columns[name], dtype=np.float64) for name in names}
@@ -148,9 +148,7 @@ class MotionVerbs(Verbs):
         values = np.full(len(known), np.nan)
         for rows in np.split(np.arange(len(known)), np.flatnonzero(np.diff(known)) + 1):
             if len(rows) and known[rows[0]]:
-                values[rows] = simulated(
-                    _motion(model), {name: column[rows] for name, column in numbers.items()}
-                )
+                values[rows] = simulated(_motion(model), columns_at(numbers, rows))
         return SimulatedRun(values)
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:

@@ -12,7 +12,7 @@ from annotated_types import Interval, Len
 
 from mapmore_cli.annexes.motion.body import REST, poles
 from mapmore_cli.annexes.motion.simulation import response, stable
-from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
+from mapmore_cli.domain.arrays import Array, BoolArray, IntArray, root_mean_square
 from mapmore_cli.domain.declared import (
     Contradiction,
     Difference,
@@ -181,7 +181,7 @@ class Problem:
         # with a slice, nothing is copied
         self.own = [slice(None) if piece.counts.all() else piece.counts for piece in self.pieces]
         self.y = np.concatenate([piece.y[piece.counts] for piece in self.pieces])
-        self.size = float(np.sqrt(np.mean(self.y**2))) or 1.0
+        self.size = root_mean_square(self.y) or 1.0
         self.evaluations = 0
 
     def responses(self, p1: float, p2: float) -> Array:

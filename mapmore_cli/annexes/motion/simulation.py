@@ -15,7 +15,15 @@ from typing import NamedTuple
 import numpy as np
 
 from mapmore_cli.annexes.motion.body import BUMPLESS, HARD, REST, Motion
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray, row_count
+from mapmore_cli.domain.arrays import (
+    Array,
+    BoolArray,
+    Columns,
+    IntArray,
+    columns_at,
+    root_mean_square,
+    row_count,
+)
 from mapmore_cli.domain.errors import DataError, FitError
 from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.modelling.expressions.operators.play import play
@@ -126,9 +134,7 @@ def simulate(motion: Motion, columns: Columns) -> Array:
                 "fit the model again: every solver gives stable sections",
             )
     parts = uninterrupted(columns["time"], motion.step) if "time" in columns else [slice(None)]
-    return np.concatenate(
-        [_along({name: column[part] for name, column in columns.items()}, motion) for part in parts]
-    )
+    return np.concatenate([_along(columns_at(columns, part), motion) for part in parts])
 
 
 def driven(drives: tuple[str, ...], columns: Columns) -> Array:
@@ -227,8 +233,8 @@ def motion_errors(measured: Array, predicted: Array, u: Array, step: float) -> M
     if len(measured) > 1:
         faster = (np.gradient(predicted, step) - np.gradient(measured, step))[-tail:]
     return MotionErrors(
-        float(np.sqrt(np.mean(error**2))),
-        float(np.sqrt(np.mean(faster**2))),
+        root_mean_square(error),
+        root_mean_square(faster),
         float(np.abs(error).max()),
         float(np.abs(faster).max()),
         float(before.max()) if len(before) else float("nan"),

@@ -13,7 +13,7 @@ from scipy import optimize
 from mapmore_cli.annexes.motion.body import poles
 from mapmore_cli.annexes.motion.problem import Bounds, Found, MotionRecipe, Piece, Problem
 from mapmore_cli.annexes.motion.simulation import angles, of_angles, stable
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, root_mean_square
 from mapmore_cli.domain.errors import FitError
 
 STRIDES = (1, 3, 10, 30)
@@ -35,7 +35,7 @@ def least_squares(problem: Problem, _recipe: MotionRecipe) -> Found:
 
     def residuals(place: Array) -> Array:
         left = problem.projected(*of_angles(place, reach))[1]
-        history.append(float(np.sqrt(np.mean(left**2))))
+        history.append(root_mean_square(left))
         return left
 
     end = optimize.least_squares(

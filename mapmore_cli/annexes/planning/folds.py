@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import BoolArray
+from mapmore_cli.domain.arrays import BoolArray, root_mean_square
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset
@@ -41,9 +41,7 @@ class Folds:
     full_scale: str
 
 
-def folds_of(
-    dataset: Dataset, choices: ModelChoices, normaliser: str, by_level: bool = False
-) -> Folds:
+def folds_of(dataset: Dataset, choices: ModelChoices, normaliser: str, by_level: bool) -> Folds:
     """Return folds of the training samples: inner levels if there are enough of them, otherwise
     blocks.
 
@@ -104,7 +102,7 @@ def errors_of(folds: Folds, remade: Callable[[Dataset], Model]) -> list[float]:
                 for curve, out, predicted in every
             ]
         )
-        error = float(np.sqrt(np.mean(errors**2))) / folds.scale if len(errors) else np.inf
+        error = root_mean_square(errors) / folds.scale if len(errors) else np.inf
         nrmse.append(error if np.isfinite(error) else float("inf"))
     return nrmse
 

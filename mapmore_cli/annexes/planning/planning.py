@@ -343,7 +343,7 @@ def _of_points(
     """
     name, dataset = choices.name, training_only(whole)
     columns = pooled_training(dataset.curves)
-    inputs = [quantity.name for quantity in refit(choices, dataset).inputs]
+    inputs = refit(choices, dataset).input_names
     names = tuple(quantity for quantity in inputs if np.ptp(columns[quantity]) > 0)
     if not names:
         raise DataError(

@@ -129,7 +129,7 @@ def searching_again(run_dir: Path) -> Callable[[Dataset], ModelChoices]:
     """Return a function that finds a structure from the training samples of a dataset, as the
     search of a run did; it may try longer structures as well, if that search did.
     """
-    recorded = load_records(run_dir, lambda _message: None)[STAGE.name].slice
+    recorded = load_records(run_dir)[STAGE.name].slice
     part = _SLICE.validate_json(to_json(recorded))
     whole = RunFiles(run_dir).search()
     beside = whole is not None and whole.short is not None

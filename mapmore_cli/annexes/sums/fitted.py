@@ -114,10 +114,7 @@ class SumMaker(Maker):
                 for summand in summands
             ]
             refuse_shared_names(
-                [
-                    (each.model.name, [q.name for q in each.model.inputs], each.inputs)
-                    for each in parts
-                ]
+                [(each.model.name, each.model.input_names, each.inputs) for each in parts]
             )
         return sum_of(part.name, parts, output, quantities)
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, Columns, Value
+from mapmore_cli.domain.arrays import Array, Columns, Value, column_in
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.expressions.functions import FUNCTIONS
 from mapmore_cli.modelling.expressions.printing import to_text
@@ -145,11 +145,7 @@ def _needed(terms: Sequence[Expression], columns: Columns, n: int) -> dict[str, 
     """
     needed: dict[str, Array] = {}
     for name in sorted(names_in(terms)):
-        if name not in columns:
-            raise DataError(
-                f"there is no column `{name}`", f"there are: {', '.join(columns) or 'none'}"
-            )
-        needed[name] = np.asarray(columns[name], dtype=float)
+        needed[name] = np.asarray(column_in(columns, name), dtype=float)
         if needed[name].shape not in ((n,), ()):
             raise DataError(
                 f"the column `{name}` has the shape {needed[name].shape}, expected ({n},)"

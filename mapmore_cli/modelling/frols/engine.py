@@ -387,7 +387,7 @@ def reads_once(n: int, M: int, terms: int) -> bool:
     return n * M > SMALL and n > M and GRAM_COLUMNS_PER_TERM * (terms + 2) >= M
 
 
-def _by_gram(blocks: Blocks, stopping: Stopping, sigma: Array | None = None) -> Selection:
+def _by_gram(blocks: Blocks, stopping: Stopping, sigma: Array | None) -> Selection:
     """Select with the Gram matrix, or with explicit remainders if the Gram matrix has lost digits
     that the choice needs.
     """

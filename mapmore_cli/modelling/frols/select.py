@@ -170,7 +170,7 @@ def _highest(err: Array) -> IntArray:
     )
 
 
-def to_explain(blocks: Blocks, samples: int, yy: float, uncertainty: Array | None = None) -> float:
+def to_explain(blocks: Blocks, samples: int, yy: float, uncertainty: Array | None) -> float:
     """Return the sum of squares to which a tolerance refers: `y'y`, without the part that a
     constant candidate explains.
 
@@ -247,7 +247,7 @@ def selected(
     scale: Array,
     samples: int,
     blocks: Blocks,
-    uncertainty: Array | None = None,
+    uncertainty: Array | None,
 ) -> Selection:
     """Return the greedy choice with the number of terms that the stopping rule prefers. Raises
     DigitsLost like `greedy`.

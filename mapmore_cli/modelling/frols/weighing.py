@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.arrays import Array, IntArray, root_mean_square
 from mapmore_cli.domain.fits import Selection
 from mapmore_cli.modelling.frols.correlated import MOST, correlated_errors
 from mapmore_cli.modelling.frols.moments import Blocks, weighted
@@ -181,7 +181,7 @@ def reweighted(
 
 def scale_of(residual: Array, y: Array) -> float:
     """Return `1.4826 median |r|`, or the rounding error of `y` if most residuals are below it."""
-    exact = EXACT * float(np.sqrt(np.mean(y**2)))
+    exact = EXACT * root_mean_square(y)
     return max(MAD * float(np.median(np.abs(residual))), exact) or 1.0
 
 

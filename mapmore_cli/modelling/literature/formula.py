@@ -11,7 +11,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, Columns, row_count
+from mapmore_cli.domain.arrays import Array, Columns, columns_at, row_count
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.fits import FormulaFit, Optimum
 from mapmore_cli.modelling.expressions import (
@@ -233,7 +233,7 @@ class Formula:
             self.linear,
             self.nonlinear,
             {name: derivative(expression, name) for name in names},
-            {name: column[order] for name, column in inputs.items()},
+            columns_at(inputs, order),
             target[order],
             start=self.near or self.published_starts.get(self.start),
         )

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.arrays import Array, IntArray, root_mean_square
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import MemoryFit
 from mapmore_cli.modelling.expressions import NotFinite
@@ -194,7 +194,7 @@ def _sized_in_free_run(
         if recipe.criterion == "free_run":
             vector = refine(early.problem(sizes[-1]), vector).vector
         held = early.problem(sizes[-1], late).at(vector)
-        errors.append(np.sqrt(np.mean(held.residuals**2)) if held.runs else np.inf)
+        errors.append(root_mean_square(held.residuals) if held.runs else np.inf)
         progress(terms, len(early.selector.sizes))
     if not np.isfinite(errors).any():
         raise DataError(

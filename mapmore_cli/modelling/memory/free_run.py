@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, Columns, IntArray, joined, row_count
+from mapmore_cli.domain.arrays import Array, Columns, IntArray, columns_at, joined, row_count
 from mapmore_cli.domain.fits import MemoryModel
 from mapmore_cli.domain.results import SimulatedRun
 from mapmore_cli.modelling.expressions import dictionary_matrix, parse
@@ -77,7 +77,7 @@ class Along:
     def _one_step(self, piece: Columns, n: int) -> Array:
         states = evaluate_states(self.model.states, piece, self.past)
         known, predicted = complete(states.values(), n), np.full(n, np.nan)
-        there = {name: values[known] for name, values in states.items()}
+        there = columns_at(states, known)
         matrix = dictionary_matrix(self.terms, there, int(known.sum()))
         predicted[known] = matrix @ self.model.theta + self.model.constant
         return predicted

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray, extremes
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray, columns_at, extremes
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.signals.sampling import UNEVEN, cut_after, steps_where, typical_step
@@ -134,7 +134,7 @@ def records_of(curves: Sequence[Curve], step: float) -> tuple[Record, ...]:
     records: list[Record] = []
     for curve in curves:
         for name, rows in zip(curve.recordings, curve.stretches, strict=True):
-            columns = {name: x[rows] for name, x in curve.columns.items()}
+            columns = columns_at(curve.columns, rows)
             time, training = columns["time"], curve.training[rows]
             try:
                 parts = uninterrupted(time, step)
@@ -144,8 +144,5 @@ def records_of(curves: Sequence[Curve], step: float) -> tuple[Record, ...]:
                     f"add `resample: {step:.6g} s` to `data`, and `gaps: "
                     f"{{longer_than: ..., action: split}}` if recordings are interrupted",
                 ) from error
-            records += [
-                Record({name: x[part] for name, x in columns.items()}, training[part])
-                for part in parts
-            ]
+            records += [Record(columns_at(columns, part), training[part]) for part in parts]
     return tuple(records)

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, Columns, IntArray
+from mapmore_cli.domain.arrays import Array, Columns, IntArray, column_in, columns_at
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Selection, StateSet
 from mapmore_cli.domain.recording import uncertainty_of
@@ -48,7 +48,7 @@ class Regressors:
         samples.
         """
         terms = self.terms if among is None else [self.terms[i] for i in among]
-        states, y = {name: values[part] for name, values in self.states.items()}, self.y[part]
+        states, y = columns_at(self.states, part), self.y[part]
         for rows, P in dictionary_blocks(terms, states, len(y)):
             yield P, y[rows]
 
@@ -63,17 +63,14 @@ def regressors(
     parts: list[tuple[Columns, Array]] = []
     unsure, sigma = uncertainty_of(target), list[Array]()
     for record in records:
-        if target not in record.columns:
-            raise DataError(
-                f"there is no column `{target}`", f"there are: {', '.join(record.columns)}"
-            )
+        y = column_in(record.columns, target)
         values = evaluate_states(states, record.columns)
         known = record.training & complete(values.values(), record.size)
         sigma += [record.columns[unsure][known]] if unsure in record.columns else []
         parts.append(
             (
-                {name: column[known] for name, column in values.items()},
-                record.columns[target][known],
+                columns_at(values, known),
+                y[known],
             )
         )
     pooled = {name: np.concatenate([values[name] for values, _ in parts]) for name in states.names}

@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns, extremes
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, column_in, extremes
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import MemoryModel, StateSet
 from mapmore_cli.modelling.expressions.operator import Setting, along
@@ -80,11 +80,7 @@ def value_of(
         return known[wanted.name]
     match wanted:
         case Measured(name):
-            if name not in columns:
-                raise DataError(
-                    f"there is no column `{name}`", f"there are: {', '.join(columns) or 'none'}"
-                )
-            values = np.asarray(columns[name], dtype=np.float64)
+            values = np.asarray(column_in(columns, name), dtype=np.float64)
         case Lagged() | Operated() if still:
             values = value_of(wanted.source, columns, numbers, known, still=True)
             if isinstance(wanted, Operated):

@@ -24,6 +24,7 @@ from mapmore_cli.modelling.expressions import Name, parse, substitute, to_text
 from mapmore_cli.modelling.expressions.operator import Parameter
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.expressions.states import Measured, Operated, State, state
+from mapmore_cli.modelling.expressions.syntax import names_in
 from mapmore_cli.modelling.frols.correlated import MOST, correlated_errors
 from mapmore_cli.modelling.memory.feedback import Feedback, fed_back_states, parted
 from mapmore_cli.modelling.memory.records import Record
@@ -221,7 +222,7 @@ class TrainingData:
             recipe.dictionary, numbers
         )
         self.terms = tuple(map(parse, self.dictionary))
-        self.states = resolve_states(_names_in(self.dictionary), records, recipe)
+        self.states = resolve_states(sorted(names_in(self.terms)), records, recipe)
         fed_back = fed_back_states(self.states, recipe.target)
         for term in self.terms:
             parted(term, fed_back)  # raises an error for a term that cannot be fed back in free run
@@ -319,7 +320,9 @@ class TrainingData:
             if at:
                 terms = numbers.filled(texts, numbers.numbers(np.array(at)))
                 resonances = self.states.resonances
-                states = resolve_states(_names_in(terms), self.records, self.recipe, resonances)
+                states = resolve_states(
+                    sorted(names_in(map(parse, terms))), self.records, self.recipe, resonances
+                )
             feedback = Feedback(terms, states, self.recipe.target)
             return [ReadyPiece(feedback, columns) for columns, _ in parts]
 
@@ -348,7 +351,7 @@ class TrainingData:
 
     def _states_of(self, chosen: IntArray) -> StateSet:
         """Return the states that some candidates need, with their parameters."""
-        states, used = self.states, frozenset[str]().union(*(self.terms[i].names for i in chosen))
+        states, used = self.states, names_in(self.terms[i] for i in chosen)
         places = [place for place, name in enumerate(states.names) if name in used]
         kept = replace(states, names=tuple(states.names[place] for place in places))
         return (
@@ -356,7 +359,3 @@ class TrainingData:
             if states.scaled
             else kept
         )
-
-
-def _names_in(terms: Sequence[str]) -> list[str]:
-    return sorted(frozenset[str]().union(*(parse(text).names for text in terms)))

@@ -19,6 +19,7 @@ from mapmore_cli.domain.arrays import (
     Columns,
     IntArray,
     Rows,
+    columns_at,
     extremes,
     give_back,
     picked,
@@ -48,6 +49,7 @@ from mapmore_cli.modelling.expressions import (
     parse,
 )
 from mapmore_cli.modelling.expressions.ranged import placed
+from mapmore_cli.modelling.expressions.syntax import names_in
 from mapmore_cli.modelling.frols import TIE_TOLERANCE, Regression, Weighing
 from mapmore_cli.modelling.frols.engine import choose, choose_together, reads_once
 from mapmore_cli.modelling.frols.select import Stopping
@@ -67,7 +69,7 @@ from mapmore_cli.modelling.pieces.shaped import shaped
 
 def quantities_in(terms: Iterable[Expression]) -> tuple[str, ...]:
     """Return the quantities that occur in some terms, in the order of their names."""
-    return tuple(sorted(frozenset[str]().union(*(term.names for term in terms))))
+    return tuple(sorted(names_in(terms)))
 
 
 def segment(
@@ -94,7 +96,7 @@ def segment(
             return float("inf")
         trial, columns = Segment(f"{curve.id}/trial", curve.id, (), rows), fitted[curve.id].columns
         _, scalings, choices = _best_placement(trial, columns, terms, recipes)
-        spans = [span(np.ptp(columns[one.target])) if also else 1.0 for one in recipes]
+        spans = [span(np.ptp(columns[each.target])) if also else 1.0 for each in recipes]
         return float(
             sum(
                 choice.selection.sse * (scaling.y_slope / span) ** 2
@@ -125,13 +127,13 @@ def fit(
     }
     terms = [candidate(text) for text in recipe.dictionary]
     recipes = [recipe, *(replace(recipe, target=name) for name in also)]
-    single = {one.id for one in curves}
+    single = {curve.id for curve in curves}
     fits = []
     for segmented in segmentation:
         curve = fitted[segmented.curve]
-        for one in segmented.segments:
-            origin = _labels_of_curves(one.rows, curves, curve, curve.id not in single)
-            fits.append(fit_together(one, curve.columns, terms, recipes, origin))
+        for part in segmented.segments:
+            origin = _labels_of_curves(part.rows, curves, curve, curve.id not in single)
+            fits.append(fit_together(part, curve.columns, terms, recipes, origin))
             tick()
     return tuple(zip(*fits, strict=True))
 
@@ -143,7 +145,7 @@ def _labels_of_curves(
     are pooled, otherwise its recording; None if there is only one.
     """
     if pooled:
-        ends = np.cumsum([one.size for one in curves])
+        ends = np.cumsum([curve.size for curve in curves])
         return np.searchsorted(ends, row_numbers(rows), side="right")
     alone = curve.origin is None or len(curve.recordings) < 2
     return None if alone else np.asarray(picked(curve.origin, rows))
@@ -197,7 +199,7 @@ def _best_placement(
         what = f"segment {segment.id}: {n} training sample(s), too few for {most} term(s)"
         raise DataError(what, f"{ways}, or set fit.max_terms to less than {max(2, n)}")
     variables = quantities_in(terms)
-    outputs = [_samples_of(segment, columns, variables, one, origin) for one in recipes]
+    outputs = [_samples_of(segment, columns, variables, each, origin) for each in recipes]
     robust = recipe.fit.loss != "squares"
     missed = "scale" if robust else "sse"  # weighted squares are not comparable
     ends = {
@@ -205,7 +207,7 @@ def _best_placement(
     }
     best: _Placed | None = None
     least = np.inf
-    places = zip(*(one.placements(recipe, variables) for one in outputs), strict=True)
+    places = zip(*(output.placements(recipe, variables) for output in outputs), strict=True)
     for place, of_outputs in enumerate(places):
         scalings: Sequence[Scaling] = of_outputs
         texts = placed(
@@ -281,17 +283,17 @@ def _samples_of(
     origin: IntArray | None,
 ) -> _Samples:
     unsure = uncertainty_of(recipe.target)
-    given = [unsure] if unsure in columns else []
-    samples = samples_at(columns, segment.rows, (*variables, recipe.target, *given))
+    unsure_columns = [unsure] if unsure in columns else []
+    samples = samples_at(columns, segment.rows, (*variables, recipe.target, *unsure_columns))
     recorded = np.arange(len(samples[recipe.target]))
     if samples[recipe.target].nbytes <= LONG:
         recorded = order = np.lexsort(
-            [samples[name] for name in (*given, recipe.target, *variables[::-1])]
+            [samples[name] for name in (*unsure_columns, recipe.target, *variables[::-1])]
         )
-        samples = {name: values[order] for name, values in samples.items()}
+        samples = columns_at(samples, order)
         origin = None if origin is None else origin[order]
     weighing = Weighing(
-        samples[unsure] if given else None,
+        samples[unsure] if unsure_columns else None,
         recipe.fit.loss,
         recipe.fit.known_scale,
         origin,
@@ -320,14 +322,14 @@ def _robust(
     for count in dict.fromkeys((most + 1, max(most + 1, min(len(free), n // SAMPLES_PER_TERM)))):
         more = replace(recipe, fit=replace(recipe.fit, max_terms=count, tolerance=0.0))
         choices, anchored, starting = _chosen_terms(free, scalings, outputs, more), [], []
-        for one, scaling, choice in zip(outputs, scalings, choices, strict=True):
+        for output, scaling, choice in zip(outputs, scalings, choices, strict=True):
             selection = choice.selection
             chosen = [free[i] for i in selection.chosen]
-            blocks = one.weighing.rows(partial(one.blocks, chosen, scaling))()
+            blocks = output.weighing.rows(partial(output.blocks, chosen, scaling))()
             left = np.concatenate([y - P @ selection.theta for P, y in blocks])
             weights = loss_weights(recipe.fit.loss, left / selection.scale)
-            anchored.append(one.placements(recipe, scaling.variables, weights)[place])
-            starting.append(replace(one, weighing=replace(one.weighing, start=weights)))
+            anchored.append(output.placements(recipe, scaling.variables, weights)[place])
+            starting.append(replace(output, weighing=replace(output.weighing, start=weights)))
         ways += [
             (anchored, _chosen_terms(terms, anchored, some, recipe)) for some in (outputs, starting)
         ]
@@ -348,18 +350,18 @@ def _chosen_terms(
     n, how = len(outputs[0].y), recipe.fit
     stopping = Stopping(how.max_terms, how.tolerance, how.stop)
     weighings = [
-        one.weighing.in_unit(scaling.y_slope)
-        for one, scaling in zip(outputs, scalings, strict=True)
+        output.weighing.in_unit(scaling.y_slope)
+        for output, scaling in zip(outputs, scalings, strict=True)
     ]
     problems = [
         Regression(
-            partial(one.blocks, terms, scaling),
+            partial(output.blocks, terms, scaling),
             weighing,
-            lambda chosen, one=one, scaling=scaling: partial(  # type: ignore[misc]
-                one.blocks, [terms[i] for i in chosen], scaling
+            lambda chosen, output=output, scaling=scaling: partial(  # type: ignore[misc]
+                output.blocks, [terms[i] for i in chosen], scaling
             ),
         )
-        for one, scaling, weighing in zip(outputs, scalings, weighings, strict=True)
+        for output, scaling, weighing in zip(outputs, scalings, weighings, strict=True)
     ]
     if len(outputs) > 1 or reads_once(n, len(terms), how.max_terms):
         return choose_together(problems, stopping)
@@ -396,21 +398,21 @@ def fuse(
     for cut in sorted(segmentation, key=lambda cut: (cut.level is not None, cut.level)):
         segments = tuple(
             _segment_function(
-                fits[one.id], samples_at(training[cut.curve].columns, one.rows, cut.variables)
+                fits[part.id], samples_at(training[cut.curve].columns, part.rows, cut.variables)
             )
-            for one in cut.segments
-            if one.id in fits
+            for part in cut.segments
+            if part.id in fits
         )
         functions.append(
             from_fields(CurveFunction, cut.of(inputs), boundaries=cut.boundaries, segments=segments)
         )
-    several = any(len(one.terms) > 1 for one in result.segments)
+    several = any(len(part.terms) > 1 for part in result.segments)
     sides = _extrapolation(recipe, inputs, "saturate" if several else "continue")
     fusion = from_fields(Fusion, recipe.fuse, extrapolation=sides)
     model = Model(
         name=name,
         output=quantities[recipe.target],
-        inputs=tuple(quantities[one] for one in inputs),
+        inputs=tuple(quantities[key] for key in inputs),
         body=Pieces(level, tuple(recipe.cuts), tuple(functions), fusion, backbone),
         notes=result.notes,
     )

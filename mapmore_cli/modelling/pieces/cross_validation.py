@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.arrays import Array, BoolArray, columns_at, root_mean_square
 from mapmore_cli.domain.errors import FitError, MapmoreError
 from mapmore_cli.domain.models import FoldError, Model, Pieces, SegmentFunction
 from mapmore_cli.domain.recording import Curve, Quantity
@@ -63,7 +63,7 @@ class LeftOutErrors:
 
     def rmse(self, share: float) -> float:
         """Return the RMSE of the backbone with a share of the residual."""
-        return float(np.sqrt(np.mean((self.backbone + share * self.residual - self.measured) ** 2)))
+        return root_mean_square(self.backbone + share * self.residual - self.measured)
 
     @property
     def share(self) -> float:
@@ -444,7 +444,7 @@ def thin(curve: Curve, along: str | None) -> Curve:
     if along is not None:
         rows = rows[np.argsort(curve.columns[along][rows], kind="stable")]
     rows = np.sort(rows[:: max(1, -(-len(rows) // SAMPLES))])
-    columns = {name: x[rows] for name, x in curve.columns.items()}
+    columns = columns_at(curve.columns, rows)
     return replace(
         curve,
         columns=columns,

@@ -12,6 +12,7 @@ from mapmore_cli.domain.models import CurveFunction, Equation, Model, Pieces, Se
 from mapmore_cli.domain.results import SimulatedRun
 from mapmore_cli.modelling.equations import equation
 from mapmore_cli.modelling.expressions import Expression, parse
+from mapmore_cli.modelling.expressions.syntax import names_in
 from mapmore_cli.modelling.kinds import Verbs
 from mapmore_cli.modelling.literature.model import (
     backbone_values,
@@ -64,15 +65,15 @@ def _weight(
     held = held_between(segment, curve, body)
     for (name, ends), place in zip(zones_of(curve, body).items(), segment.cell, strict=True):
         ways = np.array(ends).T / units.get(name, 1.0)
-        told = [
+        changes = [
             f"{verb} {start:.6g} to {end:.6g}"
             for verb, at in (("rises", place - 2), ("falls", place - 1))
             if 0 <= at < len(ways)
             for start, end in [ways[at]]
         ]
         sides = zip(("below", "above"), held.get(name, ()), strict=False)
-        told += [f"held {s} {v / units.get(name, 1.0):.6g}" for s, v in sides if v is not None]
-        words += [f"{name} {', '.join(told)}"] if told else []
+        changes += [f"held {s} {v / units.get(name, 1.0):.6g}" for s, v in sides if v is not None]
+        words += [f"{name} {', '.join(changes)}"] if changes else []
     return "; ".join(words)
 
 
@@ -84,7 +85,7 @@ class PiecesVerbs(Verbs):
         eq 5, M2 eq 9); NaN if an input is NaN.
         """
         body = model.body_of(Pieces)
-        names = tuple(quantity.name for quantity in model.inputs)
+        names = model.input_names
         pieces = _ready(body, names) if any(curve.segments for curve in body.curves) else None
 
         def value(inputs: dict[str, Array], n: int) -> Array:
@@ -100,11 +101,18 @@ class PiecesVerbs(Verbs):
         body = model.body_of(Pieces)
         pieces = (
             equation(
-                *(one.id, one.terms, one.theta, one.scaling, {**curve.limits, **one.limits}, units),
-                weight=_weight(one, curve, body, units),
+                *(
+                    segment.id,
+                    segment.terms,
+                    segment.theta,
+                    segment.scaling,
+                    {**curve.limits, **segment.limits},
+                    units,
+                ),
+                weight=_weight(segment, curve, body, units),
             )
             for curve in body.curves
-            for one in curve.segments
+            for segment in curve.segments
         )
         return *formula_equations(body.backbone, units), *pieces
 
@@ -125,13 +133,13 @@ class PiecesVerbs(Verbs):
         for name, sides in body.fusion.extrapolation.items():
             known = OUTER_LEVEL if name == level else OUTSIDE
             below, above = (known.get(str(side), f"it is taken to be {side}") for side in sides)
-            told = f"below its limits {below}, above {above}"
-            yield f"{name}: {f'beyond its limits {below}' if below == above else told}."
+            both_sides = f"below its limits {below}, above {above}"
+            yield f"{name}: {f'beyond its limits {below}' if below == above else both_sides}."
 
     def parameters(self, model: Model) -> int:
         """Return the number of coefficients of all segments plus the parameters of the backbone."""
         body = model.body_of(Pieces)
-        return sum(len(one.theta) for one in body.segments) + (
+        return sum(len(segment.theta) for segment in body.segments) + (
             0 if body.backbone is None else len(body.backbone.parameters)
         )
 
@@ -158,7 +166,5 @@ class PiecesVerbs(Verbs):
         ):
             yield "the levels of its curves do not increase"
         for segment in model.body_of(Pieces).segments:
-            if not frozenset().union(*(parse(text).names for text in segment.terms)) <= {
-                *segment.scaling.variables
-            }:
+            if not names_in(map(parse, segment.terms)) <= {*segment.scaling.variables}:
                 yield f"the terms of {segment.id} use other quantities than its scaling"

@@ -71,7 +71,7 @@ def exploding_curves(model: Model, curves: Sequence[Curve], target: str) -> list
     low, high = extremes(samples[target])
     rows = np.unique(np.linspace(0, len(samples[target]) - 1, LOOKED_AT).astype(int))
     places = {}
-    for name in (quantity.name for quantity in model.inputs):
+    for name in model.input_names:
         middle = sum(extremes(samples[name])) / 2
         places[name] = middle + (1 + 2 * REACH) * (samples[name][rows] - middle)
     found = []

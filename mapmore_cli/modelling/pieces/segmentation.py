@@ -306,7 +306,7 @@ def segment_curve(
         raise DataError(f"segment {empty[0]}: contains no training sample", remedy)
     limits = {name: curve.limits(name) for name in curve.columns}
     return SegmentedCurve(
-        curve.id, curve.level, limits, tuple(cuts), tuple(boundaries.values()), tuple(segments)
+        curve.id, curve.level, limits, tuple(boundaries.values()), tuple(cuts), tuple(segments)
     )
 
 

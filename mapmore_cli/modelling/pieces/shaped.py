@@ -50,9 +50,9 @@ def shaped(
     if region is None and not recipe.bounds:
         return model
     if region is not None:
-        names = [one.name for one in model.inputs]
+        names = model.input_names
         refuse_unsupported(curves, recipe.target, names, recipe.level, recipe.fit, fewest=0)
-    start = np.concatenate([one.theta for one in body.segments])
+    start = np.concatenate([segment.theta for segment in body.segments])
     exchange = Exchange(
         model,
         _fused_output(model, body, len(start)),
@@ -76,16 +76,22 @@ def _triangular_factor(
     from scipy.linalg import block_diag
 
     training = {curve.id: curve for curve in training_curves(curves, recipe.level is not None)}
-    rows = {one.id: (curve.curve, one.rows) for curve in segmentation for one in curve.segments}
+    rows = {
+        segment.id: (curve.curve, segment.rows)
+        for curve in segmentation
+        for segment in curve.segments
+    }
     blocks: list[Any] = []
     unsure = uncertainty_of(recipe.target)
     for segment in body.segments:
-        curve, own = rows[segment.id]
-        given = [unsure] if unsure in training[curve].columns else []
-        samples = samples_at(training[curve].columns, own, (*segment.scaling.variables, *given))
+        curve, own_rows = rows[segment.id]
+        unsure_columns = [unsure] if unsure in training[curve].columns else []
+        samples = samples_at(
+            training[curve].columns, own_rows, (*segment.scaling.variables, *unsure_columns)
+        )
         z = scaled_inputs(segment.scaling, samples)
-        P = dictionary_matrix([parse(text) for text in segment.terms], z, len(own))
-        P = P / samples[unsure][:, None] if given else P
+        P = dictionary_matrix([parse(text) for text in segment.terms], z, len(own_rows))
+        P = P / samples[unsure][:, None] if unsure_columns else P
         blocks.append(np.linalg.qr(segment.scaling.y_slope * P, mode="r"))
     return block_diag(*blocks)
 
@@ -94,12 +100,18 @@ def _with_coefficients(body: Pieces, theta: Array) -> Pieces:
     """Return the pieces with other coefficients. Coefficients that changed have no standard
     error.
     """
-    parts = iter(np.split(theta, np.cumsum([len(one.theta) for one in body.segments])))
+    parts = iter(np.split(theta, np.cumsum([len(segment.theta) for segment in body.segments])))
 
-    def changed(one: SegmentFunction) -> SegmentFunction:
-        own = next(parts)
-        same = np.allclose(own, one.theta, rtol=1e-9, atol=0.0)
-        return one if same else replace(one, theta=own, theta_error=np.full(len(own), np.nan))
+    def changed(segment: SegmentFunction) -> SegmentFunction:
+        coefficients = next(parts)
+        same = np.allclose(coefficients, segment.theta, rtol=1e-9, atol=0.0)
+        return (
+            segment
+            if same
+            else replace(
+                segment, theta=coefficients, theta_error=np.full(len(coefficients), np.nan)
+            )
+        )
 
     curves = [replace(c, segments=tuple(map(changed, c.segments))) for c in body.curves]
     return replace(body, curves=tuple(curves))
@@ -112,16 +124,18 @@ def _of_coefficients(body: Pieces, names: Sequence[str]) -> Pieces:
     left, everywhere = iter(names), dict.fromkeys(names, (-1e300, 1e300))
     sides = {**body.fusion.extrapolation, **dict.fromkeys(names, ("continue", "continue"))}
 
-    def opened(one: SegmentFunction) -> SegmentFunction:
-        own = [next(left) for _ in one.terms]
-        ones, scaling = np.ones(len(own)), one.scaling
+    def opened(segment: SegmentFunction) -> SegmentFunction:
+        factors = [next(left) for _ in segment.terms]
+        ones, scaling = np.ones(len(factors)), segment.scaling
         return replace(
-            one,
-            terms=tuple(f"{name}*({term})" for name, term in zip(own, one.terms, strict=True)),
+            segment,
+            terms=tuple(
+                f"{factor}*({term})" for factor, term in zip(factors, segment.terms, strict=True)
+            ),
             theta=ones,
             scaling=replace(
                 scaling,
-                variables=(*scaling.variables, *own),
+                variables=(*scaling.variables, *factors),
                 slope=np.append(scaling.slope, ones),
                 intercept=np.append(scaling.intercept, 0 * ones),
             ),
@@ -138,14 +152,14 @@ def _fused_output(model: Model, body: Pieces, count: int) -> Values:
     """Return the fused output as a function of its coefficients: a program that has them as
     inputs.
     """
-    inputs = [one.name for one in model.inputs]
+    inputs = model.input_names
     names = [f"coefficient_{number}" for number in range(count)]
     program = evaluator(pieces_program(_of_coefficients(body, names), [*inputs, *names]))
 
     def value(theta: Array, columns: Columns) -> Array:
         n = row_count(columns)
-        found = program({**columns, **dict(zip(names, theta, strict=True))})[0]
-        return found + backbone_values(body.backbone, columns, n)
+        pieces = program({**columns, **dict(zip(names, theta, strict=True))})[0]
+        return pieces + backbone_values(body.backbone, columns, n)
 
     return value
 
@@ -154,7 +168,7 @@ def _coefficient_bounds(
     body: Pieces, bounds: Mapping[str, tuple[float, float]]
 ) -> tuple[Array, Array]:
     """Return the bounds of coefficients as linear inequalities, in the target's unit, by term."""
-    terms = [(term, one.scaling.y_slope) for one in body.segments for term in one.terms]
+    terms = [(term, segment.scaling.y_slope) for segment in body.segments for term in segment.terms]
     low, high = np.array([bounds.get(term, (-np.inf, np.inf)) for term, _ in terms]).T
     slopes = np.diag([slope for _, slope in terms])
     D, d = np.vstack([slopes, -slopes]), np.append(low, -high)

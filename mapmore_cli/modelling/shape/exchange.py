@@ -64,7 +64,7 @@ class Exchange:
         step: float = 1.0,
     ) -> None:
         self.model, self.value, self.start = model, value, start
-        self.inputs, self.linear = [quantity.name for quantity in model.inputs], step == 1.0
+        self.inputs, self.linear = model.input_names, step == 1.0
         self.D, self.d = bounds
         y, lengths = R @ self.start, np.linalg.norm(R, axis=0)
         lengths[lengths == 0] = 1.0

@@ -154,9 +154,7 @@ def region_of(model: Model, curves: Sequence[Curve], fit: Fit) -> Region | None:
     if the range of the model is unknown.
     """
     ranges = tuple(limits(getattr(model.body, "ranges", ()), model.level))
-    return region_within(
-        ranges, curves, model.output.name, [quantity.name for quantity in model.inputs], fit
-    )
+    return region_within(ranges, curves, model.output.name, model.input_names, fit)
 
 
 def region_within(

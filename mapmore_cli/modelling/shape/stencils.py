@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray, columns_at
 from mapmore_cli.domain.declared import Word
 from mapmore_cli.modelling.selection import Fit
 
@@ -85,7 +85,7 @@ class Stencils:
         need.
         """
         used, nodes = np.unique(self.nodes[rows], return_inverse=True)
-        columns = {name: x[used] for name, x in self.columns.items()}
+        columns = columns_at(self.columns, used)
         nodes = nodes.reshape(self.nodes[rows].shape)
         return Stencils(self.asked, columns, nodes, self.weights[rows], self.lines[rows])
 

@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, IntArray, Ranges
+from mapmore_cli.domain.arrays import Array, IntArray, Ranges, columns_at, root_mean_square
 from mapmore_cli.domain.declared import Word
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.models import KeptShape, Model, Shape
@@ -136,13 +136,13 @@ def _rms_error(model: Model, curves: Sequence[Curve], training: bool) -> float:
     """Return the root mean square error on training or held-out samples; NaN without any."""
 
     def of_log(curve: Curve, rows: slice | IntArray) -> Array:
-        log = {name: x[rows] for name, x in curve.columns.items()}
+        log = columns_at(curve.columns, rows)
         counted = (curve.training if training else curve.held_out)[rows]
         return (predict(model, log) - log[model.output.name])[counted]
 
     errors = np.concatenate([of_log(curve, rows) for curve in curves for rows in curve.stretches])
     known = errors[np.isfinite(errors)]
-    return float(np.sqrt(np.mean(known**2))) if len(known) else math.nan
+    return root_mean_square(known) if len(known) else math.nan
 
 
 def verified(

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray, columns_at
 from mapmore_cli.domain.errors import DataError
 
 # a reversal smaller than this fraction of the range is noise, or a small loop inside the large one
@@ -65,10 +65,7 @@ def split_cycles(over: Array, columns: Columns, samples: int) -> Branches:
     if not low < high:
         raise DataError("contraction and extension have no common range")
     edges = np.linspace(low, high, samples + 1)
-    means = [
-        bin_means(over[rows], {n: v[rows] for n, v in columns.items()}, edges)
-        for rows in (rising, falling)
-    ]
+    means = [bin_means(over[rows], columns_at(columns, rows), edges) for rows in (rising, falling)]
     for (places, _), name in zip(means, ("contraction", "extension"), strict=True):
         if len(places) < FEWEST:
             raise DataError(

@@ -63,7 +63,7 @@ def solve(
 
 def _force(model: Model, columns: Columns) -> Array:
     body = model.body_of(Tendon)
-    needed = ("time", *(quantity.name for quantity in model.inputs))
+    needed = ("time", *model.input_names)
     if missing := [name for name in needed if name not in columns]:
         raise DataError(
             f"{model.name}: a force behind a tendon follows from {', '.join(needed)} along a "

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, Ranges
+from mapmore_cli.domain.arrays import Array, Ranges, root_mean_square
 from mapmore_cli.domain.fits import LOWER_BOUND
 from mapmore_cli.domain.models import Model, Pieces, SegmentFunction
 from mapmore_cli.domain.recording import CurveRange
@@ -230,7 +230,7 @@ def _of_interpolation(
                 continue
             points = grid(before, after, CurvePlace(curve.curve, curve.level))
             half = float(half_widths(model.left_out, points[model.level][:1], CONFIDENCE)[0])
-            size = float(np.sqrt(np.mean(predict(before, points) ** 2)))
+            size = root_mean_square(predict(before, points))
             squares += (share * half / size) ** 2 if math.isfinite(half) and size > 0 else math.inf
     return math.sqrt(squares)
 
@@ -356,7 +356,7 @@ def _change(before: Model, after: Model, place: CurvePlace) -> CurveChange:
         ratio=float(a @ b / (a @ a)),
         weight=float(a @ a),
         difference=float(d.mean()),
-        rms=float(np.sqrt(np.mean(d**2))),
+        rms=root_mean_square(d),
         largest=float(d[worst]),
         place={name: float(values[worst]) for name, values in points.items()},
         interpolated=place.interpolated,

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.optimize import Bounds, minimize
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, root_mean_square
 
 LENGTHS, SIZE, NOISE = (0.1, 5.0), (0.3, 3.0), (1e-3, 0.5)
 """Bounds of the correlation lengths, of the standard deviation of the process, and of that of the
@@ -67,7 +67,7 @@ def most_likely(x: Array, y: Array) -> GaussianProcess:
     """Return the process with the largest marginal likelihood for points, (n, d), in the unit
     square and values, (n,), with mean zero.
     """
-    scale = float(np.sqrt(np.mean(y**2))) or 1.0
+    scale = root_mean_square(y) or 1.0
 
     def made(q: Array) -> GaussianProcess:
         return GaussianProcess(

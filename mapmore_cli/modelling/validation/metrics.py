@@ -244,7 +244,7 @@ def _where_equal(column: Array, value: float) -> BoolArray:
     return np.asarray(by_blocks(lambda part: part == value, column))
 
 
-def row_of_samples(parts: Sequence[ScoredSamples], scale: Normaliser, free: int = 0) -> Compared:
+def row_of_samples(parts: Sequence[ScoredSamples], scale: Normaliser, free: int) -> Compared:
     """Return the samples of some parts as one row of the score table."""
 
     def blocks() -> Iterator[SampleBlock]:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
+from mapmore_cli.domain.arrays import Array, BoolArray, IntArray, root_mean_square
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.signals.cycles import SWING, bin_means, cycle_starts, turning_points
 
@@ -211,7 +211,7 @@ def _again(x: Array, y: Array, held_out: BoolArray) -> Array:
     for start, end in zip(starts[held], ends[held], strict=True):
         n = min(end - start, last.stop - last.start)
         difference = x[start : start + n] - x[last][:n]
-        if np.sqrt(np.mean(difference**2)) <= SAME_COURSE * np.ptp(x):
+        if root_mean_square(difference) <= SAME_COURSE * np.ptp(x):
             again[start : start + n] = y[last][:n]
         else:
             again[start:end] = _on_strokes(x[start:end], x[last], y[last])
@@ -263,4 +263,4 @@ def monotone_floor(x: Array, y: Array) -> float:
         np.asarray(isotonic_regression(means, weights=counts, increasing=way).x)
         for way in (True, False)
     )
-    return min(float(np.sqrt(np.mean((y - curve[inverse]) ** 2))) for curve in curves)
+    return min(root_mean_square(y - curve[inverse]) for curve in curves)

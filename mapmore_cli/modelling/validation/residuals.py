@@ -218,7 +218,7 @@ def alarms(
         for sentence in _of_scores(row)
     ]
     others = {model.output.name, dataset.target, "time"}
-    if {*dataset.quantities} - others and not {quantity.name for quantity in model.inputs} - others:
+    if {*dataset.quantities} - others and not {*model.input_names} - others:
         sentences.append(
             "no input was selected: the model is a constant, or uses its own past output only"
         )

@@ -76,7 +76,7 @@ def is_turned(model: Model, dataset: Dataset) -> bool:
     """Return True if the model is inverted to be scored, because the target is one of its
     inputs.
     """
-    inputs = {quantity.name for quantity in model.inputs}
+    inputs = {*model.input_names}
     return dataset.target in inputs and dataset.target != model.output.name
 
 
@@ -110,6 +110,6 @@ def varying_input(model: Model, ranges: Sequence[Ranges]) -> str:
         whole = float(np.ptp(ends)) if len(ends) else 0.0
         return round(float(np.mean(np.ptp(ends, axis=1))) / whole, 2) if whole > 0 else 0.0
 
-    names = [quantity.name for quantity in model.inputs]
+    names = model.input_names
     free = [name for name in names if name != model.level] or names
     return max(free, key=covered, default="")

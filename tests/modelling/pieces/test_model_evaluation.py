@@ -67,7 +67,7 @@ def segment(rng, name, cell, names, boundaries):
     chosen = tuple(rng.choice(usable, rng.integers(0, 4), replace=False))
     theta, nothing = rng.normal(size=len(chosen)), np.zeros(len(chosen))
     return SegmentFunction(
-        theta, nothing, nothing, nothing, name, cell, chosen, scaling, 9, 1.0, "tolerance", limits
+        theta, nothing, nothing, nothing, 9, 1.0, "tolerance", name, cell, chosen, scaling, limits
     )
 
 

@@ -21,7 +21,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.arrays import Array, Columns, root_mean_square
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.expressions import Expression, parse
 from mapmore_cli.modelling.literature import hinge
@@ -63,7 +63,7 @@ class SarosiHinged(Formula):
         own = plain.parameters if usable else dict.fromkeys(PLAIN.parameters, 0.0)
         parameters = {**hinged.parameters, "share": 1.0, **own}
         alone = self.predict(parameters, columns), PLAIN.predict(plain.parameters, columns)
-        scatter = [float(np.sqrt(np.mean((predicted - y) ** 2))) / largest for predicted in alone]
+        scatter = [root_mean_square(predicted - y) / largest for predicted in alone]
         if usable:
             parameters["share"] = 1.0 / (
                 1.0 + ((scatter[0] ** 2 + GOOD_ENOUGH**2) / (scatter[1] ** 2 + GOOD_ENOUGH**2)) ** 2
