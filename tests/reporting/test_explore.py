@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import yaml
 from export_samples import STATIC, fused
+from test_memory_report import report_of
 
 from mapmore_cli.domain import plugins
 from mapmore_cli.modelling.kinds import predict, simulate
@@ -248,6 +249,17 @@ def test_why_there_is_no_interval_stands_there(opened, inputs):
     assert "does not ask for one" in told[0]["no_interval"]
     assert "2 levels do not show" in told[1]["no_interval"]
     assert told[2]["no_interval"] == ""
+
+
+def test_the_page_says_with_what_a_free_run_begins(opened):
+    """A model that feeds its output back needs measured values; another one begins at rest."""
+    note = opened[1]("running").locator("section.explore .note").all_inner_texts()
+    assert any("those measured at the beginning of the recording" in text for text in note)
+    without = report_of(["pressure[k-1]"])
+    (study,) = explore.explored([without]).outputs
+    assert study["record"]["begins"] == (
+        "A run of the model begins at rest, without measured motion."
+    )
 
 
 def test_a_model_with_memory_runs_freely(opened):
