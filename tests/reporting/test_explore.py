@@ -110,6 +110,15 @@ def test_no_text_ends_a_script():
         scripts(["let a = '</script>';"])
 
 
+def test_our_own_scripts_stay_small():
+    """Below 700 lines in all, of at most 100 columns, beside the one library."""
+    folder = Path(explore.__file__).parent / "scripts"
+    own = [path for path in folder.glob("*.js") if path.name != "uplot.js"]
+    lines = [line for path in own for line in path.read_text(encoding="utf-8").splitlines()]
+    assert len(lines) < 700
+    assert max(map(len, lines)) <= 100
+
+
 def test_the_vendored_library_is_the_published_one():
     """`make vendored` renews it; a change of a byte is none of ours."""
     from hashlib import sha256
