@@ -123,7 +123,7 @@ def _picture(validation: Validation, dataset: Any) -> tuple[str, str]:
 def _page(runs: Path, rows: Sequence[Row]) -> str:
     """Return the page of all runs as HTML, with these rows."""
     from mapmore_cli.reporting.order import RUN_PAGE
-    from mapmore_cli.reporting.scripts import EVERYWHERE, json_text, scripts, text_of
+    from mapmore_cli.reporting.scripts import joined, json_text, scripts
     from mapmore_cli.reporting.table import environment, title_of
 
     pages = {row.run for row in rows if (runs / row.run / RUN_PAGE).is_file()}
@@ -138,6 +138,6 @@ def _page(runs: Path, rows: Sequence[Row]) -> str:
             mark=MARK,
             data=json_text([asdict(row) for row in rows]),
             size=(WIDTH, HEIGHT),
-            scripts=scripts(map(text_of, (*EVERYWHERE, "runs.js"))),
+            scripts=scripts([joined("tables.js", "runs.js")]),
         )
     )

@@ -30,7 +30,7 @@ from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.order import FIGURES, FILES_ALONE
 from mapmore_cli.reporting.score_tables import scored, verdict_sentence
-from mapmore_cli.reporting.scripts import BEFORE, BEHIND, EVERYWHERE, json_text, scripts, text_of
+from mapmore_cli.reporting.scripts import joined, json_text, scripts, text_of
 from mapmore_cli.reporting.sections import all_tables, sections_of, shown_by
 from mapmore_cli.reporting.table import (
     Table,
@@ -64,11 +64,11 @@ def render_page(
     for output in outputs[1:]:  # texts about the whole run are shown only once, at the first output
         output["alerts"] = [one for one in output["alerts"] if one not in outputs[0]["alerts"]]
     known = explored([own for own, _ in pages]) if inputs.explore else None
-    texts, words = [*map(text_of, EVERYWHERE)], {"data": "", "uplot_css": ""}
+    texts, words = [joined("tables.js")], {"data": "", "uplot_css": ""}
     if known is not None:
         for output, study in zip(outputs, known.outputs, strict=True):
-            output["explored"] = study is not None
-        texts += [*map(text_of, BEFORE), known.code, *map(text_of, BEHIND)]
+            output["explored"] = study
+        texts = [text_of("uplot.js"), known.code, joined("tables.js", "explore.js")]
         data = json_text({"explore": known.outputs})
         words = {"data": data, "uplot_css": text_of("uplot.css")}
     template = environment().get_template("page.html")
@@ -86,7 +86,7 @@ def _words_of(inputs: ReportInputs, figures: Figures) -> dict[str, Any]:
     known = (inputs.own, scored(table, inputs.dataset), inputs.failed, table.alert)
     return {
         "inputs": inputs,
-        "explored": False,
+        "explored": None,
         "verdict": verdict_sentence(scores, *known, inputs.validation.warnings),
         "alerts": inputs.alerts,
         "competitors": printed_competitors(inputs),

@@ -114,7 +114,7 @@ def test_names_are_words_and_no_markup(folder):
     parser = HTMLParser()
     parser.handle_starttag = lambda tag, attrs: scripts.append(attrs) if tag == "script" else None
     parser.feed(folder.page.read_text())
-    assert scripts == [[("type", "application/json"), ("id", "runs")], [], [], []]
+    assert scripts == [[("type", "application/json"), ("id", "runs")], []]
 
 
 def test_runs_that_end_at_once_are_all_kept(folder):

@@ -1,6 +1,3 @@
-// What the scripts of pages share, for `tsc --checkJs` (make lint).
+// What the scripts of pages find there, for `tsc --checkJs` (make lint).
 declare const uPlot: any;
-declare let mapmore: any;
-interface Window {
-    mapmore: any;
-}
+declare const mapmore: any;

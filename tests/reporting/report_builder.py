@@ -231,7 +231,7 @@ def tables_of(inputs):
     return {table.name: table for table in all_tables(inputs)}
 
 
-VOID = {"meta", "wbr"}
+VOID = {"input", "meta", "wbr"}
 
 
 class Page(HTMLParser):

@@ -8,6 +8,7 @@ from report_builder import build
 
 from mapmore_cli.domain.results import AUTOCORRELATION, ResidualTest
 from mapmore_cli.domain.scores import STRUCTURE_SEEN
+from mapmore_cli.modelling.validation.residuals import residual_tests
 from mapmore_cli.reporting.alerts import FEW_CURVES, WORST_FIRST, unconfirmed_sentence
 from mapmore_cli.reporting.report import render_page
 
@@ -115,3 +116,14 @@ def test_every_alert_is_on_the_page_with_a_link_to_a_section(inputs):
     for alert in worst.alerts:
         assert f'<a href="#{alert.section}">{alert.sentence}' in page.replace("&#39;", "'")
         assert f'id="{alert.section}"' in page
+
+
+def test_errors_are_compared_with_the_inputs_of_the_model_and_no_other_column(inputs):
+    """A displacement from which the strain is derived is measured, but the model has the strain."""
+    curves = tuple(
+        replace(curve, columns=curve.columns | {"displacement": 0.069 * curve.columns["strain"]})
+        for curve in inputs.dataset.curves
+    )
+    dataset, predicted = replace(inputs.dataset, curves=curves), inputs.validation.predictions
+    tests = residual_tests(inputs.model, dataset, predicted[inputs.own], "strain")
+    assert {test.name for test in tests} == {AUTOCORRELATION, "strain"}  # one pressure is held out

@@ -94,6 +94,21 @@ def test_nothing_is_wider_than_the_window(name, width, opened):
     assert page.evaluate("document.documentElement.scrollWidth") <= width
 
 
+LETTERS = """() => [...document.querySelectorAll("figure text")].map((text) => {
+    const { a, b } = text.getScreenCTM();
+    return parseFloat(getComputedStyle(text).fontSize) * Math.hypot(a, b);
+})"""
+
+
+@pytest.mark.parametrize("name", ["fixed", "running"])
+def test_letters_of_figures_can_be_read_on_a_narrow_screen(name, opened):
+    """A panel that is wider than the screen is scrolled in its own box, and does not shrink."""
+    page = opened[1](name, viewport={"width": 400, "height": 800})
+    letters = page.evaluate(LETTERS)
+    assert len(letters) > 10
+    assert min(letters) >= 9
+
+
 @pytest.mark.parametrize("name", PAGES)
 def test_no_serious_finding_of_axe(name, opened):
     """The whole page, with everything unfolded, light and dark."""

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import yaml
 from export_samples import STATIC, fused
+from test_memory_report import report_of
 
 from mapmore_cli.domain import plugins
 from mapmore_cli.modelling.kinds import predict, simulate
@@ -22,7 +23,7 @@ from mapmore_cli.modelling.validation.intervals import (
 )
 from mapmore_cli.reporting import explore
 from mapmore_cli.reporting.report import render_page
-from mapmore_cli.reporting.scripts import EVERYWHERE, json_text, scripts, text_of
+from mapmore_cli.reporting.scripts import joined, json_text, scripts, text_of
 
 JOINTS = [
     {"z_s": 0.0, "transition": "linear", "hold": "samples", "side": "continue"},
@@ -31,25 +32,27 @@ JOINTS = [
     {"z_s": 0.4, "transition": "cubic", "hold": "samples", "side": "saturate"},
 ]
 NODE = """
-const { readFileSync, writeFileSync } = require("node:fs");
-const { runInThisContext } = require("node:vm");
-globalThis.window = globalThis;
-globalThis.mapmore = { models: {} };
-runInThisContext(readFileSync("joining.js", "utf8"));
-runInThisContext(readFileSync("code.js", "utf8"));
+import { readFileSync, writeFileSync } from "node:fs";
+import { joinedCurve } from "./joining.js";
+import { models } from "./code.mjs";
 const tasks = JSON.parse(readFileSync("tasks.json", "utf8"));
 const answers = tasks.map(({ key, pieces: { curves, variables }, names, joint, rows }) => {
-    const code = mapmore.models[key];
-    let at = 0;
-    code.rejoin(curves.map((curve) => {
-        const own = [at, (at += curve.segments.length)];
-        const [f, slopes] = [code.segments.slice(...own), code.slopes.slice(...own)];
-        return mapmore.joinedCurve(curve, f, slopes, variables, names, joint);
-    }));
+    const code = models[key];
+    code.rejoin(curves.map((curve, k) => (
+        joinedCurve(curve, code.segments[k], code.slopes[k], variables, names, joint))));
     return rows.map((row) => code.evaluate(...row));
 });
 writeFileSync("answers.json", JSON.stringify(answers));
 """
+
+
+def run_module(folder, text, *scripts):
+    """Run a module of Node beside scripts of the page."""
+    for name in scripts:
+        (folder / name).write_text(text_of(name))
+    (folder / "package.json").write_text('{"type": "module"}')
+    (folder / "run.js").write_text(text)
+    subprocess.run(["node", "run.js"], cwd=folder, check=True)
 
 
 @pytest.mark.skipif(shutil.which("node") is None, reason="there is no Node here")
@@ -71,14 +74,13 @@ def test_pieces_are_joined_as_python_joins_them(tmp_path):
             sides = dict(body.fusion.extrapolation)
             sides |= dict.fromkeys(free, (joint["side"], joint["side"]))
             how = {name: value for name, value in joint.items() if name != "side"}
-            task = {"key": key, "pieces": explore.pieces_of(body, {}), "names": free}
+            task = {"key": key, "pieces": explore.pieces_of(model, {}), "names": free}
             tasks.append({**task, "joint": {**how, "extrapolation": sides}, "rows": rows.tolist()})
             expected.append(predict(fused(model, extrapolation=sides, **how), columns))
-    (tmp_path / "joining.js").write_text(text_of("joining.js"))
-    (tmp_path / "code.js").write_text(code)
+    head = "export const models = {};\nconst mapmore = { models };\n"
+    (tmp_path / "code.mjs").write_text(head + code)
     (tmp_path / "tasks.json").write_text(json.dumps(tasks))
-    (tmp_path / "run.cjs").write_text(NODE)
-    subprocess.run(["node", "run.cjs"], cwd=tmp_path, check=True)
+    run_module(tmp_path, NODE, "joining.js")
     answers = json.loads((tmp_path / "answers.json").read_text())
     for known, found in zip(expected, answers, strict=True):
         np.testing.assert_allclose(
@@ -88,7 +90,7 @@ def test_pieces_are_joined_as_python_joins_them(tmp_path):
 
 def test_a_page_without_explore_has_no_script(inputs, monkeypatch):
     """`report.explore: false`, and the exporting annex missing: but for that of all tables."""
-    tables = [one.text for one in scripts(map(text_of, EVERYWHERE))]
+    tables = [one.text for one in scripts([joined("tables.js")])]
 
     def scripts_of(page):
         return re.findall(r"<script[^>]*>(.*?)</script>", page, re.DOTALL)
@@ -108,6 +110,15 @@ def test_no_text_ends_a_script():
         scripts(["let a = '</script>';"])
 
 
+def test_our_own_scripts_stay_small():
+    """Below 700 lines in all, of at most 100 columns, beside the one library."""
+    folder = Path(explore.__file__).parent / "scripts"
+    own = [path for path in folder.glob("*.js") if path.name != "uplot.js"]
+    lines = [line for path in own for line in path.read_text(encoding="utf-8").splitlines()]
+    assert len(lines) < 700
+    assert max(map(len, lines)) <= 100
+
+
 def test_the_vendored_library_is_the_published_one():
     """`make vendored` renews it; a change of a byte is none of ours."""
     from hashlib import sha256
@@ -123,9 +134,9 @@ def test_the_vendored_library_is_the_published_one():
 # --------------------------------------------------------------------------------------------------
 
 
-def shown(page, place=0, key="value"):
+def shown(page, place=0):
     """The number behind a reading, in full."""
-    return float(page.locator("output.reading").nth(place).get_attribute(f"data-{key}"))
+    return float(page.locator("output.reading").nth(place).get_attribute("data-value"))
 
 
 def set_number(page, name, value):
@@ -163,10 +174,10 @@ def test_another_joint_has_the_error_that_a_run_would_have(opened):
     def rmse(**how):
         return math.sqrt(np.mean((predict(fused(inputs.model, **how), columns) - measured) ** 2))
 
-    assert shown(page, 1, "rmse") == pytest.approx(rmse(), rel=1e-5)  # of samples of seven digits
+    assert shown(page, 1) == pytest.approx(rmse(), rel=1e-5)  # of samples of seven digits
     set_number(page, "z_s", 0.1)
     page.get_by_label("transition", exact=True).select_option("cubic")
-    assert shown(page, 1, "rmse") == pytest.approx(rmse(z_s=0.1, transition="cubic"), rel=1e-5)
+    assert shown(page, 1) == pytest.approx(rmse(z_s=0.1, transition="cubic"), rel=1e-5)
     fuse = yaml.safe_load(page.locator(".yaml").inner_text())["fuse"]
     assert Fuse(**fuse).z_s == 0.1  # the section of a spec, whole
     assert Fuse(**fuse).transition == "cubic"
@@ -220,9 +231,18 @@ def test_what_lies_beyond_the_range_is_dashed_with_memory_too(opened):
     set_number(page, "amplitude", 900)
     assert "beyond the training range" in page.locator("output.reading").inner_text()
     assert 2 in page.evaluate("window.dashes")
-    x, y, beyond = [0, 1, 2, 3], [5, 6, 7, 8], [False, True, False, False]
-    parts = page.evaluate("([x, y, b]) => mapmore.byRange(x, y, b)", [x, y, beyond])
-    assert [part["y"] for part in parts] == [[5, 6, 7, None], [5, None, 7, 8]]
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="there is no Node here")
+def test_a_line_is_dashed_up_to_the_samples_within_the_range(tmp_path):
+    text = """
+        import { writeFileSync } from "node:fs";
+        import { byRange } from "./controls.js";
+        const parts = byRange([0, 1, 2, 3], [5, 6, 7, 8], [false, true, false, false]);
+        writeFileSync("parts.json", JSON.stringify(parts.map((part) => part.y)));"""
+    run_module(tmp_path, text, "controls.js", "elements.js")
+    parts = json.loads((tmp_path / "parts.json").read_text())
+    assert parts == [[5, 6, 7, None], [5, None, 7, 8]]
 
 
 def test_why_there_is_no_interval_stands_there(opened, inputs):
@@ -238,6 +258,17 @@ def test_why_there_is_no_interval_stands_there(opened, inputs):
     assert "does not ask for one" in told[0]["no_interval"]
     assert "2 levels do not show" in told[1]["no_interval"]
     assert told[2]["no_interval"] == ""
+
+
+def test_the_page_says_with_what_a_free_run_begins(opened):
+    """A model that feeds its output back needs measured values; another one begins at rest."""
+    note = opened[1]("running").locator("section.explore .note").all_inner_texts()
+    assert any("those measured at the beginning of the recording" in text for text in note)
+    without = report_of(["pressure[k-1]"])
+    (study,) = explore.explored([without]).outputs
+    assert study["record"]["begins"] == (
+        "A run of the model begins at rest, without measured motion."
+    )
 
 
 def test_a_model_with_memory_runs_freely(opened):

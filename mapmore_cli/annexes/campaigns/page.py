@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import SpecError, UsageError, error_text
 from mapmore_cli.reporting.order import RUN_PAGE
-from mapmore_cli.reporting.scripts import EVERYWHERE, scripts, text_of
+from mapmore_cli.reporting.scripts import joined, scripts
 from mapmore_cli.reporting.table import Table, environment, to_csv
 from mapmore_cli.storage.atomic import make_folder, refusals_told, write_text
 from mapmore_cli.storage.ownership import to_trash
@@ -152,7 +152,7 @@ def render_campaign(
         figures=figures,
         pages=pages,
         failed=failed,
-        scripts=scripts(map(text_of, EVERYWHERE)),
+        scripts=scripts([joined("tables.js")]),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from html import escape
 from typing import Any
@@ -24,6 +25,9 @@ LETTER = 0.62
 """Width of a letter as a fraction of the font size."""
 
 TICK = 2.5
+
+SMALLEST = 9.2
+"""Pixels of the smallest letters on a narrow screen, on which a wide panel is scrolled."""
 
 
 def sketched(drawing: Drawing, style: FigureStyle) -> RenderedFigure | None:
@@ -54,27 +58,57 @@ def _sketched(drawing: Drawing, style: FigureStyle) -> RenderedFigure:
         for panel, one in zip(panels, plan.panels, strict=True)
     ]
     width, height = plan.width * POINTS / plan.columns, grid.height * POINTS
-    entries = "".join(_entry(title_of(label), look, style) for label, look in keys.items())
+    entries, start = _legend([_entry(*key, style) for key in keys.items()], plan.width, style)
     parts = [f'<div class="keys">{entries}</div>'] if entries else []
     for number, (one, heading) in enumerate(zip(plan.panels, plan.headings, strict=True)):
         left = max(room[number % plan.columns :: plan.columns])
         inside = _panel(panels[number], one, heading, (left, above + 4, width, height), style)
         alt = drawing.caption if number == 0 else ""
         alt = f"{alt} {one.reach if one.data else ''}".strip() or one.title
-        named = f'role="img" aria-label="{escape(xml_text(alt))}"'
-        parts.append(_svg(inside, width, height, style, f'class="panel" {named}'))
-    columns = f'data-columns="{plan.columns}" style="--columns: {plan.columns}"'
-    svg = f'<div class="panels" {columns}>{"".join(parts)}</div>'
+        named = f'class="panel" role="img" aria-label="{escape(xml_text(alt))}"'
+        row, column = divmod(number, plan.columns)
+        place = (column * width, start + row * height, width, height)
+        parts.append(_svg(inside, place, style, named))
+    total = start + (row + 1) * height
+    whole = {
+        "viewBox": f"0 0 {plan.width * POINTS:.1f} {total:.1f}",
+        "width": round(plan.width * POINTS * SCREEN, 1),
+        "height": round(total * SCREEN, 1),
+    }
+    attributes = f"style=\"--columns: {plan.columns}\" data-place='{json.dumps(whole)}'"
+    svg = f'<div class="panels" {attributes}>{"".join(parts)}</div>'
     return RenderedFigure(drawing.name, drawing.caption, svg, plan.width)
 
 
-def _svg(inside: str, width: float, height: float, style: FigureStyle, attributes: str) -> str:
-    """Return an `<svg>` element with the given contents."""
+def _legend(
+    entries: Sequence[tuple[str, float]], width: float, style: FigureStyle
+) -> tuple[str, float]:
+    """Return the entries of a legend, line by line in a figure of this `width` in inches, and the
+    height of the lines in points.
+    """
+    parts, x, y, line = [], 0.0, 0.0, 1.4 * (style.size - 1)
+    for inside, wide in entries:
+        if x > 0 and x + wide > width * POINTS:
+            x, y = 0.0, y + line
+        parts.append(_svg(inside, (x, y, wide, line), style, 'class="key"'))
+        x += wide + 6
+    return "".join(parts), y + line if entries else 0.0
+
+
+def _svg(
+    inside: str, place: tuple[float, float, float, float], style: FigureStyle, attributes: str
+) -> str:
+    """Return an `<svg>` element with the given contents, which knows its `place` in the whole
+    figure: left, top, width and height. However narrow the page is, its letters can be read.
+    """
     family = escape(f"{style.font}, sans-serif" if style.font else "sans-serif")
+    where = dict(zip(("x", "y", "width", "height"), (round(one, 1) for one in place), strict=True))
+    _, _, width, height = place
+    least = f"min-width: {width * SMALLEST / (style.size - 1):.0f}px"
     return (
         f'<svg {attributes} xmlns="http://www.w3.org/2000/svg" width="{width * SCREEN:.1f}" '
         f'height="{height * SCREEN:.1f}" viewBox="0 0 {width:.1f} {height:.1f}" '
-        f'font-family="{family}">{inside}</svg>'
+        f'font-family="{family}" style="{least}" data-place=\'{json.dumps(where)}\'>{inside}</svg>'
     )
 
 
@@ -174,9 +208,9 @@ def _axes(
     return "".join(parts)
 
 
-def _entry(label: str, look: dict[str, Any], style: FigureStyle) -> str:
-    """Return the SVG of one entry of the legend."""
-    size = style.size - 1
+def _entry(label: str, look: dict[str, Any], style: FigureStyle) -> tuple[str, float]:
+    """Return the SVG of one entry of the legend, and its width in points."""
+    label, size = title_of(label), style.size - 1
     y = size
     if "facecolor" in look:
         inside = face({"edgecolor": "none", "hatch": None} | look)
@@ -190,4 +224,4 @@ def _entry(label: str, look: dict[str, Any], style: FigureStyle) -> str:
         mark += line_svg(np.array([1 + size]), np.full(1, at), look | {"linestyle": "none"})
     width = (len(label) * LETTER + 4.5) * size
     inside = mark + text(label, 1 + 2.5 * size, y, size)
-    return _svg(inside, width, 1.4 * size, style, 'class="key"')
+    return inside, width

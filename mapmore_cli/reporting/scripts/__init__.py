@@ -1,24 +1,20 @@
-"""Provide the scripts of pages. Each has a hash, so that a page allows its own scripts and no
-others.
+"""Provide the scripts of pages, each with the hash by which a page allows it and no other.
+
+They are modules that import each other. A page that is opened from a file cannot load modules, so
+that those of a page are joined in one script.
 """
 
 from __future__ import annotations
 
 import json
+import re
 from base64 import b64encode
 from collections.abc import Iterable
 from dataclasses import dataclass
 from hashlib import sha256
 from importlib.resources import files
 
-EVERYWHERE = ("elements.js", "tables.js")
-"""The scripts of every page, in their order."""
-
-BEFORE, BEHIND = (
-    ("uplot.js", "widgets.js", "joining.js", "pieces.js", "fixed.js", "running.js"),
-    ("explore.js",),
-)
-"""Scripts of "Explore" before and after the code of the models, in order."""
+_IMPORT = re.compile(r'^import \{[^}]*\}\s+from "\./([a-z]+\.js)";\n', re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -36,6 +32,24 @@ class Script:
 def text_of(name: str) -> str:
     """Return the text of a file in this folder."""
     return files(__package__).joinpath(name).read_text(encoding="utf-8")
+
+
+def joined(*names: str) -> str:
+    """Return modules as one script, each after those that it imports. Their names at the top are
+    different, because they share one scope.
+    """
+    texts: dict[str, str] = {}
+
+    def add(name: str) -> None:
+        text = text_of(name)
+        for imported in _IMPORT.findall(text):
+            if imported not in texts:
+                add(imported)
+        texts[name] = re.sub(r"^export ", "", _IMPORT.sub("", text), flags=re.MULTILINE)
+
+    for name in names:
+        add(name)
+    return "\n".join(['(() => {\n"use strict";', *texts.values(), "})();"])
 
 
 def scripts(texts: Iterable[str]) -> tuple[Script, ...]:

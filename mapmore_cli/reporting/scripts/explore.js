@@ -1,11 +1,11 @@
-// Puts "Explore" into its places on a page.
-(() => {
-  "use strict";
-  const studies = JSON.parse(document.getElementById("page-data").textContent).explore;
-  for (const box of document.querySelectorAll("[data-explore]")) {
-    const study = studies[Number(box.getAttribute("data-explore"))];
-    box.replaceChildren();
-    (study.memory ? mapmore.exploreRunning : mapmore.exploreFixed)(box, study);
-  }
-  mapmore.shownAfter = performance.now();
-})();
+// Starts "Explore" in its places on a page, whose controls the page holds already.
+import { exploreFixed } from "./fixed.js";
+import { exploreRunning } from "./running.js";
+
+const { explore } = JSON.parse(document.getElementById("page-data").textContent);
+for (const box of document.querySelectorAll("[data-explore]")) {
+  const study = explore[Number(box.getAttribute("data-explore"))];
+  box.removeAttribute("hidden");
+  (study.memory ? exploreRunning : exploreFixed)(box, study);
+}
+mapmore.shownAfter = performance.now();

@@ -1,129 +1,78 @@
 // "Explore" of a model without memory: the output along one input, at values of the others.
-(() => {
-  "use strict";
-  const { element, button, span, numberText, words, withUnit, axisLabel, wider, evenly } = mapmore;
-  const POINTS = 401, NEAR = 0.06, MOST_DOTS = 1200;
+import { chart } from "./chart.js";
+import { ask, byRange, competitors, controls, evenly, numberText, read, span, withUnit }
+  from "./controls.js";
+import { explorePieces } from "./pieces.js";
 
-  /** Half of the width of the interval at inputs; NaN where the study has none. */
-  function halfWidth(interval, x) {
-    if (!interval) return NaN;
-    const { at, half, of } = interval;
-    if (of === null || at.length < 2) return half[0] ?? NaN;
-    const place = ((x[of] - at[0]) / (at[at.length - 1] - at[0])) * (at.length - 1);
-    const k = Math.floor(place);
-    if (!(place >= 0 && place <= at.length - 1)) return NaN;
-    const low = half[k], high = half[Math.min(k + 1, at.length - 1)];
-    return low === null || high === null ? NaN : low + (place - k) * (high - low);
-  }
+/** Half of the width of the interval at inputs; NaN where the study has none. */
+function halfWidth(interval, x) {
+  if (!interval) return NaN;
+  const { of, low, step, half } = interval;
+  const place = of === null ? 0 : Number(((x[of] - low) / step).toFixed(6));
+  const [below, above] = [Math.floor(place), Math.ceil(place)].map((k) => half[k] ?? NaN);
+  return below + (place % 1) * (above - below);
+}
 
-  function explore(box, study) {
-    const model = mapmore.models[study.key], { inputs, output, samples, spans } = study;
-    const { columns, held } = samples, measured = columns[output.name];
-    const names = inputs.map((one) => one.name), quantity = (name) => inputs[names.indexOf(name)];
-    const inOrder = (x) => names.map((name) => x[name]);
-    const valueAt = (x, one = model) => one.evaluate(...one.INPUTS.map((name) => x[name]));
-    const outside = (x) => model.outsideRange(...inOrder(x));
-    const sampleAt = (k) => Object.fromEntries(names.map((name) => [name, columns[name][k]]));
-    const known = (k) => [...names, output.name].every((name) => columns[name][k] !== null);
-    const rows = [...held.keys()].filter(known), heldRows = rows.filter((k) => held[k]);
+export function exploreFixed(box, study) {
+  const model = mapmore.models[study.key], { inputs, output, samples, interval } = study;
+  const { values, set } = controls(box, () => changed());
+  const reading = box.querySelector(".reading"), view = chart(box.querySelector(".chart"));
+  const at = () => Object.fromEntries(inputs.map(({ name }) => [name, values[`input:${name}`]]));
+  const pieces = study.pieces && explorePieces(box, study, values);
 
-    const again = () => changed();
-    const knobs = Object.fromEntries(inputs.map(({ name, unit }) => {
-      const [low, high] = spans[name], ends = wider(spans[name], 0.15);
-      return [name, mapmore.knob(words(name), unit, ends, (low + high) / 2, again)];
-    }));
-    const options = names.map((name) => [name, words(name)]);
-    const axis = mapmore.choice("Along", options, names[study.along], again);
-    const others = mapmore.competitors(study.others, again);
-    const reading = element("output", { className: "reading" });
-    const moved = (k) => {
-      names.forEach((name) => knobs[name].set(columns[name][k]));
+  /** A button moves every input to the next one of its samples. */
+  for (const button of box.querySelectorAll("[data-samples]")) {
+    const rows = JSON.parse(button.dataset.samples);
+    button.addEventListener("click", () => {
+      inputs.forEach(({ name }, j) => set(`input:${name}`, rows[0][j]));
+      rows.push(rows.shift());
       changed();
-    };
-
-    let turn = 0;
-    function heldOutCurve() {
-      const groups = [...new Set(heldRows.map((k) => samples.curve[k]))];
-      if (!groups.length) return;
-      const of = heldRows.filter((k) => samples.curve[k] === groups[turn % groups.length]);
-      turn += 1;
-      moved(of[of.length >> 1]);
-    }
-    function worstSample() {
-      let worst = -1, most = -1;
-      for (const k of heldRows.length ? heldRows : rows) {
-        const error = Math.abs(valueAt(sampleAt(k)) - measured[k]);
-        if (error > most) [worst, most] = [k, error];
-      }
-      if (worst >= 0) moved(worst);
-    }
-    const buttons = element("div", { className: "buttons" });
-    if (heldRows.length) buttons.append(button("Held-out curve", heldOutCurve));
-    const worst = heldRows.length ? "Worst held-out sample" : "Worst sample";
-    buttons.append(button(worst, worstSample));
-
-    const legend = element("div", { className: "legend" },
-      span("key", "model, dashed where it is extrapolated"), span("key grey", "measured, trained"),
-      span("key held", heldRows.length ? "measured, held out" : ""), ...others.rows);
-    const sliders = element("div", { className: "knobs" }, ...names.map((name) => knobs[name].row));
-    box.append(axis.row, sliders, reading, span("note", study.no_interval), buttons, legend);
-    const summary = `${words(output.name)} by the model along an input, beside measured samples`;
-    const view = mapmore.chart(box, summary);
-    const followers = [];
-
-    const at = () => Object.fromEntries(names.map((name) => [name, knobs[name].value]));
-
-    function near(x, along, which) {
-      const rest = names.filter((name) => name !== along);
-      const reach = rest.map((name) => NEAR * (spans[name][1] - spans[name][0]) + 1e-12);
-      const found = rows.filter((k) => Boolean(held[k]) === which
-        && rest.every((name, j) => Math.abs(columns[name][k] - x[name]) <= reach[j]));
-      const some = found.filter((_, k) => k % Math.ceil(found.length / MOST_DOTS || 1) === 0);
-      return { x: some.map((k) => columns[along][k]), y: some.map((k) => measured[k]) };
-    }
-
-    /** Layers of the model along an axis: solid within the training range, dashed beyond. */
-    function lines(x, along, ends) {
-      const xs = evenly(ends, POINTS);
-      const places = xs.map((place) => ({ ...x, [along]: place }));
-      const ys = places.map((place) => valueAt(place)), beyond = places.map(outside);
-      const half = places.map((place, k) => (beyond[k] ? NaN : halfWidth(study.interval, place)));
-      const at = [...half.keys()].filter((k) => Number.isFinite(half[k]));
-      const [y, y2] = [-1, 1].map((side) => at.map((k) => ys[k] + side * half[k]));
-      const band = { kind: "band", color: "--model", x: at.map((k) => xs[k]), y, y2 };
-      const drawn = others.on.map(({ look, code }) => (
-        { ...look, x: xs, y: places.map((place) => valueAt(place, code)) }));
-      return [...(at.length ? [band] : []), ...drawn, ...mapmore.byRange(xs, ys, beyond)];
-    }
-
-    function changed() {
-      const x = at(), along = axis.value, beyond = outside(x), half = halfWidth(study.interval, x);
-      const slope = model.derivatives(...inOrder(x))[names.indexOf(along)], value = valueAt(x);
-      const per = quantity(along).unit, unit = per ? `${output.unit || "1"}/${per}` : output.unit;
-      const sure = !beyond && Number.isFinite(half);
-      reading.replaceChildren(
-        element("strong", {}, `${words(output.name)} = ${withUnit(value, output)}`),
-        sure ? ` ± ${numberText(half)} (${100 * study.interval.level} %)` : "",
-        span("slope", `slope along ${words(along)}: ${numberText(slope)} ${unit}`.trim()),
-        beyond ? span("beyond", "beyond the training range: the model is extrapolated") : "");
-      reading.dataset.value = String(value);
-      const ends = wider(spans[along], 0.15);
-      view.show(axisLabel(quantity(along)), axisLabel(output), ends, [
-        { kind: "dots", ...near(x, along, false), color: "--trained" },
-        { kind: "dots", ...near(x, along, true), color: "--held" },
-        ...lines(x, along, ends),
-        { kind: "at", x: x[along], color: "--ink", width: 1, dash: [2, 3] },
-      ]);
-      for (const follow of followers) follow();
-    }
-
-    if (heldRows.length) heldOutCurve(); else changed();
-    if (study.pieces) {
-      const held = { rows: heldRows, sampleAt, measured };
-      const frame = { study, at, along: () => axis.value, held, inOrder, quantity };
-      followers.push(mapmore.explorePieces(box, frame));
-    }
+    });
   }
 
-  mapmore.exploreFixed = explore;
-})();
+  /** Samples near the other inputs, as dots along an input. */
+  function near(columns, x, along, color) {
+    const others = inputs.filter((one) => one !== along);
+    const rows = [...columns[output.name].keys()].filter((k) => others.every((one) => (
+      Math.abs(columns[one.name][k] - x[one.name]) <= one.near)));
+    const [xs, y] = [along, output].map(({ name }) => rows.map((k) => columns[name][k]));
+    return { kind: "dots", color, x: xs, y };
+  }
+
+  /** Layers of the model and of competitors along an input, with the model's interval. */
+  function lines(x, along) {
+    const xs = evenly(along.ends), places = xs.map((one) => ({ ...x, [along.name]: one }));
+    const course = (code) => ({ x: xs, y: places.map((place) => ask(code, "evaluate", place)) });
+    const { y: ys } = course(model);
+    const beyond = places.map((place) => ask(model, "outsideRange", place));
+    const half = places.map((place, k) => (beyond[k] ? NaN : halfWidth(interval, place)));
+    const rows = [...half.keys()].filter((k) => Number.isFinite(half[k]));
+    const [y, y2] = [-1, 1].map((side) => rows.map((k) => ys[k] + side * half[k]));
+    const band = { kind: "band", color: "--model", x: rows.map((k) => xs[k]), y, y2 };
+    return [...(rows.length ? [band] : []), ...competitors(study.others, values, course),
+      ...byRange(xs, ys, beyond)];
+  }
+
+  function readAt(x, along) {
+    const value = ask(model, "evaluate", x), beyond = ask(model, "outsideRange", x);
+    const slope = ask(model, "derivatives", x)[inputs.indexOf(along)];
+    const half = beyond ? NaN : halfWidth(interval, x);
+    const unit = along.unit ? `${output.unit || "1"}/${along.unit}` : output.unit;
+    read(reading, value, `${output.title} = ${withUnit(value, output)}`,
+      Number.isFinite(half) ? ` ± ${numberText(half)} (${100 * interval.level} %)` : "",
+      span("slope", `slope along ${along.title}: ${numberText(slope)} ${unit}`.trim()),
+      beyond && span("beyond", "beyond the training range: the model is extrapolated"));
+    return value;
+  }
+
+  function changed() {
+    const x = at(), along = inputs.find(({ name }) => name === values.along);
+    view(along.label, output.label, along.ends, [
+      near(samples.trained, x, along, "--trained"), near(samples.held, x, along, "--held"),
+      ...lines(x, along),
+      { kind: "dots", color: "--ink", width: 4, x: [x[along.name]], y: [readAt(x, along)] },
+    ]);
+    pieces?.(x, along);
+  }
+  changed();
+}

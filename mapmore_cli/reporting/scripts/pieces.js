@@ -1,167 +1,100 @@
 // The pieces of a model: their functions and weights along a curve, and other ways to join them.
-(() => {
-  "use strict";
-  const { element, button, span, words, withUnit, axisLabel, wider, evenly, choice } = mapmore;
-  const { zonesOf, weightsAt, joinedCurve } = mapmore;
-  const POINTS = 301, PALETTE = ["--piece1", "--piece2", "--piece3", "--piece4"];
-  const SIDES = [["continue"], ["continue_linear", "continue straight"], ["saturate"], ["zero"]];
-  const AS_FITTED = "fitted", GO_ON = ["continue", "continue"];
-  const ABOUT = "The pieces stay as they were fitted; only the way they are joined changes here. "
-    + "Run the study with the line below to make it the model.";
+import { chart } from "./chart.js";
+import { ask, evenly, read, rootMeanSquare, span, withUnit } from "./controls.js";
+import { button } from "./elements.js";
+import { joinedCurve, weightsAt, zonesOf } from "./joining.js";
 
-  function explorePieces(box, { study, at, along, held, inOrder, quantity }) {
-    const { spans, pieces } = study, { variables, joint, curves, level } = pieces;
-    const model = mapmore.models[study.key], code = mapmore.models[pieces.key];
-    const names = study.inputs.map((one) => one.name).filter((name) => name !== level);
+/** The function that shows the pieces at inputs, along one of them, joined as is chosen. */
+export function explorePieces(box, study, values) {
+  const { inputs, output, pieces, samples } = study, { variables, joint, curves, level } = pieces;
+  const model = mapmore.models[study.key], code = mapmore.models[pieces.key];
+  const free = inputs.map((one) => one.name).filter((name) => name !== level);
+  const measured = samples.held[output.name];
+  const [functions, weights] = [...box.querySelectorAll(".pieces .chart")].map(chart);
+  const [score, yaml, list, equation] = ["output", ".yaml", ".segments", ".equation"]
+    .map((place) => box.querySelector(`.pieces ${place}`));
 
-    let count = 0;
-    const functionsOf = new Map(curves.map((curve) => {
-      const own = [count, (count += curve.segments.length)];
-      return [curve, { f: code.segments.slice(...own), slopes: code.slopes.slice(...own) }];
-    }));
-
-    const again = () => changed();
-    const zs = mapmore.knob("z_s", "", [0, 0.5], joint.z_s, again);
-    const ways = Object.keys(mapmore.TRANSITIONS).map((one) => [one, one]);
-    const transition = choice("transition", ways, joint.transition, again);
-    const sides = Object.fromEntries(variables.map((name) => {
-      const [below, above] = joint.extrapolation[name] ?? GO_ON;
-      const known = below === above && SIDES.some(([word]) => word === below);
-      const options = SIDES.map(([word, title]) => [word, title ?? word]);
-      if (!known) options.unshift([AS_FITTED, "as fitted"]);
-      const start = known ? below : AS_FITTED;
-      return [name, choice(`extrapolation of ${words(name)}`, options, start, again)];
-    }));
-    const score = element("output", { className: "reading small" });
-    const yaml = element("code", { className: "yaml" });
-    const copy = mapmore.copier(yaml);
-    const list = element("div", { className: "segments" });
-    const equation = element("p", { className: "equation" });
-    const row = element("div", { className: "two" });
-    box.append(element("details", { className: "pieces", open: true },
-      element("summary", {}, "Pieces, and other ways to join them"),
-      element("p", { className: "note" }, ABOUT),
-      element("div", { className: "choices" }, transition.row,
-        ...variables.map((name) => sides[name].row)),
-      element("div", { className: "knobs" }, zs.row), score, element("p", {}, yaml, " ", copy),
-      list, row, equation));
-    const functions = mapmore.chart(row, "The pieces, and the curve that they are joined to", 300);
-    const weights = mapmore.chart(row, "The weights of the pieces", 300);
-
-    const sidesOf = (name) => {
-      const side = sides[name]?.value ?? AS_FITTED;
-      return side === AS_FITTED ? joint.extrapolation[name] ?? GO_ON : [side, side];
-    };
-    function chosen() {
-      const own = Object.fromEntries(names.map((name) => [name, sidesOf(name)]));
-      const extrapolation = { ...joint.extrapolation, ...own };
-      return { ...joint, z_s: zs.value, transition: transition.value, extrapolation };
-    }
-
-    /** The model, joined in another way: the code of the model has the levels and the backbone. */
-    function joined(how) {
-      code.rejoin(curves.map((curve) => {
-        const { f, slopes } = functionsOf.get(curve);
-        return joinedCurve(curve, f, slopes, variables, names, how);
-      }));
-      return (x) => code.evaluate(...inOrder(x));
-    }
-
-    /** The section of a spec that joins pieces in this way. */
-    function yamlOf(how) {
-      const word = ([below, above]) => (
-        below === above ? below : `{below: ${below}, above: ${above}}`);
-      const sides = Object.entries(how.extrapolation);
-      const beyond = sides.map(([name, ends]) => `${name}: ${word(ends)}`);
-      return `fuse: {transition: ${how.transition}, z_s: ${Number(how.z_s.toPrecision(4))}, `
-        + `levels: ${how.levels}, hold: ${how.hold}, extrapolation: {${beyond.join(", ")}}}`;
-    }
-
-    function errorOf(value) {
-      const { rows, sampleAt, measured } = held;
-      const errors = rows.map((k) => value(sampleAt(k)) - measured[k]).filter(Number.isFinite);
-      return { rmse: mapmore.rootMeanSquare(errors), count: errors.length };
-    }
-    const before = errorOf((x) => model.evaluate(...inOrder(x)));
-
-    function showScore(value, how) {
-      const { rmse, count: samples } = errorOf(value), all = study.samples.all_held;
-      const of = samples < all ? `${samples} of ${all}` : samples;
-      const fitted = withUnit(before.rmse, study.output);
-      score.replaceChildren(...(samples ? [
-        element("strong", {}, `RMSE ${withUnit(rmse, study.output)}`),
-        span("slope", `on ${of} held-out samples; as fitted ${fitted}`),
-      ] : ["no held-out samples"]));
-      score.dataset.rmse = String(rmse);
-      yaml.textContent = yamlOf(how);
-      copy.textContent = "Copy";
-    }
-
-    /** The curve whose level is the nearest, and its segments along an axis at the other inputs. */
-    function segmentsAt(x, axis, how) {
-      const away = curves.map((curve) => (level === null ? 0 : Math.abs(curve.level - x[level])));
-      const curve = curves[away.indexOf(Math.min(...away))], place = variables.indexOf(axis);
-      const zones = curve.boundaries.map((ends) => zonesOf(ends, how.z_s));
-      const cells = variables.map((name, j) => weightsAt(x[name], zones[j], how.transition)[0][0]);
-      const here = (cell, j) => j === place || cell === cells[j];
-      const segments = curve.segments.filter((one) => one.cell.every(here));
-      return { curve, place, zones: zones[place], segments };
-    }
-
-    function show(segment) {
-      equation.replaceChildren(element("strong", {}, `${segment.id}: `), segment.equation);
-    }
-
-    function draw(value, how, axis) {
-      const { curve, place, zones, segments } = segmentsAt(at(), axis, how);
-      row.hidden = place < 0;
-      if (place < 0) {
-        const which = variables.map(words).join(" or ");
-        list.replaceChildren(`Choose ${which} above to see the pieces along it.`);
-        equation.replaceChildren();
-        return;
-      }
-      const x = { ...at(), ...(level === null ? {} : { [level]: curve.level }) };
-      const ends = wider(spans[axis], 0.15), xs = evenly(ends, POINTS);
-      const order = level === null ? names : [...names, level];
-      const inputs = (one) => order.map((name) => (name === axis ? one : x[name]));
-      const parts = [], shares = [];
-      segments.forEach((segment, k) => {
-        const color = PALETTE[k % PALETTE.length], cell = segment.cell[place];
-        const weight = (one) => new Map(weightsAt(one, zones, how.transition)).get(cell) ?? 0;
-        const share = xs.map(weight);
-        const f = functionsOf.get(curve).f[curve.segments.indexOf(segment)];
-        const y = xs.map((one, j) => (share[j] > 0 ? f(...inputs(one)) : null));
-        parts.push({ kind: "line", x: xs, y, color, width: 4, free: true });
-        shares.push({ kind: "line", x: xs, y: share, color });
-      });
-      const label = axisLabel(quantity(axis));
-      const joinedTo = xs.map((one) => value({ ...x, [axis]: one }));
-      const whole = { kind: "line", x: xs, y: joinedTo, color: "--ink", width: 1.2 };
-      functions.show(label, axisLabel(study.output), ends, [...parts, whole]);
-      weights.show(label, "Weight (–)", ends, shares);
-      const at_ = level === null ? "" : withUnit(curve.level, quantity(level));
-      const where = at_ && ` at ${words(level)} ${at_}`;
-      list.replaceChildren(`Segments${where}:`, ...segments.map((segment, k) => {
-        const made = button(segment.id, () => show(segment));
-        made.style.borderColor = `var(${PALETTE[k % PALETTE.length]})`;
-        return made;
-      }));
-      functions.whenClicked((one) => {
-        const [[cell]] = weightsAt(one, zones, how.transition).sort((a, b) => b[1] - a[1]);
-        const segment = segments.find((other) => other.cell[place] === cell);
-        if (segment) show(segment);
-      });
-    }
-
-    function changed() {
-      const how = chosen(), value = joined(how);
-      showScore(value, how);
-      draw(value, how, along());
-    }
-    changed();
-    return changed;
+  /** The joint that is chosen. */
+  function chosen() {
+    const sides = free.map((name) => [name, JSON.parse(values[`sides:${name}`])]);
+    const extrapolation = { ...joint.extrapolation, ...Object.fromEntries(sides) };
+    return { ...joint, z_s: values.z_s, transition: values.transition, extrapolation };
   }
 
-  mapmore.explorePieces = explorePieces;
-})();
+  /** The model, joined in another way: the code of the model has the levels and the backbone. */
+  function joined(how) {
+    code.rejoin(curves.map((curve, k) => (
+      joinedCurve(curve, code.segments[k], code.slopes[k], variables, free, how))));
+    return (x) => ask(code, "evaluate", x);
+  }
+
+  /** The section of a spec that joins pieces in this way: YAML, as JSON is. */
+  function yamlOf(how) {
+    const word = ([below, above]) => (below === above ? below : { below, above });
+    const sides = Object.entries(how.extrapolation).map(([name, ends]) => [name, word(ends)]);
+    const fuse = { ...how, extrapolation: Object.fromEntries(sides) };
+    return `fuse: ${JSON.stringify(fuse, null, 1).replace(/\s+/g, " ")}`;
+  }
+
+  /** The RMSE on held-out samples, and their number. */
+  function errorOf(value) {
+    const errors = measured.map((one, k) => (
+      value(Object.fromEntries(inputs.map(({ name }) => [name, samples.held[name][k]]))) - one));
+    const known = errors.filter(Number.isFinite);
+    return [rootMeanSquare(known), known.length];
+  }
+  const [fitted] = errorOf((x) => ask(model, "evaluate", x));
+
+  function showScore(value, how) {
+    const [rmse, count] = errorOf(value), all = samples.all_held;
+    const of = count < all ? `${count} of ${all}` : count;
+    read(score, rmse, count ? `RMSE ${withUnit(rmse, output)}` : "",
+      span("slope", `on ${of} held-out samples; as fitted ${withUnit(fitted, output)}`));
+    yaml.textContent = yamlOf(how);
+  }
+
+  /** Draw the segments along an input of the curve with the nearest level. */
+  function draw(value, how, at, along) {
+    const away = curves.map((curve) => (level === null ? 0 : Math.abs(curve.level - at[level])));
+    const of = away.indexOf(Math.min(...away)), curve = curves[of];
+    const x = level === null ? at : { ...at, [level]: curve.level };
+    const zones = curve.boundaries.map((ends) => zonesOf(ends, how.z_s));
+    const place = variables.indexOf(along.name);
+    const shares = (j, one) => weightsAt(one, zones[j], how.transition);
+    const cells = variables.map((name, j) => shares(j, x[name]).findIndex((one) => one > 0) + 1);
+    const here = curve.segments.filter(({ cell }) => (
+      cell.every((one, j) => j === place || one === cells[j])));
+
+    const xs = evenly(along.ends), weightsThere = xs.map((one) => shares(place, one));
+    const order = level === null ? free : [...free, level];
+    const parts = here.map((segment) => {
+      const f = code.segments[of][curve.segments.indexOf(segment)], cell = segment.cell[place];
+      const look = { kind: "line", x: xs, color: `--piece${((cell - 1) % 4) + 1}` };
+      const share = weightsThere.map((one) => one[cell - 1]);
+      const inputsAt = (one) => order.map((name) => (name === along.name ? one : x[name]));
+      const y = xs.map((one, k) => (share[k] > 0 ? f(...inputsAt(one)) : null));
+      return { segment, share: { ...look, y: share }, own: { ...look, y, width: 4, free: true } };
+    });
+    const y = xs.map((one) => value({ ...x, [along.name]: one }));
+    const whole = { kind: "line", x: xs, y, color: "--ink", width: 1.2 };
+    functions(along.label, output.label, along.ends,
+      [...parts.map(({ own }) => own), whole]);
+    weights(along.label, "Weight (–)", along.ends, parts.map(({ share }) => share));
+
+    const quantity = inputs.find(({ name }) => name === level);
+    const where = quantity ? ` at ${quantity.title} ${withUnit(curve.level, quantity)}` : "";
+    list.replaceChildren(`Segments${where}:`, ...parts.map(({ segment, own }) => {
+      const show = () => { equation.textContent = `${segment.id}: ${segment.equation}`; };
+      return button(segment.id, show, { style: `border-color: var(${own.color})` });
+    }));
+  }
+
+  return (at, along) => {
+    const how = chosen(), value = joined(how), drawn = variables.includes(along.name);
+    box.querySelector(".pieces .two").hidden = !drawn;
+    showScore(value, how);
+    if (drawn) return draw(value, how, at, along);
+    equation.replaceChildren();
+    return list.replaceChildren(pieces.choose);
+  };
+}

@@ -1,47 +1,42 @@
 // The page of all runs: a filter, and two runs beside each other.
-(() => {
-  "use strict";
-  const { element } = mapmore;
-  const data = JSON.parse(document.getElementById("runs").textContent);
-  const filter = /** @type {HTMLInputElement} */ (document.getElementById("filter"));
-  const count = document.getElementById("count"), place = document.getElementById("comparison");
-  const rows = [...document.querySelector("table").tBodies[0].rows];
-  const boxes = rows.map((row) => row.querySelector("input"));
+import { element } from "./elements.js";
 
-  function show() {
-    const words = filter.value.toLowerCase().split(/\s+/).filter(Boolean);
-    for (const row of rows) {
-      const text = row.textContent.toLowerCase();
-      row.hidden = !words.every((word) => text.includes(word));
-    }
-    count.textContent = `${rows.filter((row) => !row.hidden).length} of ${rows.length}`;
+const data = JSON.parse(document.getElementById("runs").textContent);
+const filter = /** @type {HTMLInputElement} */ (document.getElementById("filter"));
+const count = document.getElementById("count"), place = document.getElementById("comparison");
+const rows = [...document.querySelector("table").tBodies[0].rows];
+const boxes = rows.map((row) => row.querySelector("input"));
+
+function show() {
+  const words = filter.value.toLowerCase().split(/\s+/).filter(Boolean);
+  for (const row of rows) {
+    const text = row.textContent.toLowerCase();
+    row.hidden = !words.every((word) => text.includes(word));
   }
+  count.textContent = `${rows.filter((row) => !row.hidden).length} of ${rows.length}`;
+}
 
-  function compare() {
-    const two = boxes.filter((box) => box.checked).map((box) => data[Number(box.value)]);
-    place.hidden = two.length !== 2;
-    if (place.hidden) return;
-    const models = [...new Set(two.flatMap((run) => Object.keys(run.nrmse)))];
-    const errors = two.flatMap((run) => models.map((model) => run.nrmse[model] ?? 0));
-    const most = Math.max(...errors, 1e-300);
-    const bar = (error, number) => {
-      if (error === undefined) return element("td");
-      const made = element("span", { className: number ? "bar second" : "bar" });
-      made.style.width = `${(12 * error) / most}rem`;
-      return element("td", {}, made, ` ${error.toFixed(2)}`);
-    };
-    const head = two.map((run) => (
-      element("th", { scope: "col" }, `${run.run}: ${run.target}, NRMSE [%]`)));
-    const body = models.map((model) => element("tr", {}, element("th", { scope: "row" }, model),
-      ...two.map((run, number) => bar(run.nrmse[model], number))));
-    place.replaceChildren(element("table", {},
-      element("thead", {}, element("tr", {}, element("th", { scope: "col" }, "model"), ...head)),
-      element("tbody", {}, ...body)));
-  }
+function compare() {
+  const two = boxes.filter((box) => box.checked).map((box) => data[Number(box.value)]);
+  place.hidden = two.length !== 2;
+  if (place.hidden) return;
+  const models = [...new Set(two.flatMap((run) => Object.keys(run.nrmse)))];
+  const errors = two.flatMap((run) => models.map((model) => run.nrmse[model] ?? 0));
+  const most = Math.max(...errors, 1e-300);
+  const bar = (error) => element("span", { className: "bar", style: `--share: ${error / most}` });
+  const cell = (error) => (
+    element("td", {}, ...(error === undefined ? [] : [bar(error), ` ${error.toFixed(2)}`])));
+  const head = two.map((run) => (
+    element("th", { scope: "col" }, `${run.run}: ${run.target}, NRMSE [%]`)));
+  const body = models.map((model) => element("tr", {}, element("th", { scope: "row" }, model),
+    ...two.map((run) => cell(run.nrmse[model]))));
+  place.replaceChildren(element("table", {},
+    element("thead", {}, element("tr", {}, element("th", { scope: "col" }, "model"), ...head)),
+    element("tbody", {}, ...body)));
+}
 
-  document.querySelector(".tools").removeAttribute("hidden");
-  filter.addEventListener("input", show);
-  for (const box of boxes) box.addEventListener("change", compare);
-  filter.value = new URLSearchParams(location.hash.slice(1)).get("filter") ?? "";
-  show();
-})();
+document.querySelector(".tools").removeAttribute("hidden");
+filter.addEventListener("input", show);
+for (const box of boxes) box.addEventListener("change", compare);
+filter.value = new URLSearchParams(location.hash.slice(1)).get("filter") ?? "";
+show();

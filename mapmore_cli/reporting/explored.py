@@ -1,0 +1,237 @@
+"""Prepare the numbers and texts of "Explore" for its template and its scripts: quantities,
+controls, samples, a recording, and intervals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.recording import Curve, Quantity
+from mapmore_cli.modelling.kinds import fed_back, predict
+from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths_of, interval_limits
+from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
+from mapmore_cli.reporting.scripts import json_text
+
+MOST_SAMPLES = 4000
+"""Largest number of training samples, and of held-out samples, of an output on its page."""
+
+PLACES = 41
+"""Number of levels at which a page holds the width of intervals."""
+
+BEYOND = 0.15
+"""Fraction of the training range of an input by which its slider goes beyond each end."""
+
+NEAR = 0.06
+"""Fraction of the training range of an input within which samples are near a value of it."""
+
+PER_PERIOD, REST, MOST_RESTING = 500, 30.0, 20_000
+"""Samples of a period of the first course of a page; seconds, and at most samples, after which a
+model is at rest.
+"""
+
+
+def study_of(inputs: ReportInputs, key: str) -> dict[str, Any]:
+    """Return the data that the script and the template need for any model."""
+    model, curves = inputs.model, inputs.dataset.curves
+    spans = {one.name: _span(curves, one.name) for one in model.inputs}
+    signals = {
+        one.name: {"kind": one.kind, "of": one.of, "factor": one.factor * one.seconds}
+        for one in model.signals
+    }
+    along = inputs.along if inputs.along in model.inputs else next(iter(model.inputs), None)
+    study = {
+        "key": key,
+        "inputs": [_quantity(one, inputs) | _reach(*spans[one.name]) for one in model.inputs],
+        "output": _quantity(model.output, inputs),
+        "along": along.name if along else "",
+        "memory": inputs.has_memory,
+        "signals": signals,
+        "interval": _interval(inputs),
+        "no_interval": _no_interval(inputs),
+    }
+    if not inputs.has_memory:
+        return study | _samples(inputs, curves)
+    driven = {name: spans[name] for name in spans if name not in signals and name != "time"}
+    record = _record(inputs, curves)
+    knobs = {
+        name: [_knob_of_input(name, span, sum(span) / 2), _swing(name, span[1] - span[0])]
+        for name, span in driven.items()
+    }
+    rate = 1 / (PER_PERIOD * record["step"])
+    frequency = _knob("frequency", (rate / 20, rate * 5), rate)
+    return study | {"record": record, "knobs": knobs, "frequency": frequency}
+
+
+def _span(curves: Sequence[Curve], name: str) -> tuple[float, float]:
+    """Return the smallest and largest value of a quantity; 0 and 1 if it has none."""
+    values = np.concatenate([curve.columns[name] for curve in curves])
+    values = values[np.isfinite(values)]
+    return (values.min(), values.max()) if values.size else (0.0, 1.0)
+
+
+def _quantity(one: Quantity, inputs: ReportInputs) -> dict[str, str]:
+    """Return the texts of a quantity. Formulas in a user's label are not typeset by the script."""
+    label = inputs.axis_label(one)
+    return {
+        "name": one.name,
+        "title": one.name.replace("_", " "),
+        "unit": "" if one.unit in ("", "1") else one.unit,
+        "label": FigureStyle().axis_label(one) if "$" in label else label,
+    }
+
+
+def _reach(low: float, high: float) -> dict[str, Any]:
+    """Return the ends of an input on the page, beyond its training range, and the distance within
+    which a sample is near.
+    """
+    width = high - low or abs(low) or 1.0
+    return {
+        "ends": _numbers(np.array([low - BEYOND * width, high + BEYOND * width])),
+        "near": NEAR * (high - low) + 1e-12,
+    }
+
+
+def _knob(name: str, ends: Sequence[float], value: float) -> dict[str, Any]:
+    """Return a slider with its number field."""
+    step = float(f"{(ends[1] - ends[0]) / 500:.2g}")
+    low, high, start = _numbers(np.array([*ends, value]))
+    return {"name": name, "low": low, "high": high, "step": step, "value": start}
+
+
+def _knob_of_input(name: str, span: tuple[float, float], value: float) -> dict[str, Any]:
+    """Return the slider of an input, which goes beyond its training range."""
+    return _knob(f"input:{name}", _reach(*span)["ends"], value)
+
+
+def _swing(name: str, width: float) -> dict[str, Any]:
+    """Return the slider for the amplitude of a course of an input."""
+    width = width or 1.0
+    return _knob(f"amplitude:{name}", (0.0, 0.65 * width), 0.4 * width)
+
+
+def _numbers(values: Array) -> list[float | None]:
+    """Return numbers with seven digits; null for a missing number."""
+    return [float(f"{one:.7g}") if np.isfinite(one) else None for one in values.tolist()]
+
+
+def _samples(inputs: ReportInputs, curves: Sequence[Curve]) -> dict[str, Any]:
+    """Return the columns of samples, evenly thinned to `MOST_SAMPLES` of each part, the samples to
+    which the buttons move the inputs, and the knobs, which start at the first of them.
+    """
+    names = [one.name for one in inputs.model.inputs]
+    kept = [*names, inputs.model.output.name]
+    pooled = np.array([inputs.pooled(name) for name in kept])
+    known, held = np.isfinite(pooled).all(axis=0), inputs.pooled_held_out
+    parts = [np.flatnonzero(known & (held == part)) for part in (False, True)]
+    trained, held_out = (
+        dict(
+            zip(
+                kept,
+                map(_numbers, pooled[:, rows[:: max(1, -(-len(rows) // MOST_SAMPLES))]]),
+                strict=True,
+            )
+        )
+        for rows in parts
+    )
+    numbers = np.repeat(np.arange(len(curves)), [len(one.held_out) for one in curves])
+    groups = [parts[1][numbers[parts[1]] == one] for one in np.unique(numbers[parts[1]])]
+    middles = [rows[len(rows) // 2] for rows in groups]
+    shown = parts[1] if middles else parts[0]
+    errors = predict(inputs.model, dict(zip(names, pooled[:, shown], strict=False)))
+    errors = np.nan_to_num(np.abs(errors - pooled[-1, shown]), nan=-1.0)
+    worst = "Worst held-out sample" if middles else "Worst sample"
+    buttons = {"Held-out curve": middles[1:] + middles[:1], worst: [shown[np.argmax(errors)]]}
+    spans = [_span(curves, name) for name in names]
+    start = pooled[:-1, middles[0]] if middles else [(low + high) / 2 for low, high in spans]
+    knobs = {
+        name: [_knob_of_input(name, span, value)]
+        for name, span, value in zip(names, spans, start, strict=True)
+    }
+    return {
+        "samples": {"trained": trained, "held": held_out, "all_held": int(held.sum())},
+        "buttons": {
+            title: json_text([_numbers(pooled[:-1, row]) for row in rows])
+            for title, rows in buttons.items()
+            if len(rows)
+        },
+        "knobs": knobs,
+    }
+
+
+def _record(inputs: ReportInputs, curves: Sequence[Curve]) -> dict[str, Any]:
+    """Return the beginning of one recording, if possible a held-out one, at the steps of the
+    model, joined by straight lines; and how a run of one's own begins.
+    """
+    model, output = inputs.model, inputs.model.output.name
+    curve = next((one for one in curves if one.held_out.any()), curves[0])
+    start = int(np.argmax(curve.held_out)) if curve.held_out.any() else 0
+    columns = {name: column[start:] for name, column in curve.columns.items()}
+    step, time = max(steps_of(model)), columns["time"]
+    count = min(MOST_SAMPLES, int((time[-1] - time[0]) / step + 1.5))
+    grid = np.minimum(time[0] + step * np.arange(count), time[-1])
+    known = columns[output][np.isfinite(columns[output])]
+    rest = min(MOST_RESTING, round(REST / step))
+    names = [one.name for one in model.inputs]
+    return {
+        "name": f"{curve.id}{', held out' if curve.held_out.any() else ''}",
+        "columns": {
+            name: _numbers(np.interp(grid, time, columns[name])) for name in (*names, output)
+        },
+        "start": _numbers(known[:1])[0] if known.size else 0.0,
+        "step": step,
+        "rest": rest,
+        "at_rest": f"at rest after {rest * step:.3g} s at the offset",
+        "begins": _begins(inputs),
+    }
+
+
+def _begins(inputs: ReportInputs) -> str:
+    """Return a sentence on what a free run of the model and of its competitors begins with."""
+    output = inputs.model.output.name.replace("_", " ")
+    measured = (
+        f"begins with as many values of {output} as it needs of the past: those measured at the "
+        "beginning of the recording, or, in a course of your own, the first of them again and "
+        "again."
+    )
+    if fed_back(inputs.model):
+        return f"A run {measured}"
+    others = any(map(fed_back, inputs.validation.models.values()))
+    more = f" A competitor that feeds {output} back {measured}" if others else ""
+    return f"A run of the model begins at rest, without measured {output}.{more}"
+
+
+def _interval(inputs: ReportInputs) -> dict[str, Any] | None:
+    """Return half the width of intervals at levels with equal steps; None if the study has no
+    intervals.
+    """
+    if inputs.left_out is None:
+        return None
+    level = inputs.model.level
+    ends = _span(inputs.dataset.curves, level) if level else (0.0, 0.0)
+    at = np.linspace(*ends, PLACES)
+    half = half_widths_of(inputs.model, {level or "row": at}, INTERVAL)
+    of = level if at[-1] > at[0] else None
+    low, step = at[0], (at[-1] - at[0]) / (PLACES - 1)
+    return {"of": of, "low": low, "step": step, "half": _numbers(half), "level": INTERVAL}
+
+
+def _no_interval(inputs: ReportInputs) -> str:
+    """Return a sentence on why there is no interval, or on what it does not contain; empty if the
+    interval is complete.
+    """
+    if inputs.left_out is not None:
+        limits = interval_limits(inputs.left_out)
+        return f"About the interval: {limits}." if limits else ""
+    if inputs.turned:
+        return "There is no interval: the study scores another quantity."
+    return "There is no interval: the spec does not ask for one (validate: {intervals: true})."
+
+
+def steps_of(model: Model) -> set[float]:
+    """Return the times between samples by which a model runs; none where it has no memory."""
+    return {memory.states.step for memory in model.memories}

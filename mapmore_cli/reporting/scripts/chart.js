@@ -1,0 +1,95 @@
+// A chart of layers on axes of uPlot, which has the zoom; layers are painted in their order.
+
+/** Least and greatest of what is finite among some numbers, each farther out by a share. */
+export function rangeOf(numbers, share = 0) {
+  const known = numbers.filter(Number.isFinite);
+  if (!known.length) return [0, 1];
+  const [low, high] = [Math.min, Math.max].map((of) => known.reduce((one, two) => of(one, two)));
+  const more = share * (high - low || Math.abs(low) || 1);
+  return [low - more, high + more];
+}
+
+/** The ends of the y axis: what is `free` may double the scale to each side, and no more. */
+function heightOf(layers) {
+  const heights = (free) => layers.filter((one) => Boolean(one.free) === free)
+    .flatMap((one) => [...one.y, ...(one.y2 ?? [])]);
+  const [low, high] = rangeOf(heights(false)), room = high - low;
+  const [least, most] = rangeOf([low, high, ...heights(true)]);
+  return rangeOf([Math.max(least, low - room), Math.min(most, high + room)], 0.06);
+}
+
+/** Draw from point to point; a point without a value interrupts the line. */
+function trace(pen, xs, ys) {
+  let drawing = false;
+  ys.forEach((y, k) => {
+    if (drawing) pen.lineTo(xs[k], y);
+    else pen.moveTo(xs[k], y);
+    drawing = Number.isFinite(y);
+  });
+}
+
+/** Paint a layer, whose points are placed by `px` and `py`. */
+function paint(pen, layer, px, py) {
+  const ratio = window.devicePixelRatio || 1, width = (layer.width ?? 2) * ratio;
+  const place = (values) => values.map((y) => (y === null ? NaN : py(y)));
+  const xs = layer.x.map(px), ys = place(layer.y), corner = 1.1 * width;
+  pen.lineWidth = width;
+  pen.setLineDash((layer.dash ?? []).map((x) => x * ratio));
+  pen.globalAlpha = layer.kind === "band" ? 0.2 : 1;
+  pen.beginPath();
+  if (layer.kind === "dots") {
+    ys.forEach((y, k) => pen.rect(xs[k] - corner, y - corner, 2 * corner, 2 * corner));
+  } else if (layer.kind === "line") trace(pen, xs, ys);
+  else trace(pen, [...xs, ...xs.toReversed()], [...ys, ...place(layer.y2).toReversed()]);
+  return layer.kind === "line" ? pen.stroke() : pen.fill();
+}
+
+/**
+ * A chart in an element of the page: a function that shows layers
+ * `{kind: "line" | "dots" | "band", x, y, y2, color, dash, width, free}`; x may run back and
+ * forth.
+ */
+export function chart(holder) {
+  let shown = "", labels = ["", ""], layers = [], limits = [[0, 1], [0, 1]];
+  const size = () => ({ width: holder.clientWidth || 300, height: holder.clientHeight || 300 });
+  const colour = (name) => getComputedStyle(holder).getPropertyValue(name).trim();
+  const grid = { stroke: () => colour("--grid"), width: 1 };
+  const axis = (k) => ({
+    label: () => labels[k], stroke: () => colour("--ink"), grid, ticks: grid,
+    size: [44, 62][k], font: "12px sans-serif", labelFont: "13px sans-serif",
+  });
+
+  function draw({ ctx: pen, bbox: { left, top, width, height }, valToPos }) {
+    pen.save();
+    pen.beginPath();
+    pen.rect(left, top, width, height);
+    pen.clip();
+    const [px, py] = ["x", "y"].map((key) => (value) => valToPos(value, key, true));
+    for (const layer of layers) {
+      pen.strokeStyle = pen.fillStyle = colour(layer.color);
+      paint(pen, layer, px, py);
+    }
+    pen.restore();
+  }
+
+  const across = { time: false, range: (_plot, low, high) => [low, high] };
+  const plot = new uPlot({
+    ...size(), legend: { show: false }, cursor: { y: false }, axes: [axis(0), axis(1)],
+    scales: { x: across, y: { range: () => limits[1] } },
+    series: [{}, { stroke: "transparent", width: 0, points: { show: false } }],
+    hooks: { draw: [draw] },
+  }, limits, holder);
+
+  /** Show layers over an axis of these ends; a zoom stays as long as the axis does. */
+  function show(x, y, ends, next) {
+    const same = shown === String([x, y, ends]);
+    [layers, labels, limits] = [next, [x, y], [ends, heightOf(next)]];
+    shown = String([x, y, ends]);
+    plot.setData(limits, !same);
+    if (same) plot.setScale("y", { min: limits[1][0], max: limits[1][1] });
+  }
+
+  new ResizeObserver(() => plot.setSize(size())).observe(holder);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => plot.redraw());
+  return show;
+}
