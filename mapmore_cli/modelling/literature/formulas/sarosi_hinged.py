@@ -2,8 +2,9 @@
 outlook of M1 suggests physics-based terms.
 
 Measured muscles give almost no force below a threshold pressure, which rises with the strain. If
-Sárosi's formula is fitted to such data, its terms describe this corner and not the rest. Here, `hi` (Sárosi's formula with a1 to a6) and the
-foot `lo = b0 + b1 P + b2 strain` are joined by a hinge of width w:
+Sárosi's formula is fitted to such data, its terms describe this corner and not the rest. Here, `hi`
+(Sárosi's formula with a1 to a6) and the foot `lo = b0 + b1 P + b2 strain` are joined by a hinge of
+width w:
 
     F = share F_hinged + (1 - share) F_plain
     F_hinged = lo + w ln(1 + exp((hi - lo)/w)),   F_plain: Sárosi's formula with s1 to s6
