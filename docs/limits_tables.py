@@ -1,4 +1,5 @@
-"""Write the table of docs/limits.md on the ends of curves: `python docs/limits_tables.py RUNS`.
+"""Write the tables of docs/limits.md, on the ends of curves and on the tested ranges:
+`python docs/limits_tables.py RUNS`.
 
 The measured recordings must be there (docs/data.md).
 """
@@ -28,6 +29,21 @@ WAYS = ("saturate", "continue_linear", "continue")
 STEP = 1e-7
 """Of the length of a curve, from which slopes on both sides of an end are computed."""
 
+TESTED = {
+    "festo/festo_10mm_10cm_strain": ("Festo muscle, 10 mm, 83 mm long", "strain"),
+    "festo/festo_10mm_20cm_strain": ("Festo muscle, 10 mm, 182 mm long", "strain"),
+    "festo/festo_10mm_30cm_strain": ("Festo muscle, 10 mm, 281 mm long", "strain"),
+    "festo/festo_datasheet": ("Festo muscle, 20 mm, data sheet", "strain"),
+    "bellows/bellows_strain": ("soft bellows", "strain"),
+    "pgm/pgm_force": ("pneumatic gel muscle", "strain"),
+    "cylinder/printed_cylinder": ("3D-printed cylinder", "displacement"),
+    "coiled/coiled_steps": ("coiled muscle, pressure steps, 200 g", "displacement"),
+    "coiled/coiled_loops": ("coiled muscle, slow cycles, 200 g", "displacement"),
+}
+"""Measured studies, the actuator of each, and the quantity that says how far it moved."""
+
+MILLIMETRES = {"1": 1.0, "m": 1000.0, "mm": 1.0}
+
 
 def row(study: str, way: str, runs: Path) -> tuple[Cell, ...]:
     """Return how far the slope of a study's pieces jumps where a curve ends, in per cent of the
@@ -49,6 +65,33 @@ def ends(runs: Path) -> Table:
     title = "The slope of the force where the shorter of two curves ends"
     rows = [row(study, way, runs) for study in STUDIES for way in WAYS]
     return Table.of("ends", title, columns, rows)
+
+
+def tested(runs: Path) -> Table:
+    """Return the smallest and largest pressure and movement of each measured study."""
+    columns = (
+        "actuator",
+        "pressure, from [kPa] .4g",
+        "to [kPa] .4g",
+        "moved",
+        "from .3g",
+        "to .3g",
+    )
+    title = "Measured actuators on which models were tested, and the range of the data"
+    return Table.of("tested", title, columns, [ranges(study, runs) for study in TESTED])
+
+
+def ranges(study: str, runs: Path) -> tuple[Cell, ...]:
+    """Return the row of a measured study: smallest and largest values over all its curves."""
+    actuator, moved = TESTED[study]
+    dataset = run(study, runs, until="ingest").dataset()
+    pressure, movement = (
+        np.concatenate([curve.columns[name] for curve in dataset.curves])
+        for name in ("pressure", moved)
+    )
+    movement = MILLIMETRES[dataset.unit(moved)] * movement
+    shown = moved if moved == "strain" else f"{moved} [mm]"
+    return actuator, pressure.min(), pressure.max(), shown, movement.min(), movement.max()
 
 
 def jumps(model: Model) -> list[float]:
@@ -76,4 +119,4 @@ def jumps(model: Model) -> list[float]:
 
 
 if __name__ == "__main__":
-    write_page("limits.md", {"ends": ends})
+    write_page("limits.md", {"ends": ends, "tested": tested})

@@ -10,6 +10,7 @@ from claims import Judge
 from cli_samples import CONFIGS
 from comparison import HERE, PUBLISHED, beside
 from our_numbers import Runs
+from page_tables import DOCS, rows_of
 from paper import REFERENCE, Reason, load_paper
 
 from mapmore_cli.study.loader import load
@@ -89,3 +90,13 @@ def test_what_tables_of_ours_alone_decide_has_its_numbers_and_explanations_hold(
         if all(spec.sources[one].run is None for one in asked):
             holds, _ = judge.judged(shown)
             assert holds or not isinstance(shown, Reason)
+
+
+def test_the_page_on_reproducing_counts_every_claim():
+    """Which of them hold needs the runs; `docs/reproduce_tables.py` writes that."""
+    rows = rows_of("papers", DOCS / "reproduce.md")
+    assert {row[0].lower() for row in rows} == {*NUMBERED}
+    for name, claims, holding, *_ in rows:
+        shown = load_paper(HERE / f"{name.lower()}.yaml").spec.claims
+        assert int(claims) == sum(not one.untold and one.role == "result" for one in shown)
+        assert int(holding) <= int(claims)

@@ -1,18 +1,21 @@
 """Sárosi's formula with a slack foot, blended with the plain formula. It was made for mapmore; the
 outlook of M1 suggests physics-based terms.
 
-Measured muscles give almost no force below a threshold pressure, which rises with the strain. The
-plain formula spends its terms on this corner. Here, `hi` (Sárosi's formula with a1 to a6) and the
-foot `lo = b0 + b1 P + b2 strain` are joined by a hinge of width w:
+Measured muscles give almost no force below a threshold pressure, which rises with the strain. If
+Sárosi's formula is fitted to such data, its terms describe this corner and not the rest. Here, `hi`
+(Sárosi's formula with a1 to a6) and the foot `lo = b0 + b1 P + b2 strain` are joined by a hinge of
+width w:
 
-    F = share (lo + w ln(1 + exp((hi - lo)/w))) + (1 - share) (Sárosi's with s1..s6)
+    F = share F_hinged + (1 - share) F_plain
+    F_hinged = lo + w ln(1 + exp((hi - lo)/w)),   F_plain: Sárosi's formula with s1 to s6
 
-The second part is the plain formula, fitted to the same data. The two shares are proportional to
-`(r^2 + 0.01^2)^-2`, where r is the training RMSE of each part divided by max|F|. If the data have
-no foot, both parts are about equally good and share the force. The plain part has no share if its
-exponent is at a bound or not determined by the data: outside the measured strains, its exp(+-400
-strain) would swamp the rest, however small the share. The strain must be a fraction, because the
-prior of a3 is a decay over a strain of 1/33.
+F_plain is fitted to the same data as F_hinged. `share` is the weight of F_hinged. Both weights are
+proportional to `(r^2 + 0.01^2)^-2`, in which r is the training RMSE of this part divided by max|F|.
+If the data have no foot, both parts are about equally good and have about equal weights. F_plain
+gets no weight if its exponent s3 is at a bound or not determined by the data. Its term exp(s3
+strain) could then be so large outside the measured strains that even a very small weight would
+spoil the force. The strain must be a fraction, because the prior of a3 is a decay over a strain of
+1/33.
 """
 
 from __future__ import annotations

@@ -225,8 +225,8 @@ FORMULAS = (
         "Sárosi, hysteresis loss",
         "M2 eq 17-23, times the length",
         "-2*zeta*sqrt(abs(stiffness)*load/9.81)*length*strain_rate",
-        """Sárosi's hysteresis loss: critical damping `2 sqrt(|k_t| m)`, multiplied by the
-share zeta and by the muscle's velocity.
+        """Sárosi's hysteresis loss: the damping ratio zeta, multiplied by the critical
+damping `2 sqrt(|k_t| m)` and by the muscle's velocity.
 
 M2 eq 19 multiplies by the strain rate, although k_t is per metre (eq 20), so that the result has
 the unit N/m. With the length as a further factor, it is a force.""",

@@ -99,8 +99,8 @@ power of L and is linear in them:
     n = L0 sqrt(3/(4 pi c1)),   b = L0 sqrt(3 c2/c1)
 
 So the force needs no dimension of the muscle. In kPa and N, both parameters are in 1e-3 m^2. A real
-braid has c1 > 0 and c2 > c1/3 (b > L0). The fit does not require that; `tondu_lopez` does, and is
-otherwise the same formula.""",
+braid has c1 > 0 and c2 > c1/3 (b > L0). The fit of this formula allows other values too. The fit of
+`tondu_lopez`, which is the same formula with other parameters, allows real braids only.""",
     ),
     braided(
         "tondu_lopez",
@@ -110,10 +110,11 @@ otherwise the same formula.""",
         (),
         """Tondu and Lopez' static force of a braided cylinder, from virtual work.
 
-W eq 4 takes the area pi D^2/4 from the muscle's nominal diameter and fits the angle only. Here, the
-area is fitted too, so that the diameter of the bladder need not be known; this can only improve the
-fit. In kPa and N, the area is in 1e-3 m^2. The formula is then W eq 3 in other parameters, and
-equals `chou_hannaford` whenever that describes a real braid.""",
+W eq 4 takes the area pi D^2/4 from the muscle's nominal diameter and fits only the angle. Here, the
+area is fitted too, so the diameter of the bladder need not be known, and the training error cannot
+become larger. In kPa and N, the area is in 1e-3 m^2. With a fitted area, the formula is W eq 3 with
+other parameters. It gives the same forces as `chou_hannaford` if the fitted parameters of
+`chou_hannaford` describe a real braid.""",
     ),
     braided(
         "tondu_lopez_fixed_area",
@@ -165,8 +166,8 @@ is the same with the area fitted too.""",
 on the strain and another on the force.
 
 The factor on the force is `mu = a_e exp(-40 strain) - b_e` (W eq 11, with the strain as a
-fraction). It includes the area pi D^2/4: a_e and b_e are W's parameters multiplied by the area (in
-kPa and N, in 1e-3 m^2), so that the number of parameters is the same as W's. The pressure must be
-in kPa (W eq 10).""",
+fraction). Here, a_e and b_e are W's parameters multiplied by the area pi D^2/4, because the data
+cannot separate the area from this factor. So there are as many parameters as in W. In kPa and N,
+a_e and b_e are in 1e-3 m^2. The pressure must be in kPa (W eq 10).""",
     ),
 )
