@@ -44,6 +44,7 @@ def test_stamps_are_in_the_unit_of_the_column_from_their_epoch():
         return CellReader(clock=True, format=layout, second=second)(cell)
 
     assert read("0:00:02.5") == 2500.0
+    assert CellReader(clock=True)("0:00:02.5") == TableRequest("", ("t",)).second * 2.5 == 2.5
     assert read("2 days 01:01:01", second=1.0) == 2 * 86400 + 3661
     assert read("01.01.1970 00:00:01") == 1000.0
     # a format without a year counts from 1900, and one with a year from 1970
@@ -99,7 +100,14 @@ def test_an_unknown_cell_is_told_from_one_of_a_known_kind():
         with pytest.raises(NotANumber) as error:
             CellReader()(cell)
         assert error.value.known is known
-    assert NotANumber("a", "b", "c").known
+    error = NotANumber("a", "is odd", "mend it")
+    assert (error.known, error.message, error.at("here").remedy) == (True, "'a' is odd", "mend it")
+    assert (error.message, error.at("", "so").remedy) == ("here: 'a' is odd", "so")
+    assert NotANumber("", "is odd", "").message == "is odd"
+    with pytest.raises(NotANumber) as error:
+        CellReader(clock=True, usual="")("abc")
+    assert "%H" not in error.value.remedy
+    assert "%I" in error.value.remedy
 
 
 def test_words_and_empty_cells_hold_no_number():
