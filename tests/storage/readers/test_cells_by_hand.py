@@ -155,6 +155,14 @@ def test_columns_that_are_refused_for_thousands(cells, row):
     assert "." not in str(error.value.message).partition("may be ")[2].partition(":")[0]
 
 
+@pytest.mark.parametrize(("decimal", "other"), [(".", ","), (",", ".")])
+def test_the_remedy_for_thousands_names_both_marks(decimal, other):
+    cells = [(1, "950"), (2, f"1{decimal}050")]
+    with pytest.raises(NotANumber, match="may be 1050: the column has .* up to 950") as error:
+        refuse_grouped(cells, decimal, "")
+    assert f'`decimal: "{other}"` and `thousands: "{decimal}"`' in error.value.remedy
+
+
 def rows(text):
     """Rows by lines; an empty line is a blank row, which readers leave out."""
     lines = enumerate(text.strip().splitlines(), 1)
@@ -189,6 +197,8 @@ def test_tables_below_each_other():
     assert [number for number, _ in second.rows] == [9, 10, 11]
     assert third.title == "u v w"
     assert (third.header, len(third.rows)) == ([(13, ["1", "2", "3"])], 2)
+    (mixed,) = tables_below(rows("a;b;c\nx;1;2\ny;3;4"), 1, holds_number)
+    assert len(mixed.rows) == 2  # two numbers make a row of a table, also beside a word
     parts = tables_below(rows("1;2\n3;4\n\n5;6\n7;8\nF;1\n1;2\n3;4"), 0, holds_number)
     assert [[number for number, _ in part.rows] for part in parts] == [[1, 2], [4, 5], [7, 8]]
 
