@@ -158,7 +158,7 @@ def test_columns_that_are_refused_for_thousands(cells, row):
 @pytest.mark.parametrize(("decimal", "other"), [(".", ","), (",", ".")])
 def test_the_remedy_for_thousands_names_both_marks(decimal, other):
     cells = [(1, "950"), (2, f"1{decimal}050")]
-    with pytest.raises(NotANumber, match="may be 1050: the column has .* up to 950") as error:
+    with pytest.raises(NotANumber, match=r"may be 1050: the column has .* up to 950") as error:
         refuse_grouped(cells, decimal, "")
     assert f'`decimal: "{other}"` and `thousands: "{decimal}"`' in error.value.remedy
 
