@@ -1,5 +1,6 @@
 """Every constant of what drafts take from the values of a column and from names, by hand."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,9 @@ from mapmore_cli.annexes.drafting.columns import (
     SINCE_1970,
     TURNS,
     TitledColumn,
+    find,
+    listed,
+    read_titles,
     unit_of_clock,
 )
 from mapmore_cli.annexes.drafting.draft import Draft, NamedColumn, Note, range_of, scaled, yaml_text
@@ -26,8 +30,10 @@ from mapmore_cli.annexes.drafting.names import (
     stem_of,
     told_by_names,
 )
+from mapmore_cli.annexes.drafting.preview import Preview
 from mapmore_cli.annexes.drafting.recordings import with_strain
 from mapmore_cli.annexes.drafting.spelling import spelt, words
+from mapmore_cli.domain.errors import UsageError
 
 
 def column(*values, title="", place=0, quantity="", unit="", **more):
@@ -294,3 +300,92 @@ def test_a_displacement_contracts_where_it_mostly_moves(values, scale, offset, r
     lengths = Draft({"data": {"columns": {"length": {"column": "l"}}}})
     assert with_strain(lengths, 0.2, {})[0].data["derive"] == {"strain": "(0.2 - length)/0.2"}
     assert with_strain(lengths, 0.2, {"strain": [1.0]})[1] == ""
+
+
+def titled(*titles, units=(), **values):
+    """Columns as they are read from files whose titles are these."""
+    layout = Preview("csv", titles, titles, {}, tuple(units), ())
+    raw = {title: [np.array([0.0, 1.0, 2.0])] for title in titles} | values
+    return read_titles(layout, raw)
+
+
+@pytest.mark.parametrize(
+    ("title", "line", "quantity", "unit", "source"),
+    [
+        ("P [bar]", "", "pressure", "bar", "title"),
+        ("force", "N", "force", "N", "the file's units"),
+        *(("F [V]", "", "", "V", "title"), ("pressure", "", "pressure", "", "")),
+        *(("ms", "", "", "ms", "title"), ("Angle_deg", "", "", "deg", "title")),
+        ("strain [%]", "1", "strain", "1", "the file's units"),
+        ("力（N）", "", "force", "N", "title"),
+    ],
+)
+def test_titles_and_units_of_files(title, line, quantity, unit, source):
+    (one,) = titled(title, units=(line,)).values()
+    assert (one.quantity, one.unit, one.source) == (quantity, unit, source)
+
+
+@pytest.mark.parametrize(
+    ("title", "name"),
+    [
+        *(("Angle_deg", "Angle"), ("angle [deg]", "angle"), ("s[12]", "s_12"), ("9", "column_9")),
+        *(("", "column_3"), ("time", "time_3"), ("a" * 41, "a" * 40), ("strain", "strain_3")),
+    ],
+)
+def test_names_are_made_of_titles(title, name):
+    assert column([1.0], title=title, place=3).name == name
+
+
+def test_columns_become_quantities_with_reasons():
+    pressure = column([0.0, 2.0], title="P", quantity="pressure")
+    sure = replace(pressure, unit="bar").as_quantity("pressure")
+    assert (sure.unit, sure.why, sure.sure) == ("bar", "title; 0 to 2 bar", True)
+    asked = pressure.as_quantity("pressure")
+    assert (asked.unit, asked.sure) == ("kPa", False)
+    assert "its title says no unit: is it kPa?" in asked.why
+    strain = column([0.0, 0.2], title="eps", quantity="strain").as_quantity("strain")
+    assert (strain.unit, strain.sure) == ("1", True)
+    other = column([0.0, 0.2], title="colour").as_quantity("colour")
+    assert (other.unit, other.sure) == ("1", True)
+    clock = column(np.arange(5)).as_quantity("time")
+    assert (clock.unit, clock.why[:25]) == ("ms", "it rises all the time: is")
+    texts = column(title="day", texts=("a", "b")).as_quantity("day")
+    assert (texts.unit, texts.texts) == ("1", True)
+    assert column(title="day", texts=("a", "b", "c")).described == "day  3 texts, a to c"
+    assert pressure.described == "P  0 to 2"
+    assert [*map(len, (column().kinds, pressure.kinds))] == [0, 2]
+    assert not column().moves
+    assert column(texts=("Mean", "a", "SD")).summaries == ["Mean", "SD"]
+    unnamed = column([0.0], place=4)
+    assert (unnamed.called, unnamed.asked_for) == ("column 4", "4")
+    assert column(title="a b").asked_for == "'a b'"
+
+
+def test_columns_are_found_by_name_place_title_then_a_word():
+    table = titled("Force left", "Force right", "x", "2")
+    asked = {"Force left": 0, "x": 2, 1: 1, "right": 1, "force  RIGHT": 1, "2": 3}
+    assert {wanted: find(table, wanted, "--x").place for wanted in asked} == asked
+    with pytest.raises(UsageError, match="--x: several columns are called force") as error:
+        find(table, "force", "--x")
+    assert "Force left, Force right" in error.value.remedy
+    assert "x" not in error.value.remedy.partition(": ")[2]
+    with pytest.raises(UsageError, match="--x: no column of numbers is called y") as error:
+        find(table, "y", "--x")
+    assert "Force left, Force right, x, 2" in error.value.remedy
+    empty = {**table, "day": column(title="day", place=4)}
+    with pytest.raises(UsageError, match="no column of numbers is called day"):
+        find(empty, "day", "--x")
+    with pytest.raises(UsageError, match="day has neither numbers nor texts"):
+        find(empty, "day", "--x", texts=True)
+    with pytest.raises(UsageError, match="no column is called y"):
+        find(empty, "y", "--x", texts=True)
+    named = {**empty, "day": column(title="day", place=4, texts=("a",))}
+    assert find(named, "day", "--x", texts=True).place == 4
+    assert [*listed(named, but=["x"])] == [0, 1, 3]
+
+
+def test_a_clock_of_several_files_must_be_of_this_century_in_all():
+    start = 1.7e9
+    assert unit_of_clock([np.array([start * 1e3]), np.array([start * 1e3 + 5])]) == "ms"
+    assert unit_of_clock([np.array([start * 1e3, start * 1e3 + 0.5]), np.array([0.0])]) == "s"
+    assert unit_of_clock([np.array([start * 1e3]), np.array([5e12, 5e12 + 0.5])]) == "s"
