@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from mapmore_cli.annexes.drafting import names as names_of_files
+from mapmore_cli.annexes.drafting.answers import Hold
 from mapmore_cli.annexes.drafting.by_titles import PARTS, clock_in_parts, known_by_titles, target_of
 from mapmore_cli.annexes.drafting.columns import (
     FEWEST_ROWS,
@@ -389,3 +390,29 @@ def test_a_clock_of_several_files_must_be_of_this_century_in_all():
     assert unit_of_clock([np.array([start * 1e3]), np.array([start * 1e3 + 5])]) == "ms"
     assert unit_of_clock([np.array([start * 1e3, start * 1e3 + 0.5]), np.array([0.0])]) == "s"
     assert unit_of_clock([np.array([start * 1e3]), np.array([5e12, 5e12 + 0.5])]) == "s"
+
+
+@pytest.mark.parametrize(
+    ("name", "word", "unit", "values"),
+    [
+        *(("mass", "m", "g", (5, 7, 9)), ("mass", "", "N", (5, 7, 9)), ("mas", "", "", None)),
+        *((name, "", "", (1, 1, 4)) for name in ("turn", "tur", "turning")),
+        *(("t", "", "", None), ("mass", "urn", "", (1, 1, 4)), ("mass", "x", "", None)),
+        *(("other", "", "kPa", None), ("other", "", "kgf", (5, 7, 9))),
+    ],
+)
+def test_a_person_names_numbers_by_word_quantity_or_unit(name, word, unit, values):
+    names = ["m5g_turn1", "m7g_turn1", "m9g_turn4"]
+    if values is None:
+        with pytest.raises(UsageError, match=f"--hold: .* called {name}"):
+            told_by_names(names, Hold(name, word, unit))
+        return
+    conditions, _ = told_by_names(names, Hold(name, word, unit))
+    assert {one.quantity: one.values for one in conditions}[name] == values
+
+
+def test_a_name_without_a_number_means_zero():
+    ((found,), _) = told_by_names(["kg2", "kg5", "empty"], Hold("load", "kg", "N"))
+    assert (found.values, found.sure) == ((2, 5, 0), False)
+    assert "0 where 'empty' has no number" in found.why
+    assert told_by_names(["a", "b"], Hold("none")) == ([], [])
