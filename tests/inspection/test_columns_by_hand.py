@@ -19,7 +19,15 @@ from mapmore_cli.annexes.drafting.columns import (
     read_titles,
     unit_of_clock,
 )
-from mapmore_cli.annexes.drafting.draft import Draft, NamedColumn, Note, range_of, scaled, yaml_text
+from mapmore_cli.annexes.drafting.draft import (
+    HEAD,
+    Draft,
+    NamedColumn,
+    Note,
+    range_of,
+    scaled,
+    yaml_text,
+)
 from mapmore_cli.annexes.drafting.names import (
     Condition,
     Number,
@@ -416,3 +424,27 @@ def test_a_name_without_a_number_means_zero():
     assert (found.values, found.sure) == ((2, 5, 0), False)
     assert "0 where 'empty' has no number" in found.why
     assert told_by_names(["a", "b"], Hold("none")) == ([], [])
+
+
+def test_a_draft_is_changed_in_a_copy_with_its_notes():
+    draft = Draft({"name": "a", "target": "force", "data": {"files": "x"}})
+    more = draft.with_data("missing", "drop", "seen", sure=False).with_data("step", 2)
+    more = more.with_section("fit", {}, "why").noted(("data", "missing", "x"), "deep")
+    assert more.data == {"files": "x", "missing": "drop", "step": 2}
+    assert (draft.data, draft.notes) == ({"files": "x"}, {})
+    assert [str(note) for note in more.notes.values()] == ["# CHECK: seen", "# why", "# deep"]
+    assert [*more.open] == [("data", "missing")]
+    left = more.without_data("missing")
+    assert (left.data, [*left.notes]) == ({"files": "x", "step": 2}, [("fit",)])
+    assert (draft.output, draft.name) == ("force", "a")
+    outputs = [draft.with_section("target", one).output for one in ("static", "damping", "strain")]
+    assert outputs == ["force", "damping", "strain"]
+    assert draft.bad_files == more.bad_files == ""
+    assert draft.with_data("skip_bad_files", ["b"], "b is bad", False).bad_files == "b is bad"
+    assert draft.with_data("skip_bad_files", ["b"], "b is bad").bad_files == ""
+    tips = replace(draft, tips=("say more",)).text().splitlines()
+    assert tips[1:3] == [HEAD, "# CHECK: say more"]
+    parts = {"h": "%H", "min": "%M"}
+    assert NamedColumn("h", parts=parts).places == {"h", "min"}
+    assert NamedColumn("h", parts=parts).as_spec() == {"columns": ["h", "min"], "format": "%H %M"}
+    assert NamedColumn("P").places == {"P"}
