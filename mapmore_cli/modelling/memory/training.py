@@ -96,7 +96,8 @@ class Unknown:
 
     def numbers(self, searched: Array, digits: int = 17) -> tuple[float, ...]:
         """Return the parameters at search coordinates, with this many significant digits."""
-        values = np.where(self.limits[0] > 0, np.exp(searched), searched)
+        positive = self.limits[0] > 0
+        values = np.where(positive, np.exp(np.where(positive, searched, 0.0)), searched)
         return tuple(float(f"{value:.{digits}g}") + 0.0 for value in values)
 
     def those_of(self, part: Unknown) -> BoolArray:

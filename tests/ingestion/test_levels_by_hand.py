@@ -1,0 +1,108 @@
+"""Levels, their parts, and the curves that are made of them, by hand."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.recording import Recording
+from mapmore_cli.ingestion.curves import LevelPart, LevelSet, cut_by_level, joined_curves, level_set
+
+LEVELS = LevelSet("P", np.array([100.0, 200.0, 400.0]), 5.0)
+
+
+@pytest.mark.parametrize(
+    ("value", "level"),
+    [
+        *((100, 100), (125, 100), (126, None), (75, 100), (74, None), (180, 200), (375, 400)),
+        *((374, None), (425, 400), (426, None)),
+    ],
+)
+def test_a_level_is_meant_within_a_quarter_of_the_smallest_distance(value, level):
+    assert LEVELS.named(value) == level
+
+
+def test_a_single_level_is_meant_within_a_quarter_of_itself():
+    one = LevelSet("P", np.array([-100.0]), 5.0)
+    assert [one.named(value) for value in (-75, -74, -125, -126)] == [-100, None, -100, None]
+    zero = LevelSet("P", np.array([0.0]), 5.0)
+    assert [zero.named(value) for value in (0, 1e-6)] == [0, None]
+
+
+def test_samples_belong_to_the_level_within_its_reach():
+    found = LEVELS.match(np.array([95.0, 105.0, 94.9, 105.1, 200.0, 400.0, 900.0]))
+    np.testing.assert_array_equal(found, [100, 100, np.nan, np.nan, 200, 400, np.nan])
+    assert LEVELS.describe() == "levels of P: 100, 200, 400 (within 5)"
+
+
+def recording(name, pressure, first_row=2):
+    columns = {"P": np.array(pressure), "F": np.arange(float(len(pressure)))}
+    return Recording(name, f"{name}.csv", columns, len(pressure), {"other": 1}, first_row=first_row)
+
+
+ONE, TWO = recording("a", [100.0, 200.0, 150.0]), recording("b", [400.0, 101.0])
+MORE = recording("c", [200.0, 200.0])
+
+
+def test_parts_know_their_places_in_their_log():
+    recordings, parts = cut_by_level([[ONE, TWO], [MORE]], LEVELS)
+    assert [(part.recording.id, part.level) for part in parts] == [
+        *(("a", 100), ("a", 200), ("b", 100), ("b", 400), ("c", 200)),
+    ]
+    assert [list(part.places) for part in parts] == [[0], [1], [4], [3], [0, 1]]
+    assert [part.whole for part in parts] == [5, 5, 5, 5, 2]
+    assert [part.log for part in parts] == [0, 0, 0, 0, 1]
+    assert [part.columns["F"].tolist() for part in parts] == [[0], [1], [1], [0], [0, 1]]
+    assert [one.dropped for one in recordings] == [
+        {"other": 1, "not within 5 of any level of P": 1},
+        {"other": 1},
+        {"other": 1},
+    ]
+    assert [one.first_row for one in recordings] == [0, 2, 2]
+    with pytest.raises(DataError, match="no sample is within 5 of P=400") as error:
+        cut_by_level([[ONE], [MORE]], LEVELS)
+    assert "P goes from 100 to 200" in error.value.remedy
+    whole, parts = cut_by_level([[ONE, TWO]], None)
+    assert [list(part.places) for part in parts] == [[0, 1, 2], [3, 4]]
+    assert whole == [ONE, TWO]
+
+
+def test_the_last_part_of_a_log_begins_after_a_share_of_its_samples():
+    part = LevelPart(ONE, None, ONE.columns, range(2, 5), 10, 0)
+    # the middles of the samples are at 25, 35 and 45 % of the log
+    assert part.behind(0.25).tolist() == [False, True, True]
+    assert part.behind(0.24).tolist() == [True, True, True]
+    assert part.behind(0.45).tolist() == [False] * 3
+
+
+@pytest.mark.parametrize("nominal", [False, True])
+def test_curves_are_joined_from_parts_of_one_level(nominal):
+    levels = LevelSet("P", LEVELS.at, 5.0, nominal)
+    _, parts = cut_by_level([[ONE, TWO], [MORE]], levels)
+    held_out = [np.full(part.size, part.recording.id == "c") for part in parts]
+    low, middle, high = joined_curves(parts, held_out, levels)
+    assert [one.id for one in (low, middle, high)] == ["P=100", "P=200", "P=400"]
+    assert low.columns["P"].tolist() == [100, 100 if nominal else 101]
+    assert (low.recordings, low.origin.tolist()) == (("a", "b"), [0, 1])
+    assert middle.origin.tolist() == [0, 1, 1]
+    assert middle.held_out.tolist() == [False, True, True]
+    assert high.origin is None
+    assert high.at_rest is None
+    _, parts = cut_by_level([[MORE, ONE]], None)
+    curves = joined_curves(parts, [np.zeros(part.size, dtype=bool) for part in parts], None)
+    assert [(one.id, one.level) for one in curves] == [("c", None), ("a", None)]
+
+
+def test_levels_of_a_spec_ascend_and_have_no_negative_zero():
+    asked = SimpleNamespace(of="P", at=[200.0, -0.0, 100.0], within=None, value="nominal")
+    found = level_set(asked, [ONE])
+    assert found.at.tolist() == [0, 100, 200]
+    assert not np.signbit(found.at[0])
+    assert (found.nominal, found.within) == (True, 50)
+    asked.within, asked.value = 3.0, "measured"
+    found = level_set(asked, [ONE])
+    assert (found.nominal, found.within) == (False, 3)
+    asked.at = "auto"
+    with pytest.raises(DataError, match="P is never held constant"):
+        level_set(asked, [recording("a", np.linspace(0.0, 100.0, 400))])

@@ -1,0 +1,145 @@
+"""Answers of a person: names, quantities and ranges of columns, and the courses that are shown."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mapmore_cli.annexes.drafting.answers import (
+    Answers,
+    answers_of,
+    read_group,
+    read_hold,
+    read_names,
+    read_positive,
+)
+from mapmore_cli.annexes.drafting.by_person import named_by_person, refuse_choice
+from mapmore_cli.annexes.drafting.columns import TitledColumn
+from mapmore_cli.annexes.drafting.draft import NamedColumn
+from mapmore_cli.annexes.drafting.questions import BLOCKS, course
+from mapmore_cli.domain.errors import UsageError
+
+
+def test_columns_have_units_scales_and_offsets():
+    named = read_names("--columns", "time:ms,_, P=Druck 1:kPa*2.5-1e1,-,force:N*-2,q=7:V+0.5")
+    assert {name: (one.column, one.unit, one.scale, one.offset) for name, one in named.items()} == {
+        "time": (0, "ms", 1, 0),
+        "P": ("Druck 1", "kPa", 2.5, -10),
+        "force": (4, "N", -2, 0),
+        "q": (7, "V", 1, 0.5),
+    }
+    assert [one.is_called for one in named.values()] == [False, True, False, True]
+    (one,) = read_names("--target", "7").items()
+    assert one == ("7", NamedColumn(7))
+    assert [*read_names("--inputs", "'Kraft, z=1':N,tip[:,0]:mm")] == ["Kraft, z=1", "tip[:,0]"]
+    quoted = read_names("--inputs", 'a="Kraft, z=1":N')["a"]
+    assert (quoted.column, quoted.unit) == ("Kraft, z=1", "N")
+
+
+@pytest.mark.parametrize(
+    ("option", "text", "words"),
+    [
+        *(("--columns", "a,a", "a is given twice"), ("--columns", "_, ,-", "no column is named")),
+        *(
+            ("--columns", "1a", "'1a' is not a valid name"),
+            ("--inputs", "1a=x", "not a valid name"),
+        ),
+        *(("--columns", "force:kPa", "force: "), ("--inputs", "x:furlongs2", "x: ")),
+    ],
+)
+def test_names_that_cannot_be(option, text, words):
+    with pytest.raises(UsageError, match=option) as error:
+        read_names(option, text)
+    assert words in error.value.message
+
+
+def test_further_answers():
+    assert read_hold("strain=kinked:%") == ("strain", "kinked", "%")
+    assert read_hold("none") == ("none", "", "")
+    assert [read_group(text) for text in ("specimen", "3", "none")] == ["specimen", "3", None]
+    with pytest.raises(UsageError, match="--group"):
+        read_group("a b")
+    assert read_positive("--length", "m", "88mm", "88 mm") == 0.088
+    for text in ("0 mm", "-1 mm", "1e999", "x", "5 kPa"):
+        with pytest.raises(UsageError, match="--length"):
+            read_positive("--length", "m", "88mm", text)
+    found = answers_of(
+        recordings="a, b[:,0]", sample_time="10 ms", validate=" last ", no_clock=True, length=None
+    )
+    assert (found.recordings, found.sample_time) == (("a", "b[:,0]"), 0.01)
+    assert (found.validate, found.no_clock, found.length) == ("last", True, None)
+
+
+def test_which_answers_name_columns_by_their_number():
+    column, places = {"x": NamedColumn("x")}, {"x": NamedColumn(3)}
+    without = (Answers(), Answers(columns=column), Answers(group="a1"), Answers(recordings=("1a",)))
+    assert not any(one.has_places for one in without)
+    with_places = [Answers(**{key: places}) for key in ("columns", "target", "inputs")]
+    with_places += [Answers(inputs={"x": NamedColumn("3..7")}), Answers(group="3")]
+    assert all(one.has_places for one in [*with_places, Answers(recordings=("a", "12"))])
+
+
+def titled(place, title, values, quantity="", unit=""):
+    return TitledColumn(
+        title or place, place, title, [np.asarray(values)], quantity, True, unit, ""
+    )
+
+
+WAVE = np.array([0.0, 4.0, 1.0, 5.0])
+TABLE = {
+    one.column: one
+    for one in (
+        titled(0, "t", [0.0, 1.0, 2.0, 3.0], "time", "s"),
+        titled(1, "s1", WAVE),
+        titled(2, "s2", WAVE + 1),
+        titled(3, "flat", [1.0, 1.0]),
+        titled(4, "force", 2 * WAVE, "force"),
+    )
+}
+
+
+def named(text, option="--inputs", known=None):
+    return named_by_person(read_names(option, text), TABLE, option, known or {})
+
+
+def test_ranges_and_patterns_of_columns_mean_all_that_move_but_the_time():
+    assert [*named("0..3")] == [*named("3..0")] == [*named("S*")] == [*named("s?")] == ["s1", "s2"]
+    assert [*named("*")] == ["s1", "s2", "force"]
+    for text, words in (("a*", "no column that moves is"), ("x=s*", "2 columns that move are")):
+        with pytest.raises(UsageError, match=words):
+            named(text)
+    assert named("x=f*")["x"].column == "force"
+
+
+def test_columns_of_a_person_are_in_the_given_unit():
+    one = named("P=s1:kPa*2+1", "--columns")["P"]
+    assert (one.column, one.unit, one.why, one.sure) == ("s1", "kPa", "you; 1 to 11 kPa", True)
+    force = named("force")["force"]
+    assert (force.unit, force.sure) == ("N", False)
+    assert named("force:lbf")["force"].sure
+    known = {"F": NamedColumn("force", "kN", "why")}
+    assert named("4", known=known)["F"].unit == "kN"
+
+
+def test_columns_that_move_are_listed_with_the_command():
+    error = refuse_choice(TABLE, "a.csv", "folder")
+    listed = [line.split()[:2] for line in error.message.splitlines()[1:]]
+    assert listed == [["0", "t"], ["1", "s1"], ["2", "s2"], ["4", "force"]]
+    assert "mapmore init folder --target ... --inputs ..." in error.remedy
+    bare = {
+        place: replace(one, title="", column=place, quantity="", unit="")
+        for place, one in enumerate(TABLE.values())
+    }
+    error = refuse_choice(bare, "a.csv", "folder")
+    assert "--target force=4:N --inputs pressure=2:bar,time=0:ms" in error.remedy
+    assert "rises all the time" in error.message.splitlines()[1]
+
+
+def test_the_course_of_a_column_in_forty_signs():
+    assert course([np.arange(8.0)]) == BLOCKS
+    assert course([np.array([0.0, 0.0]), np.array([7.0])]) == "▁▁█"
+    assert course([np.array([0.0, 0.49, 0.51, 7.0])]) == "▁▁▂█"
+    assert len(course([np.arange(100.0)])) == 40
+    assert len(course([np.arange(39.0)])) == 39
+    assert course([np.ones(3)]) == "▁▁▁"
+    assert course([np.arange(9.0)], 3) == "▁▅█"

@@ -1,0 +1,450 @@
+"""Every constant of what drafts take from the values of a column and from names, by hand."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mapmore_cli.annexes.drafting import names as names_of_files
+from mapmore_cli.annexes.drafting.answers import Hold
+from mapmore_cli.annexes.drafting.by_titles import PARTS, clock_in_parts, known_by_titles, target_of
+from mapmore_cli.annexes.drafting.columns import (
+    FEWEST_ROWS,
+    SINCE_1970,
+    TURNS,
+    TitledColumn,
+    find,
+    listed,
+    read_titles,
+    unit_of_clock,
+)
+from mapmore_cli.annexes.drafting.draft import (
+    HEAD,
+    Draft,
+    NamedColumn,
+    Note,
+    range_of,
+    scaled,
+    yaml_text,
+)
+from mapmore_cli.annexes.drafting.names import (
+    Condition,
+    Number,
+    group_words,
+    is_repeat,
+    numbered_groups,
+    numbers_in,
+    offers_of,
+    stem_of,
+    told_by_names,
+)
+from mapmore_cli.annexes.drafting.preview import Preview
+from mapmore_cli.annexes.drafting.recordings import with_strain
+from mapmore_cli.annexes.drafting.spelling import spelt, words
+from mapmore_cli.domain.errors import UsageError
+
+
+def column(*values, title="", place=0, quantity="", unit="", **more):
+    arrays = [np.asarray(one, dtype=float) for one in values]
+    return TitledColumn(title or place, place, title, arrays, quantity, False, unit, "", **more)
+
+
+@pytest.mark.parametrize(
+    ("year", "within"), [(1999, False), (2000, True), (2099, True), (2101, False)]
+)
+def test_clocks_of_this_century_show_their_unit(year, within):
+    start = float(np.datetime64(f"{year}-01-02", "s").astype(np.int64))
+    for unit, second in {"s": 1, "ms": 1e3, "us": 1e6, "ns": 1e9}.items():
+        clock = [np.array([start, start + 0.5]) * second]
+        assert unit_of_clock(clock) == (unit if within else "s")
+    assert unit_of_clock([np.array(SINCE_1970)]) == "s"
+
+
+@pytest.mark.parametrize(
+    ("step", "unit"), [(1, "ms"), (100, "ms"), (101, "s"), (0.5, "s"), (1.5, "s"), (0, "s")]
+)
+def test_whole_numbers_that_rise_by_one_to_a_hundred_are_ms(step, unit):
+    assert unit_of_clock([step * np.arange(5), np.zeros(1)]) == unit
+
+
+def test_a_clock_may_step_back_once_in_a_hundred_and_may_seldom_repeat():
+    long = np.arange(301.0)
+    three, four = long.copy(), long.copy()
+    three[[50, 100, 150]] -= 3
+    four[[50, 100, 150, 200]] -= 3
+    assert column(three, long).rises
+    assert not column(long, four).rises
+    assert column([0, 0, 1, 1, 2]).rises
+    assert not column([0, 0, 0, 1, 1, 2]).rises
+    assert not column([0, 1], [1]).rises
+    assert not column([1, 1], [1, 1]).moves
+    assert column([1, 1], [2, 2]).moves
+
+
+@pytest.mark.parametrize("turn", TURNS)
+def test_where_a_clock_starts_again(turn):
+    assert TURNS == (24, 60, 1000, 3600, 86400)
+    step = turn / 12
+    clock = step * np.arange(30) % turn
+    assert column(clock, clock[3:]).turn == turn
+    assert column(clock[:5]).turn == column(clock - step).turn == 0
+    assert column(clock, [turn, 0.0]).turn != turn
+    # it begins at most one and a half steps above zero, and ends as near below the turn
+    late = np.tile(step * np.arange(1.4, 12), 3)
+    assert column(late).turn == turn
+    assert column(np.tile(step * np.arange(1.6, 12), 3)).turn == 0
+    assert column(np.tile(step * np.arange(0, 10.4), 3)).turn == 0
+
+
+def test_counters_rise_by_one_and_blocks_have_five_rows():
+    assert column([3, 4, 5], [0, 1]).counts
+    assert not column([3, 4, 6]).counts
+    assert not column([3, 4], [1]).counts
+    number = np.repeat([1, 2, 3], FEWEST_ROWS)
+    assert FEWEST_ROWS == 5
+    assert column(number).blocks == column(number - 1).blocks == 3
+    assert column(number, number).blocks == 6
+    assert column(number[:-1]).blocks == 0  # fewer rows on average
+    for other in (number + 1, 2 * number - 1, np.roll(number, 1), np.ones(20)):
+        assert column(other).blocks == 0
+    assert column([1] * 9, [2] * 9).blocks == 0  # files tell them apart already
+    assert column(number, quantity="force").blocks == column(number, unit="N").blocks == 0
+    assert column(texts=["a", "b"], numbered=[np.repeat([1.0, 2.0], 5)]).blocks == 2
+
+
+def test_parts_of_a_clock_stay_below_their_turns():
+    seconds = np.arange(150.0) + 0.5
+    table = {
+        name: column(values, title=name, place=place)
+        for place, (name, values) in enumerate(
+            {"time hh": seconds // 3600, "time mm": seconds // 60, "time ss": seconds % 60}.items()
+        )
+    }
+    assert clock_in_parts(table) == {"time hh": "h", "time mm": "min", "time ss": "s"}
+    for title, faulty in {
+        "time ss": seconds % 61,
+        "time mm": seconds / 60,
+        "time hh": np.full(150, -1.0),
+    }.items():
+        units = clock_in_parts({**table, title: column(faulty, title=title)}).values()
+        assert [*units] == (["min", "s"] if title == "time hh" else [])
+    assert not clock_in_parts({name: table[name] for name in ("time hh", "time ss")})
+    # no part starts again
+    assert not clock_in_parts({name: column([0, 0, 1], title=name) for name in table})
+    for unit, (spellings, turn) in PARTS.items():
+        one = column(np.arange(turn), title=spellings.split()[0], quantity="")
+        finer = {"h": "min", "min": "s", "s": "ms", "ms": "us", "us": None}[unit]
+        if finer is not None:
+            limit = PARTS[finer][1]
+            other = column(np.arange(2 * turn) % limit * 1.0, title=PARTS[finer][0].split()[-1])
+            with_turn = column([limit - 1, 0, 1], title=other.title)
+            found = clock_in_parts({one.title: one, other.title: with_turn})
+            assert [*found.values()] == [unit, finer]
+            above = column([turn], title=one.title)
+            assert not clock_in_parts({one.title: above, other.title: with_turn})
+
+
+def test_reasons_why_columns_are_left_out():
+    time = column(0.1 * np.arange(40), title="t", quantity="time", unit="s", place=9)
+    wave = np.sin(np.arange(40.0))
+    others = [
+        (column(title="words", place=1), "holds no numbers"),
+        (column(np.ones(40), title="flat", place=2), "never changes"),
+        (column(7.0 * np.arange(40), title="t2", unit="ms", place=3), "second clock"),
+        (column(wave, title="simulated y", place=4), "was computed"),
+        (column(np.repeat(np.arange(8), 5), title="run no", place=5), "numbers recordings"),
+        (column(np.arange(40), title="n", place=6), "counts its rows"),
+        (column(0.3 * np.arange(40), place=7), "rises all the time"),
+        (column(wave + 1, title="a", place=8), ""),
+        (column(wave + 1, title="b", place=10), "is a copy of a"),
+    ]
+    columns, left_out = known_by_titles({one.column: one for one, _ in [(time, ""), *others]})
+    assert [*columns] == ["time", "a"]
+    assert [*left_out] == [one.column for one, why in others if why]
+    for one, why in others:
+        assert why in left_out.get(one.column, "")
+
+
+@pytest.mark.parametrize(
+    ("kinds", "driven", "target"),
+    [
+        *(("force", False, None), ("force", True, 0), ("force drive", False, 0)),
+        *(("force position", False, 0), ("force force drive", False, None)),
+        *(("position", False, None), ("position drive", False, 0), ("position", True, 0)),
+        *(("position position drive", False, None), ("drive", True, None)),
+        *((", drive", False, 0), (",", False, None), (",", True, None), (", , drive", False, None)),
+        *((", force drive", False, None), (", position drive", False, None)),
+        ("force unclear drive", False, None),
+    ],
+)
+def test_what_is_predicted(kinds, driven, target):
+    named = {str(place): kind.strip(",") for place, kind in enumerate(kinds.split(" "))}
+    assert target_of(named, driven) == (None if target is None else str(target))
+
+
+def test_numbers_in_names_have_words_units_and_signs():
+    read = numbers_in("runA_P=1,5bar_20.5mm_x-3")
+    assert read == [
+        Number("P", "bar", 1.5, True),
+        Number("", "mm", 20.5),
+        Number("x", "", 3.0),
+    ]
+    assert [one.shown for one in read] == ["P 1.5bar", "20.5mm", "x 3"]
+    assert [one.quantity for one in read] == ["pressure", "length", ""]
+    for word, unit, is_set, quantity in [
+        *(
+            ("load", "g", False, "load"),
+            ("", "kpa", False, "pressure"),
+            ("P", "", True, "pressure"),
+        ),
+        *(("P", "", False, ""), ("run", "", False, ""), ("run", "mm", False, "length")),
+        *(("stretch", "mm", False, "stretch"), ("s", "%", False, "percent"), ("", "", False, "")),
+    ]:
+        assert Number(word, unit, 1.0, is_set).quantity == quantity, (word, unit)
+    assert [is_repeat(word) for word in ("run", "Muscle", "a", "load")] == [
+        True,
+        True,
+        False,
+        False,
+    ]
+
+
+def test_conditions_are_in_the_units_of_models():
+    assert Condition("pressure", "bar", (1.0, 2.5)).in_model_units == [100, 250]
+    assert Condition("stiffness", "", (1.0, 2.5)).in_model_units == [1, 2.5]
+    found, remarks = told_by_names(["a_100kPa_run1", "a_200kPa_run2", "a_run3"])
+    assert found == []
+    assert remarks == ["a 100kpa ...", "run 1 ..."]
+    (found,), remarks = told_by_names(["P=100", "P=200", "P=400"])
+    assert (found.quantity, found.values, found.sure) == ("pressure", (100, 200, 400), True)
+    assert (told_by_names(["P=100", "P=200"], known=["pressure"])) == ([], [])
+
+
+@pytest.mark.parametrize(
+    ("names", "words_of_offer"),
+    [
+        (["P100", "P200", "P400", "P500", "P600"], "P100 P200 P400 P500 ..."),
+        (["P1", "P2", "P3"], ""),
+        (["P100", "P200", "Q"], ""),
+        (["P100kPa", "P200kPa"], ""),
+        (["mark100", "mark200"], ""),
+    ],
+)
+def test_letters_with_numbers_are_offered_as_levels(names, words_of_offer):
+    offers = [*offers_of(names)]
+    assert len(offers) == bool(words_of_offer)
+    assert all(words_of_offer in one and "--hold pressure=P:kPa" in one for one in offers)
+
+
+def test_groups_by_the_number_behind_their_word_then_the_letter_then_the_words():
+    assert group_words(["muscle 2 run1", "muscle_B run2"], "muscle") == ["2", "B"]
+    assert group_words(["s1_run1", "s2_run1"], "sample") == ["1", "2"]
+    assert group_words(["soft_run1_5kPa", "stiff_run2_5kPa"], "muscle") == ["soft__", "stiff__"]
+    assert group_words(["10cm_1", "20cm_1"], "muscle") == ["10cm_", "20cm_"]
+    assert group_words(["7", "8"], "muscle") == ["7", "8"]
+    assert numbered_groups(["s7", "s5", "s7"], "sample").values == (2, 1, 2)
+
+
+def test_held_out_files_are_named_by_what_they_are_for():
+    files = [Path(one) for one in ("a_train.csv", "b_training.csv", "a_test.csv", "val-2.csv")]
+    held_out_of = names_of_files.tests_of
+    assert held_out_of(files) == ["a_test.csv", "val-2.csv"]
+    assert held_out_of(files[:2]) == held_out_of(files[2:]) == []
+    for other in ("c.csv", "train_test.csv"):
+        assert held_out_of([*files, Path(other)]) == []
+    assert stem_of("a/b.1.csv.gz") == "a/b.1"
+
+
+def test_letters_of_other_scripts_are_spelt():
+    assert spelt("Kraft äöß é") == "Kraft aoss e"
+    assert [spelt(one) for one in ("θ1", "Πίεση", "θεση", "д", "力")] == [
+        *("theta1", "piese", "these", "de", "u529b"),
+    ]
+    assert words("Fx_10 [kPa]") == ["fx", "10", "kpa"]
+
+
+def test_numbers_of_a_draft_have_ten_digits_and_notes_stand_beside_or_above():
+    notes = {("a",): Note("why"), ("b",): Note("x" * 100), ("c",): Note("y " * 60, sure=False)}
+    spec = {"a": 0.1 + 0.2, "b": [2.0, 1 / 3], "c": "z" * 26, "name": True}
+    text = yaml_text(spec, notes, "#").splitlines()
+    assert text[1:3] == ["name: true", "a: 0.3  # why"]
+    assert text[3] == f"b: [2, 0.3333333333]  # {'x' * 100}"
+    assert [line[:9] for line in text[4:]] == ["# CHECK: ", "c: zzzzzz"]
+    # 132 characters fit in a line, 133 do not
+    for more, lines in ((0, 1), (1, 2)):
+        note = {("a",): Note("x" * (132 - len("a: 1  # ") + more))}
+        assert len(yaml_text({"a": 1}, note, "#").splitlines()) == 1 + lines
+
+
+def test_columns_of_a_draft_name_only_what_is_unusual():
+    assert NamedColumn("P").as_spec() == {"column": "P"}
+    assert NamedColumn("P", "1").as_spec() == {"column": "P"}
+    assert NamedColumn("P %", "1").as_spec() == {"column": "P %", "unit": "1"}
+    full = NamedColumn("P", "kPa", scale=2.0, offset=1.0, texts=True).as_spec()
+    assert full == {"column": "P", "unit": "kPa", "scale": 2.0, "offset": 1.0, "texts": True}
+    assert NamedColumn(3).refers_to("3")
+    assert not NamedColumn(3, is_called=True).refers_to("3")
+    assert not NamedColumn(3).refers_to("x")
+    assert range_of([np.array([1.0, -2.0]), np.array([3.14159])], "N") == "-2 to 3.142 N"
+    np.testing.assert_array_equal(scaled(np.array([2.0, 4.0, 3.0])), [0, 1, 0.5])
+    np.testing.assert_array_equal(scaled(np.ones(2)), [0, 0])
+
+
+@pytest.mark.parametrize(
+    ("values", "scale", "offset", "rule"),
+    [
+        ([0.0, 3.0], 1.0, 0.0, "displacement/0.2"),
+        ([-3.0, 2.0], 1.0, 0.0, "-displacement/0.2"),
+        ([-2.0, 2.0], 1.0, 0.0, "displacement/0.2"),
+        ([0.0, 3.0], -1.0, 0.0, "-displacement/0.2"),
+        ([0.0, 3.0], 1.0, -2.0, "-displacement/0.2"),
+    ],
+)
+def test_a_displacement_contracts_where_it_mostly_moves(values, scale, offset, rule):
+    entry = {"column": "d", "scale": scale, "offset": offset}
+    draft = Draft({"data": {"columns": {"displacement": entry}}}, raw={"d": [np.array(values)]})
+    made, measured = with_strain(draft, 0.2, {})
+    assert (made.data["derive"], measured) == ({"strain": rule}, "displacement")
+    lengths = Draft({"data": {"columns": {"length": {"column": "l"}}}})
+    assert with_strain(lengths, 0.2, {})[0].data["derive"] == {"strain": "(0.2 - length)/0.2"}
+    assert with_strain(lengths, 0.2, {"strain": [1.0]})[1] == ""
+
+
+def titled(*titles, units=(), **values):
+    """Columns as they are read from files whose titles are these."""
+    layout = Preview("csv", titles, titles, {}, tuple(units), ())
+    raw = {title: [np.array([0.0, 1.0, 2.0])] for title in titles} | values
+    return read_titles(layout, raw)
+
+
+@pytest.mark.parametrize(
+    ("title", "line", "quantity", "unit", "source"),
+    [
+        ("P [bar]", "", "pressure", "bar", "title"),
+        ("force", "N", "force", "N", "the file's units"),
+        *(("F [V]", "", "", "V", "title"), ("pressure", "", "pressure", "", "")),
+        *(("ms", "", "", "ms", "title"), ("Angle_deg", "", "", "deg", "title")),
+        ("strain [%]", "1", "strain", "1", "the file's units"),
+        ("力（N）", "", "force", "N", "title"),
+    ],
+)
+def test_titles_and_units_of_files(title, line, quantity, unit, source):
+    (one,) = titled(title, units=(line,)).values()
+    assert (one.quantity, one.unit, one.source) == (quantity, unit, source)
+
+
+@pytest.mark.parametrize(
+    ("title", "name"),
+    [
+        *(("Angle_deg", "Angle"), ("angle [deg]", "angle"), ("s[12]", "s_12"), ("9", "column_9")),
+        *(("", "column_3"), ("time", "time_3"), ("a" * 41, "a" * 40), ("strain", "strain_3")),
+    ],
+)
+def test_names_are_made_of_titles(title, name):
+    assert column([1.0], title=title, place=3).name == name
+
+
+def test_columns_become_quantities_with_reasons():
+    pressure = column([0.0, 2.0], title="P", quantity="pressure")
+    sure = replace(pressure, unit="bar").as_quantity("pressure")
+    assert (sure.unit, sure.why, sure.sure) == ("bar", "title; 0 to 2 bar", True)
+    asked = pressure.as_quantity("pressure")
+    assert (asked.unit, asked.sure) == ("kPa", False)
+    assert "its title says no unit: is it kPa?" in asked.why
+    strain = column([0.0, 0.2], title="eps", quantity="strain").as_quantity("strain")
+    assert (strain.unit, strain.sure) == ("1", True)
+    other = column([0.0, 0.2], title="colour").as_quantity("colour")
+    assert (other.unit, other.sure) == ("1", True)
+    clock = column(np.arange(5)).as_quantity("time")
+    assert (clock.unit, clock.why[:25]) == ("ms", "it rises all the time: is")
+    texts = column(title="day", texts=("a", "b")).as_quantity("day")
+    assert (texts.unit, texts.texts) == ("1", True)
+    assert column(title="day", texts=("a", "b", "c")).described == "day  3 texts, a to c"
+    assert pressure.described == "P  0 to 2"
+    assert [*map(len, (column().kinds, pressure.kinds))] == [0, 2]
+    assert not column().moves
+    assert column(texts=("Mean", "a", "SD")).summaries == ["Mean", "SD"]
+    unnamed = column([0.0], place=4)
+    assert (unnamed.called, unnamed.asked_for) == ("column 4", "4")
+    assert column(title="a b").asked_for == "'a b'"
+
+
+def test_columns_are_found_by_name_place_title_then_a_word():
+    table = titled("Force left", "Force right", "x", "2")
+    asked = {"Force left": 0, "x": 2, 1: 1, "right": 1, "force  RIGHT": 1, "2": 3}
+    assert {wanted: find(table, wanted, "--x").place for wanted in asked} == asked
+    with pytest.raises(UsageError, match="--x: several columns are called force") as error:
+        find(table, "force", "--x")
+    assert "Force left, Force right" in error.value.remedy
+    assert "x" not in error.value.remedy.partition(": ")[2]
+    with pytest.raises(UsageError, match="--x: no column of numbers is called y") as error:
+        find(table, "y", "--x")
+    assert "Force left, Force right, x, 2" in error.value.remedy
+    empty = {**table, "day": column(title="day", place=4)}
+    with pytest.raises(UsageError, match="no column of numbers is called day"):
+        find(empty, "day", "--x")
+    with pytest.raises(UsageError, match="day has neither numbers nor texts"):
+        find(empty, "day", "--x", texts=True)
+    with pytest.raises(UsageError, match="no column is called y"):
+        find(empty, "y", "--x", texts=True)
+    named = {**empty, "day": column(title="day", place=4, texts=("a",))}
+    assert find(named, "day", "--x", texts=True).place == 4
+    assert [*listed(named, but=["x"])] == [0, 1, 3]
+
+
+def test_a_clock_of_several_files_must_be_of_this_century_in_all():
+    start = 1.7e9
+    assert unit_of_clock([np.array([start * 1e3]), np.array([start * 1e3 + 5])]) == "ms"
+    assert unit_of_clock([np.array([start * 1e3, start * 1e3 + 0.5]), np.array([0.0])]) == "s"
+    assert unit_of_clock([np.array([start * 1e3]), np.array([5e12, 5e12 + 0.5])]) == "s"
+
+
+@pytest.mark.parametrize(
+    ("name", "word", "unit", "values"),
+    [
+        *(("mass", "m", "g", (5, 7, 9)), ("mass", "", "N", (5, 7, 9)), ("mas", "", "", None)),
+        *((name, "", "", (1, 1, 4)) for name in ("turn", "tur", "turning")),
+        *(("t", "", "", None), ("mass", "urn", "", (1, 1, 4)), ("mass", "x", "", None)),
+        *(("other", "", "kPa", None), ("other", "", "kgf", (5, 7, 9))),
+    ],
+)
+def test_a_person_names_numbers_by_word_quantity_or_unit(name, word, unit, values):
+    names = ["m5g_turn1", "m7g_turn1", "m9g_turn4"]
+    if values is None:
+        with pytest.raises(UsageError, match=f"--hold: .* called {name}"):
+            told_by_names(names, Hold(name, word, unit))
+        return
+    conditions, _ = told_by_names(names, Hold(name, word, unit))
+    assert {one.quantity: one.values for one in conditions}[name] == values
+
+
+def test_a_name_without_a_number_means_zero():
+    ((found,), _) = told_by_names(["kg2", "kg5", "empty"], Hold("load", "kg", "N"))
+    assert (found.values, found.sure) == ((2, 5, 0), False)
+    assert "0 where 'empty' has no number" in found.why
+    assert told_by_names(["a", "b"], Hold("none")) == ([], [])
+
+
+def test_a_draft_is_changed_in_a_copy_with_its_notes():
+    draft = Draft({"name": "a", "target": "force", "data": {"files": "x"}})
+    more = draft.with_data("missing", "drop", "seen", sure=False).with_data("step", 2)
+    more = more.with_section("fit", {}, "why").noted(("data", "missing", "x"), "deep")
+    assert more.data == {"files": "x", "missing": "drop", "step": 2}
+    assert (draft.data, draft.notes) == ({"files": "x"}, {})
+    assert [str(note) for note in more.notes.values()] == ["# CHECK: seen", "# why", "# deep"]
+    assert [*more.open] == [("data", "missing")]
+    left = more.without_data("missing")
+    assert (left.data, [*left.notes]) == ({"files": "x", "step": 2}, [("fit",)])
+    assert (draft.output, draft.name) == ("force", "a")
+    outputs = [draft.with_section("target", one).output for one in ("static", "damping", "strain")]
+    assert outputs == ["force", "damping", "strain"]
+    assert draft.bad_files == more.bad_files == ""
+    assert draft.with_data("skip_bad_files", ["b"], "b is bad", False).bad_files == "b is bad"
+    assert draft.with_data("skip_bad_files", ["b"], "b is bad").bad_files == ""
+    tips = replace(draft, tips=("say more",)).text().splitlines()
+    assert tips[1:3] == [HEAD, "# CHECK: say more"]
+    parts = {"h": "%H", "min": "%M"}
+    assert NamedColumn("h", parts=parts).places == {"h", "min"}
+    assert NamedColumn("h", parts=parts).as_spec() == {"columns": ["h", "min"], "format": "%H %M"}
+    assert NamedColumn("P").places == {"P"}

@@ -1,0 +1,161 @@
+"""Curves and the rules by which they are cut and placed, each constant by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from common import curve_of
+
+from mapmore_cli.domain.recording import Recording, united
+from mapmore_cli.modelling.pieces import segmentation
+from mapmore_cli.modelling.pieces.placement import placements, span
+from mapmore_cli.modelling.pieces.recipe import CutByDirection, Cuts
+from mapmore_cli.modelling.pieces.segmentation import (
+    cut_points,
+    segment_id,
+    slope_change,
+    trained_at,
+    training_curves,
+)
+
+MIXED = replace(
+    curve_of({"x": np.array([5.0, 1.0, 7.0, 2.0, 9.0])}, np.array([0, 0, 0, 1, 0], dtype=bool)),
+    recordings=("a", "b", "c"),
+    origin=np.array([2, 0, 2, 0, 1]),
+    at_rest=np.array([0, 0, 0, 0, 1], dtype=bool),
+)
+
+
+def test_samples_of_each_recording_are_put_together_again():
+    assert [rows.tolist() for rows in MIXED.stretches] == [[1, 3], [4], [0, 2]]
+    assert [rows.tolist() for rows in MIXED.logs] == [[1, 3], [4], [0, 2]]
+    parts = [MIXED.columns["x"][rows] for rows in MIXED.stretches]
+    assert MIXED.together(parts).tolist() == MIXED.columns["x"].tolist()
+    whole = replace(MIXED, origin=None)
+    assert whole.stretches == (slice(None),)
+    assert [rows.tolist() for rows in whole.logs] == [[0, 1, 2, 3, 4]]
+    assert whole.together([MIXED.columns["x"]]) is MIXED.columns["x"]
+
+
+def test_rows_of_a_curve_keep_what_belongs_to_them():
+    some = MIXED.at(np.array([0, 2, 4]))
+    assert (some.recordings, some.origin.tolist()) == (("b", "c"), [1, 1, 0])
+    assert some.columns["x"].tolist() == [5, 7, 9]
+    assert (some.training.tolist(), some.at_rest.tolist()) == ([1, 1, 0], [0, 0, 1])
+    assert MIXED.training.tolist() == [1, 1, 1, 0, 0]
+    assert replace(MIXED, at_rest=None).training.tolist() == [1, 1, 1, 0, 1]
+    assert MIXED.limits("x") == (1, 7)
+    for measured, limits in (((0, 5), (0, 7)), ((2, 8), (1, 8)), ((2, 5), (1, 7))):
+        assert replace(MIXED, measured={"x": measured}).limits("x") == limits
+    assert united([{"x": (1, 4)}, {"x": (2, 5), "y": (0, 1)}]) == {"x": (1, 5), "y": (0, 1)}
+
+
+@pytest.mark.parametrize(
+    ("name", "source", "shown"),
+    [
+        *(("a", "a.csv", "a.csv"), ("a", "day/a.csv.gz", "day/a.csv.gz")),
+        *(("day-a", "day/a.csv", "day/a.csv"), ("b", "a.xlsx", "a.xlsx (b)")),
+        *(("a", "ba.csv", "ba.csv (a)"), ("a.b", "aXb.csv", "aXb.csv (a.b)")),
+    ],
+)
+def test_a_recording_is_called_by_its_file(name, source, shown):
+    assert Recording(name, source, {}, 0, {}).name == shown
+
+
+def test_names_of_segments():
+    assert segment_id("c", ("strain",), (2,)) == "c/strain:2"
+    assert segment_id("c", ("strain", "velocity"), (2, 1)) == "c/strain:2;velocity:1"
+    assert segment_id("c", ("direction", "strain"), (1, 3)) == "c;direction=fall/strain:3"
+    assert segment_id("c", ("direction",), (2,)) == "c;direction=rise/all"
+    assert segment_id("c", (), ()) == "c/all"
+
+
+def test_which_curves_train():
+    held = np.ones(3, dtype=bool)
+    x = {"x": np.arange(3.0)}
+    low, high, unseen = (
+        replace(curve_of(x, mask, str(level)), level=level)
+        for level, mask in ((1.0, ~held), (2.0, ~held), (3.0, held))
+    )
+    assert [one.id for one in training_curves([low, unseen, high], True)] == ["1.0", "2.0"]
+    assert training_curves([unseen], False) == (unseen,)
+    assert trained_at([low, high], "all") == (low, high)
+    for level in ("highest", 2.0):
+        rest, trained, other = trained_at([low, high, unseen], level)
+        assert trained is high
+        assert rest.at_rest.all()
+        assert other.at_rest.all()
+    pooled = replace(low, at_rest=np.array([1, 0, 0], dtype=bool)), unseen, low
+    (whole,) = training_curves(pooled, False)
+    assert (whole.id, whole.level, whole.recordings) == ("all", None, ("1.0", "3.0"))
+    assert whole.at_rest.tolist() == [1, *[0] * 8]
+    assert whole.held_out.tolist() == [*[0] * 3, *[1] * 3, *[0] * 3]
+    assert whole.columns["x"].tolist() == [0, 1, 2] * 3
+
+
+def points(x, cut, held=None):
+    curve = curve_of({"x": np.asarray(x, dtype=float), "y": np.zeros(len(x))}, held)
+    return cut_points(curve, curve.training, "x", "y", cut, lambda _curve, rows: float(len(rows)))
+
+
+def test_boundaries_by_hand():
+    x = np.arange(11.0)
+    assert points(x, Cuts("even", 2)).tolist() == [0, 5, 10]
+    assert points(x, CutByDirection("x", 0.0)).tolist() == [-1, 0, 1]
+    assert points(np.ones(4), Cuts("even", 3)).tolist() == [1, 1]
+    held = x > 8
+    assert points(x, Cuts("even", 2), held).tolist() == [0, 4, 8]
+    at = Cuts("breakpoints", at=(0.0, 4.0, 10.0, 12.0))
+    assert points(x, at).tolist() == [0, 4, 10]
+
+
+def test_long_curves_are_thinned_for_the_costs_of_intervals():
+    assert segmentation.MOST_SAMPLES == 500
+    for n, thinned in ((500, 500), (501, 251), (1001, 334)):
+        curve = curve_of({"x": np.arange(float(n)), "y": np.zeros(n)})
+        most = []
+        cut = Cuts("optimal", 2)
+        cut_points(
+            curve,
+            curve.training,
+            "x",
+            "y",
+            cut,
+            lambda _, rows, most=most: most.append(len(rows)) or 1.0,
+        )
+        assert max(most) == thinned
+
+
+def test_a_straight_line_has_no_change_of_slope_and_a_corner_has_its_own():
+    x = np.linspace(0.0, 10.0, 2001)
+    at, change = slope_change(x, 3 * x + 1, 1.0)
+    np.testing.assert_allclose(change, 0, atol=1e-9)
+    at, change = slope_change(x, np.where(x < 5, 0.0, 2 * (x - 5)), 1.0)
+    middle = change[np.argmin(np.abs(at - 5))]
+    assert middle == pytest.approx(change.max(), rel=1e-6)
+    # a window has 10 steps; the mean of its 11 places at the corner is 2 (1 + ... + 5)/11 steps
+    assert middle == pytest.approx(2 * (1 - 2 * 15 / 11 / 10))
+    np.testing.assert_allclose(change[np.abs(at - 5) > 1.6], 0, atol=1e-9)
+
+
+@pytest.mark.parametrize(("count", "corners"), [(0, 1), (1, 2), (2, 4), (3, 8), (4, 2), (5, 2)])
+def test_corners_of_the_unit_square(count, corners):
+    x = np.linspace(2.0, 6.0, 40)
+    names = [f"x{place}" for place in range(count)]
+    made = placements("unit_square", [x] * count, 3 * x, names)
+    assert len({one.slope.tobytes() + one.intercept.tobytes() for one in made}) == corners
+    assert len(made) == corners
+    for one in made:
+        assert one.slope.tolist() == [0.25] * count
+        assert {*one.intercept.tolist()} <= {-0.5, -1.5}
+        assert one.y_slope == 12
+
+
+def test_sizes_by_which_data_are_divided():
+    (made,) = placements("max_abs", [np.array([-4.0, 2.0])], np.array([1.0, -5.0]), ["x"])
+    assert (made.slope, made.intercept, made.y_slope, made.y_intercept) == (0.25, 0, 5, 0)
+    (made,) = placements("none", [np.array([-4.0, 2.0])], np.array([1.0, -5.0]), ["x"])
+    assert (made.slope, made.intercept, made.y_slope, made.y_intercept) == (1, 0, 1, 0)
+    with pytest.raises(ValueError, match="unknown scaling rule"):
+        placements("other", [np.ones(2)], np.ones(2), ["x"])
+    assert span([0.0, 2.0]).tolist() == [1, 2]

@@ -1,0 +1,171 @@
+"""Tables of segments, terms, coefficients, bands, and far samples, from numbers by hand."""
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from mapmore_cli.domain.fits import SegmentedCurve
+from mapmore_cli.domain.models import Equation
+from mapmore_cli.domain.recording import Dataset, Quantity
+from mapmore_cli.domain.results import ErrorBand, Outlier
+from mapmore_cli.reporting.tables import (
+    MOST_NAMED,
+    bands_table,
+    coefficients_table,
+    equations_table,
+    outliers_table,
+    pieces_table,
+    segment_ends,
+    segments_table,
+    shape_table,
+    terms_table,
+    training_rmse,
+)
+
+
+def piece(name="s", stop="tolerance", tied=(0, 2)):
+    """Two terms of three, of which the second has no runner-up."""
+    selection = SimpleNamespace(
+        err=np.array([0.9, 0.05]),
+        err_all=np.array([[0.9, 0.1, 0.85], [0.0, 0.05, 0.02]]),
+        runner_up=np.array([2, -1]),
+        tied=np.array(tied),
+        stop=stop,
+        sse=8.0,
+        samples=2,
+        condition=3.0,
+        freedom=4,
+        errors_note="how errors were found",
+        table=lambda: [
+            {"coefficient": 2.0, "standard_error": 0.5, "t": 4.0},
+            {"coefficient": -1.0, "standard_error": 0.5, "t": -2.0},
+        ],
+    )
+    scaling = SimpleNamespace(y_slope=-10.0, rule="unit_square", placement="left")
+    candidates = ("1", "x", "x^2")
+    return SimpleNamespace(
+        id=name,
+        selection=selection,
+        candidates=candidates,
+        terms=("1", "x"),
+        scaling=scaling,
+    )
+
+
+def test_terms_with_their_shares_and_the_runner_up():
+    table = terms_table(SimpleNamespace(pieces=[piece()]))
+    first, second = map(list, table.rows)
+    assert first[:3] == ["s", 1, "1"]
+    assert first[3:5] == pytest.approx([90, 90])
+    assert first[5] == "x^2"
+    assert first[6:8] == pytest.approx([85, 5])
+    assert first[8:] == [None, None]
+    assert second[:3] == ["s", 2, "x"]
+    assert second[3:5] == pytest.approx([5, 95])
+    assert second[5] is None
+    assert np.isnan(second[6:8]).all()
+    assert second[8:] == [2, "tolerance"]
+    assert len(table.notes) == 2
+    assert len(terms_table(SimpleNamespace(pieces=[piece(tied=(0, 0))])).notes) == 1
+
+
+def test_coefficients_with_their_intervals_in_both_units():
+    reach = 2.7764451051977987 * 0.5  # Student's t of four degrees of freedom, both sides 95 %
+    table = coefficients_table(SimpleNamespace(pieces=[piece()]), "N")
+    first, second = table.rows
+    assert first[:2] == ("s", "1")
+    assert first[2:] == pytest.approx(
+        (2, 0.5, 4, reach, 2 - reach, 2 + reach, -20, 10 * reach), rel=1e-9
+    )
+    assert second[2:] == pytest.approx(
+        (-1, 0.5, -2, reach, -1 - reach, -1 + reach, 10, 10 * reach), rel=1e-9
+    )
+    assert table.notes == (
+        "how errors were found",
+        "Not identified (95 % interval beyond zero): x (s).",
+    )
+    assert MOST_NAMED == 12
+    for count, more in ((12, False), (13, True)):
+        every = SimpleNamespace(pieces=[piece(str(number)) for number in range(count)])
+        named = coefficients_table(every, "N").notes[-1]
+        assert named.count("x (") == 12
+        assert named.endswith(", ....") is more
+
+
+CURVE = SegmentedCurve(
+    "c", None, {}, (np.array([0.0, 1.0, 3.0]), np.array([5.0, 7.0])), ("x", "z"), ()
+)
+
+
+def test_segments_with_their_ends_and_their_error_in_the_unit_of_the_target():
+    last = SimpleNamespace(id="s", cell=(2, 1))
+    assert segment_ends(CURVE, last) == [1, 3, 5, 7]
+    assert segment_ends(CURVE, SimpleNamespace(cell=(1, 1))) == [0, 1, 5, 7]
+    assert training_rmse(piece()) == 20
+    rounded = piece()
+    rounded.selection.sse = -1e-20
+    assert training_rmse(rounded) == 0
+    quantities = {name: Quantity(name, unit) for name, unit in (("x", "mm"), ("z", "kPa"))}
+    table = segments_table(
+        SimpleNamespace(
+            segmentation=[replace(CURVE, segments=(last,))],
+            dataset=Dataset("y", None, quantities, (), ()),
+            fit=SimpleNamespace(segments=[piece()]),
+            target=Quantity("y", "N"),
+        )
+    )
+    (row,) = table.rows
+    assert row == ("s", 2, 1, 3, 5, 7, 20, "unit_square", "left", 3)
+    assert "RMSE [N]" in table.headings
+
+
+def test_bands_and_far_samples():
+    bands = [ErrorBand(0.0, 1.0, 3, {"a": 0.5}), ErrorBand(1.0, 2.0, 4, {"a": math.nan, "b": 0.2})]
+    table = bands_table(bands, "N")
+    assert table.headings == ("from [N]", "to [N]", "samples", "a [N]")
+    assert table.rows[0] == (0, 1, 3, 0.5)
+    assert table.rows[1][:3] == (1, 2, 4)
+    assert not bands_table([], "N").rows
+    (row,) = outliers_table([Outlier("a.csv", "row 7", "c", -1.5, 6.0)], "N").rows
+    assert row == ("a.csv", "row 7", "c", -1.5, 6.0)
+
+
+@pytest.mark.parametrize("weight", ["", "w"])
+def test_equations_have_a_column_of_weights_if_there_are_any(weight):
+    one, other = Equation("a", "y", "y_", ()), Equation("b", "z", "z_", (), weight)
+    weights = [("weight",)] * bool(weight)
+    table = pieces_table([one, other], "Model")
+    assert table.headings == (*("piece", *("weight",) * bool(weight)), "equation")
+    assert table.rows[1] == (("b", "w", "z") if weight else ("b", "z"))
+    assert table.rows[0][-1] == "y"
+    table = equations_table([one, other], {"mm": [other, one]})
+    assert len(table.headings) == 5 + len(weights)
+    assert table.rows[0][0] == "a"
+    assert table.rows[0][-4:] == ("y", "z", "y_", "z_")
+
+
+def test_violations_of_a_shape_are_shares_of_the_range():
+    asked = SimpleNamespace(quantity="strain", word="falling")
+    violation = SimpleNamespace(asked=asked, amount=0.2, share=0.05, place="")
+    kept = SimpleNamespace(
+        quantity="strain", word="falling", violated=0.7, binds={"strain": (0.1, 0.25)}
+    )
+    shape = SimpleNamespace(
+        kept=[kept], training=1.0, training_without=2.0, held_out=3.0, held_out_without=4.0
+    )
+    output = Quantity("force", "N")
+    inputs = SimpleNamespace(
+        model=SimpleNamespace(output=output, shape=shape), violations=[violation]
+    )
+    table = shape_table(inputs)
+    assert table.rows == (
+        ("strain", "falling", 0.2, pytest.approx(5), None, 0.7, "strain 0.1 to 0.25"),
+    )
+    assert "training 1 | 2 N, held out 3 | 4 N" in table.notes[1]
+    inputs.model.shape = None
+    table = shape_table(inputs)
+    assert table.rows[0][-2:] == (None, None)
+    assert len(table.notes) == 1

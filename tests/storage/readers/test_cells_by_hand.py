@@ -1,0 +1,239 @@
+"""Every constant of the rule for cells, of thousands and of tables below each other, by hand."""
+
+import math
+from decimal import Decimal
+
+import numpy as np
+import pytest
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.storage.tables import OpenEnd, TableRequest
+from mapmore_cli.storage.tables import thousands as module
+from mapmore_cli.storage.tables.below import chosen_table, tables_below
+from mapmore_cli.storage.tables.cells import (
+    LONGEST_STAMP,
+    CellReader,
+    NotANumber,
+    holds_number,
+    number_of,
+    shortened,
+    stamp_of,
+)
+from mapmore_cli.storage.tables.gate import FEWEST_ROWS, _cut_in
+from mapmore_cli.storage.tables.rows import table_of_records, values_of_rows
+from mapmore_cli.storage.tables.thousands import may_be_grouped, refuse_grouped
+
+
+@pytest.mark.parametrize(
+    ("cell", "number"),
+    [
+        *((" 1.5 ", 1.5), (Decimal("1.5"), 1.5), (np.float32(0.5), 0.5), ("-1.#INF", -math.inf)),
+        *(("1.#INF00", math.inf), ("1.#J", math.inf), ("-1.#IND", math.nan)),
+        *(("1.#QNAN", math.nan), ("nan(snan)", math.nan), ("nan(ind)", math.nan)),
+        *(("", math.nan), (None, math.nan), (np.datetime64("NaT"), math.nan)),
+        *(("1_5", None), ("\uff11", None), (True, None), (10**400, None), ("1.#X", None)),
+    ],
+)
+def test_what_a_cell_is(cell, number):
+    found = number_of(cell)
+    assert found is None if number is None else np.array_equal(found, number, equal_nan=True)
+
+
+def test_stamps_are_in_the_unit_of_the_column_from_their_epoch():
+    def read(cell, layout=None, second=1000.0):
+        return CellReader(clock=True, format=layout, second=second)(cell)
+
+    assert read("0:00:02.5") == 2500.0
+    assert CellReader(clock=True)("0:00:02.5") == TableRequest("", ("t",)).second * 2.5 == 2.5
+    assert read("2 days 01:01:01", second=1.0) == 2 * 86400 + 3661
+    assert read("01.01.1970 00:00:01") == 1000.0
+    # a format without a year counts from 1900, and one with a year from 1970
+    assert read("00:00:02", "%H:%M:%S") == 2000.0
+    assert read("1970 00:00:02", "%Y %H:%M:%S") == 2000.0
+    assert read("1901 00:00:02", "%Y %H:%M:%S", 1.0) == -69 * 365 * 86400 - 17 * 86400 + 2
+    assert read("02 +0100", "%S %z", 1.0) == -3598.0
+    with pytest.raises(NotANumber):
+        read("\uff10\uff12", "%S")
+
+
+def test_a_stamp_has_at_most_forty_characters():
+    for form in ("2026/03/01{}12:00:00", "01.03.2026{}12:00:00"):
+        fits = form.format(" " * (LONGEST_STAMP - 18))
+        assert len(fits) == LONGEST_STAMP == 40
+        assert stamp_of(fits)[1] == 1772366400
+        assert stamp_of(form.format(" " * (LONGEST_STAMP - 17))) is None
+
+
+def test_messages_show_forty_characters_in_ascii():
+    assert shortened("x" * 40) == "x" * 40
+    assert shortened("x" * 41) == "x" * 37 + "..."
+    assert shortened("Grüße") == "Grüße"
+    assert shortened("a\x01é") == r"a\x01\xe9"
+
+
+def test_texts_are_numbered_from_one_in_their_order():
+    texts = {}
+    read = CellReader(missing=frozenset({"?"}), texts=texts)
+    assert [read(cell) for cell in ("b", " a ", "b", 1.0, "1", b"a")] == [1, 2, 1, 3, 3, 2]
+    assert np.isnan([read(cell) for cell in ("NA", "?", "")]).all()
+    assert texts == {"b": 1, "a": 2, "1": 3}
+
+
+@pytest.mark.parametrize(
+    ("reader", "more"),
+    [
+        (CellReader(), False),
+        (CellReader(texts={}), True),
+        (CellReader(format="%S"), False),
+        (CellReader(clock=True), False),
+        (CellReader(clock=True, form="a number"), False),
+        (CellReader(clock=True, form="a time as `mm:ss.s`"), True),
+        (CellReader(clock=True, format="%S"), True),
+    ],
+)
+def test_which_columns_hold_more_than_numbers(reader, more):
+    assert reader.reads_more_than_numbers is more
+
+
+def test_an_unknown_cell_is_told_from_one_of_a_known_kind():
+    for cell, known in (("abc", False), ("20 N", True), ("#DIV/0!", True), ("Err:502", True)):
+        with pytest.raises(NotANumber) as error:
+            CellReader()(cell)
+        assert error.value.known is known
+    error = NotANumber("a", "is odd", "mend it")
+    assert (error.known, error.message, error.at("here").remedy) == (True, "'a' is odd", "mend it")
+    assert (error.message, error.at("", "so").remedy) == ("here: 'a' is odd", "so")
+    assert NotANumber("", "is odd", "").message == "is odd"
+    with pytest.raises(NotANumber) as error:
+        CellReader(clock=True, usual="")("abc")
+    assert "%H" not in error.value.remedy
+    assert "%I" in error.value.remedy
+
+
+def test_words_and_empty_cells_hold_no_number():
+    cells = ("5", "-1.5", "12:00:00", "nan", "", " ", "NA", "abc")
+    assert [holds_number(cell) for cell in cells] == [True] * 4 + [False] * 4
+    assert [holds_number("1,5", mark) for mark in ",."] == [True, False]
+
+
+@pytest.mark.parametrize(
+    ("values", "may_be"),
+    [
+        *(([950, 1.05, 1.999], True), ([950, -1.001, np.nan], True), ([999, 1.05], True)),
+        *(([1000, 1.05], False), ([950, 940], False), ([1.05, 1.07], False)),
+        *(([950, 0.999], False), ([950, 1.0505], False), ([], False), ([0, 1.001], True)),
+    ],
+)
+def test_numbers_that_may_have_thousands(values, may_be, monkeypatch):
+    for block in (10_000, 1):
+        monkeypatch.setattr(module, "BLOCK", block)
+        assert may_be_grouped(np.array(values, dtype=float)) is may_be
+
+
+ZEROS = ["23.000"] * 100
+
+
+@pytest.mark.parametrize(
+    ("cells", "row"),
+    [
+        *((["950", "1.050"], 1), ([b"950", " 1.051 "], 1), (["1.051", "NA", "", "11"], 0)),
+        *((["10", "1.051"], None), (["10", "1.050"], 1), (["-950", "-1.051"], 1)),
+        *((["950", "0.051"], None), (["950", "1.05"], None), (["950", "1.0501"], None)),
+        *((["1000", "1.050"], None), (["950", 1.05], None), ([950.0, "1.050"], 1)),
+        *((["950"], None), (["1.050"], None), (["0", "1.050"], None)),
+        # a program that keeps zeros at the end is known after a hundred of them
+        *(([*ZEROS, "950"], 0), ([*ZEROS, "23.000", "950"], None), (["950", *ZEROS * 2], 1)),
+        ([*ZEROS, "23.100", "950"], 0),
+    ],
+)
+def test_columns_that_are_refused_for_thousands(cells, row):
+    if row is None:
+        refuse_grouped(enumerate(cells), ".", "")
+        return
+    with pytest.raises(NotANumber, match=f"row {row}: .*may be ") as error:
+        refuse_grouped(enumerate(cells), ".", "row {row}")
+    assert "." not in str(error.value.message).partition("may be ")[2].partition(":")[0]
+
+
+@pytest.mark.parametrize(("decimal", "other"), [(".", ","), (",", ".")])
+def test_the_remedy_for_thousands_names_both_marks(decimal, other):
+    cells = [(1, "950"), (2, f"1{decimal}050")]
+    with pytest.raises(NotANumber, match=r"may be 1050: the column has .* up to 950") as error:
+        refuse_grouped(cells, decimal, "")
+    assert f'`decimal: "{other}"` and `thousands: "{decimal}"`' in error.value.remedy
+
+
+def rows(text):
+    """Rows by lines; an empty line is a blank row, which readers leave out."""
+    lines = enumerate(text.strip().splitlines(), 1)
+    return [(number, line.split(";")) for number, line in lines if line]
+
+
+BELOW = """
+a log;of two
+x;y
+1;2
+3;4
+
+second
+7
+p;q
+5;6
+7;
+8;9
+u;v;w
+1;2;3
+1;2;3;4
+1;2;3;4
+"""
+
+
+def test_tables_below_each_other():
+    """A row of one number among empty cells is of the table; a table has two rows at least."""
+    first, second, third = tables_below(rows(BELOW), 1, holds_number)
+    assert (first.title, first.header) == ("a log of two", [(2, ["x", "y"])])
+    assert [number for number, _ in first.rows] == [3, 4]
+    assert (second.title, second.header) == ("second 7", [(8, ["p", "q"])])
+    assert [number for number, _ in second.rows] == [9, 10, 11]
+    assert third.title == "u v w"
+    assert (third.header, len(third.rows)) == ([(13, ["1", "2", "3"])], 2)
+    (mixed,) = tables_below(rows("a;b;c\nx;1;2\ny;3;4"), 1, holds_number)
+    assert len(mixed.rows) == 2  # two numbers make a row of a table, also beside a word
+    parts = tables_below(rows("1;2\n3;4\n\n5;6\n7;8\nF;1\n1;2\n3;4"), 0, holds_number)
+    assert [[number for number, _ in part.rows] for part in parts] == [[1, 2], [4, 5], [7, 8]]
+
+
+def test_a_table_is_chosen_by_its_number_from_one():
+    of = {number: TableRequest("a", (), table=number) for number in (1, 3, 4)}
+    assert chosen_table(rows(BELOW), of[1], holds_number).header == [(2, ["x", "y"])]
+    assert chosen_table(rows(BELOW), of[3], holds_number).title == "u v w"
+    with pytest.raises(DataError, match="no table 4: the file has 3"):
+        chosen_table(rows(BELOW), of[4], holds_number)
+
+
+def test_cells_that_a_row_or_a_record_lacks_are_missing():
+    wanted = [("y", 1, CellReader()), ("x", 0, CellReader())]
+    numbers, values = values_of_rows([(3, ["1", "2"]), (5, ["3"])], wanted, "a")
+    assert numbers.tolist() == [3, 5]
+    np.testing.assert_array_equal(values, [[2, np.nan], [1, 3]])
+    records = [(1, [("x", 1.0), ("note", "a")]), (4, [("x", None), ("y", "5")])]
+    table = table_of_records(records, TableRequest("a", ()))
+    assert [*table.columns] == ["x", "y"]
+    assert table.rows.tolist() == [1, 4]
+    np.testing.assert_array_equal([*table.columns.values()], [[1, np.nan], [np.nan, 5]])
+
+
+@pytest.mark.parametrize(
+    ("before", "last", "cut"),
+    [
+        *((["1,20.5"] * 10, "1,2", True), (["1,20.5"] * 9, "1,2", False)),
+        *((["1,20.5"] * 10, "1,20.7", False), (["1,20.5"] * 9 + ["1,20.55"], "1,2", False)),
+        *((["1,20.5"] * 2, "1", True), (["1,20.5", "1"], "1", False), ([], "1", False)),
+        *((["1,20.5"] * 10, "1,2000.75", False), (["1,20"] * 10, "1,2", False)),
+    ],
+)
+def test_a_last_line_without_end_that_was_cut(before, last, cut):
+    assert FEWEST_ROWS == 10
+    found = _cut_in(OpenEnd([line.split(",") for line in [*before, last]]))
+    assert (found is not None) is cut
+    assert found is None or found.rows == 1
