@@ -300,7 +300,7 @@ def says_so(files: RunFiles) -> bool:
         if one.model in {OWN, *SIMPLE, *formulas_beside(found)}
     ]
     return "is worse" in verdict_sentence(rows, OWN, Quantity(rows[0].target, "")) or any(
-        "errs" in note for note in found.notes
+        "lacks something" in note for note in found.notes
     )
 
 

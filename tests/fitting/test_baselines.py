@@ -4,12 +4,14 @@ explicit seeds.
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from common import curve_of, dataset_of
 from surfaces import QUANTITIES
 
+from mapmore_cli.annexes.search.bench import MOST_SAMPLES
 from mapmore_cli.annexes.search.black_boxes import black_boxes
 from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.domain.errors import SpecError
@@ -158,17 +160,37 @@ def _boosted(outcomes):
 
 
 def test_black_boxes_learn_without_the_fold_and_get_the_past_where_there_is_one():
+    """Samples in the order of time have a past at uneven steps, too: structures of such a table may
+    use the direction of motion, and a yardstick that does not know it is no yardstick.
+    """
     time = np.linspace(0, 1, 240)
     u = np.sin(40 * time)
     data = dataset_of({"time": time, "u": u, "y": np.concatenate([np.zeros(4), u[:-4]])})
-    masks = [np.arange(240) % 5 == fold for fold in range(5)]
+    masks = [np.arange(240) % 3 == fold for fold in range(3)]
+    table = Situation("y", ("u",), None, 240, 1)
     errors = [
-        _boosted(black_boxes(data, masks, Situation("y", ("u",), None, 240, 1, step)))
-        for step in (None, time[1])
+        _boosted(black_boxes(data, masks, of))
+        for of in (table, replace(table, ordered=True), replace(table, step=time[1]))
     ]
-    static, dynamic = (
+    static, *with_past = (
         np.sqrt(np.mean(np.concatenate([left for left, ready in each if ready.all()]) ** 2))
         for each in errors
     )
-    assert dynamic < 0.3 * static
-    assert [len(left) for left, _ in errors[0]] == [48] * 5
+    assert max(with_past) < 0.3 * static
+    assert [len(left) for left, _ in errors[0]] == [80] * 3
+
+
+def test_boosting_learns_from_as_many_samples_as_structures_do(monkeypatch):
+    """Trees that learn from an eighth of the samples err more than those that a page compares."""
+    sizes = list[int]()
+
+    def learned(_name, _x, y):
+        sizes.append(len(y))
+        return lambda at: np.zeros(len(at))
+
+    monkeypatch.setattr("mapmore_cli.annexes.search.black_boxes.learned", learned)
+    x = np.linspace(0, 1, MOST_SAMPLES)
+    for step in (None, x[1]):
+        of = Situation("y", ("u",) * 5, None, MOST_SAMPLES, 1, step)
+        black_boxes(dataset_of({"u": x, "y": x}), [x < 0.2], of)
+    assert min(sizes) == round(0.8 * MOST_SAMPLES)

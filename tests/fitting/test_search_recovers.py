@@ -134,7 +134,10 @@ def test_direction_of_motion_is_found_at_uneven_steps(monkeypatch):
     monkeypatch.setattr(searching, "FAMILIES", ("tables",))
     monkeypatch.setattr(searching, "family", lambda _name: {**tables, "candidates": few})
     dataset = dataset_of(piston(0))
-    taken = search(dataset, WHOLE, beside=False).found
+    result = search(dataset, WHOLE, beside=False)
+    assert result.notes[0].startswith("models with a past were not tried: ")
+    assert "resample" in result.notes[0]
+    taken = result.found
     assert taken.words == "plane and direction of x in 0.02 of its range"
     assert taken.parameters == 5
     assert taken.error < 1e-3

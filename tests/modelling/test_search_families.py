@@ -21,6 +21,8 @@ from mapmore_cli.domain.recording import Recording
 from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.pieces.recipe import Fuse
+from mapmore_cli.study.experiment import ExperimentSpec
+from mapmore_cli.study.loader import findings
 from mapmore_cli.study.sections.data import Holdout, Levels
 from mapmore_cli.study.sections.model import ModelChoice
 
@@ -54,6 +56,7 @@ SITUATIONS = {
         900,
         ("x", "v"),
     ),
+    "loads": Situation("y", ("p", "held"), "held", 900, 6, 0.01, 900, ("p",)),
     "many": Situation("y", tuple("abcdefgh"), None, 500, 1, 0.1, 500),
 }
 
@@ -69,14 +72,33 @@ def offered(of):
     return [one for name in files for one in offered_structures(family(name), of)]
 
 
+def spec_of(candidate, of):
+    """The spec of a study in a made situation, with the sections of a candidate."""
+    units = {"pressure": "kPa", "force": "N"}
+    columns = {
+        name: {"column": name, "unit": units.get(name, "1")} for name in (*of.inputs, of.target)
+    }
+    data = {"files": ["*.csv"], "columns": {"time": {"column": "t", "unit": "s"}, **columns}}
+    if of.level is not None:
+        data["levels"] = {"of": of.level, "at": [1.0, 2.0]}
+    sections = {key: each for key, each in candidate.sections.items() if key[:5] != "fuse."}
+    fuse = {key[5:]: each for key, each in candidate.sections.items() if key[:5] == "fuse."}
+    sections = {**sections, "fuse": fuse} if fuse else sections
+    return ExperimentSpec.model_validate(
+        {"name": "made", "data": data, "target": {"column": of.target}, **sections}
+    )
+
+
 @pytest.mark.parametrize("name", SITUATIONS)
 def test_every_candidate_is_a_valid_structure_of_the_inputs(name):
-    found = offered(SITUATIONS[name])
-    for candidate in found:
-        choices_of(candidate.sections, WHOLE)  # validates, or raises
-        assert not re.search(r"[A-Z]{2}", str(candidate.sections))  # no word is left
-    words = [candidate.words for candidate in found]
-    assert len(words) == len(set(words)) >= 2
+    """With one input beside the level, a structure without that input has nothing to remember."""
+    for of in (SITUATIONS[name], replace(SITUATIONS[name], step=None, ordered=True)):
+        found = offered(of)
+        words = [candidate.words for candidate in found]
+        assert len(words) == len(set(words)) >= 2
+        assert not re.search(r"[A-Z]{2}", str([one.sections for one in found]))  # no word is left
+        faults = {one.words: [*findings(spec_of(one, of))] for one in found}
+        assert {words: each for words, each in faults.items() if each} == {}
 
 
 def order_along_level(candidate, level):

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 from importlib.util import find_spec
+from typing import Any
 
 import numpy as np
 
@@ -18,20 +19,13 @@ from mapmore_cli.fitting.baselines import DELAYS, features, learned
 from mapmore_cli.modelling.learners import LEARNERS
 from mapmore_cli.modelling.signals.sampling import even_share
 
-MOST_IN_A_FOLD = 1_500
-"""Largest number of training samples of a black box in each fold. It gets at most half of the
-samples that it may have as a competitor.
-"""
-
 FEWEST = 100
 """Smallest number of training samples for which decision trees are fitted in folds: with fewer, a
 tree has a step for every few samples, which says nothing about a smooth surface.
 """
 
 MOST_INPUTS = 4
-"""Largest number of inputs, including delays, for which a Gaussian process is fitted; with more, it
-takes long.
-"""
+"""Largest number of inputs for which a Gaussian process is fitted; with more, it takes long."""
 
 BLACK_BOX = "black box"
 """Kind of these models in the table."""
@@ -54,25 +48,29 @@ def black_boxes(
     """Return each black box with its errors on the left-out samples of every fold; without
     scikit-learn, only the Gaussian process.
 
-    With a past, they also get delayed inputs. The Gaussian process is that of `plan`, because
-    loading scikit-learn takes longer than fitting all structures of a small table.
+    If samples are in the order of time, boosting also gets delayed inputs, as structures may use
+    the past or the direction of motion. The Gaussian process is that of `plan`, because loading
+    scikit-learn takes longer than fitting all structures of a small table; it is fitted to tables
+    only. Each black box learns from at most half of the samples that it may have as a competitor.
     """
     curves, inputs = dataset.curves, situation.inputs
     if not inputs:
         return []
-    delays = DELAYS if situation.timed else (0,)
     known = np.concatenate([curve.training for curve in curves])
-    x = np.concatenate([features(curve, inputs, delays) for curve in curves])
     y = np.concatenate([curve.columns[dataset.target] for curve in curves])
-    learners = {"gaussian_process": smooth} if x.shape[1] <= MOST_INPUTS else {}
+    learners = dict[str, tuple[Callable[..., Any], Sequence[int]]]()
+    if not situation.timed and len(inputs) <= MOST_INPUTS:
+        learners["gaussian_process"] = smooth, (0,)
     if known.sum() >= FEWEST and find_spec("sklearn") is not None:
         # a neural network takes as long as the rest of a search
-        learners["gradient_boosting"] = partial(learned, "gradient_boosting")
+        delays = DELAYS if situation.timed or situation.ordered else (0,)
+        learners["gradient_boosting"] = partial(learned, "gradient_boosting"), delays
     errors: dict[str, list[Left]] = {name: [] for name in learners}
-    for out in folds:
-        rest = np.flatnonzero(known & ~out)
-        for name, learner in learners.items():
-            learnt = even_share(rest, min(MOST_IN_A_FOLD, LEARNERS[name].most_samples // 2))
+    for name, (learner, back) in learners.items():
+        x = np.concatenate([features(curve, inputs, back) for curve in curves])
+        for out in folds:
+            rest = np.flatnonzero(known & ~out)
+            learnt = even_share(rest, LEARNERS[name].most_samples // 2)
             missed = learner(x[learnt], y[learnt])(x[out]) - y[out]
             errors[name].append((missed, np.isfinite(missed)))
     return [(Tried(BLACK_BOX, name.replace("_", " "), {}), left) for name, left in errors.items()]

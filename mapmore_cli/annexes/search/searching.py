@@ -75,11 +75,12 @@ def search(
     """
     training = searchable(dataset)
     situation = situation_of(training, part.ignored, part.model.inputs)
-    uneven = _uneven(dataset) if situation.timed else ()
+    ordered = part.in_order(dataset)
+    uneven = _uneven(dataset) if situation.timed or ordered else ()
     # a model that counts steps along recordings could not be fitted in these cases
     if part.by_level or uneven:
         situation = replace(situation, step=None)
-    situation = replace(situation, ordered=part.in_order(dataset) and not situation.timed)
+    situation = replace(situation, ordered=ordered and not situation.timed)
     added = plugins.parts("families", Mapping)  # type: ignore[type-abstract]
     families = [*map(family, FAMILIES), *(plugin.value for plugin in added)]
     bench = Bench.of(training, situation, part, dataset)
@@ -188,7 +189,7 @@ def _notes_of(result: Search, bench: Bench) -> list[str]:
     if lack := lacking(result, bench):
         where = bench.parts_left_out.rpartition(" ")[2] if bench.asks_parts else "stretches"
         notes.append(
-            f"{lack[0]} has an error {lack[1]:.2g} times smaller on "
-            f"left-out {where}: the chosen structure lacks something"
+            f"{lack[0]} errs {lack[1]:.2g} times less on left-out {where}: the chosen structure "
+            "lacks something"
         )
     return notes
