@@ -98,8 +98,9 @@ def offered_structures(family: Mapping[str, Any], of: Situation) -> Iterator[Tri
             kind, name = parts.pop("kind", family["kind"]), parts.pop("words")
             if "dictionary" in parts:
                 fit = {**filled(family["fit"], words), **parts.get("fit", {})}
-                if fit.get("scaling") == "range" and not _remembers(parts["dictionary"]):
-                    continue
+                entries = _ENTRIES.validate_python(parts["dictionary"])
+                if fit.get("scaling") == "range" and not remembers(entries):
+                    continue  # no input is left whose past the states of the candidate could follow
                 if not of.timed and kind not in SIZED:
                     fit["max_terms"] = ceil(fit["max_terms"] * max(len(of.inputs) + 1, 3) / 3)
                 parts |= {"segment": {**pooled, **parts.get("segment", {})}, "fit": fit}
@@ -107,13 +108,6 @@ def offered_structures(family: Mapping[str, Any], of: Situation) -> Iterator[Tri
 
 
 _ENTRIES = TypeAdapter(list[DictionaryEntry])
-
-
-def _remembers(dictionary: Any) -> bool:
-    """Return True if a term has memory. If no input is left whose past the states could follow, a
-    candidate has lost all of them, and its settings for models with memory apply to nothing.
-    """
-    return remembers(_ENTRIES.validate_python(dictionary))
 
 
 def _applies(when: Mapping[str, int], of: Situation) -> bool:

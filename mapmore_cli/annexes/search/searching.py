@@ -77,10 +77,9 @@ def search(
     situation = situation_of(training, part.ignored, part.model.inputs)
     ordered = part.in_order(dataset)
     uneven = _uneven(dataset) if situation.timed or ordered else ()
-    # a model that counts steps along recordings could not be fitted in these cases
-    if part.by_level or uneven:
-        situation = replace(situation, step=None)
-    situation = replace(situation, ordered=ordered and not situation.timed)
+    # if levels are left out or steps are uneven, no model that counts steps could be fitted
+    step = None if part.by_level or uneven else situation.step
+    situation = replace(situation, step=step, ordered=ordered and step is None)
     added = plugins.parts("families", Mapping)  # type: ignore[type-abstract]
     families = [*map(family, FAMILIES), *(plugin.value for plugin in added)]
     bench = Bench.of(training, situation, part, dataset)
@@ -128,11 +127,6 @@ class Budget:
     listed: int = 0
     cut: int = 0
 
-    @property
-    def over(self) -> bool:
-        """Return True if this process has used up its time."""
-        return self.worked > self.seconds
-
 
 Work = Callable[[], list[Outcome]]
 
@@ -161,7 +155,7 @@ def _try_structure(candidate: Tried, bench: Bench, budget: Budget) -> list[Outco
     """Fit a structure to all samples and, if that succeeds, again without each fold; return nothing
     if the time is used up.
     """
-    if budget.over:
+    if budget.worked > budget.seconds:
         return []
     started = time.process_time()
     try:
@@ -187,9 +181,8 @@ def _notes_of(result: Search, bench: Bench) -> list[str]:
     if result.short is not None:
         notes.append(note_of(result, result.short))
     if lack := lacking(result, bench):
-        where = bench.parts_left_out.rpartition(" ")[2] if bench.asks_parts else "stretches"
         notes.append(
-            f"{lack[0]} errs {lack[1]:.2g} times less on left-out {where}: the chosen structure "
-            "lacks something"
+            f"{lack[0]} errs {lack[1]:.2g} times less on left-out data: the chosen structure lacks "
+            "something"
         )
     return notes
