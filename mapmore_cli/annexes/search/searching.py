@@ -26,7 +26,7 @@ from mapmore_cli.annexes.search.candidate import (
 from mapmore_cli.annexes.search.choosing import PLAIN, choose_structure
 from mapmore_cli.annexes.search.further import go_on, lacking, note_of
 from mapmore_cli.annexes.search.situation import situation_of
-from mapmore_cli.annexes.search.trying import tried_ways
+from mapmore_cli.annexes.search.trying import is_whole, tried_ways
 from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import DataError, MapmoreError
 from mapmore_cli.domain.recording import Dataset
@@ -127,6 +127,11 @@ class Budget:
     listed: int = 0
     cut: int = 0
 
+    @property
+    def over(self) -> bool:
+        """Return True if this process has used up its time."""
+        return self.worked > self.seconds
+
 
 Work = Callable[[], list[Outcome]]
 
@@ -140,8 +145,10 @@ def _try_all(
 ) -> list[Outcome]:
     """Try the structures that families offer, and the black boxes."""
     before = budget.worked
-    offered = [offered_structures(known, bench.situation) for known in families]
-    jobs: list[Work] = [partial(_try_structure, one, bench, budget) for one in chain(*offered)]
+    offered = chain(*(offered_structures(known, bench.situation) for known in families))
+    jobs: list[Work] = [
+        partial(_try_structure, one, bench, budget) for one in offered if is_whole(one, bench.part)
+    ]
     done = shared_out(call, [*jobs, *boxes], progress)
     outcomes = [*chain(*done)]
     budget.listed += len(jobs)
@@ -155,7 +162,7 @@ def _try_structure(candidate: Tried, bench: Bench, budget: Budget) -> list[Outco
     """Fit a structure to all samples and, if that succeeds, again without each fold; return nothing
     if the time is used up.
     """
-    if budget.worked > budget.seconds:
+    if budget.over:
         return []
     started = time.process_time()
     try:
