@@ -200,6 +200,40 @@ def test_a_model_that_goes_on_by_itself_is_refused(monkeypatch):
     assert result.found.family != "feedback"
 
 
+def pushed(height, seed):
+    """A record that settles after every step of its input, up to a height; it would run away above
+    a height of 1.25, where it has no point of rest.
+    """
+    u = height * np.repeat(np.random.default_rng(seed).permutation(np.linspace(-1, 1, 12)), 40)
+    y = np.zeros(len(u))
+    for k in range(1, len(u)):
+        y[k] = 0.5 * y[k - 1] + 0.5 * y[k - 1] ** 2 + 0.1 * u[k - 1]
+    return {"time": STEP * np.arange(len(u)), "u": u, "y": y}
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize(("height", "runs"), [(1.2, True), (0.6, False)])
+def test_a_fed_back_model_that_runs_away_beside_its_recording_is_refused(
+    height, runs, seed, monkeypatch
+):
+    """Along the recording, its free run is exact; inputs that are larger by a fifth push it over
+    the edge. The same model is accepted if the edge is far away.
+    """
+    feedback = searching.family("feedback")
+    ahead = [one for one in feedback["candidates"] if one["words"].endswith("one step ahead")]
+    plane = {
+        **searching.family("tables"),
+        "candidates": searching.family("tables")["candidates"][:1],
+    }
+    families = {"tables": plane, "feedback": {**feedback, "candidates": ahead}}
+    monkeypatch.setattr(searching, "FAMILIES", tuple(families))
+    monkeypatch.setattr(searching, "family", families.__getitem__)
+    result = search(dataset_of(pushed(height, seed)), WHOLE, beside=False)
+    (tried,) = (one for one in result.tried if one.family == "feedback")
+    assert ("runs away" in tried.failure) == runs
+    assert (result.found is tried) == (not runs)
+
+
 def test_a_structure_that_explodes_between_what_trains_is_not_taken(monkeypatch):
     """At the lowest pressure the force rises at one strain, as if it fell steeply. Sarosi's
     formula follows, and explodes at the next pressure, which is held out.

@@ -17,6 +17,7 @@ from mapmore_cli.domain.arrays import Array, BoolArray, IntArray, extremes
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.fitting.refitting import contiguous
+from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS
 from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.modelling.signals.sampling import even_share
@@ -146,8 +147,8 @@ class Bench:
         """
         target = self.study.target
         plane = polynomial_fit(1, self.study, self.situation.inputs)
-        every = [curve.columns[target][curve.training] for curve in self.study.curves]
-        return extremes(np.concatenate([*every, *(plane.of_curves(self.study) if plane else ())]))
+        measured = pooled_training(self.study.curves)[target]
+        return extremes(np.concatenate([measured, *(plane.of_curves(self.study) if plane else ())]))
 
 
 def searchable(dataset: Dataset) -> Dataset:
@@ -196,7 +197,7 @@ def cut_short(dataset: Dataset, run: int, timed: bool) -> Dataset:
     return replace(dataset, curves=tuple(curve.at(kept(curve)) for curve in dataset.curves))
 
 
-def _pooled(dataset: Dataset) -> Curve:
+def pooled_samples(dataset: Dataset) -> Curve:
     """Return the samples of all curves as one curve. Its recordings are the logs at each level;
     pieces of a log that was cut are joined.
     """
@@ -234,7 +235,7 @@ def _stretches(
     For a model without a past, time says nothing. Data at the end of an input's range can only be
     extrapolated, which would dominate the comparison although it is not the question.
     """
-    samples = _pooled(dataset)
+    samples = pooled_samples(dataset)
     training = samples.training
     if situation.timed:
         words = f"each of {BLOCKS} stretches of the training samples of every recording"
@@ -275,7 +276,7 @@ def held_run(study: Dataset) -> int:
     """Return the typical length of a run of held-out samples: half of the samples are in runs that
     are longer.
     """
-    samples = _pooled(study)
+    samples = pooled_samples(study)
     out = [0]
     for log in samples.logs:
         out += [*samples.held_out[log].astype(int), 0]
@@ -318,7 +319,7 @@ def _parts(
     Otherwise values at which whole curves are constant are left out, or recordings. In the rest of
     each fold, every input varies, because nothing can be learnt about a constant input.
     """
-    samples, every = _pooled(dataset), _pooled(study)
+    samples, every = pooled_samples(dataset), pooled_samples(study)
     behind = [np.argmax(every.training[log][::-1]) for log in every.logs]
     trains = [every.training[log].any() for log in every.logs]
     held = every.held_out.sum()
@@ -394,7 +395,7 @@ def _neighbours(
         row = min(max(map(len, gaps), default=1), most)
         out += [*sliding_window_view(trained[1:-1], row)]
     at = np.repeat(at_curves, [curve.size for curve in dataset.curves])
-    training = np.concatenate([curve.training for curve in dataset.curves])
+    training = pooled_samples(dataset).training
     return [training & np.isin(at, some) for some in out], ends
 
 
@@ -408,7 +409,7 @@ def _beyond(dataset: Dataset, situation: Situation, study: Dataset) -> list[Bool
     """Return folds, (n,), that leave out an end of an input's range, as wide as the held-out part
     of the study beyond it; none if few held-out samples lie outside, or if samples have a past.
     """
-    samples, every, folds = _pooled(dataset), _pooled(study), list[BoolArray]()
+    samples, every, folds = pooled_samples(dataset), pooled_samples(study), list[BoolArray]()
     for name in () if situation.timed else situation.inputs:
         held, values = every.columns[name][every.held_out], samples.columns[name]
         least, largest = extremes(values[samples.training])

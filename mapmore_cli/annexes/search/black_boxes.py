@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from mapmore_cli.annexes.search.bench import pooled_samples
 from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.recording import Dataset
@@ -53,27 +54,28 @@ def black_boxes(
     scikit-learn takes longer than fitting all structures of a small table; it is fitted to tables
     only. Each black box learns from at most half of the samples that it may have as a competitor.
     """
-    curves, inputs = dataset.curves, situation.inputs
+    inputs = situation.inputs
     if not inputs:
         return []
-    known = np.concatenate([curve.training for curve in curves])
-    y = np.concatenate([curve.columns[dataset.target] for curve in curves])
-    learners = dict[str, tuple[Callable[..., Any], Sequence[int]]]()
+    samples = pooled_samples(dataset)
+    known, y = samples.training, samples.columns[dataset.target]
+    learners = list[tuple[str, Callable[..., Any], Sequence[int]]]()
     if not situation.timed and len(inputs) <= MOST_INPUTS:
-        learners["gaussian_process"] = smooth, (0,)
+        learners.append(("gaussian_process", smooth, (0,)))
     if known.sum() >= FEWEST and find_spec("sklearn") is not None:
         # a neural network takes as long as the rest of a search
         delays = DELAYS if situation.timed or situation.ordered else (0,)
-        learners["gradient_boosting"] = partial(learned, "gradient_boosting"), delays
-    errors: dict[str, list[Left]] = {name: [] for name in learners}
-    for name, (learner, back) in learners.items():
-        x = np.concatenate([features(curve, inputs, back) for curve in curves])
+        learners.append(("gradient_boosting", partial(learned, "gradient_boosting"), delays))
+    outcomes = list[Outcome]()
+    for name, learner, back in learners:
+        x = features(samples, inputs, back)
+        left = list[Left]()
         for out in folds:
-            rest = np.flatnonzero(known & ~out)
-            learnt = even_share(rest, LEARNERS[name].most_samples // 2)
+            learnt = even_share(np.flatnonzero(known & ~out), LEARNERS[name].most_samples // 2)
             missed = learner(x[learnt], y[learnt])(x[out]) - y[out]
-            errors[name].append((missed, np.isfinite(missed)))
-    return [(Tried(BLACK_BOX, name.replace("_", " "), {}), left) for name, left in errors.items()]
+            left.append((missed, np.isfinite(missed)))
+        outcomes.append((Tried(BLACK_BOX, name.replace("_", " "), {}), left))
+    return outcomes
 
 
 def smooth(x: Array, y: Array) -> Callable[[Array], Array]:

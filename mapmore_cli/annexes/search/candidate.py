@@ -11,14 +11,11 @@ from itertools import product
 from math import ceil, comb
 from typing import Any
 
-from pydantic import TypeAdapter
-
 from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.domain.results import Tried
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature import TARGET
 from mapmore_cli.modelling.literature.formula import Formula
-from mapmore_cli.study.sections.dictionary import DictionaryEntry, remembers
 
 MOST_PARAMETERS = 28
 """Largest number of parameters of a structure that a search may choose for a table, or that of a
@@ -98,22 +95,10 @@ def offered_structures(family: Mapping[str, Any], of: Situation) -> Iterator[Tri
             kind, name = parts.pop("kind", family["kind"]), parts.pop("words")
             if "dictionary" in parts:
                 fit = {**filled(family["fit"], words), **parts.get("fit", {})}
-                if fit.get("scaling") == "range" and not _remembers(parts["dictionary"]):
-                    continue
                 if not of.timed and kind not in SIZED:
                     fit["max_terms"] = ceil(fit["max_terms"] * max(len(of.inputs) + 1, 3) / 3)
                 parts |= {"segment": {**pooled, **parts.get("segment", {})}, "fit": fit}
             yield Tried(kind, name, parts)
-
-
-_ENTRIES = TypeAdapter(list[DictionaryEntry])
-
-
-def _remembers(dictionary: Any) -> bool:
-    """Return True if a term has memory. If no input is left whose past the states could follow, a
-    candidate has lost all of them, and its settings for models with memory apply to nothing.
-    """
-    return remembers(_ENTRIES.validate_python(dictionary))
 
 
 def _applies(when: Mapping[str, int], of: Situation) -> bool:

@@ -14,6 +14,7 @@ from mapmore_cli.annexes.search.black_boxes import SHOWN, Left, Outcome
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.results import Search
+from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.validation.significance import WITHIN, simplest_of, undominated
 
 BY_MEAN = (
@@ -47,8 +48,7 @@ def choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: int | None
             "name one, or raise `model.budget`",
         )
     target = bench.dataset.target
-    measured = [curve.columns[target][curve.training] for curve in bench.dataset.curves]
-    scale = float(np.ptp(np.concatenate(measured))) or 1.0
+    scale = float(np.ptp(pooled_training(bench.dataset.curves)[target])) or 1.0
     errors = on_common_rows([outcomes[number][1] for number in usable]) / scale
     decide = bench.weights > 0
     weights = bench.weights[decide]

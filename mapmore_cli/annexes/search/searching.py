@@ -26,7 +26,7 @@ from mapmore_cli.annexes.search.candidate import (
 from mapmore_cli.annexes.search.choosing import PLAIN, choose_structure
 from mapmore_cli.annexes.search.further import go_on, lacking, note_of
 from mapmore_cli.annexes.search.situation import situation_of
-from mapmore_cli.annexes.search.trying import tried_ways
+from mapmore_cli.annexes.search.trying import is_whole, tried_ways
 from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import DataError, MapmoreError
 from mapmore_cli.domain.recording import Dataset
@@ -77,10 +77,9 @@ def search(
     situation = situation_of(training, part.ignored, part.model.inputs)
     ordered = part.in_order(dataset)
     uneven = _uneven(dataset) if situation.timed or ordered else ()
-    # a model that counts steps along recordings could not be fitted in these cases
-    if part.by_level or uneven:
-        situation = replace(situation, step=None)
-    situation = replace(situation, ordered=ordered and not situation.timed)
+    # if levels are left out or steps are uneven, no model that counts steps could be fitted
+    step = None if part.by_level or uneven else situation.step
+    situation = replace(situation, step=step, ordered=ordered and step is None)
     added = plugins.parts("families", Mapping)  # type: ignore[type-abstract]
     families = [*map(family, FAMILIES), *(plugin.value for plugin in added)]
     bench = Bench.of(training, situation, part, dataset)
@@ -146,8 +145,10 @@ def _try_all(
 ) -> list[Outcome]:
     """Try the structures that families offer, and the black boxes."""
     before = budget.worked
-    offered = [offered_structures(known, bench.situation) for known in families]
-    jobs: list[Work] = [partial(_try_structure, one, bench, budget) for one in chain(*offered)]
+    offered = chain(*(offered_structures(known, bench.situation) for known in families))
+    jobs: list[Work] = [
+        partial(_try_structure, one, bench, budget) for one in offered if is_whole(one, bench.part)
+    ]
     done = shared_out(call, [*jobs, *boxes], progress)
     outcomes = [*chain(*done)]
     budget.listed += len(jobs)
@@ -187,9 +188,8 @@ def _notes_of(result: Search, bench: Bench) -> list[str]:
     if result.short is not None:
         notes.append(note_of(result, result.short))
     if lack := lacking(result, bench):
-        where = bench.parts_left_out.rpartition(" ")[2] if bench.asks_parts else "stretches"
         notes.append(
-            f"{lack[0]} errs {lack[1]:.2g} times less on left-out {where}: the chosen structure "
-            "lacks something"
+            f"{lack[0]} errs {lack[1]:.2g} times less on left-out data: the chosen structure lacks "
+            "something"
         )
     return notes

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,9 @@ from pydantic import TypeAdapter
 from mapmore_cli.annexes.search.bench import Bench, Slice
 from mapmore_cli.annexes.search.black_boxes import SHOWN, Left, Outcome
 from mapmore_cli.annexes.search.candidate import WAYS, going_on, way_of
-from mapmore_cli.domain.arrays import BoolArray
+from mapmore_cli.domain.arrays import BoolArray, extremes
 from mapmore_cli.domain.models import Model, Pieces
-from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.results import Tried
 from mapmore_cli.fitting.kinds import refit_near
 from mapmore_cli.fitting.kinds.choices import ModelChoices, lengths_of
@@ -49,6 +50,14 @@ def choices_of(sections: Mapping[str, Any], part: Slice) -> ModelChoices:
         }
     )
     return replace(choices, lengths=lengths_of(choices.model, part.lengths))
+
+
+def is_whole(candidate: Tried, part: Slice) -> bool:
+    """Return False for a candidate with settings for models with memory, but without memory: no
+    input is left whose past its states could follow.
+    """
+    choices = choices_of(candidate.sections, part)
+    return choices.kind != "pieces" or choices.fit.scaling != "range"
 
 
 WHOLE = 0.5
@@ -123,40 +132,60 @@ difference that may still oscillate in the second half.
 
 def _refusal(model: Model, bench: Bench) -> str:
     """Return the reason why a model is refused whatever its errors are; empty if it is accepted."""
-    if fed_back(model) and rings(model, bench.dataset):
-        return (
-            "oscillates by itself: the transient of its start is still visible late in a recording"
-        )
-    if not (bench.situation.timed and runs_over_time(model)) and astray(model, bench):
+    if fed_back(model):
+        longest = max(bench.dataset.curves, key=attrgetter("size"))
+        if rings(model, longest, bench):
+            return (
+                "oscillates by itself: the transient of its start is still visible late in a "
+                "recording"
+            )
+        if astray(model, [with_larger_inputs(longest, bench.situation.inputs)], bench):
+            return "runs away from all measured values if its inputs are larger by a fifth"
+    if not (bench.situation.timed and runs_over_time(model)) and astray(
+        model, bench.study.curves, bench
+    ):
         return "diverges at inputs of the study, far beyond all measured values"
     if exploding_curves(model, bench.dataset.curves, bench.dataset.target):
         return "diverges beyond the ends of its curves"
     return ""
 
 
-def rings(model: Model, dataset: Dataset) -> bool:
+def rings(model: Model, curve: Curve, bench: Bench) -> bool:
     """Return True if a free run that starts a tenth of the range higher still oscillates around the
-    measured one late in the longest recording.
+    measured one late in a recording.
 
     If inputs repeat, a model with poles on the unit circle continues the record like a clock,
     whatever drives it. An integrator keeps its offset and does not oscillate.
     """
-    curve = max(dataset.curves, key=lambda one: one.size)
-    output = curve.columns[dataset.target]
-    shifted = output + SWING * (np.nanmax(output) - np.nanmin(output))
-    higher = replace(curve, columns={**curve.columns, dataset.target: shifted})
-    apart = forecast(model, higher).values - forecast(model, curve).values
+    higher = curve.columns[bench.dataset.target] + SWING * np.ptp(bench.range)
+    started_higher = replace(curve, columns={**curve.columns, bench.dataset.target: higher})
+    apart = forecast(model, started_higher).values - forecast(model, curve).values
     late = apart[curve.size // 2 :]
     return bool(np.isfinite(late).any() and np.nanstd(late) > SWING * np.nanmax(np.abs(apart)))
 
 
-def astray(model: Model, bench: Bench) -> bool:
-    """Return True if a model without a past deviates from the measured values, and from the
-    prediction of a plane, by more than their range, at any inputs of the study.
+LARGER = 1.2
+"""Factor of the inputs, about their middle, with which a fed-back model must still be stable. With
+the inputs as they were, an unstable model may seem stable, because whoever recorded them kept the
+output in its range.
+"""
+
+
+def with_larger_inputs(curve: Curve, names: Sequence[str]) -> Curve:
+    """Return a curve whose inputs are `LARGER` times as far from the middle of their range."""
+    columns = dict(curve.columns)
+    for name in names:
+        middle = np.mean(extremes(columns[name]))
+        columns[name] = middle + LARGER * (columns[name] - middle)
+    return replace(curve, columns=columns)
+
+
+def astray(model: Model, curves: Sequence[Curve], bench: Bench) -> bool:
+    """Return True if a prediction deviates from the measured values, and from the prediction of a
+    plane, by more than their range, at any sample of the curves.
 
     A steep formula may pass through all training samples, including those that were left out, and
     explode in a gap between them.
     """
-    low, high = bench.range
-    values = np.concatenate([forecast(model, curve).values for curve in bench.study.curves])
-    return bool((np.abs(values - (low + high) / 2) > 1.5 * (high - low)).any())
+    values = np.concatenate([forecast(model, curve).values for curve in curves])
+    return bool((np.abs(values - np.mean(bench.range)) > 1.5 * np.ptp(bench.range)).any())
