@@ -5,9 +5,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from common import curve_of
 from surfaces import QUANTITIES, built, curves
 
-from mapmore_cli.annexes.planning.folds import errors_of, folds_of, geometric_mean, training_only
+from mapmore_cli.annexes.planning.folds import (
+    _block_masks,
+    errors_of,
+    folds_of,
+    geometric_mean,
+    training_only,
+)
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.modelling.kinds import predict
@@ -64,3 +71,14 @@ def test_held_out_samples_are_in_no_fold_and_too_few_make_none():
     assert [curve.size for curve in training_only(half).curves] == [5, 9, 9]
     with pytest.raises(DataError, match=f"no curve has {BLOCKS} training samples"):
         folds([100.0], n=BLOCKS - 1, strain=None)
+
+
+def test_blocks_follow_the_quantity_or_the_time_of_each_recording():
+    x = np.array([3.0, 1.0, 2.0, 0.0, 9.0, 8.0, 7.0, 6.0, 5.0, 4.0])
+    both = replace(curve_of({"x": x}), recordings=("a", "b"), origin=np.array([0, 1] * 5))
+    along = [np.flatnonzero(mask).tolist() for mask in _block_masks(both, "x")]
+    assert along == [[1, 3], [0, 2], [8, 9], [6, 7], [4, 5]]
+    in_time = [np.flatnonzero(mask).tolist() for mask in _block_masks(both, None)]
+    assert in_time == [[0, 1], [2, 3], [4, 5], [6, 7], [8, 9]]
+    held = replace(both, held_out=np.arange(10) == 3)
+    assert not any(mask[3] for mask in _block_masks(held, "x"))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from common import curve_of
 
-from mapmore_cli.domain.recording import Recording, united
+from mapmore_cli.domain.recording import Dataset, Recording, united
 from mapmore_cli.modelling.pieces import segmentation
 from mapmore_cli.modelling.pieces.placement import placements, span
 from mapmore_cli.modelling.pieces.recipe import CutByDirection, Cuts
@@ -60,6 +60,15 @@ def test_rows_of_a_curve_keep_what_belongs_to_them():
 )
 def test_a_recording_is_called_by_its_file(name, source, shown):
     assert Recording(name, source, {}, 0, {}).name == shown
+
+
+def test_rows_of_a_recording_have_no_row_in_the_file_and_pieces_know_their_log():
+    whole = Recording("a", "a.csv", {"x": np.arange(4.0)}, 4, {}, first_row=2)
+    some = whole.at(np.array([1, 3]))
+    assert (some.columns["x"].tolist(), some.rows_kept, some.first_row) == ([1, 3], 2, 0)
+    assert Recording("a", "a.csv", {}, 0, {}).first_row == 0
+    pieces = whole, replace(whole, id="b-1", log="b")
+    assert Dataset("x", None, {}, pieces, ()).logs == {"a": "a", "b-1": "b"}
 
 
 def test_names_of_segments():

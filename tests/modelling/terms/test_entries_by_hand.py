@@ -1,0 +1,50 @@
+"""The terms of each entry of a dictionary, in order, by hand."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from mapmore_cli.checking.rules.fits import _most_terms
+from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.fitting.kinds.dictionary import bounds_of, terms_of
+from mapmore_cli.study.sections.dictionary import DictionaryEntry
+
+
+def entry(**settings):
+    return DictionaryEntry.model_validate(settings)
+
+
+def polynomial(*of, order=1, **more):
+    return {"polynomial": {"of": list(of), "order": order, **more}}
+
+
+@pytest.mark.parametrize(
+    ("settings", "terms"),
+    [
+        (polynomial("x", order=2), "1 x x^2"),
+        (polynomial("x", "x", "y", constant=False), "x y"),
+        ({"lags": {"of": ["x"], "steps": [1, 2, 1], "order": 1}}, "1 x[k-1] x[k-2]"),
+        ({"products": {"of": ["x", polynomial("y")], "order": 1}}, "1 x y"),
+        ({"products": {"of": ["x", "y"], "order": 1, "constant": False}}, "x y"),
+        # the constant of a family inside products is left out, and so is that of inner products
+        ({"products": {"of": [{"products": {"of": ["x"], "order": 1}}], "order": 1,
+            "constant": False}}, "x"),
+        ({"terms": ["x*2", "y"]}, "2*x y"),
+    ],
+)  # fmt: skip
+def test_terms_of_an_entry(settings, terms):
+    assert [*terms_of([entry(**settings)])] == terms.split()
+
+
+def test_terms_of_several_entries_occur_once_and_partners_are_among_them():
+    assert terms_of([entry(**polynomial("x")), entry(**polynomial("y", "x"))]) == ("1", "x", "y")
+    with pytest.raises(SpecError, match="`z` of `with` is not one of the terms"):
+        terms_of([entry(products={"of": ["x"], "order": 2, "with": ["z"]})])
+    assert bounds_of([entry(**polynomial("x"))]) == {}
+
+
+@pytest.mark.parametrize(("of", "most"), [(["x"], 2), (["x", "y", "z"], 3), ([], 3)])
+def test_a_segment_has_no_more_terms_than_the_dictionary(of, most):
+    dictionary = [entry(**polynomial(*of))] if of else []
+    spec = SimpleNamespace(fit=SimpleNamespace(max_terms=3), dictionary=dictionary)
+    assert _most_terms(SimpleNamespace(spec=spec)) == most
