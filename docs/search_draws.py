@@ -262,6 +262,7 @@ def summary(rows: Sequence[tuple[Cell, ...]]) -> Table:
                 ]
                 if some:
                     lines.append((seed, revision, data, kind, *_summed(some)))
+    lines.sort(key=lambda line: line[3] == "all")  # the page shows the last rows
     return Table.of("drawn_summary", "Splits that seeds drew, by kind", heads, lines)
 
 

@@ -82,7 +82,7 @@ AS_OPTIONS = (
     (r"`(delimiter|decimal|thousands|sheet): ([^`]+)`", r"`--\1 \2`"),
     (r"say which by `sheet`", "say which by `--sheet TITLE`"),
     (r"Give its 0-based index instead", "Give its 0-based index, as `--columns NAME=0`"),
-    (r"name it in `columns`, as `unit: (\w+)`", r"name it, as `--units NAME=\1`"),
+    (r"name it in `columns`, for example `unit: (\w+)`", r"name it, as `--units NAME=\1`"),
     (r"`unit: ([^`]+)`", r"`--units NAME=\1`"),
     (r"[^.;]*`(?:missing: |columns`|header: |scale|encoding: )[^.;]*(?:[.;]|$) ?", ""),
 )

@@ -171,7 +171,8 @@ def _record(inputs: ReportInputs, curves: Sequence[Curve]) -> dict[str, Any]:
     curve = next((one for one in curves if one.held_out.any()), curves[0])
     start = int(np.argmax(curve.held_out)) if curve.held_out.any() else 0
     columns = {name: column[start:] for name, column in curve.columns.items()}
-    step, time = max(steps_of(model)), columns["time"]
+    time = columns["time"]
+    step = max(steps_of(model), default=float(np.median(np.diff(time))) if len(time) > 1 else 1.0)
     count = min(MOST_SAMPLES, int((time[-1] - time[0]) / step + 1.5))
     grid = np.minimum(time[0] + step * np.arange(count), time[-1])
     known = columns[output][np.isfinite(columns[output])]
