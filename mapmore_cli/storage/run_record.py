@@ -31,6 +31,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.foreign import csv_cell
 from mapmore_cli.domain.scores import Score, ScoreTable
 from mapmore_cli.storage.atomic import write_text
+from mapmore_cli.storage.tables.cells import shortened
 
 LONGEST_NAME = 255  # largest number of bytes in the name of a file on common file systems
 
@@ -77,11 +78,12 @@ def refuse_newer(path: Path, found: str, known: str) -> None:
     """Raise DataError if the version of a file, `found`, is no version, or if its major number is
     above the one that this program knows.
     """
+    shown = shortened(found)
     try:
         major = int(found.split(".")[0])
     except ValueError:
         raise DataError(
-            f"{path}: has the unreadable format version {found!r}",
+            f"{path}: has the unreadable format version {shown!r}",
             "delete it and run `mapmore run CONFIG`",
         ) from None
     if major > int(known.split(".")[0]):
@@ -90,7 +92,7 @@ def refuse_newer(path: Path, found: str, known: str) -> None:
             "--force`"
         )
         raise DataError(
-            f"{path}: was written in format {found} by a newer mapmore; this one reads up to "
+            f"{path}: was written in format {shown} by a newer mapmore; this one reads up to "
             f"{known}",
             remedy,
         )

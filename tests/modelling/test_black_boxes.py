@@ -7,7 +7,7 @@ import pytest
 from common import dataset_of
 
 from mapmore_cli.annexes.search import black_boxes as module
-from mapmore_cli.annexes.search.black_boxes import MOST_IN_A_FOLD, black_boxes, smooth
+from mapmore_cli.annexes.search.black_boxes import black_boxes, smooth
 from mapmore_cli.modelling.learners import LEARNERS
 
 pytest.importorskip("sklearn")
@@ -33,16 +33,16 @@ def test_learners_of_a_fold_get_no_more_samples_than_they_bear(n, inputs, learne
     columns = {name: np.linspace(0.0, 1.0, n) for name in names}
     dataset = dataset_of({**columns, "y": np.ones(n)})
     out = np.arange(n) < 10
-    found = black_boxes(dataset, [out], SimpleNamespace(inputs=names, timed=False))
+    found = black_boxes(dataset, [out], SimpleNamespace(inputs=names, timed=False, ordered=False))
     assert [tried.words for tried, _ in found][: len(learners)] == learners
     for _, ((missed, known),) in found:
         np.testing.assert_array_equal(missed, -np.ones(10))
         assert known.all()
     for name, samples in asked.items():
-        most = min(MOST_IN_A_FOLD, LEARNERS[name].most_samples // 2)
+        most = LEARNERS[name].most_samples // 2
         assert samples <= most
         assert samples == n - 10 or samples > most // 2
-    assert black_boxes(dataset, [out], SimpleNamespace(inputs=[], timed=False)) == []
+    assert black_boxes(dataset, [out], SimpleNamespace(inputs=[], timed=False, ordered=False)) == []
 
 
 def test_a_process_does_not_depend_on_the_range_of_its_inputs():

@@ -7,6 +7,7 @@ import random
 import tracemalloc
 from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -25,6 +26,7 @@ from mapmore_cli.domain.recording import Signal
 from mapmore_cli.domain.results import PiecesFit
 from mapmore_cli.modelling.soundness import unsound
 from mapmore_cli.storage import artefacts
+from mapmore_cli.storage.run_record import refuse_newer
 
 CURVE = "body/curves/000"
 SEGMENT = f"{CURVE}/segments/000"
@@ -341,3 +343,11 @@ def test_a_fault_of_the_program_is_not_blamed_on_the_file(model, monkeypatch):
     monkeypatch.setattr(artefacts, "add_to_hash", faulty)
     with pytest.raises(TypeError, match="a slip of ours"):
         artefacts.read_model(model)
+
+
+@pytest.mark.parametrize("found", ["x" * 5000, "9" * 2000, "9" * 5000 + ".1"])
+def test_a_version_of_any_length_is_refused_in_a_line(found):
+    with pytest.raises(DataError) as refused:
+        refuse_newer(Path("run.h5"), found, "3.3")
+    assert "run.h5" in str(refused.value)
+    assert len(str(refused.value)) < 300

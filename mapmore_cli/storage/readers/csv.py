@@ -266,6 +266,8 @@ def values_of_text(text: bytes, layout: Layout) -> list[Array]:
     ):
         return []
     if layout.delimiter is None:
+        if b'"' in text:  # a quotation mark means nothing between blanks
+            return []
         text = re.sub(rb"(?<![^\r\n])\t|\t(?![^\r\n])", b"", re.sub(rb"[ \t]+", mark, text))
     if b'"' in text:
         cell = rb'(?<![^%b\r\n])"([^"%b\r\n]*)"(?![^%b\r\n])' % ((re.escape(mark),) * 3)
