@@ -30,7 +30,7 @@ from mapmore_cli.storage.tables.thousands import may_be_grouped, refuse_grouped
         *((" 1.5 ", 1.5), (Decimal("1.5"), 1.5), (np.float32(0.5), 0.5), ("-1.#INF", -math.inf)),
         *(("1.#INF00", math.inf), ("1.#J", math.inf), ("-1.#IND", math.nan)),
         *(("1.#QNAN", math.nan), ("nan(snan)", math.nan), ("nan(ind)", math.nan)),
-        *(("", math.nan), (None, math.nan), (np.datetime64("NaT"), math.nan)),
+        *(("", math.nan), (None, math.nan), (np.datetime64("NaT", "s"), math.nan)),
         *(("1_5", None), ("\uff11", None), (True, None), (10**400, None), ("1.#X", None)),
     ],
 )
