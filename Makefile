@@ -3,7 +3,8 @@ PYTHON ?= python3
 BIN := .venv/bin
 export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
-export PYTHONPATH := .  # scripts of docs/ use datasets/rig
+# scripts of docs/ use datasets/rig; a comment behind the value would leave blanks at its end
+export PYTHONPATH := .
 unexport PYTHONDONTWRITEBYTECODE  # a set one has each of some hundred processes compile the program anew
 
 STUDIES := configs/m2/dmsp-20-88-found.yaml configs/m2/peano-found.yaml

@@ -72,3 +72,9 @@ def test_actions_are_pinned_by_commit_and_store_no_secret():
     }
     assert len(jobs["test"]["strategy"]["matrix"]["os"]) == 2
     assert len(jobs["test"]["strategy"]["matrix"]["python"]) == 3
+
+
+def test_no_variable_of_the_makefile_ends_with_blanks():
+    """Make keeps the blanks between a value and a comment: a path with them leads nowhere."""
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    assert re.findall(r"^[^#\t\n]*:?=[^#\n]*[ \t]+#.*$|^[^\t\n]*:?=.*[ \t]$", makefile, re.M) == []
