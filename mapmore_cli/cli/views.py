@@ -368,7 +368,7 @@ def _of_model(model: Model) -> View:
 
 @runtime_checkable
 class Shown(Protocol):
-    """A kind of a plugin that defines how `mapmore show` shows its models."""
+    """A kind of model, added by a plug-in, that defines how `mapmore show` shows its models."""
 
     def show(self, model: Model, show_other: Callable[[Model], View]) -> View:
         """Return a view of a model that is shown before its equations. `show_other` makes the view

@@ -49,7 +49,9 @@ _ALERTS = TypeAdapter(tuple[Alert, ...])
 
 
 def known_by_seal(job: Job, name: str) -> Finished | None:
-    """Return the result of a run with this name if its seal answers the job; None otherwise."""
+    """Return the result that is stored for a run with this name if the seal of the run says that it
+    was made of the same spec, data and options; None otherwise.
+    """
     started, run_dir = time.perf_counter(), job.runs / name
     sealed = None if job.options.force or job.options.rehash else read_seal(run_dir)
     if sealed is None or sealed["question"] != _question(job, run_dir):

@@ -98,7 +98,7 @@ def clock_in_parts(table: Table) -> dict[Column, str]:
     """Return the columns of a clock in parts (for example hours, minutes and seconds) and their
     units; empty unless titles and values agree on that.
 
-    ¶ A part has numbers below the one at which it restarts. Only the finest part may have
+    A part has numbers below the one at which it restarts. Only the finest part may have
     fractions. The first part may be any, and no part may be missing in between.
     """
     parts: dict[str, TitledColumn] = {}

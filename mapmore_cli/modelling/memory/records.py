@@ -36,7 +36,7 @@ def numbered(rows: IntArray) -> Iterator[None]:
 
 
 def complete(columns: Iterable[Array], n: int) -> BoolArray:
-    """Return True for rows, out of n, on which every column has a value."""
+    """Return a mask, (n,), which is True for a row if every column has a value there."""
     return np.asarray(
         np.logical_and.reduce([np.ones(n, dtype=np.bool_), *map(np.isfinite, columns)])
     )

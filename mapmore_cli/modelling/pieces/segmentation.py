@@ -313,8 +313,9 @@ def segment_curve(
 def cut_by_course(
     curves: Sequence[Curve], by_level: bool, cuts: Mapping[str, Cut], target: str
 ) -> list[SegmentedCurve]:
-    """Return every training curve cut by its measured course, without a fit. `cuts` may have any
-    method but `optimal`. Raises the same errors as `segment_curve`.
+    """Return every training curve with the boundaries of its segments, which are placed by the
+    measured samples alone: nothing is fitted. `cuts` may have any method but `optimal`. Raises
+    the same errors as `segment_curve`.
     """
     return [
         segment_curve(curve, cuts, target, lambda _curve, _rows: 0.0)

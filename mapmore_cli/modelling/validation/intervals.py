@@ -140,8 +140,9 @@ def with_levels(
     """Return the summary with the training residuals of each recording, by level (None without
     levels).
 
-    Their root mean square is that of n new samples: it is larger by the factor `sqrt((n + p)/(n -
-    p))` for p parameters (Akaike's final prediction error), if n is larger than p.
+    The root mean square of the training residuals is multiplied by `sqrt((n + p)/(n - p))` for n
+    samples and p parameters, if n is larger than p. The result is the error to be expected on n new
+    samples (Akaike's final prediction error).
     """
     every = np.concatenate(
         [recording for level in training.values() for recording in level] or [np.zeros(1)]
