@@ -143,7 +143,7 @@ def predict(
         )
     if turned_for is not None and (grid is not None or derivatives or interval is not None):
         raise UsageError(
-            "--as needs a TABLE, and works without derivatives and intervals",
+            "--as needs a TABLE, and cannot be combined with --grid, --derivatives or --interval",
             "leave out --grid, --derivatives and --interval",
         )
     options = table_options(delimiter, decimal, thousands, sheet, columns, units)

@@ -102,7 +102,7 @@ def refuse_unsupported(
         if count < fewest or against is not None:
             against_words = "" if against is None else against.told
             raise FitError(
-                f"fit.shape: `{word.quantity}: {word.word}` is supported by {count} "
+                f"fit.shape: `{word.quantity}: {word.word}` was examined at {count} "
                 f"differences of the training data, of which {wrong} contradict it{against_words}",
                 f"a sign needs at least {FEWEST} differences, and the data may contradict it only "
                 "within their noise; remove the sign, or raise `fit.slack`",

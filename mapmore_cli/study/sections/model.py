@@ -224,7 +224,11 @@ class ModelSettings(Settings):
         implies `type: literature`.
         """
         if self.type not in (*_OWN_TYPES, *(kind.name for kind in kinds.kinds())):
-            raise Contradiction(f"type `{self.type}` is not installed", "install it", "type")
+            raise Contradiction(
+                f"type `{self.type}` is not installed",
+                "install the package that adds this type, or choose another type",
+                "type",
+            )
         if self.family is not None:
             if self.type not in ("mapmore", "literature"):
                 raise Contradiction(

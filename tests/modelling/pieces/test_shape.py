@@ -286,13 +286,13 @@ def refused(samples, shape, **settings):
 def test_a_sign_that_the_training_data_contradict_or_hardly_tell_is_refused():
     samples = curves(held_out=())
     assert re.search(
-        "`strain: increasing` is supported by [0-9]+ differences of the training data, "
+        "`strain: increasing` was examined at [0-9]+ differences of the training data, "
         "of which [0-9]+",
         refused(samples, {"strain": "increasing"}),
     )
     few = [one.at(np.arange(0, one.size, 60)) for one in samples[:2]]
     told = refused(few, {"pressure": "increasing"}, cuts={})
-    assert re.search("`pressure: increasing` is supported by [0-9] differences", told)
+    assert re.search("`pressure: increasing` was examined at [0-9] differences", told)
     assert "`length` is not an input" in refused(samples, {"length": "increasing"})
 
 
