@@ -74,7 +74,7 @@ paper: .venv/formats  # every shipped study, then runs/paper.html: the papers' t
 	  $(BIN)/mapmore batch configs/campaigns/measured.yaml configs/campaigns/coiled_motion.yaml configs/campaigns/coiled.yaml configs/campaigns/measured_static.yaml || code=$$?; \
 	else echo "left out: there are no measured recordings (docs/data.md)" >&2; fi; \
 	$(BIN)/mapmore batch configs/campaigns/paper.yaml || code=$$?; \
-	$(BIN)/python docs/papers/compare.py && exit $$code
+	$(BIN)/python docs/papers/compare.py && PYTHONPATH=.:docs/papers $(BIN)/python docs/reproduce_tables.py runs && exit $$code
 
 motion: .venv/formats  # the tables of docs/motion.md; one of them needs the measured recordings (docs/data.md)
 	$(BIN)/mapmore batch configs/campaigns/motion_sections.yaml configs/campaigns/coiled_motion.yaml configs/motion/dmsp-20-400-waveforms.yaml configs/motion/dmsp-20-400-loads.yaml

@@ -60,7 +60,7 @@ def row_count(columns: Columns) -> int:
 
 
 def column_in(columns: Columns, name: str) -> Array:
-    """Return a column. Raises DataError if there is none with this name."""
+    """Return the column with the given name. Raises DataError if the table lacks the column."""
     if name not in columns:
         raise DataError(
             f"there is no column `{name}`", f"there are: {', '.join(columns) or 'none'}"

@@ -129,8 +129,9 @@ class ResidualTest:
 
     @property
     def fails(self) -> bool:
-        """Return True if noise alone would put so many values outside their bounds in less than one
-        of a hundred cases. Noise puts each single value outside with a probability of 5 %.
+        """Return True if the errors are not noise: at least as many values as here would be outside
+        their bounds by chance in less than one of a hundred cases. Noise puts each single value
+        outside with a probability of 5 %.
         """
         n, chance = self.tested, 0.05
         counts = range(self.beyond, n + 1)

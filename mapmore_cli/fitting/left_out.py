@@ -22,7 +22,7 @@ from mapmore_cli.domain.scores import OWN
 from mapmore_cli.fitting.competitors import Contest, Forecasts
 from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
-from mapmore_cli.fitting.refitting import FEWEST, left_out_of, without
+from mapmore_cli.fitting.refitting import FEWEST, Masks, folds_by_value, left_out_of, without
 from mapmore_cli.modelling import kinds
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS, block, in_curve
@@ -41,9 +41,6 @@ Compare = Callable[[Contest], tuple[Said, Sequence[str]]]
 """Function that returns the forecasts of every model of a comparison whose fit did not fail, and
 warnings for the user.
 """
-
-Masks = tuple[BoolArray, ...]
-"""Samples that are left out, as a mask for every curve."""
 
 
 MOST_SEARCHES = 12
@@ -108,7 +105,7 @@ def left_out(
     """
     refuse_over_time(choices)
     dataset = contest.dataset
-    folds = folds_of(dataset, group)
+    folds = folds_by_value(dataset, group)
     parts, warnings = list[Said](), list[str]()
     own_data = replace(dataset, target=fitted_to)
     made_by = choices_by_fold(workspace.run_dir, choices, own_data, folds)
@@ -139,28 +136,6 @@ def _held_out(dataset: Dataset, outs: Sequence[BoolArray]) -> Dataset:
     """
     curves = zip(dataset.curves, outs, strict=True)
     return replace(dataset, curves=tuple(replace(curve, held_out=out) for curve, out in curves))
-
-
-def folds_of(dataset: Dataset, group: str | None) -> list[Masks]:
-    """Return, for every level or for every value of `group`, a fold that leaves out the samples
-    with it, as a mask for each curve. Raises DataError if there is only one, so that nothing is
-    left to train with.
-    """
-    of_curves = [
-        np.full(curve.size, curve.level) if group is None else curve.columns[group]
-        for curve in dataset.curves
-    ]
-    values = np.unique(np.concatenate(of_curves))
-    if len(values) < 2:
-        kind = "level" if group is None else "group"
-        raise DataError(
-            f"split.leave_one_{kind}_out: {group or dataset.level} is {values[0]:g} in all curves, "
-            f"so that there is only one {kind}, and nothing is left to train without it",
-            "hold out recordings or a share of the samples instead"
-            if group is None
-            else "name the quantity that distinguishes the groups in `data.groups`",
-        )
-    return [tuple(of_curve == value for of_curve in of_curves) for value in values]
 
 
 def _by_fold(parts: Sequence[Forecasts], folds: Sequence[Masks]) -> Forecasts:

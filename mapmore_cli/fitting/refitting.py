@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from mapmore_cli.domain.arrays import BoolArray, IntArray
+from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.results import Forecast
@@ -19,6 +20,9 @@ FEWEST = 3
 """Smallest number of levels or recordings that are left out one by one. If there are fewer, blocks
 are left out, because one or two folds give no standard error.
 """
+
+Masks = tuple[BoolArray, ...]
+"""Samples that are left out, as a mask for every curve."""
 
 
 def contiguous(parts: Sequence[IntArray], count: int, size: int) -> list[BoolArray]:
@@ -62,3 +66,25 @@ def left_out_of(
     """
     rest = without(dataset, masks)
     return missed_by(remade(rest), rest, masks)
+
+
+def folds_by_value(dataset: Dataset, group: str | None) -> list[Masks]:
+    """Return, for every level or for every value of `group`, a fold that leaves out the samples
+    with it, as a mask for each curve. Raises DataError if there is only one, so that nothing is
+    left to train with.
+    """
+    of_curves = [
+        np.full(curve.size, curve.level) if group is None else curve.columns[group]
+        for curve in dataset.curves
+    ]
+    values = np.unique(np.concatenate(of_curves))
+    if len(values) < 2:
+        kind = "level" if group is None else "group"
+        raise DataError(
+            f"split.leave_one_{kind}_out: {group or dataset.level} is {values[0]:g} in all curves, "
+            f"so that there is only one {kind}, and nothing is left to train without it",
+            "hold out recordings or a share of the samples instead"
+            if group is None
+            else "name the quantity that distinguishes the groups in `data.groups`",
+        )
+    return [tuple(of_curve == value for of_curve in of_curves) for value in values]

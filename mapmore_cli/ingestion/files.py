@@ -256,13 +256,10 @@ def expand(pattern: str, folder: Path, may_be_empty: bool = False) -> list[Path]
             f"Name the files in it, for example `{pattern.rstrip('/')}/*.csv`.",
         )
     files = []
-    for path in sorted(
-        {literal} if literal.is_file() else {*_matches(pattern, folder)},
-        key=lambda path: relative_name(path, folder),
-    ):
+    matches = {literal} if literal.is_file() else {*_matches(pattern, folder)}
+    for name, path in sorted((relative_name(path, folder), path) for path in matches):
         if path.is_dir():
             continue
-        name = relative_name(path, folder)
         if not path.exists():
             raise DataError(
                 f"{name}: is a link to a file that does not exist",

@@ -13,8 +13,8 @@ from mapmore_cli.reporting.table import Table, markdown_text, to_markdown
 
 @dataclass(frozen=True)
 class RunReport:
-    """How a run ended: `failure` is the reason if it failed, and `limits` are the limits for its
-    scores.
+    """Result of a run for a CI server. `failure` is the reason why the run failed, or None.
+    `limits` are the limits that the spec sets for its scores.
     """
 
     name: str

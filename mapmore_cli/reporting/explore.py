@@ -17,7 +17,7 @@ from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.models import Model, Pieces
 from mapmore_cli.modelling.programs import program_of
 from mapmore_cli.reporting.competitors import is_known
-from mapmore_cli.reporting.explored import steps_of, study_of
+from mapmore_cli.reporting.explore_data import study_of
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.scripts import json_text
 from mapmore_cli.reporting.table import title_of
@@ -105,7 +105,7 @@ def _competitors(inputs: ReportInputs) -> dict[str, Model]:
     quantity from its inputs, and, if they have memory, have its time step.
     """
     model = inputs.model
-    known, steps = {one.name for one in model.inputs}, steps_of(model)
+    known, steps = {one.name for one in model.inputs}, _steps_of(model)
     return {
         name: one
         for name, one in inputs.validation.models.items()
@@ -113,8 +113,13 @@ def _competitors(inputs: ReportInputs) -> dict[str, Model]:
         and one.output == model.output
         and is_known(one)
         and {quantity.name for quantity in one.inputs} <= known
-        and steps_of(one) <= steps
+        and _steps_of(one) <= steps
     }
+
+
+def _steps_of(model: Model) -> set[float]:
+    """Return the times between samples by which a model runs; none where it has no memory."""
+    return {memory.states.step for memory in model.memories}
 
 
 def bare_of(model: Model) -> tuple[Model, str]:
@@ -187,8 +192,8 @@ def _sides(fitted: Sides) -> list[tuple[str, str]]:
     """Return the choices beyond the limits of an input, as JSON with a title, that of the model
     first.
     """
-    words = {"continue": "continue", "continue_linear": "continue straight"}
-    words |= {"saturate": "saturate", "zero": "zero"}
-    known: dict[Sides, str] = {(side, side): title for side, title in words.items()}
+    titles = {"continue_linear": "continue straight"}
+    ways = ("continue", "continue_linear", "saturate", "zero")
+    known: dict[Sides, str] = {(way, way): titles.get(way, way) for way in ways}
     chosen = {fitted: known.get(fitted, "as fitted")}
     return [(json.dumps(ends), title) for ends, title in (chosen | known).items()]

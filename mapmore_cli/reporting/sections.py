@@ -45,7 +45,7 @@ class Paged(Protocol):
 
 
 def shown_by(fit: Fit | None) -> Paged | None:
-    """Return the kind that shows a fit in its own section; None if there is none."""
+    """Return the kind of a fit if it has a section of its own on the page, otherwise None."""
     kind = kind_of_fit(fit)
     return kind if isinstance(kind, Paged) else None
 

@@ -15,7 +15,7 @@ from mapmore_cli.annexes.search.candidate import offered_structures
 from mapmore_cli.annexes.search.further import ROUNDS
 from mapmore_cli.annexes.search.searching import FAMILIES, family
 from mapmore_cli.annexes.search.situation import Situation, situation_of
-from mapmore_cli.annexes.search.trying import choices_of, is_whole
+from mapmore_cli.annexes.search.trying import choices_of
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.fitting.kinds import refit
@@ -69,8 +69,7 @@ def bench_of(whole, part=WHOLE):
 
 def offered(of):
     files = (*FAMILIES, *ROUNDS)
-    every = (one for name in files for one in offered_structures(family(name), of))
-    return [one for one in every if is_whole(one, WHOLE)]
+    return [one for name in files for one in offered_structures(family(name), of)]
 
 
 def spec_of(candidate, of):

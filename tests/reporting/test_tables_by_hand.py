@@ -12,7 +12,6 @@ from mapmore_cli.domain.models import Equation
 from mapmore_cli.domain.recording import Dataset, Quantity
 from mapmore_cli.domain.results import ErrorBand, Outlier
 from mapmore_cli.reporting.tables import (
-    MOST_NAMED,
     bands_table,
     coefficients_table,
     equations_table,
@@ -87,7 +86,6 @@ def test_coefficients_with_their_intervals_in_both_units():
         "how errors were found",
         "Not identified (95 % interval beyond zero): x (s).",
     )
-    assert MOST_NAMED == 12
     for count, more in ((12, False), (13, True)):
         every = SimpleNamespace(pieces=[piece(str(number)) for number in range(count)])
         named = coefficients_table(every, "N").notes[-1]

@@ -54,7 +54,8 @@ _TESTS = {"test", "testing", "val", "valid", "validation"}
 
 
 class Number(NamedTuple):
-    """A number in a name, with the word before it and its unit; empty if there is none.
+    """A number in the name of a file, the word before the number, and its unit. The word and the
+    unit are empty texts if the name has no such word or unit.
 
     `is_set` is True if an equals sign precedes it.
     """

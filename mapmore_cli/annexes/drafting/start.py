@@ -145,18 +145,18 @@ def _tips(table: Table, known: Understood, answers: Answers) -> Iterator[str]:
 
 
 def _measured_strain(answers: Answers, table: Table) -> Named | None:
-    """Return the inputs; with a length of the muscle, and no column of strain, `strain` is the
-    length or the displacement of which it will be computed.
+    """Return the inputs, with the measured length or displacement in place of a `strain` that no
+    column has: `with_strain` computes it from that column and the length at rest.
     """
     inputs, known = answers.inputs, known_by_titles(table)[0] | answers.columns
     measured = next((name for name in ("length", "displacement") if name in known), None)
     if inputs is None or answers.length is None or measured is None or "strain" in known:
         return inputs
-    return {
-        (measured if is_strain else name): (known[measured] if is_strain else one)
-        for name, one in inputs.items()
-        for is_strain in [name == "strain" and one.refers_to(name)]
-    }
+    strain = inputs.get("strain")
+    if strain is None or not strain.refers_to("strain"):
+        return inputs
+    others = {name: column for name, column in inputs.items() if name != "strain"}
+    return {**others, measured: known[measured]}
 
 
 def _shared_out(columns: Named, table: Table) -> tuple[Named, Named]:

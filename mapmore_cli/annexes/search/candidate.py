@@ -127,6 +127,7 @@ def vocabulary(of: Situation, **more: Any) -> dict[str, Any]:
 
     - `INPUTS`, `MOVING` (within a recording), `SWEPT` (the one that moves most), `OTHERS`, `LEVEL`,
       `TARGET`: quantities.
+    - `SPARE`: the inputs without which another input still moves.
     - `REST`, `FIRST_REST`, `MOVING_REST`: inputs without the one of the loop; and of these, the
       first, or all, that move.
     - `PLANE`, `QUADRATIC`, `CUBIC`: number of their monomials. `SLOW_ORDER`: order of products of
@@ -154,6 +155,7 @@ def vocabulary(of: Situation, **more: Any) -> dict[str, Any]:
         "SWEPT": of.swept,
         "OTHERS": [name for name in inputs if name != of.swept],
         "LEVEL": of.level,
+        "SPARE": [name for name in inputs if {*moving} - {name}],
         "TARGET": of.target,
         "REST": [name for name in inputs if name != without],
         "FIRST_REST": rest[:1],

@@ -26,7 +26,7 @@ from mapmore_cli.annexes.search.candidate import (
 from mapmore_cli.annexes.search.choosing import PLAIN, choose_structure
 from mapmore_cli.annexes.search.further import go_on, lacking, note_of
 from mapmore_cli.annexes.search.situation import situation_of
-from mapmore_cli.annexes.search.trying import is_whole, tried_ways
+from mapmore_cli.annexes.search.trying import tried_ways
 from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import DataError, MapmoreError
 from mapmore_cli.domain.recording import Dataset
@@ -146,9 +146,7 @@ def _try_all(
     """Try the structures that families offer, and the black boxes."""
     before = budget.worked
     offered = chain(*(offered_structures(known, bench.situation) for known in families))
-    jobs: list[Work] = [
-        partial(_try_structure, one, bench, budget) for one in offered if is_whole(one, bench.part)
-    ]
+    jobs: list[Work] = [partial(_try_structure, one, bench, budget) for one in offered]
     done = shared_out(call, [*jobs, *boxes], progress)
     outcomes = [*chain(*done)]
     budget.listed += len(jobs)

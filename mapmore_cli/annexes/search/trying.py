@@ -52,14 +52,6 @@ def choices_of(sections: Mapping[str, Any], part: Slice) -> ModelChoices:
     return replace(choices, lengths=lengths_of(choices.model, part.lengths))
 
 
-def is_whole(candidate: Tried, part: Slice) -> bool:
-    """Return False for a candidate with settings for models with memory, but without memory: no
-    input is left whose past its states could follow.
-    """
-    choices = choices_of(candidate.sections, part)
-    return choices.kind != "pieces" or choices.fit.scaling != "range"
-
-
 WHOLE = 0.5
 """Smallest share of the left-out samples that a structure must predict; long lags say nothing about
 short recordings.
@@ -140,7 +132,7 @@ def _refusal(model: Model, bench: Bench) -> str:
                 "recording"
             )
         if astray(model, [with_larger_inputs(longest, bench.situation.inputs)], bench):
-            return "runs away from all measured values if its inputs are larger by a fifth"
+            return f"runs away from all measured values if its inputs are {LARGER:g} times as large"
     if not (bench.situation.timed and runs_over_time(model)) and astray(
         model, bench.study.curves, bench
     ):

@@ -14,7 +14,7 @@ from mapmore_cli.checking.rules import Issue, Issues, Subject
 from mapmore_cli.domain.arrays import Array, extremes, picked
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.fitting.left_out import folds_of
+from mapmore_cli.fitting.refitting import folds_by_value
 from mapmore_cli.modelling.memory.records import sampled
 from mapmore_cli.modelling.signals.sampling import MANY, even_share
 from mapmore_cli.modelling.validation.repeatability import WORTH, floors
@@ -45,7 +45,7 @@ def one_fold(subject: Subject) -> Issues:
         return
     group = data.groups.of if data.groups and data.split.leave_one_group_out else None
     try:
-        folds_of(subject.dataset, group)
+        folds_by_value(subject.dataset, group)
     except DataError as fault:
         place = subject.where("data", "split")
         yield Issue("error", "one-fold", place, fault.message, fault.remedy or "", "data")

@@ -58,7 +58,7 @@ def names() -> tuple[str, ...]:
 
 
 def get(name: str) -> Formula:
-    """Return the formula with this name or definition. Raises KeyError if there is none."""
+    """Return the formula with the given name or definition. Raises KeyError for an unknown name."""
     if is_family(name):
         from mapmore_cli.modelling.literature.family import family_of
 

@@ -197,26 +197,20 @@ def repeats_left_out(curves: Sequence[Curve]) -> Folds:
     each training recording of every curve is left out once. No fold is returned for any other
     study, or if each curve has only one training recording.
     """
-    folds: Folds = []
-    is_repeated = False
-    trained = [_recordings_in(curve, curve.training) for curve in curves]
-    for curve, numbers in zip(curves, trained, strict=True):
-        held_out = _recordings_in(curve, curve.held_out)
-        is_repeated |= bool(numbers and held_out and not {*numbers} & {*held_out})
-    for place in range(max(map(len, trained))):
-        fold = tuple(
-            curve.training & (curve.origin == numbers[place])
-            if len(numbers) > max(place, 1)
-            else np.zeros(curve.size, dtype=bool)
-            for curve, numbers in zip(curves, trained, strict=True)
-        )
-        folds += [fold] if is_repeated and any(out.any() for out in fold) else []
+    trained = [[rows for rows in curve.stretches if curve.training[rows].any()] for curve in curves]
+    if not any(
+        recordings and any(curve.held_out[rows].all() for rows in curve.stretches)
+        for curve, recordings in zip(curves, trained, strict=True)
+    ):
+        return []
+    folds = []
+    for number in range(max(map(len, trained))):
+        fold = tuple(np.zeros(curve.size, dtype=np.bool_) for curve in curves)
+        for out, curve, recordings in zip(fold, curves, trained, strict=True):
+            if number < len(recordings) > 1:
+                out[recordings[number]] = curve.training[recordings[number]]
+        folds += [fold] if any(out.any() for out in fold) else []
     return folds
-
-
-def _recordings_in(curve: Curve, rows: BoolArray) -> list[int]:
-    """Return the numbers of the recordings that samples of a curve come from; none if unknown."""
-    return [] if curve.origin is None else np.unique(curve.origin[rows]).tolist()
 
 
 def in_curve(

@@ -5,7 +5,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mapmore_cli.modelling.literature import solvers
 from mapmore_cli.modelling.literature.problem import Nonlinear
 from mapmore_cli.modelling.literature.solvers import (
     End,
@@ -93,9 +92,3 @@ def test_of_ends_those_with_allowed_signs_win():
     assert only.beta == 5.0
     assert only.notes == ("every start ended with a sign that the source excludes",)
     assert _best_solution(problem, [], 3, "simplex").status == "failed"
-
-
-def test_settings_of_the_searches():
-    """The same data give the same fit only with the same settings."""
-    assert (solvers.TOLERANCE, solvers.EVALUATIONS, solvers.SCAN_POINTS) == (1e-15, 400, 24)
-    assert (solvers.FMINSEARCH, solvers.PER_PARAMETER) == (1e-4, 200)

@@ -9,7 +9,6 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.expressions import parse, to_text
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.expressions.states import state
-from mapmore_cli.modelling.memory import refinement
 from mapmore_cli.modelling.memory.feedback import looks_back, parted, parts_of_terms
 from mapmore_cli.modelling.memory.refinement import FreeRunProblem, Point, minimise, refine
 from mapmore_cli.modelling.memory.training import ALL, AT_BOUND, Unknown
@@ -98,11 +97,6 @@ def test_horizons_grow_eightfold_from_sixteen_and_shrink_where_runs_diverge():
         object.__setattr__(problem, "bearable", bearable)
         assert refine(problem, np.zeros(2)).error == np.inf
         assert [*dict.fromkeys(problem.asked)] == horizons
-
-
-def test_settings_of_the_search():
-    assert (refinement.THOROUGH, refinement.QUICK) == ((40, 1e-7), (6, 1e-2))
-    assert (refinement.DAMPING, refinement.MOST_DAMPING, refinement.NUDGE) == (1e-3, 1e8, 1e-5)
 
 
 @pytest.mark.parametrize(

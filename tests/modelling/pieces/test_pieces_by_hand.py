@@ -7,7 +7,6 @@ import pytest
 from common import curve_of
 
 from mapmore_cli.domain.recording import Dataset, Recording, united
-from mapmore_cli.modelling.pieces import segmentation
 from mapmore_cli.modelling.pieces.placement import placements, span
 from mapmore_cli.modelling.pieces.recipe import CutByDirection, Cuts
 from mapmore_cli.modelling.pieces.segmentation import (
@@ -119,7 +118,6 @@ def test_boundaries_by_hand():
 
 
 def test_long_curves_are_thinned_for_the_costs_of_intervals():
-    assert segmentation.MOST_SAMPLES == 500
     for n, thinned in ((500, 500), (501, 251), (1001, 334)):
         curve = curve_of({"x": np.arange(float(n)), "y": np.zeros(n)})
         most = []

@@ -5,7 +5,6 @@ import pytest
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.signals.cycles import (
-    FEWEST,
     bin_means,
     cycle_starts,
     last_cycles,
@@ -72,7 +71,6 @@ def test_branches_are_means_over_common_places():
         branches.hysteresis("y"), (branches.extension["y"] - branches.contraction["y"]) / 2
     )
     assert len(branches.over) == 10
-    assert FEWEST == 5
     few = np.array([0, 1, 2, 3, 4, 3, 2, 1, 0.0])
     assert len(split_cycles(few, {"y": few}, 5).over) == 5
     for samples, direction in ((4, "contraction"), (3, "contraction")):

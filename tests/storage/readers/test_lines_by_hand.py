@@ -66,7 +66,6 @@ def test_blocks_hold_whole_lines(monkeypatch):
 
 
 def test_lines_and_texts_that_are_no_tables(monkeypatch):
-    assert (module.LONGEST, module.PACKED_TEXT, module.LAST_LINES) == (10_000_000, 4_000_000, 50)
     monkeypatch.setattr(module, "CHUNK", 4)
     monkeypatch.setattr(module, "LONGEST", 8)
     assert [*lines_of(b"1\n12345678\n")] == ["1\n", "12345678\n"]

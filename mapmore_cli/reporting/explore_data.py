@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Quantity
-from mapmore_cli.modelling.kinds import fed_back, predict
+from mapmore_cli.modelling.kinds import fed_back
+from mapmore_cli.modelling.programs import program_of
 from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths_of, interval_limits
 from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
 from mapmore_cli.reporting.scripts import json_text
@@ -142,8 +142,7 @@ def _samples(inputs: ReportInputs, curves: Sequence[Curve]) -> dict[str, Any]:
     groups = [parts[1][numbers[parts[1]] == one] for one in np.unique(numbers[parts[1]])]
     middles = [rows[len(rows) // 2] for rows in groups]
     shown = parts[1] if middles else parts[0]
-    errors = predict(inputs.model, dict(zip(names, pooled[:, shown], strict=False)))
-    errors = np.nan_to_num(np.abs(errors - pooled[-1, shown]), nan=-1.0)
+    errors = np.nan_to_num(np.abs(inputs.errors_of(inputs.own)[shown]), nan=-1.0)
     worst = "Worst held-out sample" if middles else "Worst sample"
     buttons = {"Held-out curve": middles[1:] + middles[:1], worst: [shown[np.argmax(errors)]]}
     spans = [_span(curves, name) for name in names]
@@ -171,8 +170,8 @@ def _record(inputs: ReportInputs, curves: Sequence[Curve]) -> dict[str, Any]:
     curve = next((one for one in curves if one.held_out.any()), curves[0])
     start = int(np.argmax(curve.held_out)) if curve.held_out.any() else 0
     columns = {name: column[start:] for name, column in curve.columns.items()}
-    time = columns["time"]
-    step = max(steps_of(model), default=float(np.median(np.diff(time))) if len(time) > 1 else 1.0)
+    time, step = columns["time"], program_of(model).step
+    assert step is not None  # every model that runs along a recording counts steps
     count = min(MOST_SAMPLES, int((time[-1] - time[0]) / step + 1.5))
     grid = np.minimum(time[0] + step * np.arange(count), time[-1])
     known = columns[output][np.isfinite(columns[output])]
@@ -231,8 +230,3 @@ def _no_interval(inputs: ReportInputs) -> str:
     if inputs.turned:
         return "There is no interval: the study scores another quantity."
     return "There is no interval: the spec does not ask for one (validate: {intervals: true})."
-
-
-def steps_of(model: Model) -> set[float]:
-    """Return the times between samples by which a model runs; none where it has no memory."""
-    return {memory.states.step for memory in model.memories}
