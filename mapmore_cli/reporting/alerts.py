@@ -13,7 +13,7 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import AUTOCORRELATION, ResidualTest, Search, Validation
 from mapmore_cli.domain.scores import OWN, REPEATABILITY, STRUCTURE_SEEN, Alert, Score, deciding
-from mapmore_cli.modelling.kinds import outside_range
+from mapmore_cli.modelling.validation.coverage import new_combinations, share_outside
 from mapmore_cli.reporting.table import title_of
 
 FEW_CURVES = 3
@@ -57,6 +57,7 @@ WORST_FIRST = (
     "residuals",
     "mean error",
     "extrapolated",
+    "combined",
     "near",
     "few curves",
     "search",
@@ -112,12 +113,16 @@ def _of_held_out(dataset: Dataset, model: Model, left_out: bool) -> Iterator[tup
         curves = "curve has" if len(held_out) == 1 else "curves have"
         words = f"only {len(held_out)} {curves} held-out samples: the error on others may be larger"
         yield "few curves", words, "fit"
-    known = [curve for curve in held_out if {one.name for one in model.inputs} <= {*curve.columns}]
-    beyond = [outside_range(model, curve.columns)[curve.held_out] for curve in known]
-    share = float(np.mean(np.concatenate(beyond))) if beyond else 0.0
-    if share > 0:
+    if share := share_outside(model, dataset):
         words = f"{100 * share:.3g} % of the held-out samples lie beyond the training range"
         yield "extrapolated", words, "fit"
+    if most := max(new_combinations(model, dataset), default=None):
+        words = (
+            f"{100 * most.share:.3g} % of the held-out samples combine {most.first} and "
+            f"{most.second} as no training sample does, although each of them is inside its "
+            "range: the model extrapolates there, so measure such combinations for training"
+        )
+        yield "combined", words, "fit"
 
 
 def _of_competitors(scores: Sequence[Score], unit: str) -> Iterator[tuple[str, str, str]]:

@@ -27,9 +27,10 @@ from mapmore_cli.domain.recording import Curve, Dataset, uncertainty_of
 from mapmore_cli.domain.results import AUTOCORRELATION, ResidualTest
 from mapmore_cli.domain.scores import OWN, Score
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.kinds import outside_range, predict, runs_over_time
+from mapmore_cli.modelling.kinds import predict, runs_over_time
 from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.signals.sampling import MANY, PART
+from mapmore_cli.modelling.validation.coverage import share_outside
 from mapmore_cli.modelling.validation.intervals import NORMAL
 from mapmore_cli.modelling.validation.metrics import judged
 
@@ -223,20 +224,16 @@ def alarms(
             "no input was selected: the model is a constant, or uses its own past output only"
         )
     sentences += _bare(model, dataset.curves, predictions)
-    every = count = 0
-    for curve in (curve for curve in dataset.curves if curve.held_out.any()):
-        outside = row_by_row(partial(outside_range, model), curve.columns)
-        every += int(curve.held_out.sum())
-        count += int((outside & curve.held_out).sum())
-    if count == every > 0:
+    outside = share_outside(model, dataset)
+    if outside == 1:
         sentences.append(
             "all held-out samples lie outside the training range, so that all their scores "
             "are scores of extrapolation"
         )
-    elif count > MOSTLY * every:
+    elif outside > MOSTLY:
         sentences.append(
-            f"{count} of {every} held-out samples lie outside the training range, so that "
-            "their scores are mostly scores of extrapolation"
+            f"{100 * outside:.3g} % of the held-out samples lie outside the training range, so "
+            "that their scores are mostly scores of extrapolation"
         )
     return tuple(sentences)
 

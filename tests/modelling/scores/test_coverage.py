@@ -1,0 +1,67 @@
+"""Held-out samples that combine inputs as no training sample does."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from common import dataset_of
+from report_builder import build as report_of
+
+from mapmore_cli.modelling.pieces.build import build
+from mapmore_cli.modelling.pieces.recipe import Recipe
+from mapmore_cli.modelling.validation.coverage import new_combinations
+from mapmore_cli.reporting.alerts import alerts_of
+
+GRID = np.array(np.meshgrid(np.linspace(0, 300, 21), np.linspace(-1, 1, 21))).reshape(2, -1)
+TURN = np.linspace(0, 4 * np.pi, 400)
+
+
+def model_and_data(known, asked):
+    """A plane in two inputs, trained at some points, (2, n), and asked at others, (2, m)."""
+    a, b = np.concatenate([known, asked], axis=1)
+    held_out = np.arange(len(a)) >= known.shape[1]
+    dataset = dataset_of({"a": a, "b": b, "y": a + b}, held_out=held_out)
+    recipe = Recipe(target="y", dictionary=("1", "a", "b"), cuts={})
+    return build("plane", dataset.curves, recipe, dataset.quantities), dataset
+
+
+def loop(lag, size=1.0):
+    return size * np.array([np.sin(TURN), 5 * np.sin(TURN - lag)])
+
+
+def test_the_corner_beyond_a_trained_triangle_is_a_new_combination():
+    corner = GRID[0] / 300 + (GRID[1] + 1) / 2 > 1
+    model, dataset = model_and_data(GRID[:, ~corner], GRID[:, corner])
+    (found,) = new_combinations(model, dataset)
+    assert (found.first, found.second) == ("a", "b")
+    assert 0.5 < found.share < 0.9  # samples within a tenth of the diagonal count as known
+    report = report_of()
+    alerts = alerts_of(dataset, model, replace(report.validation, predictions={}))
+    (alert,) = (one for one in alerts if one.kind == "combined")
+    words = "of the held-out samples combine a and b as no training sample does"
+    assert alert.sentence.startswith(f"{100 * found.share:.3g} % {words}, although each of them")
+
+
+@pytest.mark.parametrize(
+    ("known", "asked"),
+    [
+        (GRID, GRID * 0.97),
+        (GRID[:, GRID[1] != 0], GRID[:, GRID[1] == 0]),
+        (loop(0.3), loop(0.35)),
+        (loop(0.3), loop(0.25, 0.5)),
+        (GRID[[0, 0]], GRID[[0, 0]] * 0.9),  # two inputs that are always equal
+        (GRID, GRID + np.array([[200.0], [0.0]])),  # beyond the range of one of them
+    ],
+    ids=["grid", "inner level", "loop", "inner loop", "equal", "beyond a range"],
+)
+def test_points_between_trained_ones_are_no_new_combination(known, asked):
+    assert not [*new_combinations(*model_and_data(known, asked))]
+
+
+def test_long_records_are_thinned_and_need_no_held_out_samples():
+    corner = GRID[0] / 300 + (GRID[1] + 1) / 2 > 1
+    once = model_and_data(GRID[:, ~corner], GRID[:, corner])
+    often = model_and_data(*(np.repeat(GRID[:, rows], 100, 1) for rows in (~corner, corner)))
+    ((short,), (long,)) = (new_combinations(*case) for case in (once, often))
+    assert long.share == pytest.approx(short.share, abs=0.02)
+    assert not [*new_combinations(*model_and_data(GRID, GRID[:, :0]))]
