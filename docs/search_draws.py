@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from pages import DOCS, asked, read_rows, run, scores, shipped, write_tables
-from search_tables import BARE, LATEST, NEAR, SETS, SLACK, WORSE, says_so
+from search_tables import BARE, LATEST, NEAR, SETS, SLACK, WORSE, alerts_without_rivals, says_so
 
 from mapmore_cli.annexes.search.black_boxes import BLACK_BOX
 from mapmore_cli.annexes.search.situation import situation_of
@@ -145,6 +145,7 @@ HEADS = (
     "found / best in the list .2f",
     "work [s] .0f",
     "told on its page",
+    "alerts",
 )
 
 
@@ -165,7 +166,8 @@ def measured(draw: Draw, runs: Path, other: Sequence[Cell]) -> tuple[Cell, ...]:
     assert isinstance(least, float)
     best = own * _best_share(files, search_slice(shipped(one.study, *settings).spec))
     ratio = own / least
-    told = "" if ratio <= WORSE else "yes" if says_so(files) else "no"
+    alerts = alerts_without_rivals(files)
+    told = "" if ratio <= WORSE else says_so(alerts)
     seconds = sum(tried.seconds for tried in search.tried)
     return (
         *draw,
@@ -179,6 +181,7 @@ def measured(draw: Draw, runs: Path, other: Sequence[Cell]) -> tuple[Cell, ...]:
         own / best,
         seconds,
         told,
+        ", ".join(alerts),
     )
 
 

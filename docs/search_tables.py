@@ -9,6 +9,8 @@ The measured recordings must be there (docs/data.md), and scikit-learn (extra `b
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -17,11 +19,10 @@ import numpy as np
 from pages import DOCS, asked, read_rows, run, scores, write_tables
 
 from mapmore_cli.annexes.search.stage import formulas_beside
-from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.domain.scores import OWN, Score
+from mapmore_cli.domain.scores import OWN
 from mapmore_cli.modelling.learners import LEARNERS
 from mapmore_cli.modelling.simple import SIMPLE
-from mapmore_cli.reporting.score_tables import verdict_sentence
+from mapmore_cli.reporting.alerts import alerts_of
 from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.storage.run_folder import RunFiles
 
@@ -273,7 +274,7 @@ def row(name: str, runs: Path) -> tuple[Cell, ...]:
     )
     best = min(errors[box], errors[simple])
     kind = "table" if search.rule.startswith("the fewest") else "recording"
-    told = "" if errors[OWN] <= WORSE * best else "yes" if says_so(files) else "no"
+    told = "" if errors[OWN] <= WORSE * best else says_so(alerts_without_rivals(files))
     seconds = round(sum(tried.seconds for tried in search.tried))
     shown = (
         search.found.words,
@@ -288,20 +289,23 @@ def row(name: str, runs: Path) -> tuple[Cell, ...]:
     return (name, kind, in_sight, *shown, seconds, told)
 
 
-def says_so(files: RunFiles) -> bool:
-    """Whether the first lines of the page of a study that names no competitors say that another
-    model errs less: verdict or note.
+def alerts_without_rivals(files: RunFiles) -> list[str]:
+    """Return the kinds of alerts that the page of a run would show if its study named no
+    competitors, the worst first.
     """
-    found = files.search()
-    assert found is not None
-    rows: list[Score] = [
-        one
-        for one in files.validation().scores
-        if one.model in {OWN, *SIMPLE, *formulas_beside(found)}
-    ]
-    return "is worse" in verdict_sentence(rows, OWN, Quantity(rows[0].target, "")) or any(
-        "lacks something" in note for note in found.notes
+    search, validation = files.search(), files.validation()
+    assert search is not None
+    shown = {OWN, *SIMPLE, *formulas_beside(search)}
+    scores = tuple(score for score in validation.scores if score.model in shown)
+    alerts = alerts_of(
+        files.dataset(), files.model(), replace(validation, scores=scores), search=search
     )
+    return list(dict.fromkeys(alert.kind for alert in alerts))
+
+
+def says_so(alerts: Sequence[str]) -> str:
+    """Return `yes` if an alert says that another model errs less, and otherwise `no`."""
+    return "yes" if {"competitor", "black box"} & {*alerts} else "no"
 
 
 def table(runs: Path, name: str) -> Table:

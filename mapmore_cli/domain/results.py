@@ -299,6 +299,7 @@ class Search:
     # number of the structure that was chosen before longer structures were tried, if they were
     short: int | None = None
     notes: tuple[str, ...] = ()  # notes for the user
+    outdone: str = ""  # the note that a black box has a clearly smaller error; empty if none has
 
     @property
     def found(self) -> Tried:

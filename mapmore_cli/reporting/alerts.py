@@ -41,7 +41,9 @@ def alerts_of(
     for curves, own, scored in outputs:
         target = scored.scores[0].target if len(outputs) > 1 and scored.scores else ""
         found += (Alert(*alert, target) for alert in _of_output(curves, own, scored))
-    found += (Alert("search", note, "terms") for note in (search.notes if search else ()))
+    for note in search.notes if search else ():
+        kind = "black box" if note == search.outdone else "search"
+        found.append(Alert(kind, note, "terms"))
     found += (Alert("check", doubt, "data") for doubt in doubts)
     if unconfirmed:
         found.append(Alert("unconfirmed", unconfirmed_sentence(len(unconfirmed)), "unconfirmed"))
@@ -54,6 +56,7 @@ WORST_FIRST = (
     "unconfirmed",
     "warning",
     "competitor",
+    "black box",
     "residuals",
     "mean error",
     "extrapolated",

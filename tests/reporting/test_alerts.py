@@ -1,12 +1,14 @@
 """What speaks against a number: one list, the worst first."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from report_builder import build
+import search_tables
+from report_builder import build, surface
 
-from mapmore_cli.domain.results import AUTOCORRELATION, ResidualTest
+from mapmore_cli.domain.results import AUTOCORRELATION, ResidualTest, Search, Tried
 from mapmore_cli.domain.scores import STRUCTURE_SEEN
 from mapmore_cli.modelling.validation.residuals import residual_tests
 from mapmore_cli.reporting.alerts import FEW_CURVES, WORST_FIRST, unconfirmed_sentence
@@ -108,6 +110,33 @@ def curve_rows(inputs, model, factors):
 def test_competitors_that_err_less_or_as_much_are_alerts(inputs, factors, kind):
     found = {*kinds(curve_rows(inputs, "sarosi", factors))} & {"competitor", "near"}
     assert found == ({kind} if kind else set())
+
+
+def test_a_page_says_so_if_a_black_box_or_a_simple_model_errs_less():
+    """Competitors that only the measurement names are not on the page of a study without them."""
+    report = build(competitors={"quadratic": lambda p, _: p, "mlp": lambda p, e: surface(p, e)})
+    search = Search("search", "force", "", "", 1.0, (Tried("surface", "one", {}),), 0, 0)
+
+    def said_of(search, scores=report.validation.scores):
+        files = SimpleNamespace(
+            search=lambda: search,
+            dataset=lambda: report.dataset,
+            model=lambda: report.model,
+            validation=lambda: replace(report.validation, scores=tuple(scores)),
+        )
+        alerts = search_tables.alerts_without_rivals(files)
+        return search_tables.says_so(alerts), {"competitor", "black box", "search"} & {*alerts}
+
+    notes = ("a remark", "boosting errs less")
+    assert said_of(search) == ("no", set())
+    assert said_of(replace(search, notes=notes)) == ("no", {"search"})
+    outdone = replace(search, notes=notes, outdone=notes[1])
+    assert said_of(outdone) == ("yes", {"search", "black box"})
+    better = (
+        replace(row, rmse=1e-9) for row in report.validation.scores if row.model == "quadratic"
+    )
+    kept = (row for row in report.validation.scores if row.model != "quadratic")
+    assert said_of(search, (*kept, *better)) == ("yes", {"competitor"})
 
 
 def test_every_alert_is_on_the_page_with_a_link_to_a_section(inputs):

@@ -101,8 +101,9 @@ def search(
         f"the budget of {budget.seconds:g} s ended before {budget.cut} of {budget.listed} "
         "structures were tried"
     )
-    notes = (*[ended] * bool(budget.cut), *uneven, *_notes_of(result, bench))
-    return replace(result, cut=budget.cut, notes=notes)
+    outdone = _outdone(result, bench)
+    notes = (*[ended] * bool(budget.cut), *uneven, *_notes_of(result), *[outdone] * bool(outdone))
+    return replace(result, cut=budget.cut, notes=notes, outdone=outdone)
 
 
 def _uneven(dataset: Dataset) -> tuple[str, ...]:
@@ -173,9 +174,9 @@ def _try_structure(candidate: Tried, bench: Bench, budget: Budget) -> list[Outco
     return [(replace(tried, seconds=each), left) for tried, left in outcomes]
 
 
-def _notes_of(result: Search, bench: Bench) -> list[str]:
-    """Return notes for the reader of the table: that more parameters add nothing, or that a black
-    box is clearly better.
+def _notes_of(result: Search) -> list[str]:
+    """Return notes for the reader of the table: that more parameters add nothing, or what later
+    rounds gained.
     """
     own, best, notes = result.found, result.tried[result.best], list[str]()
     if own.family in PLAIN and result.chosen != result.best:
@@ -185,9 +186,15 @@ def _notes_of(result: Search, bench: Bench) -> list[str]:
         )
     if result.short is not None:
         notes.append(note_of(result, result.short))
-    if lack := lacking(result, bench):
-        notes.append(
-            f"{lack[0]} errs {lack[1]:.2g} times less on left-out data: the chosen structure lacks "
-            "something"
-        )
     return notes
+
+
+def _outdone(result: Search, bench: Bench) -> str:
+    """Return the note that a black box is clearly better; empty if none is."""
+    lack = lacking(result, bench)
+    return (
+        f"{lack[0]} errs {lack[1]:.2g} times less on left-out data: the chosen structure lacks "
+        "something"
+        if lack
+        else ""
+    )
