@@ -29,16 +29,19 @@ GAIN = 0.05
 """
 
 
-def lacking(result: Search, bench: Bench) -> tuple[str, float] | None:
-    """Return the black box that is clearly better than the structure that was found, and the ratio
-    of their errors, on the kind of data that the study holds out. None if no black box is clearly
-    better.
+def outdone_note(result: Search, bench: Bench) -> str:
+    """Return a note about a black box that is clearly better than the structure that was found, on
+    the kind of data that the study holds out; empty if none is.
     """
     asked = attrgetter("parts" if bench.asks_parts else "error")
     boxes = [one for one in result.tried if one.family == BLACK_BOX]
     least = min(boxes, key=asked, default=result.found)
     ratio = asked(result.found) / max(asked(least), NOTHING)
-    return (least.words, ratio) if ratio > 1 / LESS else None
+    note = (
+        f"{least.words} errs {ratio:.2g} times less on left-out data: the chosen structure lacks "
+        "something"
+    )
+    return note if ratio > 1 / LESS else ""
 
 
 def go_on(
@@ -58,7 +61,7 @@ def go_on(
     """
     result, later = first, list[Outcome]()
     for name in ROUNDS:
-        if not lacking(result, bench):
+        if not outdone_note(result, bench):
             break
         later += try_round(name)
         longer = choose(later)

@@ -24,7 +24,7 @@ from mapmore_cli.annexes.search.candidate import (
     offered_structures,
 )
 from mapmore_cli.annexes.search.choosing import PLAIN, choose_structure
-from mapmore_cli.annexes.search.further import go_on, lacking, note_of
+from mapmore_cli.annexes.search.further import go_on, note_of, outdone_note
 from mapmore_cli.annexes.search.situation import situation_of
 from mapmore_cli.annexes.search.trying import tried_ways
 from mapmore_cli.domain import plugins
@@ -101,7 +101,7 @@ def search(
         f"the budget of {budget.seconds:g} s ended before {budget.cut} of {budget.listed} "
         "structures were tried"
     )
-    outdone = _outdone(result, bench)
+    outdone = outdone_note(result, bench)
     notes = (*[ended] * bool(budget.cut), *uneven, *_notes_of(result), *[outdone] * bool(outdone))
     return replace(result, cut=budget.cut, notes=notes, outdone=outdone)
 
@@ -187,14 +187,3 @@ def _notes_of(result: Search) -> list[str]:
     if result.short is not None:
         notes.append(note_of(result, result.short))
     return notes
-
-
-def _outdone(result: Search, bench: Bench) -> str:
-    """Return the note that a black box is clearly better; empty if none is."""
-    lack = lacking(result, bench)
-    return (
-        f"{lack[0]} errs {lack[1]:.2g} times less on left-out data: the chosen structure lacks "
-        "something"
-        if lack
-        else ""
-    )
