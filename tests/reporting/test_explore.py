@@ -186,6 +186,18 @@ def test_another_joint_has_the_error_that_a_run_would_have(opened):
     assert page.locator(".equation").inner_text() != ""
 
 
+def test_a_click_on_a_piece_shows_its_equation(opened):
+    """In the drawing of the functions and in that of the weights, at both ends of the curve."""
+    page = opened[1]("fixed")
+    names = page.locator(".segments button").all_inner_texts()
+    assert len(names) > 1
+    for chart in page.locator(".pieces .u-over").all():
+        size = chart.bounding_box()
+        for part, name in ((0.02, names[0]), (0.98, names[-1])):
+            chart.click(position={"x": part * size["width"], "y": size["height"] / 2})
+            assert page.locator(".equation").inner_text().startswith(f"{name}: ")
+
+
 PIXELS = """() => [...document.querySelectorAll("canvas")]
     .map((one) => one.toDataURL()).join()"""
 
