@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import yaml
 from export_samples import STATIC, fused
+from report_builder import build
 from test_memory_report import report_of
 
 from mapmore_cli.domain import plugins
@@ -22,7 +23,8 @@ from mapmore_cli.modelling.validation.intervals import (
     half_widths_of,
 )
 from mapmore_cli.reporting import explore
-from mapmore_cli.reporting.report import render_page
+from mapmore_cli.reporting.order import FIGURES
+from mapmore_cli.reporting.report import render_page, write_report
 from mapmore_cli.reporting.scripts import joined, json_text, scripts, text_of
 
 JOINTS = [
@@ -102,6 +104,17 @@ def test_a_page_without_explore_has_no_script(inputs, monkeypatch):
 
     monkeypatch.setattr(explore.plugins, "load", missing)
     assert scripts_of(render_page(inputs, {})) == tables
+
+
+def test_a_page_of_many_samples_stays_small(tmp_path):
+    """Of ten thousand samples: figures of short steps, and as many numbers as can be seen."""
+    inputs = build(samples=2500)
+    write_report(inputs, tmp_path, tuple(FIGURES), ("html",))
+    assert (tmp_path / "index.html").stat().st_size < 900e3
+    samples = explore.explored([inputs]).outputs[0]["samples"]
+    assert len(samples["trained"]["force"]) <= 2000
+    held = int(inputs.pooled_held_out.sum())
+    assert len(samples["held"]["force"]) == samples["all_held"] == held
 
 
 def test_no_text_ends_a_script():

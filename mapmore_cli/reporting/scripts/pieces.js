@@ -78,18 +78,18 @@ export function explorePieces(box, study, values) {
     const show = ({ segment }) => { equation.textContent = `${segment.id}: ${segment.equation}`; };
 
     /** A click shows that one of the pieces with a weight there whose line is nearest. */
-    const nearest = (line) => (at, height) => {
+    const nearest = (lineOf) => (at, height) => {
       const k = xs.findIndex((one) => one >= at);
-      const away = parts.map(({ share, [line]: { y } }) => (
-        share.y[k] > 0 ? Math.abs(y[k] - height) : Infinity));
+      const away = parts.map((part) => (
+        part.share.y[k] > 0 ? Math.abs(lineOf(part).y[k] - height) : Infinity));
       show(parts[away.indexOf(Math.min(...away))]);
     };
     const y = xs.map((one) => value({ ...x, [along.name]: one }));
     const whole = { kind: "line", x: xs, y, color: "--ink", width: 1.2 };
     functions(along.label, output.label, along.ends,
-      [...parts.map(({ own }) => own), whole], nearest("own"));
+      [...parts.map(({ own }) => own), whole], nearest(({ own }) => own));
     weights(along.label, "Weight (–)", along.ends, parts.map(({ share }) => share),
-      nearest("share"));
+      nearest(({ share }) => share));
 
     const quantity = inputs.find(({ name }) => name === level);
     const where = quantity ? ` at ${quantity.title} ${withUnit(curve.level, quantity)}` : "";
