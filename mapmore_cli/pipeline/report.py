@@ -286,4 +286,4 @@ def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equatio
     return {", ".join(words): model_equations(model, factors)} if factors else {}
 
 
-STAGE = Stage(name="report", revision=12, outputs=("report",), reads=report_slice, run=write_pages)
+STAGE = Stage(name="report", revision=13, outputs=("report",), reads=report_slice, run=write_pages)

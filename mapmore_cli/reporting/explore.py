@@ -29,6 +29,7 @@ Sides = tuple[Any, Any]
 """Behaviour below and above the limits of an input."""
 
 _EXPORTED = re.compile(r"\nexport \{ (.*) \};\n$")
+_COMMENTS = re.compile(r"^/\*\*$.*?^ \*/\n", re.DOTALL | re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,8 @@ def wrapped(key: str, model: Model, more: str = "") -> str:
     Raises DataError if a part of the model has no closed expression.
     """
     (text,) = plugins.load("python", "export")(model, "js", verify=False).values()
-    inside = _EXPORTED.sub(rf"\nreturn {{ \1{more} }};\n", text.decode())
+    code = _COMMENTS.sub("", text.decode())  # they are for those who read the exported file
+    inside = _EXPORTED.sub(rf"\nreturn {{ \1{more} }};\n", code)
     return f"mapmore.models[{json_text(key)}] = (() => {{\n{inside}}})();\n"
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling.kinds import fed_back
 from mapmore_cli.modelling.programs import program_of
@@ -17,8 +17,10 @@ from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths_of,
 from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
 from mapmore_cli.reporting.scripts import json_text
 
-MOST_SAMPLES = 4000
-"""Largest number of training samples, and of held-out samples, of an output on its page."""
+MOST_TRAINED, MOST_SAMPLES = 2000, 4000
+"""Largest number of training samples of an output on its page, which are drawn only, and of
+held-out samples, of which the page computes errors.
+"""
 
 PLACES = 41
 """Number of levels at which a page holds the width of intervals."""
@@ -120,24 +122,19 @@ def _numbers(values: Array) -> list[float | None]:
 
 
 def _samples(inputs: ReportInputs, curves: Sequence[Curve]) -> dict[str, Any]:
-    """Return the columns of samples, evenly thinned to `MOST_SAMPLES` of each part, the samples to
-    which the buttons move the inputs, and the knobs, which start at the first of them.
+    """Return the columns of samples, evenly thinned, the samples to which the buttons move the
+    inputs, and the knobs, which start at the first of them.
     """
     names = [one.name for one in inputs.model.inputs]
     kept = [*names, inputs.model.output.name]
     pooled = np.array([inputs.pooled(name) for name in kept])
     known, held = np.isfinite(pooled).all(axis=0), inputs.pooled_held_out
     parts = [np.flatnonzero(known & (held == part)) for part in (False, True)]
-    trained, held_out = (
-        dict(
-            zip(
-                kept,
-                map(_numbers, pooled[:, rows[:: max(1, -(-len(rows) // MOST_SAMPLES))]]),
-                strict=True,
-            )
-        )
-        for rows in parts
-    )
+
+    def thinned(rows: IntArray, most: int) -> dict[str, list[float | None]]:
+        columns = pooled[:, rows[:: max(1, -(-len(rows) // most))]]
+        return dict(zip(kept, map(_numbers, columns), strict=True))
+
     numbers = np.repeat(np.arange(len(curves)), [len(one.held_out) for one in curves])
     groups = [parts[1][numbers[parts[1]] == one] for one in np.unique(numbers[parts[1]])]
     middles = [rows[len(rows) // 2] for rows in groups]
@@ -152,7 +149,11 @@ def _samples(inputs: ReportInputs, curves: Sequence[Curve]) -> dict[str, Any]:
         for name, span, value in zip(names, spans, start, strict=True)
     }
     return {
-        "samples": {"trained": trained, "held": held_out, "all_held": int(held.sum())},
+        "samples": {
+            "trained": thinned(parts[0], MOST_TRAINED),
+            "held": thinned(parts[1], MOST_SAMPLES),
+            "all_held": int(held.sum()),
+        },
         "buttons": {
             title: json_text([_numbers(pooled[:-1, row]) for row in rows])
             for title, rows in buttons.items()

@@ -73,7 +73,7 @@ def test_a_run_that_ends_gets_a_row_and_replaces_its_own(folder):
     row = next(row for row in folder.rows if row.run == "a")
     assert (row.muscle, row.data, row.target) == ("Peano", "a.csv and 1 more", "force")
     assert (row.own, row.best_other, row.alerts) == (1.0, ("sarosi", 2.0), (alert,))
-    assert [line.count("L") for line in row.picture] == [8, 8]
+    assert [line.count("l") for line in row.picture] == [8, 8]
     assert row.seconds == {"ingest": 0.25, "report": 1.5}
     assert 'data-sort="1.75"' in folder.page.read_text()
     time.sleep(0.02)

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import yaml
 from export_samples import STATIC, fused
+from report_builder import build
 from test_memory_report import report_of
 
 from mapmore_cli.domain import plugins
@@ -22,7 +23,8 @@ from mapmore_cli.modelling.validation.intervals import (
     half_widths_of,
 )
 from mapmore_cli.reporting import explore
-from mapmore_cli.reporting.report import render_page
+from mapmore_cli.reporting.order import FIGURES
+from mapmore_cli.reporting.report import render_page, write_report
 from mapmore_cli.reporting.scripts import joined, json_text, scripts, text_of
 
 JOINTS = [
@@ -102,6 +104,17 @@ def test_a_page_without_explore_has_no_script(inputs, monkeypatch):
 
     monkeypatch.setattr(explore.plugins, "load", missing)
     assert scripts_of(render_page(inputs, {})) == tables
+
+
+def test_a_page_of_many_samples_stays_small(tmp_path):
+    """Of ten thousand samples: figures of short steps, and as many numbers as can be seen."""
+    inputs = build(samples=2500)
+    write_report(inputs, tmp_path, tuple(FIGURES), ("html",))
+    assert (tmp_path / "index.html").stat().st_size < 900e3
+    samples = explore.explored([inputs]).outputs[0]["samples"]
+    assert len(samples["trained"]["force"]) <= 2000
+    held = int(inputs.pooled_held_out.sum())
+    assert len(samples["held"]["force"]) == samples["all_held"] == held
 
 
 def test_no_text_ends_a_script():
@@ -184,6 +197,18 @@ def test_another_joint_has_the_error_that_a_run_would_have(opened):
     assert fuse.keys() == {"transition", "z_s", "levels", "hold", "extrapolation"}
     page.locator(".segments button").first.click()
     assert page.locator(".equation").inner_text() != ""
+
+
+def test_a_click_on_a_piece_shows_its_equation(opened):
+    """In the drawing of the functions and in that of the weights, at both ends of the curve."""
+    page = opened[1]("fixed")
+    names = page.locator(".segments button").all_inner_texts()
+    assert len(names) > 1
+    for chart in page.locator(".pieces .u-over").all():
+        size = chart.bounding_box()
+        for part, name in ((0.02, names[0]), (0.98, names[-1])):
+            chart.click(position={"x": part * size["width"], "y": size["height"] / 2})
+            assert page.locator(".equation").inner_text().startswith(f"{name}: ")
 
 
 PIXELS = """() => [...document.querySelectorAll("canvas")]

@@ -259,7 +259,27 @@ def test_lines_of_words_go_down_and_turned_ones_end_at_their_place():
 
 def test_a_path_has_a_gap_where_a_number_is_missing():
     x, y = np.array([0.0, 1.0, np.nan, 3.0, 4.0, 5.0]), np.array([0.0, 1.0, 2.0, 3.0, np.inf, 5.0])
-    assert elements.path(x, y) == "M0.0 0.0L1.0 1.0M3.0 3.0M5.0 5.0"
+    assert elements.path(x, y) == "M0 0l1 1m2 2m2 2"
+    assert elements.path(x[2:3], y[2:3]) == ""
+
+
+def test_steps_of_a_path_end_at_the_places_of_its_points():
+    """After a thousand steps too; a point that is drawn already adds nothing."""
+    x, y = np.cumsum(np.random.default_rng(0).normal(0, 0.7, (2, 1000)), axis=1)
+    steps = re.findall(r"([Ml])(-?[\d.]+) ?(-?[\d.]+)", elements.path(x, y))
+    places = np.cumsum([[float(across), float(up)] for _, across, up in steps], axis=0)
+    expected = np.round(np.column_stack([x, y]), 1)
+    moved = (np.diff(expected, axis=0, prepend=np.nan) != 0).any(axis=1)
+    assert 800 < len(places) < 1000
+    np.testing.assert_allclose(places, expected[moved], atol=1e-9)
+
+
+def test_a_dot_is_drawn_once_at_each_place():
+    x, y = np.array([2.0, 1.0, np.nan, 1.01, 2.0]), np.array([5.0, 5.0, 5.0, 5.0, 4.84])
+    look = {"markeredgewidth": 0.0}
+    dots = elements.markers(x, y, "o", "#000000", look)
+    assert '<path d="M1 5h0m1-.2h0m0 .2h0"' in dots
+    assert 'd=""' in elements.markers(x[2:3], y[2:3], "o", "#000000", look)
 
 
 def test_dashes_and_markers_have_the_lengths_of_their_line():
@@ -270,8 +290,11 @@ def test_dashes_and_markers_have_the_lengths_of_their_line():
     assert elements.markers(x, y, "o", "#000000", look).count('cx="1.0" cy="2.0" r="2"') == 1
     squares = elements.markers(x, y, "s", "#000000", look)
     assert squares.count("<path") == 1
-    assert "translate(1.0 2.0)scale(2)" in squares
-    assert 'stroke-width="0.25"' in squares
+    assert 'd="M-1 0l4 0l0 4l-4 0l0-4"' in squares  # 2 to each side of (1, 2)
+    assert 'stroke-width="0.5"' in squares
+    crosses = elements.markers(x, y, "x", "#000000", {"markersize": 2.0, "markeredgewidth": 0.0})
+    assert 'd="M0 1l2 2m-2 0l2-2"' in crosses
+    assert 'stroke-width="0.6"' in crosses  # without a stroke there would be nothing
 
 
 class TestResiduals:

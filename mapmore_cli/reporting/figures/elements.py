@@ -5,6 +5,7 @@ points.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from html import escape
 from typing import Any
@@ -18,31 +19,49 @@ from mapmore_cli.reporting.figures.colours import hex_of
 DASHES = {"-": (), "--": (3.7, 1.6), "-.": (6.4, 1.6, 1, 1.6), ":": (1, 1.65)}
 """Lengths of dashes and gaps, in widths of their line."""
 
-SHAPES = {
-    "o": "",
-    "s": "M-1-1H1V1H-1Z",
-    "^": "M0-1 1 1H-1Z",
-    "v": "M0 1 1-1H-1Z",
-    "D": "M0-1.3 1.3 0 0 1.3-1.3 0Z",
-    "x": "M-1-1 1 1M-1 1 1-1",
-    "X": "M-1-1 1 1M-1 1 1-1",
-    "P": "M-1 0H1M0-1V1",
+GAP = (math.nan, math.nan)
+TRIANGLE, CROSS = ((0, -1), (1, 1), (-1, 1), (0, -1)), ((-1, -1), (1, 1), GAP, (-1, 1), (1, -1))
+SHAPES: dict[str, tuple[tuple[float, float], ...]] = {
+    "o": (),
+    "s": ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)),
+    "^": TRIANGLE,
+    "v": tuple((across, -up) for across, up in TRIANGLE),
+    "D": ((0, -1.3), (1.3, 0), (0, 1.3), (-1.3, 0), (0, -1.3)),
+    "x": CROSS,
+    "X": CROSS,
+    "P": ((-1, 0), (1, 0), GAP, (0, -1), (0, 1)),
 }
-"""Outlines of markers with a radius of one; a circle is an element of its own."""
+"""Corners of markers with a radius of one, with gaps between strokes; a circle has none."""
 
 ANCHORS = {"left": "start", "center": "middle", "right": "end"}
 
 
-def path(x: Sequence[float] | Array, y: Sequence[float] | Array) -> str:
-    """Return the data of a path through points, with a gap at NaN."""
-    commands, gap = [], True
-    for left, top in zip(np.asarray(x).tolist(), np.asarray(y).tolist(), strict=True):
-        if math.isfinite(left) and math.isfinite(top):
-            commands.append(f"{'M' if gap else 'L'}{left:.1f} {top:.1f}")
-            gap = False
-        else:
+def path(x: Sequence[float] | Array, y: Sequence[float] | Array, dots: bool = False) -> str:
+    """Return the data of a path through points, with a gap at NaN, or of a dot at each point.
+
+    Every point after the first is a step from the one before it, which is half as long as a place.
+    Steps do not add up to an error, because places are rounded to tenths of a point before them.
+    """
+    commands: list[str] = []
+    before, gap = None, False
+    for place in np.rint(10 * np.column_stack([x, y])).tolist():
+        if not (math.isfinite(place[0]) and math.isfinite(place[1])):
             gap = True
-    return "".join(commands)
+        elif before is None:
+            commands.append("M" + _step(*place))
+            before, gap = place, False
+        elif gap or dots or place != before:
+            letter = "m" if gap or dots else "l"
+            commands.append(letter + _step(place[0] - before[0], place[1] - before[1]))
+            before, gap = place, False
+    return "".join(f"{command}h0" for command in commands) if dots else "".join(commands)
+
+
+def _step(across: float, up: float) -> str:
+    """Return two numbers of tenths, without a zero before their points."""
+    words = (f"{tenths / 10 + 0.0:.1f}".removesuffix(".0") for tenths in (across, up))
+    left, top = (re.sub(r"^(-?)0\.", r"\1.", word) for word in words)
+    return left + ("" if top.startswith("-") else " ") + top
 
 
 def line_svg(x: Array, y: Array, look: dict[str, Any]) -> str:
@@ -65,32 +84,24 @@ def line_svg(x: Array, y: Array, look: dict[str, Any]) -> str:
 
 
 def markers(x: Array, y: Array, marker: str, colour: str, look: dict[str, Any]) -> str:
-    """Return SVG elements that draw a marker at each place."""
-    radius, shape = look.get("markersize", 6) / 2, SHAPES[marker]
+    """Return SVG elements that draw a marker at each place: circles, or one path for all."""
+    radius, corners = look.get("markersize", 6) / 2, SHAPES[marker]
     filled = hex_of(look.get("markerfacecolor", colour))
-    edge = look.get("markeredgewidth", 1.0)
+    edge = look.get("markeredgewidth", 1.0) or (0.6 if marker in "xXP" else 0.0)
     stroke = f' stroke="{colour}" stroke-width="{edge:g}"' if edge else ""
-    places = [
-        (left, top)
-        for left, top in zip(x.tolist(), y.tolist(), strict=True)
-        if math.isfinite(left) and math.isfinite(top)
-    ]
-    if not (shape or stroke):  # dots without a shape are one path whose points have round ends
-        dots = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in places)
+    places = np.column_stack([x, y])
+    places = places[np.isfinite(places).all(axis=1)]
+    if corners:
+        outlines = (places[:, None] + radius * np.array([*corners, GAP])).reshape(-1, 2)
+        return f'<path d="{path(*outlines.T)}" fill="{filled}"{stroke}/>'
+    if not edge:  # round ends of steps of length zero; dots at one place are one dot
+        left, top = np.unique(np.round(places, 1), axis=0).T
         return (
-            f'<path d="{dots}" stroke="{filled}" stroke-width="{2 * radius:g}" '
+            f'<path d="{path(left, top, dots=True)}" stroke="{filled}" stroke-width="{2 * radius:g}" '
             'stroke-linecap="round"/>'
         )
-    if not shape:
-        one = "".join(f'<circle cx="{a:.1f}" cy="{b:.1f}" r="{radius:g}"/>' for a, b in places)
-    else:
-        one = "".join(
-            f'<path transform="translate({a:.1f} {b:.1f})scale({radius:g})" d="{shape}"/>'
-            for a, b in places
-        )
-        thin = edge or (0.6 if marker in "xXP" else 0.0)
-        stroke = f' stroke="{colour}" stroke-width="{thin / radius:.2g}"' if thin else ""
-    return f'<g fill="{filled}"{stroke}>{one}</g>'
+    circles = (f'<circle cx="{a:.1f}" cy="{b:.1f}" r="{radius:g}"/>' for a, b in places.tolist())
+    return f'<g fill="{filled}"{stroke}>{"".join(circles)}</g>'
 
 
 def box(left: float, top: float, right: float, bottom: float, look: str) -> str:

@@ -46,11 +46,11 @@ function paint(pen, layer, px, py) {
 
 /**
  * A chart in an element of the page: a function that shows layers
- * `{kind: "line" | "dots" | "band", x, y, y2, color, dash, width, free}`; x may run back and
- * forth.
+ * `{kind: "line" | "dots" | "band", x, y, y2, color, dash, width, free}`, whose x may run back and
+ * forth, and calls `clicked` with the place of a click.
  */
 export function chart(holder) {
-  let shown = "", labels = ["", ""], layers = [], limits = [[0, 1], [0, 1]];
+  let shown = "", labels = ["", ""], layers = [], limits = [[0, 1], [0, 1]], act = null;
   const size = () => ({ width: holder.clientWidth || 300, height: holder.clientHeight || 300 });
   const colour = (name) => getComputedStyle(holder).getPropertyValue(name).trim();
   const grid = { stroke: () => colour("--grid"), width: 1 };
@@ -81,14 +81,15 @@ export function chart(holder) {
   }, limits, holder);
 
   /** Show layers over an axis of these ends; a zoom stays as long as the axis does. */
-  function show(x, y, ends, next) {
-    const same = shown === String([x, y, ends]);
-    [layers, labels, limits] = [next, [x, y], [ends, heightOf(next)]];
-    shown = String([x, y, ends]);
+  function show(x, y, ends, next, clicked) {
+    const frame = String([x, y, ends]), same = shown === frame;
+    [shown, layers, labels, limits, act] = [frame, next, [x, y], [ends, heightOf(next)], clicked];
     plot.setData(limits, !same);
     if (same) plot.setScale("y", { min: limits[1][0], max: limits[1][1] });
   }
 
+  plot.over.addEventListener("click", ({ offsetX, offsetY }) => (
+    act?.(plot.posToVal(offsetX, "x"), plot.posToVal(offsetY, "y"))));
   new ResizeObserver(() => plot.setSize(size())).observe(holder);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => plot.redraw());
   return show;

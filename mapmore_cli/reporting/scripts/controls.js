@@ -9,10 +9,8 @@ const POINTS = 400;
  */
 export function controls(box, changed) {
   const all = [...box.querySelectorAll("[name]")], values = {};
-  const valueOf = (one) => {
-    if (one.type === "checkbox") return one.checked;
-    return one.type === "range" || one.type === "number" ? one.valueAsNumber : one.value;
-  };
+  const valueOf = (one) => (
+    one.type === "checkbox" ? one.checked : one.valueAsNumber ?? one.value);
   const set = (name, value, typedIn = null) => {
     values[name] = value;
     for (const one of all) if (one.name === name && one !== typedIn) one.value = String(value);
@@ -21,8 +19,7 @@ export function controls(box, changed) {
   box.addEventListener("input", ({ target }) => {
     const value = valueOf(target);
     if (Number.isNaN(value)) return;
-    if (target.type === "checkbox") values[target.name] = value;
-    else set(target.name, value, target);
+    set(target.name, value, target);
     changed();
   });
   return { values, set };
@@ -30,10 +27,7 @@ export function controls(box, changed) {
 
 export const span = (className, text) => element("span", { className }, text);
 
-/**
- * Show a text in large digits with what is said about it, as elements or texts, some of which may
- * be empty; a test reads the whole number behind it.
- */
+/** Show a text in large digits, with words beside it; a test reads the whole number behind it. */
 export function read(output, value, text, ...words) {
   output.replaceChildren(element("strong", {}, text), ...words.filter(Boolean));
   output.dataset.value = String(value);

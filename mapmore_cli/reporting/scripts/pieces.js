@@ -75,18 +75,27 @@ export function explorePieces(box, study, values) {
       const y = xs.map((one, k) => (share[k] > 0 ? f(...inputsAt(one)) : null));
       return { segment, share: { ...look, y: share }, own: { ...look, y, width: 4, free: true } };
     });
+    const show = ({ segment }) => { equation.textContent = `${segment.id}: ${segment.equation}`; };
+
+    /** A click shows that one of the pieces with a weight there whose line is nearest. */
+    const nearest = (lineOf) => (at, height) => {
+      const k = xs.findIndex((one) => one >= at);
+      const away = parts.map((part) => (
+        part.share.y[k] > 0 ? Math.abs(lineOf(part).y[k] - height) : Infinity));
+      show(parts[away.indexOf(Math.min(...away))]);
+    };
     const y = xs.map((one) => value({ ...x, [along.name]: one }));
     const whole = { kind: "line", x: xs, y, color: "--ink", width: 1.2 };
     functions(along.label, output.label, along.ends,
-      [...parts.map(({ own }) => own), whole]);
-    weights(along.label, "Weight (–)", along.ends, parts.map(({ share }) => share));
+      [...parts.map(({ own }) => own), whole], nearest(({ own }) => own));
+    weights(along.label, "Weight (–)", along.ends, parts.map(({ share }) => share),
+      nearest(({ share }) => share));
 
     const quantity = inputs.find(({ name }) => name === level);
     const where = quantity ? ` at ${quantity.title} ${withUnit(curve.level, quantity)}` : "";
-    list.replaceChildren(`Segments${where}:`, ...parts.map(({ segment, own }) => {
-      const show = () => { equation.textContent = `${segment.id}: ${segment.equation}`; };
-      return button(segment.id, show, { style: `border-color: var(${own.color})` });
-    }));
+    const choice = (part) => button(part.segment.id, () => show(part),
+      { style: `border-color: var(${part.own.color})` });
+    list.replaceChildren(`Segments${where}:`, ...parts.map(choice));
   }
 
   return (at, along) => {
