@@ -25,8 +25,8 @@ from mapmore_cli.reporting.table import title_of
 LINES = [(f"--other{number}", dash) for dash in ([7, 3], [2, 3]) for number in (1, 2, 3, 4, 5)]
 """Colours, as `explore.css` calls them, and dashes of the lines of competitors."""
 
-MOST_SEGMENTS = 200
-"""Largest number of segments of a model that a page computes. The code of 200 segments has 1 MB."""
+MOST_SEGMENTS = 100
+"""Largest number of segments of a model that a page computes. Their code has half a megabyte."""
 
 Sides = tuple[Any, Any]
 """Behaviour below and above the limits of an input."""
