@@ -25,6 +25,9 @@ from mapmore_cli.reporting.table import title_of
 LINES = [(f"--other{number}", dash) for dash in ([7, 3], [2, 3]) for number in (1, 2, 3, 4, 5)]
 """Colours, as `explore.css` calls them, and dashes of the lines of competitors."""
 
+MOST_SEGMENTS = 100
+"""Largest number of segments of a model that a page computes. Their code has half a megabyte."""
+
 Sides = tuple[Any, Any]
 """Behaviour below and above the limits of an input."""
 
@@ -37,7 +40,7 @@ class Explored:
     """The section "Explore" of a page.
 
     - `outputs`: data of each output for its script, ready for JSON; None if the model of the output
-      has no closed expression.
+      has no closed expression, or has too many segments.
     - `code`: a script that stores every model in `mapmore.models`, by the names in `outputs`.
     """
 
@@ -66,7 +69,7 @@ def explored(every: Sequence[ReportInputs]) -> Explored | None:
     outputs: list[dict[str, Any] | None] = []
     for number, inputs in enumerate(every):
         key = f"model{number}"
-        if not module(key, inputs.model):
+        if uncomputed_segments(inputs.model) or not module(key, inputs.model):
             outputs.append(None)
             continue
         others = [
@@ -88,6 +91,14 @@ def explored(every: Sequence[ReportInputs]) -> Explored | None:
         return None
     start = '"use strict";\nwindow.mapmore = { models: {} };\n'
     return Explored(tuple(outputs), start + "".join(code.values()))
+
+
+def uncomputed_segments(model: Model) -> int:
+    """Return the number of segments of a model that has too many of them for a page, otherwise
+    zero.
+    """
+    count = len(model.pieces.segments) if model.pieces else 0
+    return count if count > MOST_SEGMENTS else 0
 
 
 def wrapped(key: str, model: Model, more: str = "") -> str:
@@ -114,6 +125,7 @@ def _competitors(inputs: ReportInputs) -> dict[str, Model]:
         if name in inputs.models
         and one.output == model.output
         and is_known(one)
+        and not uncomputed_segments(one)
         and {quantity.name for quantity in one.inputs} <= known
         and _steps_of(one) <= steps
     }

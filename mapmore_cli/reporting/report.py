@@ -12,7 +12,7 @@ import numpy as np
 
 from mapmore_cli.domain.scores import deciding
 from mapmore_cli.reporting.competitors import printed_competitors
-from mapmore_cli.reporting.explore import explored
+from mapmore_cli.reporting.explore import explored, uncomputed_segments
 from mapmore_cli.reporting.figures.drawing import (
     SVG_PROLOGUE,
     Drawing,
@@ -87,6 +87,7 @@ def _words_of(inputs: ReportInputs, figures: Figures) -> dict[str, Any]:
     return {
         "inputs": inputs,
         "explored": None,
+        "uncomputed_segments": uncomputed_segments(inputs.model) if inputs.explore else 0,
         "verdict": verdict_sentence(scores, *known, inputs.validation.warnings),
         "alerts": inputs.alerts,
         "competitors": printed_competitors(inputs),

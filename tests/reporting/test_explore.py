@@ -117,6 +117,15 @@ def test_a_page_of_many_samples_stays_small(tmp_path):
     assert len(samples["held"]["force"]) == samples["all_held"] == held
 
 
+def test_a_model_of_many_segments_is_not_computed_on_the_page(inputs, monkeypatch):
+    monkeypatch.setattr(explore, "MOST_SEGMENTS", len(inputs.model.pieces.segments) - 1)
+    assert explore.explored([inputs]) is None
+    page = render_page(inputs, {})
+    assert "the code of its 12 segments" in page
+    assert f"mapmore export {inputs.name} --to js" in page
+    assert "the code of its" not in render_page(replace(inputs, explore=False), {})
+
+
 def test_no_text_ends_a_script():
     assert json_text({"a": "</script><!--"}) == '{"a":"\\u003c/script>\\u003c!--"}'
     with pytest.raises(ValueError, match="would end it"):
