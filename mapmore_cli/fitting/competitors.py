@@ -154,7 +154,7 @@ class Contest:
 
     def _as_model(self, name: str, body: Computed | None) -> Model | None:
         """Return a model of the scored quantity with this body and the training ranges of the
-        contest; None without a body, or if the body is no model of quantities of the study.
+        contest; None without a body.
         """
         if body is None:
             return None

@@ -170,8 +170,8 @@ def refit_run(run_dir: Path, dataset: Dataset) -> Model:
 
 
 MUCH = 0.1
-"""Share of the held-out samples from which on a model that was trained with them counts as having
-seen them.
+"""Fraction of the held-out samples. A model that was trained with a larger fraction of them counts
+as having seen them.
 """
 
 
@@ -234,7 +234,7 @@ def residuals(
         except (DataError, FitError) as error:
             raise type(error)(
                 f"validate.intervals: the fit without {name} failed: {error.message}",
-                "remove `intervals`, or change what that fit needs",
+                "remove `intervals`, or remove the cause of this failure",
             ) from error
         errors[name] = [
             (curve.columns[dataset.target] - output.values)[out & output.ready]

@@ -1,11 +1,11 @@
 """Find the input for a wanted output, for example the pressure for a force at a strain: every
 solution within the training range.
 
-The map is not monotone everywhere (for measured muscles, it is not on up to a tenth of the grid).
-There may be no solution, one, several, or a whole range of them, if a slack muscle gives the same
-force at every pressure. The map is monotone between knots (levels, boundaries, limits) and the
-places at which the slope changes its sign. Each monotone part contains at most one solution, which
-bisection finds.
+The output is not monotone in the input everywhere (for measured muscles, it is not on up to a tenth
+of the grid). There may be no solution, one, several, or a whole range of them, if a slack muscle
+gives the same force at every pressure. The output is monotone between knots (levels, boundaries,
+limits) and the places at which the slope changes its sign. Each monotone part contains at most one
+solution, which bisection finds.
 """
 
 from __future__ import annotations
@@ -54,8 +54,8 @@ CHUNK, BISECTIONS = (
     50,
 )
 SAME = 1e-9  # differences below this fraction of the span of outputs count as zero
-# fraction of the wanted output; a bisection that ends farther away has found a jump instead of a
-# solution
+# largest distance of a solution from the wanted output, as a fraction of this output; a bisection
+# that ends farther away has found a jump instead of a solution
 REACHED = 1e-6
 
 
@@ -105,9 +105,10 @@ def solve_for_input(model: Model, columns: Columns, name: str) -> SolvedInput:
     the force at a strain from a model of the strain.
 
     `columns` holds the output and all inputs but `name`, shape (n,) each. The result at each row is
-    the lowest solution within the training range. Without a solution, it is the value that comes
-    nearest to the output: a strain that no force of the range can cause gets the force at the end
-    of the range. It is NaN for a row with a NaN. Raises UsageError and DataError like `invert`.
+    the lowest solution within the training range. Without a solution, it is the value of the input
+    whose output comes nearest to the given output: a strain that no force of the range can cause
+    gets the force at the end of the range. It is NaN for a row with a NaN. Raises UsageError and
+    DataError like `invert`.
     """
     needed = [model.output.name, *(other for other in _input_names(model, name) if other != name)]
     known = np.flatnonzero(np.logical_and.reduce([np.isfinite(columns[other]) for other in needed]))
@@ -128,7 +129,7 @@ def solve_for_input(model: Model, columns: Columns, name: str) -> SolvedInput:
 def _solutions(
     model: Model, wanted: Array, given: Columns, name: str
 ) -> tuple[Array, IntArray, BoolArray, Array]:
-    """Return `_Line.solutions` of all rows, computed for some rows at a time."""
+    """Return `_Line.solutions` of all rows. They are computed for `CHUNK` rows at a time."""
     names, program = _input_names(model, name), program_of(model)
     slopes, value, ends = evaluator(with_slopes(program)), evaluator(program), knots(model, name)
     parts = []
@@ -181,8 +182,9 @@ def parts_between(knots: Array) -> int:
 
 @dataclass(frozen=True)
 class _Line:
-    """The output of a model as a function of one input, at each of n rows, which give the other
-    inputs. In the methods, x holds values of the input, shape (m,), and `rows` the row of each.
+    """The output of a model as a function of one input, at each of n rows with given values of the
+    other inputs. In the methods, x holds values of the input, shape (m,), and `rows` the row of
+    each.
     """
 
     value: Callable[[Columns], list[Array]]

@@ -150,8 +150,8 @@ def alone(model: Model) -> Model:
     names = [output.name for output in model.outputs]
     if len(names) > 1:
         raise UsageError(
-            f"the model {model.name} has the outputs {', '.join(names)}, but this works "
-            "with one output only",
+            f"the model {model.name} has the outputs {', '.join(names)}, but only "
+            "a model with one output can be used here",
             f"make a model of one of them: set `target: {names[0]}`",
         )
     return model
@@ -230,8 +230,8 @@ def equations(
 
 
 def rules(model: Model) -> tuple[str, ...]:
-    """Return sentences that say how the equations are combined. With both, a reader can compute the
-    model.
+    """Return sentences that say how the equations are combined. With the equations and these
+    sentences, a reader can compute the model.
     """
     return tuple(verbs_of(model).rules(model))
 

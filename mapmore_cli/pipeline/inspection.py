@@ -59,11 +59,9 @@ def inspect(
     If the curves cannot be made, only the recordings are checked. Notes of the search in `run_dir`
     are repeated, for example that a black box has a smaller error.
 
-    Raises
-    ------
-    SpecError, DataError
-        For a fault in a spec on which this one builds; for the reason why no curves can be made, if
-        no rule adds anything to it.
+    Raises ------ SpecError, DataError
+        If a spec on which this one builds has a fault. Also if no curves can be made and no rule
+        explains it.
     """
     needed = {
         run.need.key: run.loaded for stage in pipeline() for run in needed_runs(stage, loaded)

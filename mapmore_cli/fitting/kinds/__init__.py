@@ -26,7 +26,9 @@ if TYPE_CHECKING:
 
 
 def added_up(_path: str) -> Model:
-    """Raise an error: a sum of runs cannot be fitted if the models of these runs are unknown."""
+    """Raise SpecError, because a sum of runs cannot be fitted if the models of these runs are
+    unknown.
+    """
     raise SpecError(
         "a sum of models of other runs is not fitted itself",
         "do this with the specs of the added models",

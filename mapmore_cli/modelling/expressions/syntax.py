@@ -125,7 +125,7 @@ class Name(Expression):
                 raise ExpressionError(f"`{self.name}` must be written `{state(self.name).name}`")
         elif self.name in FUNCTIONS:
             raise ExpressionError(
-                f"`{self.name}` cannot be the name of a quantity in an expression"
+                f"`{self.name}` is a function and cannot be the name of a quantity"
             )
 
     @property

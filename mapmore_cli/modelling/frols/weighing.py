@@ -105,11 +105,11 @@ class Weighing:
 
 @dataclass(frozen=True)
 class Choice:
-    """A selection of one output without the standard errors that its weights call for. Computing
-    these errors takes about as long as the choice itself, so it is done only for the choice that is
-    kept.
+    """A selection for one output, whose standard errors do not take the weights into account yet.
+    Computing them takes about as long as the selection itself, so it is done only for the selection
+    that is kept.
 
-    - `only`: the blocks of some candidates.
+    - `only`: function that returns the blocks of some candidates.
     - `weights`: weights of a robust loss, (n,); None for squares.
     """
 
@@ -142,7 +142,7 @@ def _errors_along(
     blocks: Blocks, theta: Array, curves: IntArray | None, recorded: IntArray
 ) -> tuple[Array, float]:
     """Return standard errors that allow for correlated residuals along recordings, (k,), and the
-    number of independent samples.
+    number of independent samples to which the samples are equivalent.
     """
     P, y = map(np.concatenate, zip(*blocks(), strict=True))
     labels = np.zeros(len(y), dtype=np.int64) if curves is None else curves

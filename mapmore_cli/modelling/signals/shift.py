@@ -120,7 +120,9 @@ def _peak(
     step: float,
     same_sign: bool,
 ) -> Shift | None:
-    """Return the best shift by changes over `width` samples; None if there are none."""
+    """Return the best shift by changes over `width` samples; None if the records are too short for
+    this width, or if nothing correlates.
+    """
     if min(len(first), len(second)) <= 4 * width:
         return None
     u, v = changes(first, width), changes(second, width)
