@@ -239,7 +239,8 @@ QuantityName = Annotated[
 TermName = Annotated[
     str,
     Checked(
-        "is not a valid term: it is empty, has other characters, or more than 10000 of them",
+        "is not a valid term: it is empty, longer than 10000 characters, or contains other "
+        "characters than terms may contain",
         re.compile(r"[A-Za-z0-9_.,\[\]+\-^*/() ]{1,10000}").fullmatch,
     ),
 ]

@@ -30,12 +30,10 @@ class Outlier:
     """A training sample that lies far from the fit. It has less weight, and stays in the data."""
 
     file: Annotated[str, "file that it comes from"]
-    place: Annotated[
-        Label, "`row 17` of the file; where that is not known, `sample 17` of its curve"
-    ]
+    place: Annotated[Label, "`row 17` of the file; if the row is unknown, `sample 17` of its curve"]
     curve: Annotated[Label, "identifier of its curve"]
-    off: Annotated[float, "measured less predicted", "[target]"]
-    scales: Annotated[float, "the same, in scales of the residuals"]
+    off: Annotated[float, "measured minus predicted value", "[target]"]
+    scales: Annotated[float, "the same, in units of the scale of the residuals"]
 
 
 @dataclass(frozen=True)
@@ -46,7 +44,7 @@ class FitResult:
     if there is one.
     """
 
-    body: Annotated[Fit | None, "what was fitted; absent where models are only added up"]
+    body: Annotated[Fit | None, "what was fitted; absent if models are only added up"]
     backbone: Annotated[FormulaFit | None, "formula whose residual was fitted"] = None
     notes: Notes = ()
 
@@ -91,8 +89,8 @@ class ErrorBand:
     model, NaN for a model without predictions there.
     """
 
-    low: Annotated[float, "least absolute value", "[target]"]
-    high: Annotated[float, "greatest absolute value", "[target]"]
+    low: Annotated[float, "smallest absolute value", "[target]"]
+    high: Annotated[float, "largest absolute value", "[target]"]
     samples: Annotated[int, "samples in the band"]
     rmse: Annotated[Mapping[Label, float], "root mean square error of each model", "[target]"]
 
@@ -114,7 +112,9 @@ class ResidualTest:
     name: Annotated[Label, "`autocorrelation`, or the input"]
     x: Annotated[Array, "(m) lags in samples, or places along the input", "-"]
     values: Annotated[Array, "(m) correlations, or mean residuals", "-"]
-    bounds: Annotated[Array, "(m) of noise, 95 % lie within so much of zero", "-"]
+    bounds: Annotated[
+        Array, "(m) for noise, 95 % of the values lie within this distance of zero", "-"
+    ]
 
     @property
     def tested(self) -> int:
@@ -167,7 +167,7 @@ class Validation:
         field(default_factory=dict)
     )
     warnings: Annotated[
-        tuple[str, ...], "what must be known of the run's own model before its scores are read"
+        tuple[str, ...], "what a reader must know before the scores of the run's own model"
     ] = ()
     along: Annotated[QuantityName, "the quantity that varies within a curve"] = ""
     bands: Annotated[tuple[ErrorBand, ...], "errors by the size of what was measured"] = ()
@@ -176,9 +176,9 @@ class Validation:
         tuple[Outlier, ...], "training samples far from a robust fit, the farthest first"
     ] = ()
     shown: Annotated[
-        Dataset | None, "samples that figures show; absent where they show the whole dataset"
+        Dataset | None, "samples that figures show; absent if they show the whole dataset"
     ] = None
-    others: Annotated[tuple[Validation, ...], "those of further outputs"] = ()
+    others: Annotated[tuple[Validation, ...], "validations of further outputs"] = ()
     models: Annotated[
         Mapping[Label, Model], "competitors that are formulas, pieces or recursions, as models"
     ] = field(default_factory=dict)

@@ -59,7 +59,9 @@ def inspect(
     If the curves cannot be made, only the recordings are checked. Notes of the search in `run_dir`
     are repeated, for example that a black box has a smaller error.
 
-    Raises ------ SpecError, DataError
+    Raises
+    ------
+    SpecError, DataError
         If a spec on which this one builds has a fault. Also if no curves can be made and no rule
         explains it.
     """

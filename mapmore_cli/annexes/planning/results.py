@@ -79,7 +79,7 @@ class Trial:
     errors: tuple[
         float, ...
     ] = ()  # NRMSE on each fold, of a model fitted without this fold; empty if a fit failed
-    error: float = math.nan  # their geometric mean
+    error: float = math.nan  # geometric mean of `errors`
     excess: float = math.nan  # mean over the folds of ln(error / error of the best combination)
     spread: float = math.nan  # standard error of `excess`
     failure: str = ""  # reason why a fit failed

@@ -36,7 +36,9 @@ recordings, so that drift must be predicted.
 """
 
 MOST_PARTS = 6
-"""Largest number of levels or recordings that are left out; more are thinned evenly."""
+"""Largest number of levels or recordings that are left out. If there are more, only an evenly
+spread part of them is left out.
+"""
 
 FAIR = (0.2, 1.2)
 """Limits of the size of a recording that is left out, relative to the mean size of the recording in
@@ -110,7 +112,8 @@ class Bench:
         asked = bool(parts) and (asked or part.by_level or ends)
         if not blocks and not parts:
             raise DataError(
-                "there are too few training samples to leave some out", "keep more samples"
+                "`model: {type: auto}` leaves out training samples, and there are too few of them",
+                "keep more samples",
             )
         weight = 2 / 3 if asked else 1 / 2 if situation.timed else 1 / 4
         if len(parts) == 1:  # there is only one inner level
@@ -173,7 +176,7 @@ def searchable(dataset: Dataset) -> Dataset:
 
 
 def cut_short(dataset: Dataset, run: int, timed: bool) -> Dataset:
-    """Return at most this many samples: evenly thinned along every curve, or for recordings in
+    """Return at most `MOST_SAMPLES` samples: evenly thinned along every curve, or for recordings in
     time, some pieces with equal steps that are no shorter than a held-out `run`.
 
     Each piece begins with measured outputs, so shorter pieces would flatter models that feed their
@@ -340,8 +343,8 @@ def _parts(
 
 
 def _ends(samples: Curve) -> list[BoolArray]:
-    """Return folds, (n,), that leave out the last share of the training samples of every recording,
-    for each share in `BEHIND`.
+    """Return folds, (n,), that leave out the last fraction of the training samples of every
+    recording, for each fraction in `BEHIND`.
     """
     left = np.full(samples.size, 1.0)
     for log in samples.logs:
@@ -426,7 +429,7 @@ def _beyond(dataset: Dataset, situation: Situation, study: Dataset) -> list[Bool
 
 def _fair(samples: Curve) -> list[BoolArray]:
     """Return folds, (n,), that leave out the training samples of one log each, for all logs whose
-    size is within the limits `FAIR`. Return none if fewer than two logs are.
+    size is within the limits `FAIR`. Return an empty list if fewer than two logs have such a size.
     """
     logs = samples.origin
     assert logs is not None

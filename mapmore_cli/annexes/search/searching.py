@@ -112,7 +112,7 @@ def _uneven(dataset: Dataset) -> tuple[str, ...]:
     try:
         sampled(dataset.curves)
     except DataError as fault:
-        return (f"models with a past were not tried: {fault.message}; {fault.remedy}",)
+        return (f"models with memory were not tried: {fault.message}; {fault.remedy}",)
     return ()
 
 
@@ -180,14 +180,14 @@ def _notes_of(result: Search, bench: Bench) -> list[str]:
     own, best, notes = result.found, result.tried[result.best], list[str]()
     if own.family in PLAIN and result.chosen != result.best:
         notes.append(
-            f"{own.words} is as good as structures with more parameters: {best.words} adds "
-            "nothing that left-out data show"
+            f"{own.words} is as good as structures with more parameters, because left-out "
+            f"data show no advantage of {best.words}"
         )
     if result.short is not None:
         notes.append(note_of(result, result.short))
     if lack := lacking(result, bench):
         notes.append(
-            f"{lack[0]} errs {lack[1]:.2g} times less on left-out data: the chosen structure lacks "
-            "something"
+            f"the error of {lack[0]} on left-out data is smaller by a factor of {lack[1]:.2g}, so "
+            "that the chosen structure lacks something"
         )
     return notes

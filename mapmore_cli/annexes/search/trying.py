@@ -53,8 +53,8 @@ def choices_of(sections: Mapping[str, Any], part: Slice) -> ModelChoices:
 
 
 WHOLE = 0.5
-"""Smallest share of the left-out samples that a structure must predict; long lags say nothing about
-short recordings.
+"""Smallest fraction of the left-out samples that a structure must predict, because structures with
+long lags say nothing about short recordings.
 """
 
 
