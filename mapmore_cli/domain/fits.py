@@ -148,9 +148,9 @@ class Selection(ChosenTerms):
 
     @property
     def freedom(self) -> int:
-        """Degrees of freedom of the standard errors: of curves if residuals are summed by curve,
-        otherwise of the samples, or of the smaller number of independent samples to which they are
-        equivalent.
+        """Degrees of freedom of the standard errors. If residuals are summed by curve, they are
+        those of the curves. Otherwise, they are those of the samples, or those of the equivalent
+        number of independent samples if that is smaller.
         """
         left = self.samples - len(self.theta)
         if self.curves:
@@ -425,8 +425,8 @@ class Identified:
 class MemoryFit(Fit):
     """A model with memory, and how its k terms were chosen from M candidates.
 
-    If terms were pruned, the ERR of `selection` is that among the remaining terms; in the tables,
-    all other terms are NaN.
+    If terms were pruned, the ERR of `selection` is computed among the remaining terms only; in the
+    tables, all other terms are NaN.
     """
 
     model: Annotated[MemoryModel, "the model"]

@@ -21,8 +21,8 @@ from mapmore_cli.modelling.kinds import Verbs
 from mapmore_cli.modelling.literature.model import printed
 from mapmore_cli.modelling.program.writing import Inputs, Side, Writer, limit, renamed_all, total
 
-# function that writes the value of the active section, chosen out of the values of all sections;
-# its first argument is the stem of new names
+# function that writes the value of the active section, given the values of all sections; its first
+# argument begins the names of new variables
 OfSection = Callable[[str, Sequence[Side]], Expression]
 
 

@@ -112,8 +112,8 @@ def _variants(
 
 
 def _try_settings(settings: Mapping[str, Any], choices: ModelChoices, folds: Folds) -> Trial:
-    """Return the errors on the folds of models that were fitted without them; if a fit fails, the
-    reason.
+    """Fit models with some settings without each fold, and return their errors on the fold. If a
+    fit fails, return the reason.
     """
     try:
         size = parameters(refit(choices, folds.dataset))

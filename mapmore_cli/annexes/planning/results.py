@@ -75,7 +75,9 @@ class Trial:
     """One combination of settings, by their place in the spec."""
 
     settings: Mapping[str, Any]
-    parameters: int = 0  # free parameters of its model of all training data
+    parameters: int = (
+        0  # number of free parameters of the model that is fitted to all training data
+    )
     errors: tuple[
         float, ...
     ] = ()  # NRMSE on each fold, of a model fitted without this fold; empty if a fit failed

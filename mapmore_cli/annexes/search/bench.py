@@ -201,8 +201,8 @@ def cut_short(dataset: Dataset, run: int, timed: bool) -> Dataset:
 
 
 def pooled_samples(dataset: Dataset) -> Curve:
-    """Return the samples of all curves as one curve. Its recordings are the logs at each level;
-    pieces of a log that was cut are joined.
+    """Return the samples of all curves as one curve. Its recordings are the logs at each level. The
+    pieces into which a log was cut count as one recording.
     """
     curves, log_of, numbers = dataset.curves, dataset.logs, dict[tuple[float | None, str], int]()
     logs = list[IntArray]()
@@ -377,11 +377,11 @@ def _values(dataset: Dataset, of: str) -> Array:
 def _neighbours(
     dataset: Dataset, study: Dataset, whole: BoolArray, of: str
 ) -> tuple[list[BoolArray], bool]:
-    """Return folds, (n,), that leave out training samples at neighbouring values, as the study does
-    with its held-out samples; and True if these values lie at an end. If the study holds out values
-    beyond an end of the training values, a fold leaves out as many values at that end. Otherwise,
-    it leaves out as many inner neighbours as the study holds out in a row, or single values. At
-    least two values remain.
+    """Return folds, (n,), that leave out training samples at neighbouring values, in the same way
+    as the study holds out samples. Also return True if these values lie at an end of the range. If
+    the study holds out values beyond an end of the training values, a fold leaves out as many
+    values at that end. Otherwise, it leaves out as many inner neighbours as the study holds out in
+    a row, or single values. At least two values remain.
     """
     at_curves, every = _values(dataset, of), _values(study, of)
     values, trained = np.unique(every), np.unique(at_curves)
@@ -409,8 +409,9 @@ lies beyond it. A fold leaves out at most the second fraction of the range at it
 
 
 def _beyond(dataset: Dataset, situation: Situation, study: Dataset) -> list[BoolArray]:
-    """Return folds, (n,), that leave out an end of an input's range, as wide as the held-out part
-    of the study beyond it; none if few held-out samples lie outside, or if samples have a past.
+    """Return folds, (n,), that leave out an end of an input's range, as wide as the part that the
+    study holds out beyond this end. Return none if few held-out samples lie outside, or if samples
+    have a past.
     """
     samples, every, folds = pooled_samples(dataset), pooled_samples(study), list[BoolArray]()
     for name in () if situation.timed else situation.inputs:

@@ -218,8 +218,8 @@ def filled(part: Any, words: Mapping[str, Any]) -> Any:
 
 
 def _spliced(one: object, value: object) -> list[Any]:
-    """Return the items that replace one item of a list: the items of `value` if it stands for
-    several, and none for a family of states whose `of` is empty.
+    """Return the items by which one item of a list is replaced: all items of `value` if the item is
+    a word for several values, and no item if it is a family of states whose `of` is empty.
     """
     if isinstance(value, Mapping) and any(
         isinstance(each, Mapping) and each.get("of") == [] for each in value.values()

@@ -1,5 +1,5 @@
-"""Choose one of the structures that were tried: they are scored on the rows that all of them
-predict, and the rule of the study takes one.
+"""Choose one of the structures that were tried. They are scored on the rows that all of them
+predict, and the rule of the study decides.
 """
 
 from __future__ import annotations
