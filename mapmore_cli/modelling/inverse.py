@@ -43,9 +43,8 @@ all intervals together.
 """
 
 SPLITS, STEEP = 6, 3.0
-"""Largest number of times that a part is divided, and the ratio between the slope at an end of a
-part and the slope of its secant above which the part is divided, because the output may turn twice
-in it.
+"""Largest number of times that a part is divided. A part is divided if its slope at an end is more
+than `STEEP` times the slope of its secant, because the output may then turn twice in the part.
 """
 
 # rows that are scanned at a time; and bisections that halve an interval down to rounding
@@ -300,11 +299,12 @@ class _Line:
 def may_turn_twice(
     left: Array, right: Array, slope_left: Array, slope_right: Array, width: Array
 ) -> BoolArray:
-    """Return True for parts that may turn twice and reach zero in between, shape (m,), from the
-    values and slopes at their ends.
+    """Return True for parts in which the output may turn twice and reach zero in between, shape
+    (m,), from its values and slopes at the ends of the parts.
 
-    A cubic is monotone if its slopes at both ends are at most three times the secant's (Fritsch and
-    Carlson 1980). It deviates from its ends by less than a line with the steeper of these slopes.
+    A cubic is monotone if its slopes at both ends are at most three times the slope of the secant
+    (Fritsch and Carlson 1980). It departs from its value at an end by less than a straight line
+    with the steeper of the two slopes.
     """
     reach = np.maximum(np.abs(slope_left), np.abs(slope_right)) * width
     rise = right - left

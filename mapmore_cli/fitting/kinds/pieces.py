@@ -35,7 +35,7 @@ def cuts_of(segment: SegmentSection) -> dict[str, Cut]:
 
 
 def recipe_of(target: str, part: ModelChoices) -> Recipe:
-    """Return the whole recipe; without candidate terms if one model with memory replaces the
+    """Return the whole recipe. It has no candidate terms if one model with memory replaces the
     segments.
     """
     level = level_of(part.levels, part.segment)

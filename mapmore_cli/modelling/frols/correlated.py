@@ -4,9 +4,10 @@ errors.
 The covariance of the coefficients is `(P'P)^-1 P' Omega P (P'P)^-1`. Omega is the covariance of the
 noise, `white I + drift kept^|i-j|` within a recording: white noise, and a drift of which the
 fraction `kept` remains after one sample. A sum over lags like that of Newey and West (Econometrica
-55, 1987) gives half the true value or less for `kept` = 0.97, because the residuals of a fit vary
-less than the noise, and its slowest part least of all. Therefore, `matched` chooses the noise for
-which the residuals of a fit with these columns have, on average, the measured autocovariance.
+55, 1987) gives half the true value or less for `kept` = 0.97, because a fit also follows the
+noise, most of all its slowest part, which is then missing from the residuals. Therefore, `matched`
+chooses the noise for which the residuals of a fit with these columns have, on average, the measured
+autocovariance.
 """
 
 from __future__ import annotations

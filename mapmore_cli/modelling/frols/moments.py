@@ -72,8 +72,8 @@ def safe_scale(squares: Array, blocks: Blocks) -> Array:
 
 
 def power_of_two(positive: Array) -> Array:
-    """Return the power of two next above each value; one where the value is zero. Division by it is
-    exact.
+    """Return, for each value, the smallest power of two that is larger; one if the value is zero.
+    Division by it is exact.
     """
     return np.ldexp(1.0, np.where(positive > 0, np.frexp(positive)[1], 0))
 

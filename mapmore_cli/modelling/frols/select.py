@@ -29,8 +29,8 @@ CRITERIA = ("tolerance", "bic", "ebic", "aicc", "press")  # rules for the number
 
 @dataclass(frozen=True)
 class Stopping:
-    """Rule for the end of the selection: there are `max_terms` terms (None for no limit), or only
-    the fraction `tolerance` is unexplained.
+    """Rule for the end of the selection. It ends with `max_terms` terms (None for no limit), or
+    when at most the fraction `tolerance` of the output is unexplained.
 
     The fraction refers to `y'y`, or to the squares about the mean (see `to_explain`). Criteria
     other than `tolerance` choose the number of terms afterwards among all possible numbers; for
@@ -96,7 +96,7 @@ class Remainders:
 
     def reductions(self) -> tuple[Array, Array]:
         """Return `g = y'q / q'q` (M2 eq 3) and `ERR = g^2 q'q / y'y` (eq 4), shape (M,) each; NaN
-        for chosen or dependent candidates. Raises DigitsLost.
+        for chosen or dependent candidates. Raises DigitsLost if rounding errors affect the result.
         """
         g = np.full(len(self.products), np.nan)
         np.divide(self.products, self.squares, out=g, where=self.live)

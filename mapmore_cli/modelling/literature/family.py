@@ -183,10 +183,10 @@ def adapted(
     fit: FormulaFit, columns: Mapping[str, Array], target: Array, dimension: float
 ) -> FormulaFit:
     """Return the formula of a new specimen of the family, `zero + q_force S f(P, q_strain strain)`,
-    as a function of pressure and strain only.
+    as a function of pressure and strain only. The scales q are fitted to its measured points.
 
-    `columns` holds the pressure and strain of the specimen, shape (n,) each, and `target` its
-    forces; without rows, both scales are one. The prior of each scale is one, with a standard
+    `columns` holds the pressure and strain of these points, shape (n,) each, and `target` the
+    forces; without points, both scales are one. The prior of each scale is one, with a standard
     deviation of 15 %. Samples of one strain have a common error, so they count as one sample with
     an error of 5 % of the force.
     """

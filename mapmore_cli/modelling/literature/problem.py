@@ -147,9 +147,8 @@ class LeastSquares:
         """Return the problem over means of neighbouring samples, if there are many samples. It is
         faster to solve and nearly the same.
 
-        The problem is unchanged if a parameter is sought as a fraction `of` a quantity: a force
-        that decays within the slowest rates shows in a few samples only, and the means would hide
-        it.
+        The problem is returned unchanged if a parameter is sought as a fraction `of` a quantity. A
+        force that acts only at the slowest rates shows in few samples, and means would hide it.
         """
         if any(parameter.of for parameter in self.nonlinear):
             return self

@@ -340,8 +340,8 @@ def gaps(left_out: LeftOut, at: Array) -> tuple[IntArray, Array, Array]:
 def between_levels(
     left_out: LeftOut, at: Array, level: float, scales: Mapping[int, float] = FEW
 ) -> Array:
-    """Return the half widths at the levels `at`, (n,), by the rule for the errors of a model
-    between three to six levels.
+    """Return the half widths at the levels `at`, (n,), of a model with three to six levels. The
+    errors between so few levels have a rule of their own.
     """
     from scipy.special import ndtri
 

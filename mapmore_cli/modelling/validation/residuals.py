@@ -62,7 +62,7 @@ def residual_tests(
                 residuals.append(piece)
                 for name in columns.keys() & curve.columns.keys():
                     x = picked(curve.columns[name], rows)
-                    # a level is a single value, and the noise around it is no range
+                    # the level counts as one value, so that its noise is not tested as a range
                     held = name == dataset.level and curve.level is not None
                     columns[name].append(np.full(len(x), curve.level) if held else x)
     known, low, high = _finite(residuals)
