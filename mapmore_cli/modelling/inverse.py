@@ -173,8 +173,8 @@ def knots(model: Model, name: str) -> Array:
 
 
 def parts_between(knots: Array) -> int:
-    """Return the number of parts of every interval between knots in which the slope is
-    evaluated.
+    """Return the number of parts into which every interval between knots is cut. The slope is
+    evaluated in each part.
     """
     return max(SCAN, -(-PARTS // (len(knots) - 1)))
 
