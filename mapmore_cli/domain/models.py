@@ -175,7 +175,7 @@ class LeftOut:
     """Errors of models on each part of the training data that was left out of their fits, from
     which intervals are computed.
 
-    Of levels, only those between two others are left out.
+    If the parts are levels, the lowest and the highest level are not left out.
     """
 
     kind: Annotated[

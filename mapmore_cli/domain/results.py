@@ -129,9 +129,9 @@ class ResidualTest:
 
     @property
     def fails(self) -> bool:
-        """Return True if the errors are not noise: at least as many values as here would be outside
-        their bounds by chance in less than one of a hundred cases. Noise puts each single value
-        outside with a probability of 5 %.
+        """Return True if so many values lie outside their bounds that noise is an unlikely reason.
+        Each value of noise is outside with a probability of 5 %. The number counts as unlikely if
+        noise puts at least so many values outside with a probability below `RARE`.
         """
         n, chance = self.tested, 0.05
         counts = range(self.beyond, n + 1)

@@ -231,8 +231,8 @@ class _Line:
     def _turning_points(
         self, low: Array, high: Array, rows: IntArray, splits: int
     ) -> tuple[Array, IntArray]:
-        """Return the turning points within parts of some rows, the middles of parts that were
-        divided, and their rows.
+        """Return the places at which the output turns within the given parts, together with the
+        middles of the parts that were divided, and the rows of these places.
         """
         start, end = np.nextafter(low, np.inf), np.nextafter(high, -np.inf)
         (left, slope_left), (right, slope_right) = self.both(start, rows), self.both(end, rows)

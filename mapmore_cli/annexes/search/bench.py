@@ -421,8 +421,8 @@ def _beyond(dataset: Dataset, situation: Situation, study: Dataset) -> list[Bool
             width = min(np.max(low, initial=0.0), WIDEST * (largest - least))
             if width > 0 and np.count_nonzero(low > 0) >= BEYOND * len(held):
                 fold = samples.training & (above >= -width)
-                # the rest must cover at least half of the range, so that of two values neither is
-                # left alone
+                # The remaining samples must cover at least half of the range. A quantity with two
+                # values therefore gets no fold, because only one value would remain.
                 if 2 * np.ptp(values[samples.training & ~fold]) >= largest - least:
                     folds.append(fold)
     return folds

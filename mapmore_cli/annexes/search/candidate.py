@@ -58,15 +58,15 @@ a structure that behaves differently from what its file of candidates says.
 
 
 def way_of(candidate: Tried) -> str:
-    """Return the behaviour of the pieces of a candidate outside the range of each curve: the value
-    at the end is held if its file of candidates says nothing.
+    """Return the extrapolation of the pieces of a candidate. If its file of candidates sets none,
+    the value at the end of a curve is held.
     """
     return str(candidate.sections.get(BEYOND, "saturate"))
 
 
 def going_on(candidate: Tried, way: str | None) -> Tried:
-    """Return the candidate that behaves in another way outside the range of each curve; None leaves
-    it as it is.
+    """Return the candidate with another extrapolation of its pieces, the candidate itself if `way`
+    is None.
     """
     if way is None:
         return candidate

@@ -118,8 +118,9 @@ def _uneven(dataset: Dataset) -> tuple[str, ...]:
 
 @dataclass
 class Budget:
-    """Budget of a search: seconds of processor time for structures in each process, so that a busy
-    machine tries the same structures as an idle one; and how many structures were listed and cut.
+    """Time for trying structures, the number of structures that were `listed`, and the number that
+    were `cut` because the time was over. The time is processor time of each process, s, so that a
+    busy machine tries as many structures as an idle one.
     """
 
     seconds: float
