@@ -199,8 +199,8 @@ def _sized_in_free_run(
         progress(terms, len(early.selector.sizes))
     if not np.isfinite(errors).any():
         raise DataError(
-            "the free run of every candidate model diverges, or has no history, on the "
-            "last quarter of the training samples",
+            "on the last quarter of the training samples, the free run of every candidate model "
+            "diverges or has no history",
             DIVERGES,
         )
     return sizes[int(np.argmin(errors))], np.array(errors)

@@ -365,8 +365,8 @@ def _held_places(
     sides: tuple[Side, Side],
     words: Sequence[str] = ("saturate", "continue_linear"),
 ) -> list[tuple[Condition, Expression]]:
-    """Return the conditions under which the extrapolation function E holds an input, each with the
-    value: a limit, or the value that the spec gives for this side (M2 eq 12).
+    """Return the conditions under which the extrapolation function E (M2 eq 12) replaces an input
+    by a constant, and these constants: a limit, or the value that the spec gives for this side.
     """
     held = [
         (beyond, side if isinstance(side, float) else end if side in words else None)

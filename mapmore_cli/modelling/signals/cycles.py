@@ -80,8 +80,8 @@ def split_cycles(over: Array, columns: Columns, samples: int) -> Branches:
 
 
 def turning_points(values: Array, swing: float) -> IntArray:
-    """Return the rows at which `values` `(n,)` reverse, alternately minima and maxima, both ends of
-    the movement included.
+    """Return the rows of the minima and maxima at which `values`, (n,), reverse. The two ends of
+    the movement are included.
 
     A reversal counts when the values have moved back from the extreme by `swing`. The result is
     empty if the values never move by so much.
