@@ -29,7 +29,8 @@ from mapmore_cli.pipeline.frames import Door, labels_of
 
 TOLERANCE = 1e-4  # default tolerance with `stop: tolerance`
 FEWEST = 3  # number of terms that a model may have even with few samples
-# rounding may remove this fraction of a power of a column from its differences to other powers
+# largest fraction of the differences between powers of a column that rounding may remove; beyond
+# it, the column is centred
 LOST = 1e-10
 ROUNDING = 1e-13  # a coefficient that is smaller than this fraction of the sum of its parts is zero
 

@@ -29,7 +29,7 @@ def prose(docstring: str | None) -> str:
 
 
 class Handler(Protocol):
-    """Function that pydantic passes, with which the schema of a type is made."""
+    """Function of pydantic that makes the schema of a type."""
 
     def __call__(self, source: object, /) -> dict[str, object]:
         """Return the schema that pydantic makes of the type by itself."""
@@ -239,7 +239,8 @@ QuantityName = Annotated[
 TermName = Annotated[
     str,
     Checked(
-        "is not a valid term: it is empty, has other characters, or more than 10000 of them",
+        "is not a valid term: it is empty, longer than 10000 characters, or contains other "
+        "characters than terms may contain",
         re.compile(r"[A-Za-z0-9_.,\[\]+\-^*/() ]{1,10000}").fullmatch,
     ),
 ]
@@ -259,9 +260,9 @@ Label = Annotated[
 
 @dataclass(frozen=True)
 class InUnit:
-    """Mark of a number that may be written with a unit. `unit` returns the unit to which it is
-    converted, from the place of the number (`study.fields.Place`), and `words` describe this unit
-    to a reader.
+    """Mark of a number that may be written with a unit. It is converted to the unit that the
+    function `unit` returns for the place of the number in the spec (`study.fields.Place`). `words`
+    describe this unit to a reader.
 
     The number is a value of its quantity. A width, a tolerance, an error or an offset is a
     `Difference` of two values: 1 K more is 1 degC more.

@@ -30,15 +30,15 @@ Step = Annotated[Number, Checked("is not above 0", lambda step: step > 0)]
 
 
 LOWER_BOUND = (
-    "Standard errors are lower bounds: they take the samples to be independent, and neighbouring "
-    "samples of a recording err together. The true intervals are wider."
+    "Standard errors are lower bounds: they assume independent samples, but neighbouring samples "
+    "of a recording have similar errors. The true intervals are wider."
 )
-BY_CURVE = "Standard errors by curve: residuals of one curve may go together."
+BY_CURVE = "Standard errors allow for correlated residuals within a curve."
 BY_RECORDING = (
-    "Standard errors by what residuals of a recording have in common. With few curves, or no more "
-    "than terms, this is a guess."
+    "Standard errors allow for correlated residuals along a recording. They are a guess if there "
+    "are few curves, or no more curves than terms."
 )
-ErrorsNote = Annotated[str, "what the standard errors take residuals to be"]
+ErrorsNote = Annotated[str, "assumption about residuals on which the standard errors are based"]
 """Assumption about residuals on which the standard errors are based. Standard errors are lower
 bounds if nothing better is known.
 """
@@ -58,7 +58,7 @@ class Scaling:
     """
 
     rule: Annotated[Label, "`unit_square`, `max_abs`, `none` or `range`"]
-    placement: Annotated[Label, "where the origin lies, as `left`"]
+    placement: Annotated[Label, "end at which the origin lies, for example `left`"]
     variables: Annotated[
         tuple[QuantityName, ...], "(v) inputs, in the order of slope and intercept"
     ]
@@ -76,7 +76,7 @@ class ChosenTerms:
     theta_error: Annotated[Array, "(k) standard errors of theta; NaN without a degree of freedom"]
     g: Annotated[Array, "(k) coefficients of the orthogonalised terms"]
     err: Annotated[Array, "(k) error reduction ratios"]
-    samples: Annotated[Count, "samples fitted to"]
+    samples: Annotated[Count, "number of samples of the fit"]
     condition: Annotated[float, "2-norm condition number of the chosen regressors"]
     stop: Annotated[Label, "why selection stopped"]
 
@@ -95,15 +95,15 @@ class Selection(ChosenTerms):
     a: Annotated[Array, "(k, k) unit upper triangular A, P_chosen = Q A"]
     g_all: Annotated[
         Array,
-        "(k, M) g of every candidate at every iteration; NaN where already chosen or excluded",
+        "(k, M) g of every candidate at every iteration; NaN if already chosen or excluded",
     ]
     err_all: Annotated[
         Array,
-        "(k, M) err of every candidate at every iteration; NaN where already chosen or excluded",
+        "(k, M) err of every candidate at every iteration; NaN if already chosen or excluded",
     ]
     runner_up: Annotated[
         IntArray,
-        "(k) second best candidate of each iteration, from 0; -1 where there was none",
+        "(k) second best candidate of each iteration, from 0; -1 if there was none",
         "-",
     ]
     tied: Annotated[IntArray, "(k) other candidates within 1e-9 of the winner's err"]
@@ -111,16 +111,16 @@ class Selection(ChosenTerms):
     yy: Annotated[float, "total sum of squares, uncentred"]
     curves: Annotated[
         Count,
-        "curves whose residuals were summed for theta_error; 0 where residuals count as "
-        "independent",
+        "number of curves whose residuals were summed for theta_error; 0 if residuals are taken "
+        "as independent",
     ] = 0
     scale: Annotated[
         float, "scale of the residuals by which a robust loss weighs them; NaN for squares"
     ] = float("nan")
     worth: Annotated[
         float,
-        "independent samples that the samples are worth for theta_error, as their residuals go "
-        "together; NaN where they count as independent",
+        "number of independent samples to which the samples are equivalent for theta_error, "
+        "because their residuals are correlated; NaN if residuals are taken as independent",
     ] = float("nan")
     candidates: tuple[str, ...] = field(default=(), compare=False, metadata={"stored": False})
 
@@ -148,9 +148,9 @@ class Selection(ChosenTerms):
 
     @property
     def freedom(self) -> int:
-        """Degrees of freedom of the standard errors: of curves if residuals are summed by curve,
-        otherwise of the samples, or of the smaller number of independent samples to which they are
-        equivalent.
+        """Degrees of freedom of the standard errors. If residuals are summed by curve, they are
+        those of the curves. Otherwise, they are those of the samples, or those of the equivalent
+        number of independent samples if that is smaller.
         """
         left = self.samples - len(self.theta)
         if self.curves:
@@ -185,7 +185,7 @@ class Selection(ChosenTerms):
 class GridCell:
     """One cell of the grid into which a training curve is cut."""
 
-    id: Annotated[Label, "identifier of the segment, as `pressure=150/strain:2`"]
+    id: Annotated[Label, "identifier of the segment, for example `pressure=150/strain:2`"]
     curve: Annotated[Label, "identifier of its curve"]
     cell: Annotated[tuple[int, ...], "place along each segmented variable, from 1", "-"]
 
@@ -196,8 +196,8 @@ class Segment(GridCell):
 
     rows: Annotated[
         Rows,
-        "row numbers within the curve's training samples, from 0; the first of those that follow "
-        "each other, and the last plus 1",
+        "row numbers within the curve's training samples, from 0; for consecutive rows, the first "
+        "row and the last row plus 1",
         "-",
     ]
 
@@ -208,7 +208,7 @@ class CutCurve(CurveRange):
 
     boundaries: Annotated[
         tuple[Boundaries, ...],
-        "(p) segment locations of each segmented variable, both ends included",
+        "(p) boundaries of the segments along each segmented variable, both ends included",
         "[variables.*]",
     ]
 
@@ -255,12 +255,12 @@ class FormulaFit(Fit):
     name: Annotated[Label, "name of the formula"]
     parameters: Annotated[
         Mapping[QuantityName, float],
-        "fitted parameters; NaN where the fit failed",
+        "fitted parameters; NaN if the fit failed",
         "those of the formula",
     ]
     errors: Annotated[
         Mapping[QuantityName, float],
-        "standard errors of the parameters; NaN where unknown",
+        "standard errors of the parameters; NaN if unknown",
         "those of the formula",
     ]
     status: Annotated[
@@ -272,9 +272,9 @@ class FormulaFit(Fit):
     rank: Annotated[int, "rank of the linear problem"]
     condition: Annotated[float, "condition number of the linear problem"]
     sse: Annotated[float, "residual sum of squares", "[target]^2"]
-    samples: Annotated[Count, "samples fitted to"]
+    samples: Annotated[Count, "number of samples of the fit"]
     notes: Notes = ()
-    rivals: Annotated[tuple[Optimum, ...], "other minima with nearly its training error"] = ()
+    rivals: Annotated[tuple[Optimum, ...], "other minima with nearly the same error"] = ()
     definition: str = ""
     errors_note: ErrorsNote = LOWER_BOUND
 
@@ -309,9 +309,9 @@ class StateSet:
     """
 
     names: Annotated[
-        tuple[TermName, ...], "(s) as `pressure`, `force[k-1]`, `slow(play(pressure, 0.16), 0.3)`"
+        tuple[TermName, ...], "(s) names, such as `force[k-1]` or `slow(play(pressure, 0.16), 0.3)`"
     ]
-    step: Annotated[Step, "time between samples; where `ordered`, their median", "s"]
+    step: Annotated[Step, "time between samples; the median if `ordered`", "s"]
     ranges: Annotated[
         Mapping[TermName, Span],
         "training range of each source of `play`, `stop` and `saturate`, by its name",
@@ -324,20 +324,23 @@ class StateSet:
     ]
     low: Annotated[
         Numbers,
-        "(s or 0) least training value of each state, scaled to 0; empty where states are not "
-        "scaled",
+        "(s or 0) smallest training value of each state, which is scaled to 0; empty if states "
+        "are not scaled",
         "that of the state",
     ]
     high: Annotated[
         Numbers,
-        "(s or 0) greatest training value of each state, scaled to 1; empty likewise",
+        "(s or 0) largest training value of each state, which is scaled to 1; empty if states "
+        "are not scaled",
         "that of the state",
     ]
     margin: Annotated[
-        Number, "how far beyond its training range a scaled state may go, as a fraction of it"
+        Number,
+        "distance outside the training range at which a scaled state is limited, as a fraction of "
+        "the range",
     ]
     ordered: Annotated[
-        bool, "whether steps of time may be uneven, since the order of samples alone counts"
+        bool, "whether time steps may be uneven, because only the order of samples counts"
     ] = False
 
     @property
@@ -364,14 +367,14 @@ class MemoryModel:
     terms: Annotated[tuple[TermName, ...], "(k) the terms D_j, in the order of selection"]
     theta: Annotated[
         Numbers,
-        "(k) coefficients of the terms, of states scaled as `states` says",
+        "(k) coefficients of the terms of states that are scaled as in `states`",
         "those of the terms",
     ]
     theta_error: Annotated[
         Array, "(k) standard errors of theta; NaN without a degree of freedom", "those of the terms"
     ]
     constant: Annotated[Number, "the constant", "[target]"]
-    limits: Annotated[Span, "least and greatest training output", "[target]"]
+    limits: Annotated[Span, "smallest and largest training output", "[target]"]
     errors_note: ErrorsNote = LOWER_BOUND
 
     @property
@@ -402,15 +405,18 @@ class Identified:
     If the search ended at a bound (`held`), the data do not determine the parameter.
     """
 
-    names: Annotated[tuple[TermName, ...], "(m) as `p of wen(force[k-1])`"]
+    names: Annotated[tuple[TermName, ...], "(m) names, such as `p of wen(force[k-1])`"]
     numbers: Annotated[Array, "(m) the numbers", "s, Hz or 1"]
     errors: Annotated[Array, "(m) standard errors; NaN at a bound", "those of the numbers"]
-    held: Annotated[BoolArray, "(m) 1 where the search ended at a bound"]
+    held: Annotated[BoolArray, "(m) 1 if the search ended at a bound"]
 
     @property
     def notes(self) -> tuple[str, ...]:
         """One note for each parameter at a bound."""
-        note = "lies at a bound of its search: the training data ask for more, or do not tell it"
+        note = (
+            "lies at a bound of its search, because the training data call for a value beyond it, "
+            "or do not determine it"
+        )
         ends = zip(self.names, self.numbers.tolist(), self.held.tolist(), strict=True)
         return tuple(f"{name} = {number:.4g} {note}" for name, number, held in ends if held)
 
@@ -419,26 +425,28 @@ class Identified:
 class MemoryFit(Fit):
     """A model with memory, and how its k terms were chosen from M candidates.
 
-    If terms were pruned, the ERR of `selection` is that among the remaining terms; in the tables,
-    all other terms are NaN.
+    If terms were pruned, the ERR of `selection` is computed among the remaining terms only; in the
+    tables, all other terms are NaN.
     """
 
     model: Annotated[MemoryModel, "the model"]
     candidates: Annotated[tuple[TermName, ...], "(M) names of all M dictionary terms"]
-    selection: Annotated[Selection, "how the terms were found; after pruning, among those kept"]
+    selection: Annotated[
+        Selection, "how the terms were found; after pruning, among the remaining terms"
+    ]
     ridge: Annotated[
         float, "ridge as a fraction of the variance of a standardised candidate; 0 for none"
     ]
     forward: Annotated[IntArray, "candidates chosen before pruning, in their order, from 0", "-"]
     held_out: Annotated[
         Array | None,
-        "free-run RMSE of the models of 1, 2, ... terms over the last training samples, "
-        "fitted to the others; inf where diverged",
+        "free-run RMSE of the models of 1, 2, ... terms over the last training samples; the models "
+        "are fitted to the other samples; inf if a run diverged",
         "[target]",
     ] = None
     identified: Annotated[
         Identified | None,
-        "the numbers of operators that the dictionary left open, where it left any",
+        "operator parameters that training estimated; absent if the dictionary gives all of them",
     ] = None
 
     @property

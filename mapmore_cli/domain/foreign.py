@@ -103,8 +103,8 @@ _TEX = str.maketrans(
 
 
 def tex_text(text: str) -> str:
-    """Return LaTeX source on one line that prints the text unchanged and contains no commands of
-    the text's own.
+    """Return LaTeX source on one line that prints the text unchanged. Commands in the text have no
+    effect.
     """
     return _printed(text).translate(_TEX)
 

@@ -70,7 +70,7 @@ class Joining(Settings):
     ] = "linear"
     hold: Annotated[
         Literal["samples", "none"],
-        "`samples` where segment functions are held beyond theirs, or `none`",
+        "`samples` if segment functions are held outside their samples, or `none`",
     ] = "samples"
 
 
@@ -82,14 +82,12 @@ class Fusion(Joining):
     `z_s` times their width, if transition zones reach that far. With `none`, it is evaluated
     without a limit (exactly M2 eq 9-11).
 
-    `shrink` is the share g of the pieces on a backbone that is carried to the middle between two
-    levels: at the place t between them, it is `g + (1 - g)(1 - 2t)^2`.
+    `shrink` is the factor g by which pieces on a backbone are multiplied midway between two levels.
+    At the fraction t of the distance between the levels, the factor is `g + (1 - g)(1 - 2t)^2`.
     """
 
     extrapolation: Annotated[
         Mapping[QuantityName, tuple[Side, Side]],
         "behaviour below and above the limits of each input: a word, or the value it takes",
     ]
-    shrink: Annotated[
-        Number, "share of the pieces on a backbone that is carried to the middle between two levels"
-    ] = 1.0
+    shrink: Annotated[Number, "factor of the pieces on a backbone midway between two levels"] = 1.0

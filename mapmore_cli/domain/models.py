@@ -31,7 +31,9 @@ class SegmentFunction(ChosenTerms):
     theta: Annotated[Numbers, "(k) coefficients of the terms, which are finite"]
     scaling: Annotated[Scaling, "scaling of the segment"]
     limits: Annotated[
-        Ranges, "least and greatest training value of each segmented variable in the segment", "[*]"
+        Ranges,
+        "smallest and largest training value of each segmented variable in the segment",
+        "[*]",
     ] = field(default_factory=dict)
     errors_note: ErrorsNote = LOWER_BOUND
 
@@ -173,16 +175,16 @@ class LeftOut:
     """Errors of models on each part of the training data that was left out of their fits, from
     which intervals are computed.
 
-    Of levels, only those between two others are left out.
+    If the parts are levels, the lowest and the highest level are not left out.
     """
 
     kind: Annotated[
         LeftOutKind, "`levels`, `recordings`, `blocks` or `specimens`: what was left out in turn"
     ]
-    curves: Annotated[Count, "levels, recordings or blocks that train"]
+    curves: Annotated[Count, "number of levels, recordings or blocks of the training data"]
     parts: Annotated[tuple[Label, ...], "(parts) names of the parts"]
-    samples: Annotated[IntArray, "(parts) samples of each"]
-    offset: Annotated[Numbers, "(parts) mean of measured minus predicted over each", "[target]"]
+    samples: Annotated[IntArray, "(parts) number of samples of each part"]
+    offset: Annotated[Numbers, "(parts) mean of measured minus predicted values", "[target]"]
     scatter: Annotated[Numbers, "(parts) standard deviation about the offset", "[target]"]
     sizes: Annotated[
         Numbers,
@@ -190,24 +192,27 @@ class LeftOut:
         "[target]",
     ]
     places: Annotated[
-        tuple[Number, ...], "(levels) levels that train", "that of the level", ASCENDING
+        tuple[Number, ...], "(levels) training levels", "that of the level", ASCENDING
     ] = ()
-    repeats: Annotated[tuple[Count, ...], "(levels) recordings that train at each"] = ()
+    repeats: Annotated[tuple[Count, ...], "(levels) training recordings at each level"] = ()
     largest: Annotated[Number, "largest absolute training target", "[target]"] = 0.0
     residual: Annotated[
-        Number, "root mean square training residual, for the parameters fitted", "[target]"
+        Number,
+        "root mean square training residual, corrected for the number of parameters",
+        "[target]",
     ] = 0.0
     smooth: Annotated[
         Number, "root mean product of neighbouring training residuals", "[target]"
     ] = 0.0
     apart: Annotated[
         float,
-        "standard deviation from recording to recording of one level; NaN without repeats",
+        "standard deviation between recordings of one level; NaN without repeats",
         "[target]",
     ] = math.nan
     astray: Annotated[
         Number,
-        "how far left-out predictions lie beyond the training target, as a share of its range",
+        "distance of left-out predictions from the range of the training target, as a fraction "
+        "of this range",
     ] = 0.0
 
 
@@ -217,10 +222,18 @@ class KeptShape:
     coefficients, and by how much a fit without this shape would violate it.
     """
 
-    quantity: Annotated[QuantityName, "the input; of `positive` the output itself"]
+    quantity: Annotated[QuantityName, "the input; for `positive`, the output itself"]
     word: Annotated[Word, "`increasing`, `decreasing`, `convex`, `concave` or `positive`"]
-    violated: Annotated[Number, "largest fall without it, or missed chord", "[target]"]
-    binds: Annotated[Ranges, "inputs where it binds, from and to; empty where it does not", "[*]"]
+    violated: Annotated[
+        Number,
+        "largest fall, or largest distance from a chord, of a fit without the shape",
+        "[target]",
+    ]
+    binds: Annotated[
+        Ranges,
+        "ranges of the inputs in which the shape determines the coefficients; empty if it does not",
+        "[*]",
+    ]
 
 
 @dataclass(frozen=True)
@@ -232,13 +245,19 @@ class Shape:
     Errors are root mean squares, with the shape and without it.
     """
 
-    kept: Annotated[tuple[KeptShape, ...], "what was asked"]
-    slack: Annotated[Number, "share of the range of the training output"]
-    beyond: Annotated[Number, "share of the training range of each input"]
+    kept: Annotated[tuple[KeptShape, ...], "required shapes"]
+    slack: Annotated[Number, "fraction of the range of the training output"]
+    beyond: Annotated[Number, "fraction of the training range of each input"]
     training: Annotated[Number, "error on the training samples", "[target]"] = 0.0
-    held_out: Annotated[float, "error on the held-out samples; NaN without", "[target]"] = math.nan
-    training_without: Annotated[Number, "training error without it", "[target]"] = 0.0
-    held_out_without: Annotated[float, "error on them without the shape", "[target]"] = math.nan
+    held_out: Annotated[
+        float, "error on the held-out samples; NaN if there are none", "[target]"
+    ] = math.nan
+    training_without: Annotated[
+        Number, "error on the training samples without the shape", "[target]"
+    ] = 0.0
+    held_out_without: Annotated[
+        float, "error on the held-out samples without the shape", "[target]"
+    ] = math.nan
 
     @property
     def monotone(self) -> frozenset[str]:
@@ -252,7 +271,10 @@ class Shape:
             kept.word if kept.word == "positive" else f"{kept.word} in {kept.quantity}"
             for kept in self.kept
         )
-        where = f"where the training output stands {self.slack:.3g} of its range above its least"
+        where = (
+            f"where the training output is more than {self.slack:.3g} of its range above its "
+            "smallest value"
+        )
         return f"{words} over the training range, {where}"
 
 
@@ -267,13 +289,13 @@ class Model:
     inputs: Annotated[tuple[Quantity, ...], "quantities that the model needs"]
     body: Annotated[Body, "what the model consists of"]
     signals: Annotated[
-        tuple[Signal, ...], "inputs that follow from others over time, each after those"
+        tuple[Signal, ...], "inputs that are computed from others over time, each after its source"
     ] = ()
     notes: Notes = ()
     left_out: Annotated[
-        LeftOut | None, "what intervals are made of, where the spec asked for them"
+        LeftOut | None, "errors from which intervals are computed, if the spec asks for intervals"
     ] = None
-    shape: Annotated[Shape | None, "the shape that it keeps, where the spec asked for one"] = None
+    shape: Annotated[Shape | None, "the shape that it keeps, if the spec asks for one"] = None
 
     def body_of(self, kind: type[B]) -> B:
         """Return the body, which must be of the type `kind`."""

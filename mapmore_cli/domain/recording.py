@@ -41,18 +41,18 @@ class Quantity:
     """A measured or modelled quantity."""
 
     name: Annotated[QuantityName, "canonical name"]
-    unit: Annotated[Label, "its unit, as `kPa`, `1`, `N`"]
+    unit: Annotated[Label, "its unit, such as `kPa`, `1` or `N`"]
 
     @property
     def label(self) -> str:
-        """Name and unit, as `pressure [kPa]`."""
+        """Name and unit, for example `pressure [kPa]`."""
         return f"{self.name} [{self.unit}]"
 
 
 @dataclass(frozen=True)
 class BaseUnits:
-    """A unit in base units of the SI: `x` of it are `factor x + offset` of the product of the base
-    units.
+    """A unit, expressed in base units of the SI. The value x in this unit is `factor x + offset` in
+    the product of the base units.
 
     `powers` holds the powers of the base units by name: kg, m, s, A, K, mol, cd, rad.
     """
@@ -76,10 +76,10 @@ class Recording:
     rows_read: Annotated[Count, "samples in the source file"]
     dropped: Annotated[Mapping[str, Count], "samples left out, by reason", "1"]
     log: Annotated[
-        Label, "identifier of the log that this is a piece of; empty where it is the whole log"
+        Label, "identifier of the log that this is a piece of; empty if it is the whole log"
     ] = ""
     first_row: Annotated[
-        Count, "row of the first sample in the file, from 1; 0 where samples are not row by row"
+        Count, "row of the first sample in the file, from 1; 0 if samples are not stored row by row"
     ] = 0
 
     @property
@@ -107,7 +107,7 @@ class CurveRange:
 
     curve: Annotated[Label, "identifier of the curve"]
     level: Annotated[Number | None, "value of the level quantity", "[level]"]
-    limits: Annotated[Ranges, "least and greatest training value of each input", "[*]"]
+    limits: Annotated[Ranges, "smallest and largest training value of each input", "[*]"]
 
     def of(self, names: Iterable[str]) -> CurveRange:
         """Return the range of only some inputs."""
@@ -123,16 +123,16 @@ class Curve:
     of time.
     """
 
-    id: Annotated[Label, "identifier of the curve, as `pressure=150`"]
+    id: Annotated[Label, "identifier of the curve, for example `pressure=150`"]
     level: Annotated[Number | None, "value of the level quantity", "[level]"]
     columns: Annotated[Columns, "(n) samples, row for row", "[*]"]
-    held_out: Annotated[BoolArray, "(n) 1 where a sample belongs to the validation data", "1"]
+    held_out: Annotated[BoolArray, "(n) 1 if a sample is held out", "1"]
     recordings: Annotated[
         tuple[Label, ...], "identifiers of the recordings that the samples come from"
     ]
     at_rest: Annotated[
         BoolArray | None,
-        "(n) 1 on the plateau of a step response, where a sample is scored but does not train",
+        "(n) 1 on the plateau of a step response, whose samples are scored but not trained with",
         "1",
     ] = None
     origin: Annotated[
@@ -140,7 +140,7 @@ class Curve:
     ] = None
     measured: Annotated[
         Ranges,
-        "range of each quantity over the training recordings, where samples are branches",
+        "range of each quantity over the training recordings, if samples are means of branches",
         "[*]",
     ] = field(default_factory=dict)
 
@@ -250,11 +250,13 @@ class Signal:
 
     name: Annotated[QuantityName, "name of the input"]
     kind: Annotated[str, "`rate` or `direction`", one_of("rate", "direction")]
-    of: Annotated[QuantityName, "the quantity that it follows from"]
+    of: Annotated[QuantityName, "the quantity from which it is computed"]
     window: Annotated[Number, "width of the window of a rate; 0 for a direction", "s"] = 0.0
     order: Annotated[Count, "order of the polynomials of a rate; 0 for a direction"] = 0
     factor: Annotated[Number, "unit of the quantity per second, in the unit of the rate"] = 1.0
     seconds: Annotated[Number, "seconds in one unit of the time", "s"] = 1.0
     dead_band: Annotated[
-        Number, "rate up to which the last direction holds; 0 for a rate", "that of the rate"
+        Number,
+        "largest rate at which the last direction is kept; 0 for a rate",
+        "that of the rate",
     ] = 0.0

@@ -30,12 +30,10 @@ class Outlier:
     """A training sample that lies far from the fit. It has less weight, and stays in the data."""
 
     file: Annotated[str, "file that it comes from"]
-    place: Annotated[
-        Label, "`row 17` of the file; where that is not known, `sample 17` of its curve"
-    ]
+    place: Annotated[Label, "`row 17` of the file; if the row is unknown, `sample 17` of its curve"]
     curve: Annotated[Label, "identifier of its curve"]
-    off: Annotated[float, "measured less predicted", "[target]"]
-    scales: Annotated[float, "the same, in scales of the residuals"]
+    off: Annotated[float, "measured minus predicted value", "[target]"]
+    scales: Annotated[float, "the same, in units of the scale of the residuals"]
 
 
 @dataclass(frozen=True)
@@ -46,7 +44,7 @@ class FitResult:
     if there is one.
     """
 
-    body: Annotated[Fit | None, "what was fitted; absent where models are only added up"]
+    body: Annotated[Fit | None, "what was fitted; absent if models are only added up"]
     backbone: Annotated[FormulaFit | None, "formula whose residual was fitted"] = None
     notes: Notes = ()
 
@@ -91,8 +89,8 @@ class ErrorBand:
     model, NaN for a model without predictions there.
     """
 
-    low: Annotated[float, "least absolute value", "[target]"]
-    high: Annotated[float, "greatest absolute value", "[target]"]
+    low: Annotated[float, "smallest absolute value", "[target]"]
+    high: Annotated[float, "largest absolute value", "[target]"]
     samples: Annotated[int, "samples in the band"]
     rmse: Annotated[Mapping[Label, float], "root mean square error of each model", "[target]"]
 
@@ -114,7 +112,9 @@ class ResidualTest:
     name: Annotated[Label, "`autocorrelation`, or the input"]
     x: Annotated[Array, "(m) lags in samples, or places along the input", "-"]
     values: Annotated[Array, "(m) correlations, or mean residuals", "-"]
-    bounds: Annotated[Array, "(m) of noise, 95 % lie within so much of zero", "-"]
+    bounds: Annotated[
+        Array, "(m) for noise, 95 % of the values lie within this distance of zero", "-"
+    ]
 
     @property
     def tested(self) -> int:
@@ -129,9 +129,9 @@ class ResidualTest:
 
     @property
     def fails(self) -> bool:
-        """Return True if the errors are not noise: at least as many values as here would be outside
-        their bounds by chance in less than one of a hundred cases. Noise puts each single value
-        outside with a probability of 5 %.
+        """Return True if so many values lie outside their bounds that noise is an unlikely reason.
+        Each value of noise is outside with a probability of 5 %. The number counts as unlikely if
+        noise puts at least so many values outside with a probability below `RARE`.
         """
         n, chance = self.tested, 0.05
         counts = range(self.beyond, n + 1)
@@ -167,7 +167,7 @@ class Validation:
         field(default_factory=dict)
     )
     warnings: Annotated[
-        tuple[str, ...], "what must be known of the run's own model before its scores are read"
+        tuple[str, ...], "what a reader must know before the scores of the run's own model"
     ] = ()
     along: Annotated[QuantityName, "the quantity that varies within a curve"] = ""
     bands: Annotated[tuple[ErrorBand, ...], "errors by the size of what was measured"] = ()
@@ -176,9 +176,9 @@ class Validation:
         tuple[Outlier, ...], "training samples far from a robust fit, the farthest first"
     ] = ()
     shown: Annotated[
-        Dataset | None, "samples that figures show; absent where they show the whole dataset"
+        Dataset | None, "samples that figures show; absent if they show the whole dataset"
     ] = None
-    others: Annotated[tuple[Validation, ...], "those of further outputs"] = ()
+    others: Annotated[tuple[Validation, ...], "validations of further outputs"] = ()
     models: Annotated[
         Mapping[Label, Model], "competitors that are formulas, pieces or recursions, as models"
     ] = field(default_factory=dict)
@@ -266,7 +266,9 @@ class Tried:
     family: str  # kind of the structure
     words: str  # name of the structure
     sections: Mapping[str, Any]  # sections of a spec that define it, by name
-    parameters: int = 0  # free parameters of its model of all training data
+    parameters: int = (
+        0  # number of free parameters of the model that is fitted to all training data
+    )
     errors: tuple[
         float, ...
         # RMSE on each fold, of a model fitted without this fold, as a fraction of `Search.scale`;

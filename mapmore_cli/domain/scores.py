@@ -59,7 +59,7 @@ class Score:
     model: Annotated[Label, "`mapmore`, or the name of a literature model"]
     target: Annotated[Label, "the modelled quantity"]
     split: Annotated[
-        Label, "`train` or `validate`; `seen` of held-out data that the model was trained on"
+        Label, "`train`, `validate`, or `seen` for held-out data on which the model was trained"
     ]
     curve: Annotated[Label, "`all`, or the identifier of a curve"]
     n: Annotated[int, "samples", Measure(lambda row: row.n, "samples", at_least=True)]
@@ -80,13 +80,13 @@ class Score:
     normaliser_name: Annotated[Label, "what the normaliser is"]
     max_abs_error: Annotated[
         float,
-        "greatest absolute error",
+        "largest absolute error",
         "[target]",
         Measure(lambda row: row.worst, "max error [UNIT]"),
     ]
     max_abs_error_fs: Annotated[
         float,
-        "greatest absolute error as a fraction of the normaliser",
+        "largest absolute error as a fraction of the normaliser",
         Measure(lambda row: row.scale.fraction(row.worst), "max error [% FS] .2f"),
     ]
     r2: Annotated[
@@ -109,7 +109,7 @@ class Score:
     ] = math.nan
     rrse_one_step: Annotated[
         float,
-        "the same of predictions from the measured past; NaN without memory",
+        "root relative squared error of predictions from the measured past; NaN without memory",
         Measure(
             lambda row: math.sqrt(
                 ratio(
@@ -128,7 +128,7 @@ class Score:
     ] = math.nan
     interval_coverage: Annotated[
         float,
-        "share of the samples within their 95 % interval; NaN without intervals",
+        "fraction of the samples within their 95 % interval; NaN without intervals",
         Measure(
             lambda row: ratio(
                 row.total(lambda block: np.abs(block.error) <= block.half),
@@ -139,7 +139,7 @@ class Score:
     ] = math.nan
     interval_half_width: Annotated[
         float,
-        "half of the width of that interval, the median over the samples",
+        "half of the width of the 95 % interval, as the median over the samples",
         "[target]",
         Measure(lambda row: row.median(lambda block: block.half)),
     ] = math.nan
@@ -154,7 +154,7 @@ class Score:
     ] = math.nan
     rmse_weighted: Annotated[
         float,
-        "rmse with samples weighted by their uncertainty; NaN without one",
+        "rmse with samples weighted by their uncertainty; NaN if it is unknown",
         "[target]",
         Measure(
             lambda row: math.sqrt(row.chi2 / row.total(lambda block: block.sigma**-2.0)),
@@ -164,7 +164,8 @@ class Score:
     ] = math.nan
     chi2_dof: Annotated[
         float,
-        "chi-square per degree of freedom, near 1 where only noise is left; NaN without one",
+        "chi-square per degree of freedom, which is near 1 if only noise is left; NaN if the "
+        "uncertainty is unknown",
         Measure(
             lambda row: ratio(row.chi2, row.n - row.free),
             "chi²/dof .3g",

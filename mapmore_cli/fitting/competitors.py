@@ -154,7 +154,7 @@ class Contest:
 
     def _as_model(self, name: str, body: Computed | None) -> Model | None:
         """Return a model of the scored quantity with this body and the training ranges of the
-        contest; None without a body, or if the body is no model of quantities of the study.
+        contest; None without a body.
         """
         if body is None:
             return None
@@ -215,7 +215,7 @@ class Contest:
 
     def _composite(self, competitor: Competitor) -> Rival:
         """Return the sum of a static formula, fitted to the training data of the static run, and a
-        damping formula, fitted to the remaining force here.
+        damping formula, fitted to the force that remains in this study.
 
         For a damping model, the sum is treated like the measured force: the static force of the
         study is subtracted, then the mean on the plateau.

@@ -170,15 +170,15 @@ def refit_run(run_dir: Path, dataset: Dataset) -> Model:
 
 
 MUCH = 0.1
-"""Share of the held-out samples from which on a model that was trained with them counts as having
-seen them.
+"""Fraction of the held-out samples. A model that was trained with a larger fraction of them counts
+as having seen them.
 """
 
 
 def trained_on(run_dir: Path, dataset: Dataset) -> bool:
     """Return True if the model of another run was trained with samples that a dataset holds out.
-    Samples are recognised by rows with the same numbers, and more rows must agree than the training
-    samples share by chance.
+    Samples are recognised by rows with the same numbers, except rows that are also training rows of
+    the dataset. A few rows may agree by chance.
     """
     other = RunFiles(run_dir).dataset()
     names = [name for name in dataset.curves[0].columns if name in other.curves[0].columns]
@@ -234,7 +234,7 @@ def residuals(
         except (DataError, FitError) as error:
             raise type(error)(
                 f"validate.intervals: the fit without {name} failed: {error.message}",
-                "remove `intervals`, or change what that fit needs",
+                "remove `intervals`, or remove the cause of this failure",
             ) from error
         errors[name] = [
             (curve.columns[dataset.target] - output.values)[out & output.ready]
@@ -307,8 +307,8 @@ def _specimens(dataset: Dataset, of: str) -> tuple[LeftOutKind, int, dict[str, M
     )
     if len(values) < FEWEST:
         raise DataError(
-            f"validate.intervals leaves out one specimen at a time, for which {len(values)} "
-            f"{('is' if len(values) == 1 else 'are')} too few",
+            f"validate.intervals leaves out one specimen at a time and needs {FEWEST} specimens; "
+            f"the training data have {len(values)}",
             "remove `intervals`, or add recordings of a third specimen",
         )
     masks = {

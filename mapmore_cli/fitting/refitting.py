@@ -69,9 +69,9 @@ def left_out_of(
 
 
 def folds_by_value(dataset: Dataset, group: str | None) -> list[Masks]:
-    """Return, for every level or for every value of `group`, a fold that leaves out the samples
-    with it, as a mask for each curve. Raises DataError if there is only one, so that nothing is
-    left to train with.
+    """Return a fold for every level, or for every value of `group`: masks of the samples that it
+    leaves out, one for each curve. Raises DataError if there is only one level or value, because
+    nothing would be left to train with.
     """
     of_curves = [
         np.full(curve.size, curve.level) if group is None else curve.columns[group]

@@ -43,8 +43,9 @@ pass from sample to sample and add up.
 
 
 FAR, FARTHEST = 7.0, 600.0
-"""Limits of an exponent in `exp(...)`, in magnitude. Beyond the first, the exponential is rewritten
-so that its coefficient stays readable; beyond the second, floats overflow.
+"""Limits of the magnitude of an exponent in `exp(...)`. An exponential beyond the first limit is
+rewritten so that its coefficient stays readable. Beyond the second limit it is left unchanged,
+because the rewritten coefficient would overflow.
 """
 
 
@@ -61,8 +62,8 @@ def equation(
     """Return `y_slope sum_k theta_k D_k + y_intercept` (M2 eq 8) as text and as LaTeX.
 
     Numbers are rounded to the fewest digits with which the error of the equation stays below the
-    `tolerance`. The error is a fraction of the range of the equation's values over the `limits` of
-    quantities or states.
+    `tolerance`. The error is a fraction of the range of values that the equation takes while its
+    quantities or states vary within their `limits`.
     """
     whole, where = summed(terms, theta, scaling, units)
     whole = folded(whole)
@@ -116,8 +117,8 @@ def as_equation(
 
 
 def _balanced(term: Expression, at: Columns, n: int) -> Expression:
-    """Return a term in which no exponential is so small or large that its coefficient has to
-    compensate for it.
+    """Rewrite exponentials with a large exponent in a term, so that its coefficient keeps a
+    readable magnitude.
     """
     factors: list[Expression] = []
     for factor in term.factors if isinstance(term, Product) else (term,):
@@ -138,8 +139,9 @@ def summed(
     `sr` for `strain_rate`, `v16` for `voltage[k-16]`.
 
     For a quantity that is printed in another unit, `units` gives the number of the model's units in
-    one printed unit. A product of quantities that are scaled without an offset keeps its form, with
-    one coefficient in front, as in M2's table 5.
+    one printed unit. If all terms are products of powers and no input has an offset, the scale
+    factors are multiplied into the coefficients, and the terms keep their names, as in M2's table
+    5.
     """
     trees, weights = list(map(parse, terms)), (scaling.y_slope * theta).tolist()
     degrees = list(map(exponents, trees))
@@ -170,7 +172,7 @@ def summed(
                 for tree, degree in zip(trees, degrees, strict=True)
                 if name in tree.names
             )
-            # most terms are shorter if the coordinate begins at zero
+            # most terms are shorter if the scaled input is zero at the right end of the range
             shift = 1.0 if placed.get(name) == "right" and bent > 0 else 0.0
             short[name], where[fresh] = (
                 Name(fresh) - shift,

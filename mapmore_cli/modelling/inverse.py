@@ -1,11 +1,11 @@
 """Find the input for a wanted output, for example the pressure for a force at a strain: every
 solution within the training range.
 
-The map is not monotone everywhere (for measured muscles, it is not on up to a tenth of the grid).
-There may be no solution, one, several, or a whole range of them, if a slack muscle gives the same
-force at every pressure. The map is monotone between knots (levels, boundaries, limits) and the
-places at which the slope changes its sign. Each monotone part contains at most one solution, which
-bisection finds.
+The output is not monotone in the input everywhere (for measured muscles, it is not on up to a tenth
+of the grid). There may be no solution, one, several, or a whole range of them, if a slack muscle
+gives the same force at every pressure. The output is monotone between knots (levels, boundaries,
+limits) and the places at which the slope changes its sign. Each monotone part contains at most one
+solution, which bisection finds.
 """
 
 from __future__ import annotations
@@ -43,9 +43,8 @@ all intervals together.
 """
 
 SPLITS, STEEP = 6, 3.0
-"""Largest number of times that a part is divided, and the ratio between the slope at an end of a
-part and the slope of its secant above which the part is divided, because the output may turn twice
-in it.
+"""Largest number of times that a part is divided. A part is divided if its slope at an end is more
+than `STEEP` times the slope of its secant, because the output may then turn twice in the part.
 """
 
 # rows that are scanned at a time; and bisections that halve an interval down to rounding
@@ -54,8 +53,8 @@ CHUNK, BISECTIONS = (
     50,
 )
 SAME = 1e-9  # differences below this fraction of the span of outputs count as zero
-# fraction of the wanted output; a bisection that ends farther away has found a jump instead of a
-# solution
+# largest distance of a solution from the wanted output, as a fraction of this output; a bisection
+# that ends farther away has found a jump instead of a solution
 REACHED = 1e-6
 
 
@@ -105,9 +104,10 @@ def solve_for_input(model: Model, columns: Columns, name: str) -> SolvedInput:
     the force at a strain from a model of the strain.
 
     `columns` holds the output and all inputs but `name`, shape (n,) each. The result at each row is
-    the lowest solution within the training range. Without a solution, it is the value that comes
-    nearest to the output: a strain that no force of the range can cause gets the force at the end
-    of the range. It is NaN for a row with a NaN. Raises UsageError and DataError like `invert`.
+    the lowest solution within the training range. Without a solution, it is the value of the input
+    whose output comes nearest to the given output: a strain that no force of the range can cause
+    gets the force at the end of the range. It is NaN for a row with a NaN. Raises UsageError and
+    DataError like `invert`.
     """
     needed = [model.output.name, *(other for other in _input_names(model, name) if other != name)]
     known = np.flatnonzero(np.logical_and.reduce([np.isfinite(columns[other]) for other in needed]))
@@ -128,7 +128,7 @@ def solve_for_input(model: Model, columns: Columns, name: str) -> SolvedInput:
 def _solutions(
     model: Model, wanted: Array, given: Columns, name: str
 ) -> tuple[Array, IntArray, BoolArray, Array]:
-    """Return `_Line.solutions` of all rows, computed for some rows at a time."""
+    """Return `_Line.solutions` of all rows. They are computed for `CHUNK` rows at a time."""
     names, program = _input_names(model, name), program_of(model)
     slopes, value, ends = evaluator(with_slopes(program)), evaluator(program), knots(model, name)
     parts = []
@@ -173,16 +173,17 @@ def knots(model: Model, name: str) -> Array:
 
 
 def parts_between(knots: Array) -> int:
-    """Return the number of parts of every interval between knots in which the slope is
-    evaluated.
+    """Return the number of parts into which every interval between knots is cut. The slope is
+    evaluated in each part.
     """
     return max(SCAN, -(-PARTS // (len(knots) - 1)))
 
 
 @dataclass(frozen=True)
 class _Line:
-    """The output of a model as a function of one input, at each of n rows, which give the other
-    inputs. In the methods, x holds values of the input, shape (m,), and `rows` the row of each.
+    """The output of a model as a function of one input, at each of n rows with given values of the
+    other inputs. In the methods, x holds values of the input, shape (m,), and `rows` the row of
+    each.
     """
 
     value: Callable[[Columns], list[Array]]
@@ -230,8 +231,8 @@ class _Line:
     def _turning_points(
         self, low: Array, high: Array, rows: IntArray, splits: int
     ) -> tuple[Array, IntArray]:
-        """Return the turning points within parts of some rows, the middles of parts that were
-        divided, and their rows.
+        """Return the places at which the output turns within the given parts, together with the
+        middles of the parts that were divided, and the rows of these places.
         """
         start, end = np.nextafter(low, np.inf), np.nextafter(high, -np.inf)
         (left, slope_left), (right, slope_right) = self.both(start, rows), self.both(end, rows)
@@ -298,11 +299,12 @@ class _Line:
 def may_turn_twice(
     left: Array, right: Array, slope_left: Array, slope_right: Array, width: Array
 ) -> BoolArray:
-    """Return True for parts that may turn twice and reach zero in between, shape (m,), from the
-    values and slopes at their ends.
+    """Return True for parts in which the output may turn twice and reach zero in between, shape
+    (m,), from its values and slopes at the ends of the parts.
 
-    A cubic is monotone if its slopes at both ends are at most three times the secant's (Fritsch and
-    Carlson 1980). It deviates from its ends by less than a line with the steeper of these slopes.
+    A cubic is monotone if its slopes at both ends are at most three times the slope of the secant
+    (Fritsch and Carlson 1980). It departs from its value at an end by less than a straight line
+    with the steeper of the two slopes.
     """
     reach = np.maximum(np.abs(slope_left), np.abs(slope_right)) * width
     rise = right - left

@@ -144,14 +144,14 @@ def kind_of_fit(fit: Fit | None) -> Kind | None:
 
 
 def alone(model: Model) -> Model:
-    """Return a model of one output unchanged. Raises UsageError for a model of several outputs, for
-    which one number is ambiguous.
+    """Return the model unchanged if it has one output. Raises UsageError for a model of several
+    outputs, with which the caller cannot work.
     """
     names = [output.name for output in model.outputs]
     if len(names) > 1:
         raise UsageError(
-            f"the model {model.name} has the outputs {', '.join(names)}, but this works "
-            "with one output only",
+            f"the model {model.name} has the outputs {', '.join(names)}, but only "
+            "a model with one output can be used here",
             f"make a model of one of them: set `target: {names[0]}`",
         )
     return model
@@ -203,8 +203,8 @@ def outside_range(model: Model, columns: Columns) -> BoolArray:
 
 @contextmanager
 def numbers_in_reach(model: Model) -> Iterator[None]:
-    """Raise DataError if the coefficients of a model multiply to a value that is not finite, for
-    example in a file that somebody changed.
+    """Raise DataError if a product of a model's coefficients is not finite, for example because
+    somebody changed the file.
     """
     try:
         # an overflow becomes infinity, which the test for finite values finds
@@ -230,8 +230,8 @@ def equations(
 
 
 def rules(model: Model) -> tuple[str, ...]:
-    """Return sentences that say how the equations are combined. With both, a reader can compute the
-    model.
+    """Return sentences that say how the equations are combined. With the equations and these
+    sentences, a reader can compute the model.
     """
     return tuple(verbs_of(model).rules(model))
 

@@ -34,7 +34,7 @@ def program_of(model: Model) -> Program:
         raise DataError(reason, "train them with the same time step")
     if len(m.kept.fed_back) > 1:
         raise DataError(
-            f"the parts of {model.name} need measured outputs to begin with "
+            f"the parts of {model.name} must start from measured values of different outputs "
             f"({', '.join(m.kept.fed_back)})",
             "export the parts one by one",
         )

@@ -35,7 +35,7 @@ Loss = Literal["squares", "huber", "bisquare"]
 """Loss function for residuals."""
 
 Stop = Literal["tolerance", "bic", "aicc", "press", "free_run"]
-"""Rule by which fewer terms than `max_terms` can be enough."""
+"""Rule by which a fit may keep fewer terms than `max_terms`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +45,7 @@ class Fit(Settings):
     - `scaling`: How inputs are scaled before they enter terms. `unit_square` moves the origin to a
       corner of the data. A product of two inputs then needs four terms; `max_abs` (division by the
       largest magnitude) and `none` need only one. `range` maps states to [0, 1]. The default is
-      `unit_square`, with memory `none`, for damping `max_abs`. Example: `none`
+      `unit_square` for pieces, `none` with memory, and `max_abs` for damping. Example: `none`
     - `margin`: Distance outside the training range at which states are clipped with `scaling:
       range`, as a fraction of the range. Example: `0.15`
     - `train_level`: The only training level whose samples are used to fit the pieces, as in M2.
@@ -56,7 +56,7 @@ class Fit(Settings):
     - `tolerance`: Stop when the unexplained fraction of the target's squares is not larger than
       this. If the dictionary has a constant, the squares about the mean are used. It has no effect
       with any other `stop` rule. Example: `0.01`
-    - `stop`: Rule by which fewer terms than `max_terms` can be enough. `free_run` chooses the
+    - `stop`: Rule by which a fit may keep fewer terms than `max_terms`. `free_run` chooses the
       number by simulation of the last quarter of each training recording. Example: `bic`
     - `criterion`: What the coefficients minimise in a model with delays of the output: the error
       one step ahead, or with `free_run` the simulation error. Example: `free_run`
@@ -71,10 +71,11 @@ class Fit(Settings):
       Example: `auto`
     - `weight`: With `curve`, all pooled curves (or all recordings of one curve) have the same total
       weight, however many samples they have. Example: `curve`
-    - `shape`: Known shape of the output along its inputs; with memory, of the output at rest. The
-      coefficients follow it, the choice of terms does not. It does not apply where the training
-      output is close to its minimum (see `slack`). Example: `{pressure: increasing, strain:
-      [decreasing, convex]}`
+    - `shape`: Known shape of the output along its inputs. With memory, it is the shape of the
+      output at rest. The coefficients are fitted so that the output has this shape; the choice of
+      terms does not consider it. No shape is required at inputs for which the training output is
+      close to its minimum (see `slack`). Example: `{pressure: increasing, strain: [decreasing,
+      convex]}`
     - `slack`: Fraction of the output's training range, above its minimum, within which no shape is
       required. Example: `0.05`
     - `beyond`: Distance outside the training range up to which the shape must hold, as a fraction
@@ -112,7 +113,7 @@ class Fit(Settings):
         return max(self.max_terms, forward)
 
     def __post_init__(self) -> None:
-        """Refuse a ridge that is lost in rounding, and a scale that is not positive."""
+        """Refuse a ridge that would be lost in rounding errors, and keys that have no effect."""
         if self.scale != "auto" and self.loss == "squares":
             raise Contradiction(
                 "`scale` has no effect with `loss: squares`",

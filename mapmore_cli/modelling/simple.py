@@ -193,7 +193,9 @@ def _training_samples(dataset: Dataset, names: Sequence[str]) -> list[Array]:
 
 
 def _thinning(dataset: Dataset) -> int:
-    """Return n: every n-th sample is kept, about four times as many as a fit uses."""
+    """Return the number n for a thinning that keeps every n-th sample. About four times as many
+    samples remain as a fit uses.
+    """
     return max(1, sum(curve.size for curve in dataset.curves) // (4 * MOST_ROWS))
 
 

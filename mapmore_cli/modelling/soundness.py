@@ -1,7 +1,8 @@
 """Check once, when a stored model is read, that it can be evaluated.
 
-Types and single values are checked before. Here, the parts must fit together. A model is refused if
-its kind finds a fault (`faults`), or if a trial on a few rows ends with an internal error.
+Types and single values are checked before. Here, it is checked that the parts fit together. A model
+is refused if its kind finds a fault (`faults`), or if a trial on a few rows ends with an internal
+error.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ def unsound(model: Model) -> str | None:
                 fault = fault or f"{part.backbone.name} needs {min(missing)}, which the model lacks"
             names = (quantity.name for quantity in (part.output, *part.inputs))
             if fault or len({*names}) <= len(part.inputs):
-                return f"of the model {part.name}: {fault or 'two quantities have the same name'}"
+                return f"in the model {part.name}: {fault or 'two quantities have the same name'}"
         for part in model.each:
             _try(part)
     except Exception as error:

@@ -62,8 +62,8 @@ def inspect(
     Raises
     ------
     SpecError, DataError
-        For a fault in a spec on which this one builds; for the reason why no curves can be made, if
-        no rule adds anything to it.
+        If a spec on which this one builds has a fault. Also if no curves can be made and no rule
+        explains it.
     """
     needed = {
         run.need.key: run.loaded for stage in pipeline() for run in needed_runs(stage, loaded)

@@ -269,7 +269,7 @@ def grid_axes(text: str, inputs: Sequence[str]) -> dict[str, list[float]]:
     points = math.prod(map(len, axes.values()))
     if points > MOST_POINTS:
         raise UsageError(
-            f"--grid: makes {points} points, more than {MOST_POINTS}",
+            f"--grid: the grid has {points} points; at most {MOST_POINTS} are possible",
             "use larger steps, or predict a table",
         )
     return axes
@@ -292,7 +292,7 @@ def _axis_values(part: str, text: str) -> list[float]:
         )
     if abs(steps - round(steps)) > 1e-6:
         raise UsageError(
-            f"--grid: the way from {first:g} to {last:g} is not a whole number of steps of "
+            f"--grid: the distance from {first:g} to {last:g} is not a whole number of steps of "
             f"{step:g}",
             "use another step or last value",
         )

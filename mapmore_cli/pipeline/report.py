@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 METRES_PER_INCH = 0.0254
 
 LEFT_OUT = (
-    "Every {0} is left out in turn: the validation scores are those of models of the other "
-    "{0}s at the one left out. The saved model, "
-    "and the training scores, are of all data."
+    "Every {0} is left out in turn. The validation scores are those at the {0} that is left out, "
+    "of models that were fitted to the other {0}s. The saved model and the training scores use "
+    "all data."
 )
 
 

@@ -57,8 +57,8 @@ from mapmore_cli.study.loader import LoadedSpec
 
 RESOLVED_SPEC = "experiment.yaml"
 FOUND = "found.yaml"
-"""File with the spec and its defaults. If the structure was searched, it is an ordinary spec with
-the structure that was found.
+"""File with the spec and its defaults, and file with the spec that a search found. The second one
+is an ordinary spec with the structure that was found.
 """
 
 OnStage = Callable[[str, str | None], None]
@@ -296,7 +296,7 @@ class _Run:
         self.written.clear()
 
     def write(self, name: str, text: str) -> None:
-        """Write a further file, unless it has the same contents."""
+        """Write a further file of the run, unless it already contains this text."""
         path = self.run_dir / name
         if not path.is_file() or path.read_bytes() != text.encode():
             self.tell_taken(make_way(self.run_dir, name, written_files(self.run_dir)))
@@ -383,8 +383,8 @@ class _Run:
             raise error
 
     def add_findings(self, fault: MapmoreError, stage: Stage) -> None:
-        """Add the findings of the rules in the recordings to an error of ingest, because they may
-        be the reason why no curves can be made.
+        """Add to an error of ingest what the rules find in the recordings, because this may be the
+        reason why no curves can be made.
         """
         if self.options.check and stage is pipeline()[0]:
             from mapmore_cli.checking.applied import issues_without_curves
@@ -429,8 +429,8 @@ class _Run:
         return runs / name
 
     def is_current(self, other: Needed) -> bool:
-        """Return True if another run is up to date and has its spec, and no process is working or
-        was killed in its folder.
+        """Return True if another run is up to date, its folder holds its resolved spec, and no
+        process is working or was killed in this folder.
         """
         run_dir = self.run_dir.parent / other.loaded.spec.name
         plans = plans_of(other, self.stages, other.last, self.run_dir.parent)

@@ -36,8 +36,8 @@ from mapmore_cli.storage.run_record import write_scores
 
 
 def score(part: ScoresSlice, workspace: Workspace) -> None:
-    """Fit the competitors to the same training data, predict every sample, and score, output by
-    output.
+    """Fit the competitors to the same training data, predict every sample with all models, and
+    compute the scores. This is done for each output.
     """
     dataset, model = workspace.files.dataset(), workspace.files.model()
     validations = [
@@ -87,7 +87,9 @@ def _scored(part: ScoresSlice, workspace: Workspace, measured: Dataset, model: M
     far = () if part.robust is None else outliers(dataset, forecasts[OWN], part.robust)
     if far:
         worst = f"the farthest is {far[0].file}:{far[0].place}"
-        workspace.warn(f"{len(far)} training samples far from the fit are listed; {worst}")
+        workspace.warn(
+            f"{len(far)} training samples lie far from the fit and are listed on the page; {worst}"
+        )
     validation = Validation(
         predictions,
         formulas,
@@ -189,8 +191,8 @@ def scored_as(name: str, dataset: Dataset, model: Model) -> Dataset:
     if name not in inputs:
         raise SpecError(
             f"validate.as: the model of {model.output.name} cannot be inverted for `{name}`",
-            f"`as` must be an input of the model, and these are {', '.join(inputs)}: name "
-            f"one of these, or add terms of `{name}` to the dictionary",
+            f"give `as` an input of the model ({', '.join(inputs)}), "
+            f"or add terms of `{name}` to the dictionary",
         )
     return replace(dataset, target=name)
 

@@ -57,8 +57,8 @@ class Needed:
         return MODEL_STAGE if self.need.compared or self.need.overrides else "report"
 
     def is_kept(self, runs: Path) -> bool:
-        """Return True if the run is compared and has a model, because a comparison must not change
-        the other run.
+        """Return True if the run is only compared and has a model. It is then used as it is,
+        because a comparison must not change the other run.
         """
         return self.need.compared and MODEL_STAGE in load_records(runs / self.loaded.spec.name)
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def score(part: ScoresSlice, workspace: Workspace) -> None:
-    """Do the work of the stage. Its modules are imported only if something is to be scored."""
+    """Score the models of a run. The modules for this are imported only when the stage runs."""
     from mapmore_cli.pipeline import scoring
 
     scoring.score(part, workspace)

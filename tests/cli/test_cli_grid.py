@@ -63,7 +63,7 @@ pressure=nan                       cannot read
 pressure=0:1:0                     does not go from 0 to 1
 pressure=1:0:0.1                   does not go from 1 to 0
 pressure=0:1:1e-9                  at most 10000000 steps
-pressure=0:1:1e-4,strain=0:1:1e-4  makes 100020001 points, more than 10000000
+pressure=0:1:1e-4,strain=0:1:1e-4  has 100020001 points; at most 10000000
 pressure=0:1:0.3,strain=0          not a whole number of steps
 pressure=0,pressure=1,strain=0     'pressure' is given twice
 pressure=0:1:1                     no values for strain

@@ -139,5 +139,5 @@ def test_a_model_file_with_another_definition_is_refused(tmp_path):
     model = read_model(path)
     backbone = replace(model.backbone, definition="{}")
     write_model(path, replace(model, body=replace(model.body, backbone=backbone)))
-    with pytest.raises(DataError, match="defines no formula"):
+    with pytest.raises(DataError, match="no valid definition of a formula"):
         mm.load_model(path)

@@ -111,7 +111,7 @@ def test_recordings_that_no_memory_fits_are_searched_without_one(
     held_out = np.arange(len(columns["y"])) >= 600
     result = search(dataset_of(columns, held_out=held_out), WHOLE, beside=False)
     assert "feedback" not in {tried.family for tried in result.tried}
-    assert "models with a past were not tried" in result.notes[0]
+    assert "models with memory were not tried" in result.notes[0]
     assert "resample: 0.02 s" in result.notes[0]
 
 
@@ -135,7 +135,7 @@ def test_direction_of_motion_is_found_at_uneven_steps(monkeypatch):
     monkeypatch.setattr(searching, "family", lambda _name: {**tables, "candidates": few})
     dataset = dataset_of(piston(0))
     result = search(dataset, WHOLE, beside=False)
-    assert result.notes[0].startswith("models with a past were not tried: ")
+    assert result.notes[0].startswith("models with memory were not tried: ")
     assert "resample" in result.notes[0]
     taken = result.found
     assert taken.words == "plane and direction of x in 0.02 of its range"

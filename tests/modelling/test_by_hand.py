@@ -37,7 +37,7 @@ def weighted(piece, x, rise):
 
 def computed(text, x):
     """The output at one point of the inputs, by name."""
-    low, high = re.search(r"; w = (.*?)(?: up to t = 1/2, then (.*?))?, t from", text).groups()
+    low, high = re.search(r"; w = (.*?)(?: up to t = 1/2, then (.*?))?, with t from", text).groups()
     rise = lambda t: evaluate(  # noqa: E731
         parse(low if t <= 0.5 else high or low), {"t": np.array([t])}
     )[0]

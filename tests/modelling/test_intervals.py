@@ -295,7 +295,7 @@ def test_what_cannot_be_told_has_no_interval_and_a_sentence(count, repeats, word
 def test_blocks_of_one_recording_say_nothing_of_another():
     found = replace(left_out([1.0, -1.0, 2.0], 0.1), kind="blocks")
     assert half_widths(found, np.array([np.nan]), 0.95) == pytest.approx([many_curves(found, 0.95)])
-    assert "Record three or more" in (interval_limits(found) or "")
+    assert "Make three or more" in (interval_limits(found) or "")
 
 
 def test_a_model_that_goes_astray_without_a_level_has_no_interval():

@@ -148,7 +148,7 @@ def piece_value(text, name, at):
 
 def transition(text, t):
     """The course of a weight that holds at t."""
-    first, _, second = text.said(r"; w = (.*?), t from").partition(" up to t = 1/2, then ")
+    first, _, second = text.said(r"; w = (.*?), with t from").partition(" up to t = 1/2, then ")
     return second if second and t > 0.5 else first
 
 

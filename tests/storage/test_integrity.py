@@ -176,7 +176,7 @@ def test_a_model_with_one_name_for_two_quantities_is_refused_in_words():
     model = examples()["model"]
     assert unsound(model) is None
     twice = unsound(replace(model, inputs=model.inputs * 2))
-    assert twice == f"of the model {model.name}: two quantities have the same name"
+    assert twice == f"in the model {model.name}: two quantities have the same name"
 
 
 @pytest.mark.parametrize("value", [np.zeros(3), h5py.Empty("f8"), 1.5, b"\xff\xfe"])

@@ -38,11 +38,11 @@ class MotionSection:
     input, so that `w_1` is P3.
     """
 
-    id: Annotated[Label, "identifier of the section, as `2` or `rise 2`"]
+    id: Annotated[Label, "identifier of the section, such as `2` or `rise 2`"]
     place: Annotated[int, "place along the input, from 1", "-"]
     direction: Annotated[
         str,
-        "direction of the input in which it holds: `all`, `rise` or `fall`",
+        "direction of the input in which it is active: `all`, `rise` or `fall`",
         one_of(ALL, RISE, FALL),
     ]
     p1: Annotated[Number, "P1"]
@@ -96,13 +96,13 @@ class Motion:
         "that of the input",
         ASCENDING,
     ]
-    directed: Annotated[bool, "1 where sections differ between a rising and a falling input"]
+    directed: Annotated[bool, "1 if sections differ between a rising and a falling input"]
     dead_band: Annotated[
         Number, "how far the input turns back before its direction changes", "that of the input"
     ]
     drives: Annotated[tuple[TermName, ...], "(m) terms that drive every section, the input first"]
     sections: Annotated[tuple[MotionSection, ...], "in order along the input, `rise` before `fall`"]
-    limits: Annotated[Span, "least and greatest training input", "that of the input"]
+    limits: Annotated[Span, "smallest and largest training input", "that of the input"]
     start: Annotated[
         str, "a run begins at `rest` under its first input, or at `zero`", one_of(REST, ZERO)
     ] = REST
@@ -113,9 +113,9 @@ class SectionSearch:
     """Record of the search for the parameters of one section."""
 
     section: Annotated[Label, "identifier of the section"]
-    samples: Annotated[Count, "training samples at which it holds"]
-    rmse: Annotated[float, "error over these, before sections were joined", "[target]"]
-    evaluations: Annotated[Count, "simulations that it took"]
+    samples: Annotated[Count, "number of training samples at which it is active"]
+    rmse: Annotated[float, "error at these samples, before sections were joined", "[target]"]
+    evaluations: Annotated[Count, "number of simulations"]
     history: Annotated[Array, "lowest error so far, from the start on", "[target]"]
 
 

@@ -14,7 +14,7 @@ from mapmore_cli.study.experiment import ExperimentSpec, TargetColumn
 
 def findings(spec: ExperimentSpec) -> Iterator[Finding]:
     """Check a state-space model: its drives are measured and are not its target, and every setting
-    has something to act on.
+    has an effect.
     """
     if spec.model.type != "state_space":
         return

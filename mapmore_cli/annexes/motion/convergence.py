@@ -40,9 +40,9 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
         panels.append(Panel(name, on, *labels, data, name))
     handles = (key("section", color=BLACK), key("of a falling input", color=GREY, linestyle="--"))
     caption = (
-        "Lowest RMSE of every section over its own training samples, after so many iterations "
-        "(of least squares: simulations). Where the "
-        "sections share a state, before they were joined."
+        "Lowest RMSE of every section over its own training samples, by the number of iterations "
+        "(for least squares, of simulations). If the "
+        "sections share a state, it is the RMSE before they were joined."
     )
     grid = Layout(columns=3, width=DOUBLE)
     return [Drawing("convergence", caption, tuple(panels), grid, handles)]

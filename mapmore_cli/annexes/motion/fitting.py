@@ -2,10 +2,10 @@
 nothing jumps at their boundaries.
 
 The steady output of a section is `s(u) = sum_m w_m d_m/(1 - P1 - P2)`. If sections are joined, s is
-one piecewise linear function of the input, given by its heights at the boundaries and at the ends
-of the training range (with a load L, so is the part that is multiplied by L). Rise and fall have
-separate functions. When the direction changes, the output moves from one to the other as fast as
-the poles of the section allow.
+one piecewise linear function of the input. It is given by its heights at the boundaries and at the
+ends of the training range. With a load L, a second function of this kind is multiplied by L. Rise
+and fall have separate functions. When the direction changes, the output moves from one to the other
+as fast as the poles of the section allow.
 
 For given poles, the output is linear in the heights, which follow by projection. The poles of all
 sections are refined together.
@@ -192,11 +192,11 @@ def _knots(motion: Motion) -> tuple[Array, int]:
 
 
 def _heights_of(motion: Motion, run: Piece) -> Array:
-    """Return the drives, (n, knots x lines), for the heights: each gives a steady output of one at
-    its knot and of zero at the others, linear in between and continued as a straight line outside
-    the ends.
+    """Return one drive for each height, (n, knots x lines). A drive has a steady output that is one
+    at its own knot and zero at the others. Between knots, the output is linear, and outside the
+    ends, it continues as a straight line.
 
-    With a load, a second set is multiplied by the load.
+    With a load, a second set of drives is multiplied by the load.
     """
     knots, lines = _knots(motion)
     u, place, line = run.drives[:, 0], run.holds // lines, run.holds % lines

@@ -21,8 +21,8 @@ from mapmore_cli.modelling.kinds import Verbs
 from mapmore_cli.modelling.literature.model import printed
 from mapmore_cli.modelling.program.writing import Inputs, Side, Writer, limit, renamed_all, total
 
-# function that writes the value of the active section, chosen out of the values of all sections;
-# its first argument is the stem of new names
+# function that writes the value of the active section, given the values of all sections; its first
+# argument begins the names of new variables
 OfSection = Callable[[str, Sequence[Side]], Expression]
 
 
@@ -136,8 +136,8 @@ class MotionVerbs(Verbs):
     """Operations of a model of motion."""
 
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
-        """Return the model along one recording, (n,), from rest; NaN if an input is NaN, with a new
-        start after it.
+        """Return the output along one recording, (n,), from rest. It is NaN if an input is NaN, and
+        the model starts again after such rows.
         """
         names = [
             *model.input_names,
@@ -178,8 +178,8 @@ class MotionVerbs(Verbs):
         """Return sentences that say how the sections are run."""
         motion = _motion(model)
         ways = {
-            "hard": "every section runs, the active one's output is taken",
-            "carried": "sections hand one state on",
+            "hard": "every section runs, and the output of the active one is used",
+            "carried": "each section passes its state on to the next",
             "bumpless": "sections share one state, and meet at their boundaries",
         }
         at = ", ".join(f"{boundary:g}" for boundary in motion.boundaries)

@@ -120,9 +120,10 @@ def waveforms_table(inputs: ReportInputs, motion: Motion) -> Table:
         *(f"max error before [{unit}] .4g", "samples"),
     )
     note = (
-        "Over the last wavelength of the input, with this number of samples; over all "
-        "samples if the input does not repeat itself. Before: over the earlier wavelengths, "
-        "with the transient at the beginning. Velocities are central differences."
+        "The errors are those over the last wavelength of the input, with this number of samples, "
+        "or over all samples if the input does not repeat itself. The error before is that over "
+        "the earlier wavelengths, with the transient at the beginning. Velocities are central "
+        "differences."
     )
     return Table.of("waveforms", "Errors over one wavelength", heads, rows, note)
 

@@ -162,7 +162,7 @@ def _along(columns: Columns, motion: Motion) -> Array:
 
 def response(p1: float, p2: float, drive: Array, start: str = REST) -> Array:
     """Return the output x1 (n,) or (n, m) of one section: `x1[k+2] = P2 x1[k+1] + P1 x1[k] + d[k]`,
-    from rest under d[0] or from zero.
+    beginning at zero, or at rest under a constant drive d[0].
     """
     from scipy.signal import lfilter
 
@@ -172,8 +172,8 @@ def response(p1: float, p2: float, drive: Array, start: str = REST) -> Array:
 
 
 def shared(poles: Array, drive: Array, holds: IntArray, start: str = REST) -> Array:
-    """Return the output, (n,) or (n, m), of sections that pass one state on, from rest under d[0]
-    or from zero.
+    """Return the output, (n,) or (n, m), of sections that pass on a common state. The state begins
+    at zero, or at rest under a constant drive d[0].
 
     `poles` holds P1 and P2 of every section, (s, 2); `drive` drives the active section, (n,) or (n,
     m); `holds`, (n,), is the index of the active section.

@@ -123,8 +123,8 @@ def swarm(problem: Problem, recipe: MotionRecipe) -> Found:
     """Return the best P1, P2 and P3 in the region in which sections can be stable (P 2.2). An
     unstable particle costs more than any stable one.
 
-    The only drive is the input; a spec may not say otherwise. Raises FitError if no particle was
-    stable.
+    The input is the only drive; the check of the spec refuses others. Raises FitError if no
+    particle was stable.
     """
     walls = _walls(Bounds(), problem)
     begin = None if recipe.begin is None else _walls(recipe.begin, problem)

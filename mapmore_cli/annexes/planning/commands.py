@@ -68,10 +68,9 @@ def tune(
     """Compare settings, or structures, on left-out training data.
 
     With --over, the best setting is reported. Without it, the structure of the model is searched.
-
-    Every combination is fitted without a level (or a block) of the training data, and judged on it.
-    Held-out data are not used. The recommended combination is the simplest that is as good as the
-    best.
+    Every combination is fitted several times, each time without one level (or block) of the
+    training data, on which its error is then measured. Held-out data are not used. The recommended
+    combination is the simplest that is as good as the best.
     """
     from mapmore_cli.annexes.planning import planning, views
     from mapmore_cli.study.loader import load
@@ -124,7 +123,7 @@ def plan(
         Option(
             "--cost",
             metavar="NAME=PRICE,...",
-            help="What a change costs, for example pressure=1,strain=20.",
+            help="Cost of a change of each quantity, for example pressure=1,strain=20.",
         ),
     ] = None,
     output: Outputs = NONE,
@@ -135,9 +134,9 @@ def plan(
 ) -> None:
     """Say what to measure next, where the model is least certain.
 
-    With levels, the next one lies in the middle of the widest gap. Without levels, or with
-    --points, several models form a committee, and points are placed where these disagree and data
-    are far away. Held-out values are not used. Per cent are relative to the largest |target|.
+    If the study has levels, the next level lies in the middle of the widest gap. Without levels, or
+    with --points, several models form a committee, and points are placed where these disagree and
+    data are far away. Held-out values are not used. Per cent are relative to the largest |target|.
     """
     from mapmore_cli.annexes.planning import planning
     from mapmore_cli.annexes.planning.views import of_plan

@@ -69,12 +69,12 @@ def plan_drawing(plan: Plan) -> Drawing:
         key("next", color=style.VERMILLION, **MARK),
     ]
     caption = (
-        "Half of the width of the 95 % interval, and where to measure next, numbered from the "
-        "best on."
+        "Half of the width of the 95 % interval, and the next places to measure, numbered from "
+        "the best."
     )
     y_label, height, on = half, 2.3, partial(_draw_widths, plan=plan, name=names[0])
     if plan.candidates[0].kind == "between":
-        caption = "The levels that were measured, and the next ones, numbered from the best on."
+        caption = "The levels that were measured, and the next ones, numbered from the best."
         y_label, height = "", 1.4
     if len(names) == 2:
         y_label, height, on = labels[1], 2.8, partial(_draw_map, plan=plan, names=names, label=half)

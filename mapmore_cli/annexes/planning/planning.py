@@ -112,8 +112,8 @@ def _variants(
 
 
 def _try_settings(settings: Mapping[str, Any], choices: ModelChoices, folds: Folds) -> Trial:
-    """Return the errors on the folds of models that were fitted without them; if a fit fails, the
-    reason.
+    """Fit models with some settings without each fold, and return their errors on the fold. If a
+    fit fails, return the reason.
     """
     try:
         size = parameters(refit(choices, folds.dataset))
@@ -199,8 +199,8 @@ STEPS = {1: 201, 2: 41, 3: 13}
 
 EQUAL = "On measured muscles, no rule was better than equal distances (docs/planning.md)."
 MAP = (
-    "On six measured maps, such points left 0.3 to 1.2 times the error of evenly spread ones, "
-    "0.84 in the mean (docs/planning.md)."
+    "On six measured maps, the error with such points was 0.3 to 1.2 times that with evenly spread "
+    "points, 0.84 times on average (docs/planning.md)."
 )
 HALVES = "Half widths are right on average; a single one can be wrong by a factor of up to three."
 

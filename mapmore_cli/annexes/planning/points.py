@@ -3,8 +3,8 @@
 Several models, each with a Gaussian process for its residual, form a committee. The worth of a
 point is the product of the committee's spread and the processes' standard deviation, multiplied by
 `SLACK` if the muscle is expected to pull with less than 2 % of its largest force. Points are chosen
-one after the other; each is then treated as if it had measured what the committee expects
-(docs/planning.md).
+one after the other. Each chosen point is then treated as if it had been measured, with the value
+that the committee expects (docs/planning.md).
 """
 
 from __future__ import annotations
@@ -62,8 +62,9 @@ class MeasuredMap:
         return np.asarray(self.x.min(axis=0) + every * np.ptp(self.x, axis=0))
 
     def unmeasured(self, places: Array, samples: Array, steps: int) -> BoolArray:
-        """Return True for places of a grid at which no sample lies, (m,): none within half a step
-        along every input. `samples`, (n, d), include held-out samples.
+        """Return True for the places of a grid that have not been measured, (m,). At such a place,
+        no sample lies within half a step along every input. `samples`, (n, d), include held-out
+        samples.
         """
         nearest, _ = KDTree(self.scaled(samples)).query(self.scaled(places), p=np.inf)
         return np.asarray(nearest > 0.5 / (steps - 1))

@@ -75,11 +75,13 @@ class Trial:
     """One combination of settings, by their place in the spec."""
 
     settings: Mapping[str, Any]
-    parameters: int = 0  # free parameters of its model of all training data
+    parameters: int = (
+        0  # number of free parameters of the model that is fitted to all training data
+    )
     errors: tuple[
         float, ...
     ] = ()  # NRMSE on each fold, of a model fitted without this fold; empty if a fit failed
-    error: float = math.nan  # their geometric mean
+    error: float = math.nan  # geometric mean of `errors`
     excess: float = math.nan  # mean over the folds of ln(error / error of the best combination)
     spread: float = math.nan  # standard error of `excess`
     failure: str = ""  # reason why a fit failed

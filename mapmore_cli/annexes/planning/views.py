@@ -48,12 +48,12 @@ def of_tuning(tuning: Tuning) -> View:
         "set": chosen,
     }
     notes = (
-        f"Left out in turn: {tuning.left_out}. NRMSE: geometric mean over the folds of RMSE / "
-        f"FS, FS = {tuning.full_scale}. "
-        "Above the best: mean of the logarithms of the ratios.",
-        "Simplest: the fewest parameters of those whose error is above the best by no more "
-        "than the standard error of that difference, "
-        "2 to 20 %.",
+        f"Left out in turn: {tuning.left_out}. The NRMSE is the geometric mean over the folds of "
+        f"RMSE / FS, with FS = {tuning.full_scale}. "
+        "The column above the best is the mean of the logarithms of the ratios to the best.",
+        "The simplest combination has the fewest parameters among those whose error exceeds the "
+        "best by no more than the standard error of this difference, which counts as at least "
+        "2 % and at most 20 %.",
         "Held-out data were not used.",
     )
     columns: Columns = (*map(Column, tuning.trials[0].settings), "parameters", *errors, "")
@@ -118,7 +118,10 @@ def _forecast(plan: Plan, until: Until) -> str:
         return f"{wanted} is reached: the widest is {until.widest:.3g} {unit}"
     if until.more is None:
         return (
-            f"{wanted} is likely out of reach: more measurements bring {until.widest:.3g} to "
-            f"{until.least:.3g} {unit}"
+            f"{wanted} is probably out of reach: more measurements reduce the widest from "
+            f"{until.widest:.3g} to {until.least:.3g} {unit}"
         )
-    return f"{wanted}: likely {until.more} more (the widest is {until.widest:.3g} {unit} now)"
+    return (
+        f"{wanted} probably needs {until.more} more measurements (the widest is now "
+        f"{until.widest:.3g} {unit})"
+    )

@@ -36,7 +36,9 @@ recordings, so that drift must be predicted.
 """
 
 MOST_PARTS = 6
-"""Largest number of levels or recordings that are left out; more are thinned evenly."""
+"""Largest number of levels or recordings that are left out. If there are more, only an evenly
+spread part of them is left out.
+"""
 
 FAIR = (0.2, 1.2)
 """Limits of the size of a recording that is left out, relative to the mean size of the recording in
@@ -110,7 +112,8 @@ class Bench:
         asked = bool(parts) and (asked or part.by_level or ends)
         if not blocks and not parts:
             raise DataError(
-                "there are too few training samples to leave some out", "keep more samples"
+                "`model: {type: auto}` leaves out training samples, and there are too few of them",
+                "keep more samples",
             )
         weight = 2 / 3 if asked else 1 / 2 if situation.timed else 1 / 4
         if len(parts) == 1:  # there is only one inner level
@@ -173,7 +176,7 @@ def searchable(dataset: Dataset) -> Dataset:
 
 
 def cut_short(dataset: Dataset, run: int, timed: bool) -> Dataset:
-    """Return at most this many samples: evenly thinned along every curve, or for recordings in
+    """Return at most `MOST_SAMPLES` samples: evenly thinned along every curve, or for recordings in
     time, some pieces with equal steps that are no shorter than a held-out `run`.
 
     Each piece begins with measured outputs, so shorter pieces would flatter models that feed their
@@ -198,8 +201,8 @@ def cut_short(dataset: Dataset, run: int, timed: bool) -> Dataset:
 
 
 def pooled_samples(dataset: Dataset) -> Curve:
-    """Return the samples of all curves as one curve. Its recordings are the logs at each level;
-    pieces of a log that was cut are joined.
+    """Return the samples of all curves as one curve. Its recordings are the logs at each level. The
+    pieces into which a log was cut count as one recording.
     """
     curves, log_of, numbers = dataset.curves, dataset.logs, dict[tuple[float | None, str], int]()
     logs = list[IntArray]()
@@ -340,8 +343,8 @@ def _parts(
 
 
 def _ends(samples: Curve) -> list[BoolArray]:
-    """Return folds, (n,), that leave out the last share of the training samples of every recording,
-    for each share in `BEHIND`.
+    """Return folds, (n,), that leave out the last fraction of the training samples of every
+    recording, for each fraction in `BEHIND`.
     """
     left = np.full(samples.size, 1.0)
     for log in samples.logs:
@@ -374,11 +377,11 @@ def _values(dataset: Dataset, of: str) -> Array:
 def _neighbours(
     dataset: Dataset, study: Dataset, whole: BoolArray, of: str
 ) -> tuple[list[BoolArray], bool]:
-    """Return folds, (n,), that leave out training samples at neighbouring values, as the study does
-    with its held-out samples; and True if these values lie at an end. If the study holds out values
-    beyond an end of the training values, a fold leaves out as many values at that end. Otherwise,
-    it leaves out as many inner neighbours as the study holds out in a row, or single values. At
-    least two values remain.
+    """Return folds, (n,), that leave out training samples at neighbouring values, in the same way
+    as the study holds out samples. Also return True if these values lie at an end of the range. If
+    the study holds out values beyond an end of the training values, a fold leaves out as many
+    values at that end. Otherwise, it leaves out as many inner neighbours as the study holds out in
+    a row, or single values. At least two values remain.
     """
     at_curves, every = _values(dataset, of), _values(study, of)
     values, trained = np.unique(every), np.unique(at_curves)
@@ -406,8 +409,9 @@ lies beyond it. A fold leaves out at most the second fraction of the range at it
 
 
 def _beyond(dataset: Dataset, situation: Situation, study: Dataset) -> list[BoolArray]:
-    """Return folds, (n,), that leave out an end of an input's range, as wide as the held-out part
-    of the study beyond it; none if few held-out samples lie outside, or if samples have a past.
+    """Return folds, (n,), that leave out an end of an input's range, as wide as the part that the
+    study holds out beyond this end. Return none if few held-out samples lie outside, or if samples
+    have a past.
     """
     samples, every, folds = pooled_samples(dataset), pooled_samples(study), list[BoolArray]()
     for name in () if situation.timed else situation.inputs:
@@ -417,8 +421,8 @@ def _beyond(dataset: Dataset, situation: Situation, study: Dataset) -> list[Bool
             width = min(np.max(low, initial=0.0), WIDEST * (largest - least))
             if width > 0 and np.count_nonzero(low > 0) >= BEYOND * len(held):
                 fold = samples.training & (above >= -width)
-                # the rest must cover at least half of the range, so that of two values neither is
-                # left alone
+                # The remaining samples must cover at least half of the range. A quantity with two
+                # values therefore gets no fold, because only one value would remain.
                 if 2 * np.ptp(values[samples.training & ~fold]) >= largest - least:
                     folds.append(fold)
     return folds
@@ -426,7 +430,7 @@ def _beyond(dataset: Dataset, situation: Situation, study: Dataset) -> list[Bool
 
 def _fair(samples: Curve) -> list[BoolArray]:
     """Return folds, (n,), that leave out the training samples of one log each, for all logs whose
-    size is within the limits `FAIR`. Return none if fewer than two logs are.
+    size is within the limits `FAIR`. Return an empty list if fewer than two logs have such a size.
     """
     logs = samples.origin
     assert logs is not None

@@ -49,8 +49,8 @@ def black_boxes(
     """Return each black box with its errors on the left-out samples of every fold; without
     scikit-learn, only the Gaussian process.
 
-    If samples are in the order of time, boosting also gets delayed inputs, as structures may use
-    the past or the direction of motion. The Gaussian process is that of `plan`, because loading
+    If samples are in the order of time, boosting also gets delayed inputs, because structures may
+    use the past or the direction of motion. The Gaussian process is that of `plan`, because loading
     scikit-learn takes longer than fitting all structures of a small table; it is fitted to tables
     only. Each black box learns from at most half of the samples that it may have as a competitor.
     """

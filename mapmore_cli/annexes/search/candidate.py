@@ -58,15 +58,15 @@ a structure that behaves differently from what its file of candidates says.
 
 
 def way_of(candidate: Tried) -> str:
-    """Return the behaviour of the pieces of a candidate outside the range of each curve: the value
-    at the end is held if its file of candidates says nothing.
+    """Return the extrapolation of the pieces of a candidate. If its file of candidates sets none,
+    the value at the end of a curve is held.
     """
     return str(candidate.sections.get(BEYOND, "saturate"))
 
 
 def going_on(candidate: Tried, way: str | None) -> Tried:
-    """Return the candidate that behaves in another way outside the range of each curve; None leaves
-    it as it is.
+    """Return the candidate with another extrapolation of its pieces, the candidate itself if `way`
+    is None.
     """
     if way is None:
         return candidate
@@ -218,8 +218,8 @@ def filled(part: Any, words: Mapping[str, Any]) -> Any:
 
 
 def _spliced(one: object, value: object) -> list[Any]:
-    """Return the items that replace one item of a list: the items of `value` if it stands for
-    several, and none for a family of states whose `of` is empty.
+    """Return the items by which one item of a list is replaced: all items of `value` if the item is
+    a word for several values, and no item if it is a family of states whose `of` is empty.
     """
     if isinstance(value, Mapping) and any(
         isinstance(each, Mapping) and each.get("of") == [] for each in value.values()

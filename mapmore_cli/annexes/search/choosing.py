@@ -1,5 +1,5 @@
-"""Choose one of the structures that were tried: they are scored on the rows that all of them
-predict, and the rule of the study takes one.
+"""Choose one of the structures that were tried. They are scored on the rows that all of them
+predict, and the rule of the study decides.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.validation.significance import WITHIN, simplest_of, undominated
 
 BY_MEAN = (
-    "the fewest parameters of those within one standard error of the best (2 to 20 %), a "
-    "plain model within 2 %"
+    "the structure with the fewest parameters among those within one standard error of the best "
+    "(2 to 20 %), or a plain model within 2 % of the best"
 )
 BY_MEDIAN = (
-    "the least median error, 5 % of the logarithm of the number of parameters added, or a "
-    "plain model within 2 % of it"
+    "the structure with the smallest median error after 5 % of the logarithm of its number of "
+    "parameters was added, or a plain model within 2 % of it"
 )
 
-BY_ENDS = "; an end is held out, so that the folds that leave an end out decide alone"
+BY_ENDS = "; because an end is held out, only the folds that leave an end out decide"
 
 PLAIN = ("simple", "formula")
 """Kinds that are preferred if they are as good as any other."""
@@ -45,7 +45,7 @@ def choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: int | None
         reasons = next((one.failure for one in tried if one.failure), "there was no time for any")
         raise FitError(
             f"no structure could be fitted with a part of the data left out: {reasons}",
-            "name one, or raise `model.budget`",
+            "define the model in the spec, or raise `model.budget`",
         )
     target = bench.dataset.target
     scale = float(np.ptp(pooled_training(bench.dataset.curves)[target])) or 1.0

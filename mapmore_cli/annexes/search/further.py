@@ -80,12 +80,12 @@ def note_of(result: Search, short: int) -> str:
     long, before = result.found, result.tried[short]
     if long is before:
         return (
-            "the search went on with longer structures, because a black box errs less, but none "
-            f"of them gains {100 * GAIN:g} % on {before.words}"
+            "the search went on with longer structures, because a black box has a smaller error, "
+            f"but none of them is better than {before.words} by {100 * GAIN:g} %"
         )
     return (
-        f"{long.words} with {long.parameters} parameters errs "
-        f"{np.exp(before.excess - long.excess):.2g} times less on left-out data than "
-        f"{before.words} with {before.parameters}, the best short structure, which `model: {{type: "
-        "auto, prefer: short}` takes"
+        f"the error of {long.words} with {long.parameters} parameters on left-out data is smaller "
+        f"by a factor of {np.exp(before.excess - long.excess):.2g} than that of {before.words} "
+        f"with {before.parameters}, the best short structure; `model: {{type: auto, prefer: "
+        "short}` chooses the short one"
     )

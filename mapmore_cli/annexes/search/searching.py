@@ -113,14 +113,15 @@ def _uneven(dataset: Dataset) -> tuple[str, ...]:
     try:
         sampled(dataset.curves)
     except DataError as fault:
-        return (f"models with a past were not tried: {fault.message}; {fault.remedy}",)
+        return (f"models with memory were not tried: {fault.message}; {fault.remedy}",)
     return ()
 
 
 @dataclass
 class Budget:
-    """Budget of a search: seconds of processor time for structures in each process, so that a busy
-    machine tries the same structures as an idle one; and how many structures were listed and cut.
+    """Time for trying structures, the number of structures that were `listed`, and the number that
+    were `cut` because the time was over. The time is processor time of each process, s, so that a
+    busy machine tries as many structures as an idle one.
     """
 
     seconds: float
@@ -181,8 +182,8 @@ def _notes_of(result: Search) -> list[str]:
     own, best, notes = result.found, result.tried[result.best], list[str]()
     if own.family in PLAIN and result.chosen != result.best:
         notes.append(
-            f"{own.words} is as good as structures with more parameters: {best.words} adds "
-            "nothing that left-out data show"
+            f"{own.words} is as good as structures with more parameters, because left-out "
+            f"data show no advantage of {best.words}"
         )
     if result.short is not None:
         notes.append(note_of(result, result.short))

@@ -97,8 +97,8 @@ def situation_of(
         apart = _different(apart, pooled, dataset.level)
     if apart == [dataset.level]:
         raise DataError(
-            f"levels: {dataset.level} is the only input that changes, and a curve at one level "
-            "has nothing left to go over",
+            f"levels: {dataset.level} is the only input that varies, so that nothing varies "
+            "within a curve at one level",
             f"remove `levels` from `data`: {dataset.level} is then an input like others",
         )
     spread = {

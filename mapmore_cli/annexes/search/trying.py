@@ -53,15 +53,15 @@ def choices_of(sections: Mapping[str, Any], part: Slice) -> ModelChoices:
 
 
 WHOLE = 0.5
-"""Smallest share of the left-out samples that a structure must predict; long lags say nothing about
-short recordings.
+"""Smallest fraction of the left-out samples that a structure must predict, because structures with
+long lags say nothing about short recordings.
 """
 
 
 def tried_ways(candidate: Tried, bench: Bench) -> list[Outcome]:
-    """Return a structure with each of the `WAYS` to continue outside the range of a curve, its own
-    way first, unless the study names one. A way with the same errors as an earlier one on every
-    sample is left out.
+    """Fit a structure, and return it once for each of the `WAYS` in which its pieces can continue
+    outside the range of a curve, its own way first. If the study sets the extrapolation, only this
+    is tried. A way with the same errors as an earlier one on every sample is left out.
     """
     choices = choices_of(candidate.sections, bench.part)
     model, whole = refit_near(choices, bench.dataset, None)

@@ -27,7 +27,7 @@ class Part:
     """
 
     model: Annotated[Model, "the model"]
-    sign: Annotated[Number, "+1 or -1: how its output counts"] = 1.0
+    sign: Annotated[Number, "sign of its output in the sum, +1 or -1"] = 1.0
     inputs: Annotated[
         Mapping[QuantityName, TermName],
         "its inputs that have another name in the sum, as expressions of the sum's inputs",

@@ -59,8 +59,8 @@ def sum_of(
                 )
             if other is not None and other.unit != quantity.unit:
                 raise SpecError(
-                    f"the sum: {quantity.name} of {model.name} is in {quantity.unit}, but "
-                    f"{other.name} in {other.unit}",
+                    f"the sum: the model of {model.name} needs {quantity.name} in {quantity.unit}, "
+                    f"but {other.name} of this study is in {other.unit}",
                     f"set the unit of {other.name} under `units`",
                 )
     notes = tuple(f"{part.model.name}: {note}" for part in parts for note in part.model.notes)

@@ -78,8 +78,8 @@ def _body(model: Model) -> Sum:
 
 
 def _value(m: Writer, part: Part, inputs: Inputs) -> Expression:
-    """Write a part after the models that feed it. It has no value while these have none because
-    history is missing.
+    """Write a part after the models that feed it. The part has no value as long as one of these
+    models has none, because its history is missing.
     """
     renamed = {
         name: m.let("input", substitute(parse(text), inputs)) for name, text in part.inputs.items()

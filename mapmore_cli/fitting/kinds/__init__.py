@@ -26,7 +26,9 @@ if TYPE_CHECKING:
 
 
 def added_up(_path: str) -> Model:
-    """Raise an error: a sum of runs cannot be fitted if the models of these runs are unknown."""
+    """Raise SpecError, because a sum of runs cannot be fitted if the models of these runs are
+    unknown.
+    """
     raise SpecError(
         "a sum of models of other runs is not fitted itself",
         "do this with the specs of the added models",
@@ -36,8 +38,8 @@ def added_up(_path: str) -> Model:
 @dataclass(frozen=True)
 class Given:
     """Everything from which a model is made: the data, the segmentation, and the models of needed
-    runs by the paths of their specs. `near` is a fit to more of the same samples, at whose
-    parameters the search for parameters begins, or None.
+    runs by the paths of their specs. `near` is a fit to more of the same samples, or None; the
+    search for parameters begins at its parameters.
     """
 
     dataset: Dataset

@@ -1,4 +1,4 @@
-"""Fit a formula of the literature as the model, or as the backbone of another."""
+"""Fit a formula of the literature as the model, or as the backbone of another model."""
 
 from __future__ import annotations
 

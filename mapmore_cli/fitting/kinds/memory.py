@@ -115,7 +115,7 @@ class MemoryMaker(Maker):
 
     def build(self, part: ModelChoices, given: Given, result: FitResult) -> Model:
         """Return the model with the training range of its inputs. If the spec asks for a sign of
-        its static gain, the coefficients keep it.
+        the static gain, the coefficients are fitted again so that the gain has this sign.
         """
         assert result.memory is not None
         model = memory.memory_model(

@@ -35,7 +35,7 @@ def cuts_of(segment: SegmentSection) -> dict[str, Cut]:
 
 
 def recipe_of(target: str, part: ModelChoices) -> Recipe:
-    """Return the whole recipe; without candidate terms if one model with memory replaces the
+    """Return the whole recipe. It has no candidate terms if one model with memory replaces the
     segments.
     """
     level = level_of(part.levels, part.segment)
@@ -123,8 +123,8 @@ class PiecesMaker(Maker):
         return tuple(FitResult(PiecesFit(segments), backbone, notes) for segments in fits)
 
     def build(self, part: ModelChoices, given: Given, result: FitResult) -> Model:
-        """Fuse the segments. On a backbone, keep as much of the residual as left-out training data
-        support.
+        """Fuse the segments. If they are fitted to the residual of a backbone, use them only as far
+        as they improve predictions of left-out training data.
         """
         from mapmore_cli.modelling.pieces import build as method
         from mapmore_cli.modelling.pieces.cross_validation import with_trusted_residual

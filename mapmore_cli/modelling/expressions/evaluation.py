@@ -59,7 +59,10 @@ def evaluate(expression: Expression, columns: Columns, n: int | None = None) -> 
     if n is None:
         n = next((len(column) for column in columns.values() if np.ndim(column)), None)
         if n is None:
-            raise DataError("the number of rows is unknown, because no column of samples is given")
+            raise DataError(
+                "the number of rows is unknown, because no column of samples is given",
+                "give at least one column, or the number of rows as `n`",
+            )
     values = _needed((expression,), columns, n)
     with np.errstate(all="ignore"):
         (value,) = compiled((expression,))(values)
@@ -180,8 +183,8 @@ def compiled(
 
 
 def part_of(expression: Expression, known: Known) -> Part:
-    """Return a node as a function of columns. `known` collects the powers and function values of
-    all expressions that are evaluated together.
+    """Compile a node into a function of the columns. `known` collects the functions of the powers
+    and calls in all expressions that are evaluated together.
     """
     match expression:
         case Number(value):

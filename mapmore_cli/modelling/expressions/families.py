@@ -18,8 +18,8 @@ from mapmore_cli.modelling.expressions.syntax import MAX_EXPONENT, Expression, m
 
 
 def lags(of: Sequence[str], steps: Sequence[int]) -> tuple[str, ...]:
-    """Return every state in `of` some samples ago, step by step, for example `force[k-1]`. Step 0
-    is the state itself.
+    """Return the names of all states in `of`, delayed by each number of samples in `steps`, for
+    example `force[k-1]`. States with the same delay stand together. Step 0 is the state itself.
     """
     return tuple(
         (Lagged(state(name), step) if step else state(name)).name for step in steps for name in of
@@ -29,8 +29,9 @@ def lags(of: Sequence[str], steps: Sequence[int]) -> tuple[str, ...]:
 def operated(
     family: str, of: Sequence[str], numbers: Sequence[float | tuple[float, ...]] = ()
 ) -> tuple[str, ...]:
-    """Return the operators of a `family` on every state in `of`, with each of `numbers`
-    (`slow(pressure, 0.5)`), or without numbers (`resonance(pressure)`).
+    """Return the names of the states that the operators of a `family` compute from every state in
+    `of`: one for each entry of `numbers`, for example `slow(pressure, 0.5)`, or a name without
+    numbers, for example `resonance(pressure)`.
 
     Raises ValueError for numbers that do not fit the operator.
     """
@@ -95,8 +96,8 @@ def products(
 
 
 def count_products(states: int, order: int, partners: int) -> int:
-    """Return how many products `products` makes of this many states and partners, including the
-    constant.
+    """Count the products that `products` returns for a number of states, some of which are
+    partners. The constant is included.
     """
     whole = partners + order
     # products of partners alone, and products with a power of one other state
@@ -131,8 +132,9 @@ def fits_whole(samples: int, candidates: int) -> bool:
 
 
 def refuse_beyond_memory(candidates: int) -> None:
-    """Raise DataError if there are too many candidates even for a dictionary that is built block by
-    block. The message gives the memory that they need and the memory that exists.
+    """Raise DataError if a dictionary with so many candidates needs too much memory even when it is
+    built block by block. The message gives the memory that is needed and the memory that may be
+    used.
     """
     needed, room = products_bytes(candidates), usable_memory()
     if needed > room:

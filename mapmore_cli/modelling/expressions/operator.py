@@ -154,17 +154,17 @@ class Operator:
     - `summary`: explanation of its family for the author of a spec.
     - `recursion`: function that returns the rule from one sample to the next.
     - `parameters`: its numbers, in the order in which the name of a state has them.
-    - `needs`: the property of the source that training must find out: its `range`, if widths are
-      fractions of it, or the `oscillator` that it drives, if the name has no numbers.
-    - `starts`: sets of numbers from which training begins its search, as a function of the time
-      between samples and the duration of the longest piece, s. None if training cannot estimate the
-      numbers.
-    - `spread`: function that returns the numbers if a spec gives a `count`, from that count, the
-      time between samples and the duration of the longest piece, both in s.
+    - `needs`: the property of the source that training must determine: its `range` if widths are
+      fractions of it, or the `oscillator` that it drives if the name has no numbers.
+    - `starts`: function that returns the sets of numbers from which training begins its search,
+      from the time between samples and the duration of the longest piece, both in s. None if
+      training cannot estimate the numbers.
+    - `spread`: function that chooses the numbers if a spec gives only their `count`, from this
+      count, the time between samples and the duration of the longest piece, both in s.
     - `family`: key of the family in a spec, if it is not `name`. A family may consist of several
       operators.
-    - `along`: faster way to compute the values on one uninterrupted piece, shape (n,), that begins
-      at rest; None uses the recursion.
+    - `along`: function that computes the values on one uninterrupted piece, shape (n,), which
+      begins at rest. It is faster than the recursion, which is used if `along` is None.
     - `timed`: True if the operator needs equal time steps. Otherwise the order of the samples is
       enough.
     """

@@ -67,7 +67,8 @@ def parse(text: str, ranged: Callable[[Expression], Expression] | None = None) -
     """
     if len(text) > MAX_LENGTH:
         raise ExpressionError(
-            f"the expression has {len(text)} characters, more than {MAX_LENGTH}", MAX_LENGTH
+            f"the expression has {len(text)} characters; at most {MAX_LENGTH} are possible",
+            MAX_LENGTH,
         )
     parser = _Parser(text)
     parser.ranged = ranged
@@ -77,8 +78,8 @@ def parse(text: str, ranged: Callable[[Expression], Expression] | None = None) -
     # written out is limited too.
     if len(text) > MAX_LENGTH // 10 and (length := len(to_text(expression))) > MAX_LENGTH:
         raise ExpressionError(
-            f"the expression has {length} characters when its powers are written out, more "
-            f"than {MAX_LENGTH}",
+            f"the expression has {length} characters when its powers are written out; at most "
+            f"{MAX_LENGTH} are possible",
             len(text),
         )
     return expression

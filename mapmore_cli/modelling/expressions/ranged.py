@@ -1,7 +1,8 @@
-"""Insert the training range into candidate terms that depend on it: `unit(x)` stands for x scaled
-to run from 0 to 1 over its training range.
+"""Insert the training range into candidate terms that depend on it. `unit(x)` stands for x scaled
+so that it runs from 0 to 1 over its training range.
 
-For example, `abs(unit(strain - 0.1))^3` becomes `abs((strain - 93)/830)^3`.
+For example, if the strain runs from 10 to 840 in training, `abs(unit(strain - 0.1))^3` becomes
+`abs((strain - 93)/830)^3`.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ def _placed(texts: tuple[str, ...], courses: Courses) -> tuple[str, ...]:
     ranges = {name: (low, high) for name, low, high in courses}
 
     def line(distance: Expression) -> Expression:
-        """Return `unit(distance)` as the scaled distance: a straight line with the numbers of the
+        """Return `unit(distance)` as a linear function of the quantity, with numbers from its
         training range.
         """
         (name,) = distance.names

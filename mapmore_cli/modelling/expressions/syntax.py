@@ -125,7 +125,7 @@ class Name(Expression):
                 raise ExpressionError(f"`{self.name}` must be written `{state(self.name).name}`")
         elif self.name in FUNCTIONS:
             raise ExpressionError(
-                f"`{self.name}` cannot be the name of a quantity in an expression"
+                f"`{self.name}` is a function and cannot be the name of a quantity"
             )
 
     @property
@@ -281,8 +281,9 @@ def with_parts(expression: Expression, change: Callable[[Expression], Expression
 
 
 def _folded(numbers: list[float]) -> list[float]:
-    """Return numbers with the same product: none if the product is one, otherwise the product
-    itself; or the magnitudes one by one if their product would overflow or lose digits.
+    """Return fewer numbers with the same product: none if the product is one, otherwise the product
+    itself. If the product would overflow or lose digits, return the numbers whose magnitude is not
+    one, with the sign in the first.
     """
     product = math.prod(numbers)
     if sys.float_info.min <= abs(product) < math.inf:

@@ -1,13 +1,13 @@
 """Compute standard errors of least squares when neighbouring samples of a recording have correlated
 errors.
 
-The covariance of the coefficients is `(P'P)^-1 P' Omega P (P'P)^-1`, where Omega is the covariance
-of the noise: `white` noise and a `drift` of which the share `kept` remains after one sample, `Omega
-= white I + drift kept^|i-j|` within a recording. A sum over lags like that of Newey and West
-(Econometrica 55, 1987) gives half the true value or less for `kept` = 0.97, because the residuals
-of a fit vary less than the noise, and its slowest part least of all. Therefore, `matched` chooses
-the noise that leaves residuals with the measured autocovariance on average after a fit with these
-columns.
+The covariance of the coefficients is `(P'P)^-1 P' Omega P (P'P)^-1`. Omega is the covariance of the
+noise, `white I + drift kept^|i-j|` within a recording: white noise, and a drift of which the
+fraction `kept` remains after one sample. A sum over lags like that of Newey and West (Econometrica
+55, 1987) gives half the true value or less for `kept` = 0.97, because a fit also follows the
+noise, most of all its slowest part, which is then missing from the residuals. Therefore, `matched`
+chooses the noise for which the residuals of a fit with these columns have, on average, the measured
+autocovariance.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ COARSE, FINE = np.log(3.0), 0.05
 
 @dataclass(frozen=True)
 class Noise:
-    """Variances of white noise and of a drift, and the share of the drift that remains after one
+    """Variances of white noise and of a drift, and the fraction of the drift that remains after one
     sample.
     """
 
@@ -59,7 +59,7 @@ def correlated_errors(
 
     `P`, shape (n, k), and `residual`, shape (n,), hold recordings with these `lengths` one after
     the other, each in the order of time. `ridge`, shape (k,), is added to the diagonal of P'P. The
-    errors are NaN without a degree of freedom.
+    errors are NaN if n <= k, because no degree of freedom is left.
     """
     n, k = P.shape
     if n <= k:

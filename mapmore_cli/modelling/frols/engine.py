@@ -1,7 +1,8 @@
-"""Provide `frols` and `frols_together`, and the two numerical forms of the method. With the Gram
-matrix, a tall dictionary is read only once. With an orthonormal basis of the chosen columns, it is
-read in every step, but no digits are lost. The triangular factor of the dictionary can replace the
-dictionary.
+"""Provide `frols` and `frols_together`, and the two numerical forms of the method.
+
+The form with the Gram matrix reads a tall dictionary only once. The form with an orthonormal basis
+of the chosen columns reads the dictionary in every step, but loses no digits. It can read the
+triangular factor of the dictionary instead of the dictionary.
 """
 
 from __future__ import annotations
@@ -298,7 +299,8 @@ def choose(
 @dataclass(frozen=True)
 class Regression:
     """A regression problem with one output: the `blocks` of candidates and output, the weights of
-    the samples, and a faster way (`only`) to obtain the blocks of some candidates.
+    the samples, and a function `only` that returns the blocks of some candidates faster than from
+    `blocks`.
     """
 
     blocks: Blocks
@@ -363,7 +365,7 @@ def _shared_terms(
     problems: Sequence[Regression], sigmas: Sequence[Array | None], stopping: Stopping
 ) -> tuple[IntArray, str, int]:
     """Return the candidates that all outputs share, the reason for their number, and the number of
-    independent candidates.
+    all candidates.
     """
     parts, wholes, blocks = list[Remainders](), list[float](), list[Blocks]()
     for one, sigma in zip(problems, sigmas, strict=True):

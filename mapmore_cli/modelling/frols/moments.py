@@ -72,8 +72,8 @@ def safe_scale(squares: Array, blocks: Blocks) -> Array:
 
 
 def power_of_two(positive: Array) -> Array:
-    """Return the power of two next above each value; one where the value is zero. Division by it is
-    exact.
+    """Return, for each value, the smallest power of two that is larger; one if the value is zero.
+    Division by it is exact.
     """
     return np.ldexp(1.0, np.where(positive > 0, np.frexp(positive)[1], 0))
 
@@ -156,8 +156,8 @@ class Moments:
     products: Array
 
     def without(self, other: Moments) -> Moments:
-        """Return the moments of the other rows, without those in `other`, which are a part of
-        them.
+        """Return the moments of the rows that are not in `other`, which must be the moments of some
+        of these rows.
         """
         return Moments(
             self.samples - other.samples, self.sums - other.sums, self.products - other.products
@@ -195,8 +195,8 @@ def standard(blocks: Blocks) -> Standard:
 def _mean_and_variance(blocks: Blocks) -> tuple[Array, Array, Array]:
     """Return the first row, the mean relative to it, and the variance, shape (M+1,) each.
 
-    Deviations are taken from the first row, because the squares of large means would swallow the
-    spread.
+    Deviations are taken from the first row, because the squares of large values would lose the
+    digits of a small spread.
     """
     origin, sums, squares, samples = np.zeros(0), np.zeros(1), np.zeros(1), 0
     # if values overflow, `safe_scale` finds the cause

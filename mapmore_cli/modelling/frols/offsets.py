@@ -37,7 +37,8 @@ def far_from_zero(pieces: Sequence[SegmentFit], samples: Mapping[str, Array]) ->
             notes.append(
                 f"the mean of {name} is {abs(mean) / spread:.2g} times its spread away from "
                 f"zero, so that its terms differ only by rounding; subtract {mean:.6g} "
-                f"(`derive`), or write `fit: {{scaling: unit_square}}` (with memory `range`)"
+                "(`derive`), or write `fit: {scaling: unit_square}`, or `scaling: range` for a "
+                "model with memory"
             )
     return notes
 

@@ -59,11 +59,11 @@ class Regularised:
 
 
 def select(data: Regularised, max_terms: int, among: IntArray | None = None) -> Selection:
-    """Select up to `max_terms` candidates forwards, from all or from `among`, shape (m,), in
-    standardised units.
+    """Choose up to `max_terms` candidates by forward selection, from all candidates or from those
+    in `among`, shape (m,). The result is in standardised units.
 
     ERR belongs to the regularised problem: `1 - sum ERR` is `(SSE/n + ridge theta'theta) /
-    (y'y/n)`. In the tables, excluded candidates are NaN.
+    (y'y/n)`. In the tables, candidates that are not in `among` are NaN.
     """
     M = len(data.covariance) - 1
     columns = np.arange(M) if among is None else among
@@ -142,11 +142,11 @@ def _left_out_error(
 
 def ridge_press(blocks: Blocks, data: Regularised, subsets: Sequence[IntArray]) -> Array:
     """Return `PRESS = sum_i (r_i / (1 - h_i))^2` of each subset, shape (m,), in one pass over
-    standardised blocks; infinite if a leverage is one.
+    standardised blocks. It is infinite if a leverage is one.
 
     The leverage `h_i = 1/n + z_i' G^-1 z_i / n` is the sum of the leverages of the mean and of the
-    terms. With a ridge it is exact, except that one sample also changes the means and standard
-    deviations.
+    terms. The formula takes the means and standard deviations as fixed, although they would change
+    slightly without sample i; otherwise it is exact for a fixed ridge.
     """
     total = np.zeros(len(subsets))
     for P, y in blocks():

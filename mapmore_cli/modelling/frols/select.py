@@ -18,8 +18,8 @@ from mapmore_cli.modelling.frols.moments import Blocks, divided, standard, weigh
 # candidates with an ERR within this fraction of the best are tied; the one with the lower index in
 # the dictionary wins
 TIE_TOLERANCE = 1e-9
-# the square of the rounding error: a smaller ERR explains nothing, and after a smaller residual
-# nothing is left to explain
+# square of the rounding error: a candidate with a smaller ERR explains nothing, and a smaller
+# residual leaves nothing to explain
 NO_GAIN = 1e-28
 # a regressor is dependent if `q'q <= RANK_TOLERANCE p'p`, because the remainder is then rounding
 # error
@@ -29,8 +29,8 @@ CRITERIA = ("tolerance", "bic", "ebic", "aicc", "press")  # rules for the number
 
 @dataclass(frozen=True)
 class Stopping:
-    """Rule for the end of the selection: there are `max_terms` terms (None for no limit), or only
-    the fraction `tolerance` is unexplained.
+    """Rule for the end of the selection. It ends with `max_terms` terms (None for no limit), or
+    when at most the fraction `tolerance` of the output is unexplained.
 
     The fraction refers to `y'y`, or to the squares about the mean (see `to_explain`). Criteria
     other than `tolerance` choose the number of terms afterwards among all possible numbers; for
@@ -81,11 +81,12 @@ class DigitsLost(Exception):
 
 
 class Remainders:
-    """Remainders of y (`sse` of `yy`) and of every candidate after the chosen terms are subtracted:
-    the vectors `q` of M2 eq 2, in any form.
+    """Remainders of y and of every candidate after the chosen terms are subtracted. For a
+    candidate, this is the vector `q` of M2 eq 2, in any form.
 
-    `squares` `q'q` and `products` `y'q`, (M,) each, are downdated from step to step; `pp` are the
-    candidates' own squares.
+    `squares` `q'q` and `products` `y'q`, (M,) each, are downdated from step to step. `pp` are the
+    sums of squares of the candidates themselves, `yy` is that of y, and `sse` that of the remainder
+    of y.
     """
 
     def __init__(self, pp: Array, products: Array, yy: float) -> None:
@@ -95,7 +96,7 @@ class Remainders:
 
     def reductions(self) -> tuple[Array, Array]:
         """Return `g = y'q / q'q` (M2 eq 3) and `ERR = g^2 q'q / y'y` (eq 4), shape (M,) each; NaN
-        for chosen or dependent candidates. Raises DigitsLost.
+        for chosen or dependent candidates. Raises DigitsLost if rounding errors affect the result.
         """
         g = np.full(len(self.products), np.nan)
         np.divide(self.products, self.squares, out=g, where=self.live)
@@ -117,7 +118,9 @@ class Remainders:
 
 class Iteration(NamedTuple):
     """One step of the selection: the chosen candidate, `g` and ERR of all candidates, shape (M,),
-    the row of the triangular factor, shape (M+1,), and the remaining part of `y'y`.
+    the candidate with the next highest ERR (-1 if there is none), the number of other candidates
+    that are tied with the chosen one, the row of the triangular factor, shape (M+1,), and the
+    remaining part of `y'y`.
     """
 
     pick: int
@@ -194,15 +197,15 @@ ROUNDING = 1e-30
 
 
 def fewest_terms(criterion: str, unexplained: Array, n: int, candidates: int = 0) -> int:
-    """Return the number of terms with the smallest criterion, the smaller number of equals. For
-    several outputs, the criterion is summed.
+    """Return the number of terms with the smallest value of a criterion; if two numbers have equal
+    values, the smaller number. For several outputs, the criterion is summed.
 
     `unexplained` (k,), or (m, k) of m outputs, is `SSE / y'y` after 1, 2, ... terms of n samples.
 
     - `bic`: `n ln(SSE/n) + k ln n` (Schwarz 1978);
-    - `ebic`: larger by `2 k ln M`, because the best of M `candidates` explain some noise (Chen and
-      Chen 2008, Biometrika 95, with gamma one and the powers of M in place of the numbers of
-      subsets);
+    - `ebic`: larger than `bic` by `2 k ln M`, because the best of M `candidates` fit some noise by
+      chance (Chen and Chen 2008, Biometrika 95, with gamma = 1, and with `M^k` as the number of
+      subsets of k candidates);
     - `aicc`: `n ln(SSE/n) + 2k + 2k(k+1)/(n-k-1)` (Hurvich and Tsai 1989).
     """
     outputs = np.atleast_2d(unexplained)
@@ -225,11 +228,11 @@ is unknown.
 
 def press(blocks: Blocks, chosen: IntArray, factor: Array, projections: Array) -> Array:
     """Return `PRESS_k = sum_i (r_ik / (1 - h_ik))^2` after 1, 2, ... terms (Allen 1974), shape
-    (k,); infinite if a sample has leverage one.
+    (k,). It is infinite if a sample has leverage one.
 
-    Of the `chosen` candidates (k,), `factor` is the upper triangular R, (k, k), and `projections`
-    are `c = U'y`, (k,), with `U = P_chosen R^-1`. Its first k columns give the leverages `h_ik =
-    sum_j U_ij^2` and the residuals `r_ik = y_i - sum_j U_ij c_j`.
+    `factor` is the upper triangular factor R of the `chosen` candidates (k,), shape (k, k).
+    `projections` are `c = U'y`, (k,), with `U = P_chosen R^-1`. The first k columns of U give the
+    leverages `h_ik = sum_j U_ij^2` and the residuals `r_ik = y_i - sum_j U_ij c_j`.
     """
     total = np.zeros(len(chosen))
     for P, y in blocks():

@@ -18,7 +18,7 @@ from mapmore_cli.modelling.frols.select import (
 
 
 class Together(Remainders):
-    """Remainders of several outputs. `sse` is the largest unexplained share of any output."""
+    """Remainders of several outputs. `sse` is the largest unexplained fraction of any output."""
 
     def __init__(self, parts: Sequence[Remainders], wholes: Sequence[float]) -> None:
         self.parts, self.wholes, self.yy = parts, wholes, 1.0
@@ -52,8 +52,8 @@ def chosen_together(
     width = len(joint.parts[0].pp) + 1
 
     def errors() -> Array:
-        """Return the PRESS after 1, 2, ... terms as a share of each output, summed over the
-        outputs, shape (k,).
+        """Return the PRESS after 1, 2, ... terms, divided by the `y'y` of each output and summed
+        over the outputs, shape (k,).
         """
         left = np.zeros(len(steps))
         for j, (own, part) in enumerate(zip(blocks, joint.parts, strict=True)):

@@ -105,11 +105,11 @@ class Weighing:
 
 @dataclass(frozen=True)
 class Choice:
-    """A selection of one output without the standard errors that its weights call for. Computing
-    these errors takes about as long as the choice itself, so it is done only for the choice that is
-    kept.
+    """A selection for one output, whose standard errors do not take the weights into account yet.
+    Computing them takes about as long as the selection itself, so it is done only for the selection
+    that is kept.
 
-    - `only`: the blocks of some candidates.
+    - `only`: function that returns the blocks of some candidates.
     - `weights`: weights of a robust loss, (n,); None for squares.
     """
 
@@ -142,7 +142,7 @@ def _errors_along(
     blocks: Blocks, theta: Array, curves: IntArray | None, recorded: IntArray
 ) -> tuple[Array, float]:
     """Return standard errors that allow for correlated residuals along recordings, (k,), and the
-    number of independent samples.
+    number of independent samples to which the samples are equivalent.
     """
     P, y = map(np.concatenate, zip(*blocks(), strict=True))
     labels = np.zeros(len(y), dtype=np.int64) if curves is None else curves
@@ -159,8 +159,8 @@ def reweighted(
     select: Callable[[Sequence[Array | None]], Sequence[Selection]],
     only: Sequence[Callable[[IntArray], Blocks]],
 ) -> tuple[Choice, ...]:
-    """Return the selection with these weights, one for each output. For a robust loss, the terms
-    are selected with the weights of a robust start, and then with the final weights.
+    """Return a weighted selection for each output. For a robust loss, the terms are selected twice:
+    with the weights of a robust start, and with the final weights.
 
     `select` takes the uncertainty of every output; each function in `only` takes candidates and
     returns their blocks. With the chosen terms, weights and least-squares fits alternate for at
@@ -197,9 +197,9 @@ def loss_weights(loss: str, residual: Array) -> Array:
 
 
 def numbered_curves(labels: IntArray | None, terms: int) -> IntArray | None:
-    """Return the number of each sample's curve, counted from 0, shape (n,), from its label, shape
-    (n,). None if there are too few curves for sums over them: fewer than `FEW`, or no more than the
-    terms.
+    """Return the labels of the samples' curves, (n,), replaced by consecutive numbers from 0.
+    Return None if the errors of curves cannot be estimated, because there are fewer than `FEW`
+    curves, or no more curves than terms.
     """
     if labels is None:
         return None

@@ -62,8 +62,8 @@ def fit_formula(
 
 MOST_KEPT = 512
 _FITTED: dict[bytes, FormulaFit] = {}
-"""Cache of fits, by everything that determines them: the backbone, its choice, left-out data and
-competitors often need the same fit.
+"""Cache of fits by everything that determines them. The backbone, its selection, the models without
+left-out data, and the competitors often need the same fit.
 """
 
 

@@ -51,7 +51,9 @@ muscle.
 """
 
 PRIOR = 0.15
-"""Standard deviation of the priors of both scales of a new specimen, which have the centre one."""
+"""Standard deviation of the priors of the two scales of a new specimen. Both priors have the mean
+1.
+"""
 
 WITHIN = (0.3, 3.0)
 """Bounds of the scale of the strain."""
@@ -69,9 +71,11 @@ def family_of(text: str) -> Family:
             or not metres > 0
             or settings.scale not in CENTRE
         ):
-            raise TypeError("no quantity, unit or scale of a family")
+            raise TypeError("`of` must name a quantity, `metres` be positive, and `scale` be known")
     except (KeyError, TypeError, AttributeError, RecursionError, OverflowError) as error:
-        raise ValueError(f"this defines no family: {type(error).__name__}: {error}") from error
+        raise ValueError(
+            f"the text is no valid definition of a family: {type(error).__name__}: {error}"
+        ) from error
     return Family(
         name=NAME,
         reference="ours, on M1 eq 1 and Bolen et al. 2026",
@@ -146,7 +150,7 @@ class Family(Formula):
         centre = math.log(CENTRE[self.settings.scale])
 
         def rest(log_b: float) -> Array:
-            """Return ln S minus the part that depends on b, which is ln a."""
+            """Return the estimate of ln a from each specimen, shape (m,), for a given ln b."""
             b = math.exp(log_b)
             if self.settings.scale == "power":
                 return np.log(largest) - b * np.log(lengths)
@@ -169,7 +173,7 @@ class Family(Formula):
 
 
 def _slack_and_largest(y: Array) -> tuple[float, float]:
-    """Return the force when slack, and the largest force above it."""
+    """Return the force of the slack muscle, and by how much the largest force exceeds it."""
     low, high = np.quantile(y, [LOW, HIGH])
     zero = float(low) if abs(low) < SLACK * high else 0.0
     return zero, float(high) - zero
@@ -179,10 +183,10 @@ def adapted(
     fit: FormulaFit, columns: Mapping[str, Array], target: Array, dimension: float
 ) -> FormulaFit:
     """Return the formula of a new specimen of the family, `zero + q_force S f(P, q_strain strain)`,
-    as a function of pressure and strain only.
+    as a function of pressure and strain only. The scales q are fitted to its measured points.
 
-    `columns` holds the pressure and strain of the specimen, shape (n,) each, and `target` its
-    forces; without rows, both scales are one. The prior of each scale is one, with a standard
+    `columns` holds the pressure and strain of these points, shape (n,) each, and `target` the
+    forces; without points, both scales are one. The prior of each scale is one, with a standard
     deviation of 15 %. Samples of one strain have a common error, so they count as one sample with
     an error of 5 % of the force.
     """

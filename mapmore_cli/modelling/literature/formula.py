@@ -62,12 +62,11 @@ class Formula:
     - `text`: the formula as an expression of inputs and parameters.
     - `nonlinear`: parameters in which it is not linear, with the intervals in which they are
       sought. Every term must be linear in another parameter, or contain a dimension of the muscle.
-    - `form`: linear form in which it is fitted, if it is printed in parameters in which it is not
-      linear.
+    - `form`: linear form in which it is fitted, if it is not linear in the printed parameters.
     - `published_starts`: starting values that papers print, by the name that a spec uses.
     - `start`: name of the starting values that `levenberg_marquardt` uses, or `random`.
-    - `near`: parameters at which the default method begins instead of a search for starting
-      values, for example those of a fit to more of the same samples; None without.
+    - `near`: parameters at which the default method begins, for example those of a fit to more of
+      the same samples; None if the method must search for starting values.
     - `title`: usual name in texts; `name` if it is empty.
     - `about`: explanation of the formula; by default the docstring of its module.
     - `component`: component of the force for which it was published: `static`, `damping` or
@@ -119,7 +118,7 @@ class Formula:
         """Return the formula. Raises ValueError if its text contradicts its declarations."""
         if self.expression.names != {*self.inputs, *self.parameters}:
             raise ValueError(
-                f"{self.name}: the names in the text are not the inputs and parameters"
+                f"{self.name}: the names in the text must be exactly its inputs and parameters"
             )
         without = with_numbers(self._fitted_expression, dict.fromkeys(self.linear, 0.0))
         if not (self.dimensions or self.definition) and without != Number(0.0):
@@ -127,7 +126,7 @@ class Formula:
         if any(
             derivative(self._fitted_expression, name).names & {*self.linear} for name in self.linear
         ):
-            raise ValueError(f"{self.name}: a parameter is nonlinear without being declared so")
+            raise ValueError(f"{self.name}: not linear in a parameter that `nonlinear` lacks")
         return self
 
     def starting_from(self, start: str) -> Formula:
@@ -202,8 +201,8 @@ class Formula:
         return evaluate(self.expression, values, row_count(columns))
 
     def equations(self, fit: FormulaFit) -> dict[str, Expression]:
-        """Return `equation` by the name of the formula. Some formulas return one equation for each
-        of their parts.
+        """Return the equations of a fit by name: the formula itself, and for some formulas also
+        their parts.
         """
         return {self.name: self.equation(fit)}
 
@@ -244,7 +243,7 @@ class Formula:
         unknown, status = dict.fromkeys(self.parameters, float("nan")), solution.status
         failed = not np.isfinite(list(values.values())).all()
         if failed and status != "failed":
-            notes = (*notes, "the formula has no finite value with its published parameters")
+            notes = (*notes, "the fit gives no finite value for a parameter of the printed formula")
         fit = FormulaFit(
             *(self.name, unknown, unknown, "failed", solution.method, 0, np.nan, np.nan, samples),
             notes=notes,
@@ -277,7 +276,7 @@ class Formula:
             if not linear.half_width(error, freedom) <= abs(values[name])
         ]
         if weak and freedom:
-            notes = (*notes, f"not identified (95 % interval beyond zero): {', '.join(weak)}")
+            notes = (*notes, f"not identified (95 % interval contains zero): {', '.join(weak)}")
         rivals = [Optimum(self._printed(problem, *at), problem.sse(*at)) for at in solution.rivals]
         return replace(
             fit,

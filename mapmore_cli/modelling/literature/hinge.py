@@ -1,13 +1,15 @@
 """Fit Sárosi's formula with a slack foot on normalised data: its values, derivatives, units and
 search.
 
-With p = P/max|P|, x = strain/max|strain|, f = F/max|F| (any target F):
+With p = P/max|P|, x = strain/max|strain| and f = F/max|F| (any target F), the formula is
 
-    f = lo + w ln(1 + exp((hi - lo)/w)),   hi = (a1 p + a2) exp(a3 x) + a4 x p + a5 p + a6,   lo =
-    b0 + b1 p + b2 x
+    f = lo + w ln(1 + exp((hi - lo)/w))
+    hi = (a1 p + a2) exp(a3 x) + a4 x p + a5 p + a6
+    lo = b0 + b1 p + b2 x
 
-is Sárosi's `hi` above the foot and the plane `lo` on it, joined by a hinge of width w. The
-coordinates q, shape (10,), are the parameters in the order of `NAMES`, with ln w instead of w.
+Above the foot, f follows Sárosi's `hi`; on the foot, it follows the plane `lo`. A hinge of width w
+joins them. The coordinates q, shape (10,), are the parameters in the order of `NAMES`, with ln w
+instead of w.
 """
 
 from __future__ import annotations
@@ -65,7 +67,7 @@ PRIOR_W = 0.03
 # largest number of samples with which the data count against the priors: neighbouring samples of a
 # slow recording repeat each other, and the priors would have no effect if each sample counted
 INDEPENDENT = 300
-# so few strain levels can be fitted with any curvature; affects only the words of a note
+# with at most this number of strain levels, any curvature fits; affects only the words of a note
 FEW_LEVELS = 3
 # fraction of max|strain| below which two strain levels count as one; affects only the words of a
 # note

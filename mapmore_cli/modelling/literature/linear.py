@@ -16,8 +16,8 @@ leave about 1e-16.
 """
 
 SHARE = 0.1
-"""A parameter is undetermined if more than this part of it lies in a direction that does not change
-the result.
+"""A parameter is undetermined if more than this fraction of it lies in a direction that does not
+change the result.
 """
 
 

@@ -39,7 +39,7 @@ class FamilySettings(Settings):
 
 
 def is_family(name: str) -> bool:
-    """Return True if the name of a formula is the definition of a family."""
+    """Return True if `name` is the definition of a family instead of the name of a formula."""
     return name.startswith('{"family"')
 
 
@@ -53,7 +53,7 @@ LONGEST = 100_000
 
 
 def is_definition(name: str) -> bool:
-    """Return True if the name of a formula is the definition of a formula."""
+    """Return True if `name` is the definition of a formula instead of the name of a formula."""
     return name.startswith("{")
 
 
@@ -85,7 +85,7 @@ def formula_of(text: str) -> Formula:
     expression.
     """
     if len(text) > LONGEST:
-        raise ValueError(f"the definition has {len(text)} characters, more than {LONGEST}")
+        raise ValueError(f"the definition has {len(text)} characters; the limit is {LONGEST}")
     try:
         document = json.loads(text)
         parameters = tuple(sorted(document["bounds"]))
@@ -108,7 +108,9 @@ def formula_of(text: str) -> Formula:
     except ExpressionError:
         raise
     except (KeyError, TypeError, AttributeError, RecursionError, OverflowError) as error:
-        raise ValueError(f"this defines no formula: {type(error).__name__}: {error}") from error
+        raise ValueError(
+            f"the text is no valid definition of a formula: {type(error).__name__}: {error}"
+        ) from error
 
 
 def units_of_parameters(fit: FormulaFit) -> Mapping[str, str]:
@@ -121,8 +123,8 @@ def units_of_parameters(fit: FormulaFit) -> Mapping[str, str]:
 
 
 def _intervals(low: float, high: float) -> Iterator[tuple[float, float]]:
-    """Yield the interval between the bounds, split so that no part contains zero, because the
-    search multiplies values by factors.
+    """Yield the interval between the bounds, without the values next to zero, in parts of one sign,
+    because the search multiplies values by factors.
     """
     least = NEAREST * max(abs(low), abs(high))
     if low < 0:

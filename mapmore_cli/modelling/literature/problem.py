@@ -56,17 +56,17 @@ class Nonlinear:
 
 @dataclass(frozen=True)
 class LeastSquares:
-    """Problem of finding `beta` and `c` that minimise `|Phi(c) beta + f0(c) - y|^2` over n rows.
-
-    If the formula does not have this form, its own residual is minimised.
+    """Problem of finding `beta` and `c` that minimise `|Phi(c) beta + f0(c) - y|^2` over n rows. If
+    the formula does not have this form, the squared `residual` is minimised instead.
 
     - `expression`: the formula of inputs and parameters.
     - `linear`: names of the m parameters `beta` in which the formula is linear.
     - `nonlinear`: the k parameters with coordinates `c`.
-    - `gradient`: derivative of the formula by every parameter. Those by `linear` are the
-      regressors.
+    - `gradient`: derivative of the formula by every parameter. The derivatives by the linear
+      parameters are the regressors.
     - `columns`, `y`: the inputs and the target, shape (n,) each.
-    - `counts`: number of samples for which each row stands, shape (n,); None if each is one.
+    - `counts`: number of samples for which each row stands, shape (n,); None if each row is one
+      sample.
     - `start`: starting value of every parameter: published values, or those of a fit to nearly the
       same rows. None if there are no such values.
 
@@ -147,9 +147,8 @@ class LeastSquares:
         """Return the problem over means of neighbouring samples, if there are many samples. It is
         faster to solve and nearly the same.
 
-        The problem is unchanged if a parameter is sought as a fraction `of` a quantity: a force
-        that decays within the slowest rates shows in a few samples only, and the means would hide
-        it.
+        The problem is returned unchanged if a parameter is sought as a fraction `of` a quantity. A
+        force that acts only at the slowest rates shows in few samples, and means would hide it.
         """
         if any(parameter.of for parameter in self.nonlinear):
             return self

@@ -60,7 +60,9 @@ class Solution(NamedTuple):
 
 
 def failure(problem: LeastSquares, method: str) -> Solution:
-    """Return the solution of NaN, for a formula that overflows from every start."""
+    """Return a solution in which every parameter is NaN, because the formula overflows at every
+    start.
+    """
     nothing = np.full(len(problem.linear), np.nan), np.full(len(problem.nonlinear), np.nan)
     return Solution(*nothing, "failed", method, ("every start overflowed",))
 
@@ -78,8 +80,8 @@ def descend(
     method: Literal["trf", "lm"] = "trf",
     evaluations: int | None = None,
 ) -> list[End]:
-    """Return the nearest minimum of `|r(x)|^2` from every start at which it is finite, in the order
-    of the starts, by SciPy's least squares.
+    """Descend with SciPy's least squares from every start at which `|r(x)|^2` is finite, and return
+    the ends in the order of the starts.
 
     `bounds` holds the smallest and the largest coordinates, shape (k,) each; the method `lm` takes
     none. Each start may use `evaluations` evaluations, by default `EVALUATIONS`.
@@ -127,7 +129,9 @@ def descend(
     return ends
 
 
-TOUCHING = 1e-6  # fraction of the range of a coordinate; absolute, if the range is unbounded
+# distance to a bound that counts as touching it, as a fraction of the range, or absolute if the
+# range is infinite
+TOUCHING = 1e-6
 
 
 def onto_bounds(x: Array, bounds: tuple[Array, Array]) -> tuple[Array, list[int]]:
@@ -195,11 +199,11 @@ ROUNDING = 1e-24  # fraction of y'y below which a sum of squares is only roundin
 def variable_projection(problem: LeastSquares) -> Solution:
     """Solve `problem` by variable projection.
 
-    If there are many samples, the search uses means of neighbouring samples. It starts from the
-    start of the problem alone, if there is one at which the formula does not overflow. The lowest
-    end is refined on all samples. The status is `converged`, `at_bound`, `stopped_by_limit`, or
-    `failed` if every start overflows. Notes name a parameter that ends at a bound or that the data
-    do not determine, and say how many starts agree.
+    If there are many samples, the search uses means of neighbouring samples. If the problem has a
+    `start` at which the formula does not overflow, the search begins only there. The lowest end is
+    refined on all samples. The status is `converged`, `at_bound`, `stopped_by_limit`, or `failed`
+    if every start overflows. Notes name a parameter that ends at a bound or that the data do not
+    determine, and say how many starts agree.
     """
     if not problem.nonlinear:
         straight = _projected(problem, np.empty(0))
@@ -243,8 +247,8 @@ def variable_projection(problem: LeastSquares) -> Solution:
 
 
 def _valleys(problem: LeastSquares) -> list[tuple[tuple[Array, Array], list[Array]]]:
-    """Scan the only nonlinear parameter. Return every interval with the places of its smallest sums
-    of squares; an empty list if all places are equally good.
+    """Scan the only nonlinear parameter. Return every interval with the places at which its sum of
+    squares has a local minimum, or an empty list if all places are equally good.
     """
     grids = _grids(problem)
     sse = np.array([[_projected_sse(problem, c) for c in grid] for grid in grids])
@@ -369,8 +373,8 @@ def simplex(problem: LeastSquares) -> Solution:
 def _best_solution(
     problem: LeastSquares, ends: Sequence[End], starts: int, method: str
 ) -> Solution:
-    """Return the lowest end of a search over all parameters, with its rivals. Ends whose parameters
-    have the signs of the source are preferred.
+    """Return the end with the smallest sum of squares, and its rivals. Ends are preferred at which
+    the signs of the nonlinear parameters are within their intervals.
     """
     if not ends:
         return failure(problem, method)

@@ -180,14 +180,14 @@ def parts_of_terms(terms: Sequence[str], fed_back: Container[str]) -> Parts:
 
 
 class Feedback:
-    """The part of a free run that is repeated at every sample: from past values to the output and
-    the fed-back states.
+    """Computation that a free run repeats at every sample: from past values to the output and the
+    fed-back states.
 
-    - `queues`: (q) the states whose past values are needed, the output first.
-    - `recalls`: for each name of a past value, the queue and the number of samples that it lies
-      back.
-    - `longest`: number of measured outputs with which a run begins; `depth`: number of past values
-      that the next sample may need.
+    - `queues`: the q states whose past values are needed, the output first.
+    - `recalls`: for each name of a past value, the queue and the number of samples that the value
+      lies back.
+    - `longest`: number of measured outputs with which a run begins.
+    - `depth`: number of past values that the next sample may need.
 
     Raises DataError for a state or a term that cannot be fed back.
     """

@@ -40,9 +40,9 @@ def fit_with_memory(
     """Choose and fit the terms of one model to the training samples of all pieces.
 
     Operator parameters that the dictionary leaves free are estimated first. Then they and the
-    coefficients are adjusted to minimise the error in free run. `progress` is called with how many
-    numbers of terms were tried in free run, and how many will be. If there is a fit `near`, to more
-    of the same samples, the search begins at its parameters and coefficients.
+    coefficients are adjusted to minimise the error in free run. `progress` is called with the
+    number of model sizes that were tried in free run, and the number of all sizes. If there is a
+    fit `near`, to more of the same samples, the search begins at its parameters and coefficients.
 
     Raises DataError if a quantity is missing, no sample has enough history, a state cannot be fed
     back, the dictionary needs more memory than there is, or no model has a finite free run.
@@ -114,9 +114,9 @@ def fit_outputs(records: Sequence[Record], recipes: Sequence[MemoryRecipe]) -> l
 def _refined(
     problem: FreeRunProblem, choice: TermChoice, numbers: Array, near: MemoryFit | None
 ) -> Point:
-    """Return the point with the smallest error in free run. The search begins at the coefficients
-    of the one-step-ahead fit; or, over whole runs at once, at those of a fit `near` that has the
-    same terms.
+    """Return the point with the smallest error in free run. If a fit `near` has the same terms, the
+    search begins at its coefficients and uses whole runs at once. Without such a fit, or if its
+    runs diverge, the search begins at the coefficients of the one-step-ahead fit.
     """
     chosen = choice.selection.chosen.tolist()
     if near is not None and {*near.selection.chosen.tolist()} == {*chosen}:
@@ -136,8 +136,9 @@ def _ahead(choice: TermChoice, numbers: Sequence[float] | Array = ()) -> Array:
 
 
 def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) -> Array:
-    """Return the point from which the search for the free parameters begins: the best of a few
-    sets, each refined on a short part of the data with the terms that it prefers.
+    """Return the point from which the search for the free parameters begins. A few sets of starting
+    values are refined on a short part of the data, each with the terms that are best for it. The
+    result is the set with the smallest error in free run.
     """
 
     def ahead(numbers_tried: tuple[float, ...]) -> float:
@@ -198,8 +199,8 @@ def _sized_in_free_run(
         progress(terms, len(early.selector.sizes))
     if not np.isfinite(errors).any():
         raise DataError(
-            "the free run of every candidate model diverges, or has no history, on the "
-            "last quarter of the training samples",
+            "on the last quarter of the training samples, the free run of every candidate model "
+            "diverges or has no history",
             DIVERGES,
         )
     return sizes[int(np.argmin(errors))], np.array(errors)

@@ -117,12 +117,14 @@ class FreeRunProblem:
     between: Array
 
     def split(self, vector: Array) -> tuple[Array, float, Array]:
-        """Return theta, (k,), the constant, and the operators' parameters, (m,), of a vector."""
+        """Split a vector into theta, (k,), the constant, and the operators' parameters, (m,)."""
         terms = len(self.ridge)
         return vector[:terms], float(vector[terms]), vector[terms + 1 :]
 
     def at(self, vector: Array, horizon: int | None = None) -> Point:
-        """Return the point at a vector, moved within its bounds, with its runs and error."""
+        """Return the point at a vector, whose entries are first limited to their bounds, with its
+        runs and error.
+        """
         vector = np.clip(vector, *self.between)
         theta, constant, numbers = self.split(vector)
         runs, residuals = list[Trajectory](), list[Array]()
@@ -167,7 +169,7 @@ class FreeRunProblem:
 
     def free(self, vector: Array, downhill: Array) -> BoolArray:
         """Return True for the entries of the vector that may change, shape (k + 1 + m,): all except
-        parameters at a bound beyond which the search would go.
+        entries at a bound beyond which the search would go, and the constant if the model has none.
         """
         low, high = self.between
         at_low, at_high = vector <= low, vector >= high

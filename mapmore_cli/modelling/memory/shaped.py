@@ -30,8 +30,8 @@ from mapmore_cli.modelling.shape.stencils import asked_of
 from mapmore_cli.modelling.shape.violations import verified, with_shape
 
 REMEDY = (
-    "coefficients can be found under this condition only without delays of the output, "
-    "open numbers and `ridge`: use operators with given numbers, or remove the condition"
+    "this condition can be imposed only on a model without delays of the output, without "
+    "free operator parameters and without `ridge`: give the numbers, or remove the condition"
 )
 
 
@@ -45,8 +45,8 @@ def with_signed_gain(
     """Return the model with static gains of the signs that the recipe asks for.
 
     `records` are the pieces of recordings to which the model was fitted. Raises FitError if no
-    coefficients of the chosen terms have these signs, or if the method cannot impose them and the
-    fit has others.
+    coefficients of the chosen terms have these signs. Also raises FitError if the method cannot
+    impose the signs and the fitted gains have other signs.
     """
     memory, body = fit.model, model.body_of(Memory)
     region = region_of(model, curves, recipe)

@@ -114,7 +114,7 @@ def setting_of(operated: Operated, numbers: StateSet) -> Setting:
 
 
 def delayed(x: Array, steps: int, before: Array) -> Array:
-    """Return `x[k - steps]`, shape (n,), where `before` holds the values before the first; NaN
+    """Return `x[k - steps]`, shape (n,); `before` holds the values before x[0]. The result is NaN
     before there is history.
     """
     return np.concatenate([np.full(steps, np.nan), before, x])[len(before) :][: len(x)]
@@ -216,7 +216,7 @@ def find_resonance(
     driving: Sequence[Array], output: Sequence[Array], training: Sequence[BoolArray], step: float
 ) -> tuple[float, float]:
     """Return frequency (Hz) and damping ratio of the oscillator that leaves the smallest part of
-    the training output unexplained; of equals, the slowest.
+    the training output unexplained; if several are equally good, the slowest.
 
     The output is fitted with `[1, x, x^2, s, y, v]`: the driving quantity x, a slow state s of it
     that stands for all other memory, and the oscillator's position y and velocity v.
@@ -228,8 +228,8 @@ def find_resonance(
     frequencies = [frequency for frequency in FREQUENCIES if frequency * step <= 0.2]
     if not frequencies:
         raise DataError(
-            f"with {step:g} s between samples, no resonance can be found: the lowest "
-            f"frequency of the search is {FREQUENCIES[0]:g} Hz",
+            f"with {step:g} s between samples, no resonance can be found, because five "
+            f"samples per period are needed at the lowest frequency, {FREQUENCIES[0]:g} Hz",
             "give frequency and damping, for example resonance(pressure, 0.1, 0.3), or "
             "sample faster",
         )

@@ -1,10 +1,11 @@
 """Prepare training samples: the parameters that terms leave free, regressors for one-step-ahead
 prediction, and pieces for free runs.
 
-Training estimates parameters of operators: the name `wen(force[k-1])` contains none. A grid is
-scanned one step ahead: for every set of starting values, FROLS chooses the terms, and the sets with
-the smallest errors are kept. They are refined together with all coefficients in free run. From
-random starts, few searches end at the best model; from the grid, most do.
+Training estimates the parameters of an operator whose name contains none, for example
+`wen(force[k-1])`. A grid is scanned one step ahead: for every set of starting values, FROLS chooses
+the terms, and the sets with the smallest errors are kept. They are refined together with all
+coefficients in free run. From random starts, few searches end at the best model; from the grid,
+most do.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ from mapmore_cli.modelling.memory.states import resolve_states
 from mapmore_cli.modelling.selection import MemoryRecipe
 
 DIGITS = 10  # significant digits of an estimated parameter; its standard error is far larger
-ALL = 64  # largest number of sets of starting values for which each set is tried
+ALL = 64  # each set of starting values is tried if there are at most this many
 # distance, as a fraction of the range between the bounds, at which a parameter counts as at its
 # bound
 AT_BOUND = 1e-6

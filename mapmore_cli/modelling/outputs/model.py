@@ -1,4 +1,6 @@
-"""Combine the models of several outputs. Code that needs one number uses `Model.each`."""
+"""Combine the models of several outputs. Operations that need a single output use the models in
+`Model.each`.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,9 @@ def _structure(model: Model) -> tuple[object, ...]:
 
 
 class OutputsVerbs(Verbs):
-    """Operations of a model of several outputs. Those that return one number raise UsageError."""
+    """Operations of a model of several outputs. Operations that predict or write one output raise
+    UsageError.
+    """
 
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
         """Predict the only output. Raises UsageError if there are several outputs."""
@@ -78,10 +82,10 @@ class OutputsVerbs(Verbs):
         each = model.each
         names = [part.output.name for part in each]
         if len(names) < 2 or len({*names}) < len(names) or model.output != each[0].output:
-            yield "its outputs are not several, each with a name of its own"
+            yield "it does not have at least two outputs with different names"
         if any(isinstance(part.body, Outputs) for part in each):
-            yield "one of its outputs is several outputs"
+            yield "one of its outputs is itself a model of several outputs"
         if {*model.inputs} != {quantity for part in each for quantity in part.inputs}:
-            yield "its inputs are not those of its outputs"
+            yield "its inputs are not those of the models of its outputs"
         if len({_structure(part) for part in each}) > 1:
             yield "its outputs do not share their segments"

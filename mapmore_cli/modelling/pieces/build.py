@@ -78,9 +78,9 @@ def segment(
     backbone: FormulaFit | None = None,
     also: Sequence[str] = (),
 ) -> tuple[SegmentedCurve, ...]:
-    """Cut every training curve by its measured course, or (`optimal`) so that the fits of its
-    segments have the smallest error. With several outputs (`also`), the errors are summed, each
-    divided by the range of its output.
+    """Cut every training curve at places that follow from its measured values. With `optimal`, cut
+    it so that the fits of its segments have the smallest error. With several outputs (`also`), the
+    errors are summed, each divided by the range of its output.
 
     Raises DataError if a segment holds no sample, or if a curve has too few samples for the cut.
     """
@@ -184,7 +184,8 @@ def _best_placement(
     recipes: Sequence[Recipe],
     origin: IntArray | None = None,
 ) -> _Placed:
-    """Return the placement with the smallest training SSE, the first of equals, and its choices.
+    """Return the placement with the smallest training SSE, and its choices. If several are equally
+    good, the first one is returned.
 
     All placements share the slope of y, so their scaled SSE are comparable. Up to a million rows
     are sorted first, so that the result does not depend on the order in which a logger wrote them.
@@ -268,7 +269,7 @@ class _Samples:
                 give_back(column)
 
     def scaled(self, rows: slice, scaling: Scaling) -> tuple[dict[str, Array], Array]:
-        """Return inputs by name and output of some rows in scaled coordinates."""
+        """Return the inputs by name, and the output, at some rows and in scaled coordinates."""
         inputs = {name: x[rows] for name, x in zip(scaling.variables, self.inputs, strict=True)}
         return scaled_inputs(scaling, inputs), (
             self.y[rows] - scaling.y_intercept
@@ -312,10 +313,11 @@ def _robust(
 ) -> tuple[Sequence[Scaling], Sequence[Choice]]:
     """Choose a placement and terms that do not depend on single outliers.
 
-    Outliers are found by robust fits with a free offset, which no anchor constrains. One fit has as
-    many terms as the segment; the other has so many that it follows the curve closely. Each gives
-    weights for the choice of the first terms. Of these two sets of weights, and equal weights, the
-    one with the smallest scale of the residuals wins.
+    Outliers are found by two robust fits with a free offset, which no anchor constrains. One fit
+    has as many terms as the segment. The other has so many that it follows the curve closely. The
+    residuals of each fit give weights, with which the first terms can be chosen. These two sets of
+    weights are compared with equal weights. The set that leads to the smallest scale of the
+    residuals is used.
     """
     free, n, most = [*terms, parse("1")], len(outputs[0].y), recipe.fit.max_terms
     ways = []
@@ -382,8 +384,8 @@ def fuse(
 ) -> Model:
     """Join the segment functions. The curves come in the order of their levels.
 
-    The residual on a backbone is carried between levels in full; `cross_validation` then says how
-    much of it is kept.
+    Here, the residual on a backbone counts fully between levels. `cross_validation` then chooses
+    how much of it is kept.
     """
     backbone, level = result.backbone, recipe.level
     needed = {

@@ -1,18 +1,18 @@
 """Compare models with training data that were left out of their fits, to choose the share of the
 residual on a backbone, and the backbone itself.
 
-The residual is known at the training levels. Between them, it is carried with the share `g + (1 -
-g)(1 - 2t)^2` (`across_levels`), so that it counts in full at the levels, whatever left-out levels
-say about the space between. The residual of pooled data (one surface) counts everywhere with the
-share g that left-out blocks support.
+At the training levels, the residual is known. At the fraction t of the distance between two levels,
+it is multiplied by `g + (1 - g)(1 - 2t)^2` (`across_levels`), so that it counts in full at the
+levels, whatever the left-out levels show about the space between. The residual of pooled data (one
+surface) is multiplied by g everywhere. The share g is estimated from left-out levels or blocks.
 
 A backbone is chosen among every static formula of the study's inputs, and none. Each inner level
 (for one surface, each inner block along every input) is left out once, and everything is done again
 without it: formula, cuts, terms, and then the best share of the residual. The outermost levels take
 no part in the choice, because a model would have to extrapolate to them. With three training levels
 or fewer, the choice would be left to chance: on measured muscles, it took Sárosi's formula although
-the hinged formula has a tenth of its error. `FEW` is then taken, which keeps to the plain formula
-if the data have no slack foot.
+the hinged formula has a tenth of its error. In this case, the formula `FEW` is used, which is close
+to the plain formula if the data have no slack foot.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class LeftOutErrors:
     folds: int
 
     def rmse(self, share: float) -> float:
-        """Return the RMSE of the backbone with a share of the residual."""
+        """Return the RMSE of the backbone plus a share of the residual."""
         return root_mean_square(self.backbone + share * self.residual - self.measured)
 
     @property
@@ -83,8 +83,8 @@ def leave_out(
     folds: Folds,
     progress: Progress = lambda _done, _total: None,
 ) -> LeftOutErrors:
-    """Return predictions of left-out training data by models of the other data, including the
-    backbone.
+    """Return predictions of left-out training data by models of the other data, with and without
+    the residual on the backbone.
 
     Raises FitError if the backbone cannot be fitted without some of the data.
     """
@@ -216,8 +216,8 @@ def repeats_left_out(curves: Sequence[Curve]) -> Folds:
 def in_curve(
     curves: Sequence[Curve], segmented: Sequence[str], target: str, level: str | None
 ) -> str:
-    """Return the quantity along which curves are cut into blocks: the first segmented one,
-    otherwise the first by name that varies in them.
+    """Return the quantity along which curves are cut into blocks: the first segmented one, or, if
+    none is segmented, the first by name that is neither the target nor the level.
     """
     known = curves[0].columns
     return next(
@@ -257,17 +257,19 @@ def with_trusted_residual(
     quantities: Mapping[str, Quantity],
     progress: Progress = lambda _done, _total: None,
 ) -> Model:
-    """Return a model on a backbone, with as much of its residual as left-out training data support.
+    """Return a model on a backbone, in which the residual counts only as far as it improves
+    predictions of left-out training data.
 
-    - With three levels or more, each inner level is left out once, and the resulting `share` of the
-      residual is carried between levels. If it is 0, the residual counts at the levels alone, or
-      nowhere if it does not help there either: on left-out repeats, if the study holds out
-      repeats, and otherwise on left-out inner blocks of the curves.
+    - With three levels or more, each inner level is left out once. Between levels, the residual is
+      multiplied by the resulting `share`. If this share is 0, the residual counts only at the
+      levels, and is dropped there too if it does not improve the prediction of left-out repeats,
+      or, if the study holds out no repeats, of left-out inner blocks of the curves.
     - With fewer levels, inner blocks of the curves are left out, and the residual is dropped if it
-      does harm there. With two levels, nothing is known between them, so a residual that is kept
-      counts only at the levels.
+      makes their prediction worse. With two levels, no data show its effect between them, so that a
+      residual that is kept counts only at the levels.
     - For one surface, inner blocks are left out, and the whole residual is multiplied by their
-      `share`. If there are no blocks, for example along an input with two values, it is unchanged.
+      `share`. If there are no blocks, for example along an input with two values, the residual is
+      unchanged.
     """
     body, unit = model.body_of(Pieces), model.output.unit
     assert body.backbone is not None
@@ -341,7 +343,9 @@ def _times(body: Pieces, share: float) -> Pieces:
 
 
 FEW, FEWEST_FOLDS = "sarosi_hinged", 2
-"""The formula that is taken if there are fewer folds than the smallest number that can decide."""
+"""The formula that is used if there are fewer folds than the second number, which are too few for a
+choice.
+"""
 
 MARGIN = 0.02
 """Fraction of the smallest error within which the formula with fewer parameters is preferred. Wider
@@ -420,7 +424,7 @@ def possible_backbones(curves: Sequence[Curve], target: str) -> tuple[str | None
 
 def simplest_backbone(errors: Mapping[str | None, float]) -> str | None:
     """Return the formula with the fewest parameters among those within the margin of the smallest
-    error; of equals, the one with the smaller error.
+    error. If several have equally many parameters, return the one with the smallest error.
     """
     near = [name for name, error in errors.items() if error <= (1 + MARGIN) * min(errors.values())]
 

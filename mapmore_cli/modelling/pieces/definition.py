@@ -63,11 +63,11 @@ def across_levels(
     """Write the interpolation of the curves between their levels and its continuation outside the
     outermost levels.
 
-    Between levels i and i + 1, at the place t between them: with `linear` triangles, `(1 - t) f_i +
-    t f_{i+1}` (M1 figure 2); with `pchip` the cubic Hermite interpolant of slopes that keep the
-    shape of the curves' values (Fritsch and Butland 1984). It is multiplied by the share `g + (1 -
-    g)(1 - 2t)^2`, g = `shrink`. At a level, only its own curve counts, because the others may have
-    no value there.
+    Let t be the position between levels i and i + 1, from 0 to 1. With `linear`, the value is `(1 -
+    t) f_i + t f_{i+1}` (triangular weights, M1 figure 2). With `pchip`, it is the cubic Hermite
+    interpolant with slopes that keep the shape of the curves' values (Fritsch and Butland 1984).
+    The value is multiplied by the share `g + (1 - g)(1 - 2t)^2` with g = `shrink`. At a level, only
+    its own curve counts, because the others may have no value there.
 
     Beyond the outermost level, `continue` and `saturate` use its curve unchanged, `continue_linear`
     continues with the slope at that level, and `zero` reduces the weight to zero (M2 figure 7d).
@@ -334,8 +334,8 @@ def zones(boundaries: Array, fusion: Fusion) -> tuple[Array, Array]:
     """Return start and end of the transition zone at each inner boundary, (count - 1,) each (M2 eq
     10 and 11).
 
-    `seg_i - z_s (seg_i - seg_{i-1})` to `seg_i + z_s (seg_{i+1} - seg_i)`, shared by the falling
-    weight of the left segment and the rising weight of the right one.
+    The zone at boundary i reaches from `seg_i - z_s (seg_i - seg_{i-1})` to `seg_i + z_s (seg_{i+1}
+    - seg_i)`. In it, the weight of the left segment falls and that of the right segment rises.
     """
     widths = np.diff(boundaries)
     inner = boundaries[1:-1]
@@ -353,7 +353,7 @@ def zones_of(curve: CurveFunction, body: Pieces) -> dict[str, tuple[Array, Array
 def _side_conditions(
     x: Expression, limits: tuple[float, float], sides: tuple[Side, Side]
 ) -> tuple[tuple[Condition, Side, float], ...]:
-    """Return, for each of both sides, the condition that an input lies outside its limit, the
+    """Return, for each of the two sides, the condition that an input lies outside its limit, the
     extrapolation on this side, and the limit.
     """
     return ((x < limits[0], sides[0], limits[0]), (x > limits[1], sides[1], limits[1]))
@@ -365,8 +365,8 @@ def _held_places(
     sides: tuple[Side, Side],
     words: Sequence[str] = ("saturate", "continue_linear"),
 ) -> list[tuple[Condition, Expression]]:
-    """Return the conditions under which the extrapolation function E holds an input, each with the
-    value: a limit, or the value that the spec gives for this side (M2 eq 12).
+    """Return the conditions under which the extrapolation function E (M2 eq 12) replaces an input
+    by a constant, and these constants: a limit, or the value that the spec gives for this side.
     """
     held = [
         (beyond, side if isinstance(side, float) else end if side in words else None)
@@ -437,10 +437,10 @@ def rule_of_weights(body: Pieces) -> str:
     """Return a sentence on how weights rise and fall along one variable (M2 eq 10 and 11)."""
     fusion = body.fusion
     return (
-        f"The weight of a piece is w where it rises and 1 - w where it falls, 1 between and 0 "
-        f"beyond; {TRANSITIONS[fusion.transition].words}, t from 0 to 1 along the way "
-        f"(z_s = {fusion.z_s:g}). Pieces of one curve are multiplied by their weights and "
-        "added; of several variables the weights are multiplied."
+        f"The weight of a piece is w in the zone in which it rises, 1 - w in the zone in which it "
+        f"falls, 1 between these zones and 0 outside; {TRANSITIONS[fusion.transition].words}, with "
+        f"t from 0 to 1 across a zone (z_s = {fusion.z_s:g}). The pieces of one curve are "
+        "multiplied by their weights and added. With several variables, the weights are multiplied."
     )
 
 
@@ -456,16 +456,17 @@ def rule_of_levels(body: Pieces) -> str:
         )
     shrink = body.fusion.shrink
     carried = f", all times {shrink:.6g} + {1 - shrink:.6g}*(1 - 2*t)^2" * (shrink < 1.0)
-    rule = f"Between two levels of {body.level}, at the share t of the way: {between}{carried}."
+    rule = f"Between two levels of {body.level}, at the fraction t of the way: {between}{carried}."
     return rule + (f" {RULE_OF_SLOPES}" if body.fusion.levels == "pchip" else "")
 
 
 RULE_OF_SLOPES = (
-    "A slope follows from c and d, the differences of the values over those of the levels before "
-    "and after a level, and from the distances u and v of these levels: 3*(u + v)*c*d/((2*u + v)*c "
-    "+ (u + 2*v)*d), or 0 where c*d <= 0. At an outermost level, c and u are those next to it and "
-    "d and v the following ones: ((2*u + v)*c - u*d)/(u + v), but 0 where that and c differ in "
-    "sign, and at most 3*c where c and d do. With two levels it is c."
+    "Let u and v be the widths of the intervals before and after a level, and c and d the "
+    "differences of the values over these intervals, divided by their widths. The slope at the "
+    "level is 3*(u + v)*c*d/((2*u + v)*c + (u + 2*v)*d), or 0 if c*d <= 0. At an outermost level, "
+    "c and u belong to the interval next to it, and d and v to the following interval. The slope "
+    "is then ((2*u + v)*c - u*d)/(u + v), but 0 if this value and c differ in sign, and at most "
+    "3*c in magnitude if c and d differ in sign. With two levels, the slope is c."
 )
 """Rule for the slopes at levels, as `_slope` writes it, in words."""
 

@@ -32,15 +32,15 @@ from mapmore_cli.modelling.program.values import evaluator
 from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
 
 OUTSIDE = {
-    "continue": "the equations go on",
+    "continue": "the equations continue",
     "saturate": "it is held at the limit",
-    "continue_linear": "the equations go on straight, with their slope at the limit",
+    "continue_linear": "the equations continue as straight lines with their slope at the limit",
     "zero": "the pieces are 0",
 }
 OUTER_LEVEL = {
-    "continue": "the outermost curve counts alone",
-    "saturate": "the outermost curve counts alone, at its level",
-    "continue_linear": "the curves go on straight, with the slope between levels there",
+    "continue": "only the outermost curve counts",
+    "saturate": "only the outermost curve counts, at its level",
+    "continue_linear": "the curves continue with their slope at the outermost level",
     "zero": "the pieces are 0",
 }
 """Sentences that say how a model continues outside the outermost levels, as `definition` writes it.

@@ -20,7 +20,7 @@ END_FRACTION, FEWEST = 0.05, 3
 # largest number of variables for which all `2^v` corners are tried as origins; with more, only
 # all-left and all-right
 EVERY_CORNER_UP_TO = 3
-# directions are ignored if samples near the anchor vary in them by less than this share of the
+# directions are ignored if samples near the anchor vary in them by less than this fraction of the
 # largest variation
 FLAT = 1e-3
 # weights that differ by less than this fraction count as equal; number of further samples that are

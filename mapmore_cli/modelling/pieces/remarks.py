@@ -24,8 +24,9 @@ LOOKED_AT = 400
 
 
 def beyond_remarks(model: Model, curves: Sequence[Curve], recipe: Recipe) -> tuple[str, ...]:
-    """Return a warning about curves that explode outside their data. If the spec says nothing about
-    extrapolation, also say how curves of segments with several terms are held.
+    """Return a warning about curves that explode outside their data. If there are none, and the
+    spec does not set the extrapolation of every input, return a remark on how curves of segments
+    with several terms are held.
     """
     body = model.body_of(Pieces)
     if not any(len(one.terms) > 1 for one in body.segments):

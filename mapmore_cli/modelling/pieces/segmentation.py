@@ -40,8 +40,8 @@ FEWEST_SAMPLES = 5
 
 
 def gradient_boundaries(x: Array, y: Array, count: int) -> Array:
-    """Return the `count - 1` inner boundaries at the largest peaks of |change of slope| of samples
-    in any order, (n,), ascending.
+    """Return the `count - 1` inner boundaries, ascending, at the largest peaks of |change of
+    slope|. The samples, (n,), may be in any order.
 
     Each boundary is at least one window away from the others and from the ends of the range, and
     each segment holds enough samples. If the curve has fewer such peaks, there are fewer
@@ -194,11 +194,11 @@ def cut_points(
 
 
 def joined_segments(boundaries: Array, x: Array, least: int, training: BoolArray) -> Array:
-    """Return the boundaries of one variable without those that must be removed so that every
-    segment holds at least `least` of the `training` samples.
+    """Remove boundaries of one variable until every segment holds at least `least` of the
+    `training` samples, and return the boundaries that are left.
 
-    The segment with the fewest samples is joined with the neighbour that has fewer (the left one of
-    equals), until no segment has too few. Curves may be sparse in some places.
+    The segment with the fewest samples is joined with the neighbour that has fewer (the left one if
+    both have equally many), until no segment has too few. Curves may be sparse in some places.
     """
     kept = boundaries.tolist()
     while len(kept) > 2:
@@ -258,8 +258,8 @@ def training_curves(curves: Sequence[Curve], by_level: bool) -> tuple[Curve, ...
 
 
 def trained_at(curves: Sequence[Curve], level: str | float) -> tuple[Curve, ...]:
-    """Return the curves with training samples only at `level` (a number, or `highest` for the
-    highest training level); unchanged for `all`.
+    """Return the curves, of which only those at `level` keep their training samples. `level` is a
+    number, `highest` for the highest training level, or `all` to change nothing.
     """
     if level == "all":
         return tuple(curves)
@@ -313,9 +313,9 @@ def segment_curve(
 def cut_by_course(
     curves: Sequence[Curve], by_level: bool, cuts: Mapping[str, Cut], target: str
 ) -> list[SegmentedCurve]:
-    """Return every training curve with the boundaries of its segments, which are placed by the
-    measured samples alone: nothing is fitted. `cuts` may have any method but `optimal`. Raises
-    the same errors as `segment_curve`.
+    """Return every training curve with the boundaries of its segments. They are placed by the
+    measured samples alone, because nothing is fitted; `cuts` may have any method but `optimal`.
+    Raises the same errors as `segment_curve`.
     """
     return [
         segment_curve(curve, cuts, target, lambda _curve, _rows: 0.0)

@@ -36,7 +36,7 @@ def with_slopes(model: Program) -> Program:
     """
     if model.step is not None:
         raise DataError(
-            "a model with memory has no derivative at a point: its output depends on the past",
+            "a model with memory has no derivative at a point, because it depends on the past",
             "differentiate its output along a simulated run",
         )
     body = _with_slopes(model.body, [f"{INPUT}{name}" for name in model.inputs])
@@ -99,7 +99,7 @@ def _block_with_slopes(block: Block, slopes: dict[str, Slopes], count: int) -> B
             case Choose():
                 statements.append(_choice_with_slopes(statement, known, count))
             case _:
-                raise TypeError(f"not a statement of a model without memory: {statement!r}")
+                raise TypeError(f"a model without memory cannot contain {statement!r}")
     results = [slope for result in block.results for slope in _chained(result, known, count)]
     return Block(tuple(statements), (*block.results, *results))
 

@@ -85,9 +85,7 @@ def ready_for_columns(block: Block, functions: Iterable[Function]) -> Run:
 
 
 def ready_for_one_sample(block: Block, rules: Mapping[str, Callable[..., Any]]) -> Run:
-    """Return a block whose functions are operators, prepared to run many times for one sample
-    each.
-    """
+    """Return a block prepared to run for one sample at a time. Its functions are operators."""
     return _SampleCompiler(rules).block(block)
 
 
@@ -123,7 +121,7 @@ class _Compiler:
                 )
             case Choose():
                 return self._choice(statement, known)
-        raise TypeError(f"not a statement of a model without memory: {statement!r}")
+        raise TypeError(f"a model without memory cannot contain {statement!r}")
 
     def _choice(self, choice: Choose, known: Known) -> Step:
         if (places := _places_along(choice, known)) is not None:
@@ -208,7 +206,9 @@ def _ready_condition(condition: Condition, known: Known) -> Test:
 
 
 def _places_by(conditions: Sequence[Test]) -> Places:
-    """Return the rows of each case, condition by condition, until all rows are assigned."""
+    """Return a function that yields the rows of each case. It tests one condition after the other
+    until all rows are assigned.
+    """
 
     def places(values: Values, shared: Shared, n: int) -> Iterator[tuple[int, IntArray]]:
         left = np.ones(n, dtype=np.bool_)
@@ -229,9 +229,10 @@ MANY = 16
 
 
 def _places_along(choice: Choose, known: Known) -> Places | None:
-    """Return the rows of each case by bisection, if many cases compare one value with numbers;
-    testing one condition after the other would take a time proportional to the square of the number
-    of levels. None for few or other cases.
+    """Return a function that finds the rows of each case by bisection, if many cases compare the
+    same value with numbers. Testing one condition after the other would take a time proportional to
+    the square of the number of levels. Return None if there are few cases, or cases of another
+    form.
 
     Among the cases that compare with `<`, a case can only be the first that holds if its number is
     larger than the numbers of all cases before it (with `>`, smaller). These numbers are sorted, so

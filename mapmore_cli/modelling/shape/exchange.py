@@ -190,8 +190,8 @@ class Exchange:
 
 
 def _widened(axes: Mapping[str, Array], inside: BoolArray) -> BoolArray:
-    """Return the nodes in a region and next to it, as True in an array of shape (n,), so that no
-    node of a finer grid lies outside.
+    """Return True for the nodes in a region and for their neighbours, shape (n,). They enclose all
+    nodes of a finer grid in the region.
     """
     from scipy.ndimage import binary_dilation
 

@@ -19,9 +19,9 @@ from mapmore_cli.modelling.shape.stencils import ShapeWord
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-# cells of all inputs together in which training samples are averaged
+# number of cells, over all inputs together, in which training samples are averaged
 CELLS = 4096
-# evenly spaced nodes of a grid along one input
+# largest number of evenly spaced nodes of a grid along one input
 MOST = 400
 # distance of a node from a knot, as a fraction of the range
 BESIDE = 1e-6

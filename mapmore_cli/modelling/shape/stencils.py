@@ -81,8 +81,8 @@ class Stencils:
         return summed
 
     def at(self, rows: IntArray | BoolArray) -> Stencils:
-        """Return the stencils `rows`, with only the rows of the columns that these stencils
-        need.
+        """Return some of the stencils, given by their numbers or by a mask, with only the rows of
+        the columns that they need.
         """
         used, nodes = np.unique(self.nodes[rows], return_inverse=True)
         columns = columns_at(self.columns, used)

@@ -49,8 +49,8 @@ RUNS, UNLIKELY = 199, 2.0
 CONFIRMED = 3.0  # standard errors by which a plane must contradict a sign
 # number of the largest contradictions, over stretches of one length, that a plane may confirm
 TRIED = 32
-# numbers of neighbouring cells from which the noise of a cell is estimated: those beyond the cells
-# that determine a plane, and the smallest number of all
+# the noise of a cell is the mean over `LOCAL` cells around it, or over `2 d + ABOUT` if that is
+# more; for d inputs, a plane is fitted to `2 d + ABOUT - 1` neighbours of a cell
 ABOUT, LOCAL = 3, 12
 
 

@@ -162,7 +162,7 @@ def verified(
         return model
     if wrong := [violation for violation in violations(model, asked, region) if violation.amount]:
         raise FitError(
-            f"fit.shape: the fitted {kind} violates it by {wrong[0].amount:.3g} "
+            f"fit.shape: the fitted {kind} violates the shape by {wrong[0].amount:.3g} "
             f"{model.output.unit}, most at {wrong[0].place}",
             remedy,
         )

@@ -80,8 +80,8 @@ def split_cycles(over: Array, columns: Columns, samples: int) -> Branches:
 
 
 def turning_points(values: Array, swing: float) -> IntArray:
-    """Return the rows at which `values` `(n,)` reverse, alternately minima and maxima, both ends of
-    the movement included.
+    """Return the rows of the minima and maxima at which `values`, (n,), reverse. The two ends of
+    the movement are included.
 
     A reversal counts when the values have moved back from the extreme by `swing`. The result is
     empty if the values never move by so much.
@@ -158,7 +158,7 @@ def cycle_starts(x: Array) -> IntArray:
 
 def last_cycles(x: Array, share: float) -> BoolArray:
     """Return True for the samples of the last cycles of `x`, (n,). `share` is the fraction of all
-    cycles to take, rounded down to whole cycles. The rest before the first of them is not included.
+    cycles to take, rounded down to whole cycles. The time at rest before them is not included.
 
     Raises DataError if there are fewer than two cycles, or if the share amounts to none or all of
     them.
@@ -167,8 +167,8 @@ def last_cycles(x: Array, share: float) -> BoolArray:
     first = math.ceil((1 - share) * len(starts) - 1e-9)
     if not 0 < first < len(starts):
         raise DataError(
-            f"{len(starts)} cycle(s) were found, so that the last {share:g} of them cannot "
-            "be held out while others train",
+            f"{len(starts)} cycle(s) were found; their last {share:g} cannot be held out, because "
+            "at least one cycle must be held out and one must be left to train with",
             "hold out a share of the samples instead, for example `last: 0.5`",
         )
     return np.asarray(np.arange(len(x)) >= starts[first])

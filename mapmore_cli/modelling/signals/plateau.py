@@ -91,7 +91,7 @@ def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> t
 
     - `pressure`, `others`: `(n,)` each; the pressure rises once and may fall again.
 
-    Raises DataError if the pressure never rises, or nothing rests after it has.
+    Raises DataError if the pressure never rises, or if no plateau follows the rise.
     """
     low, high_end = extremes(pressure)
     upper = pressure > (low + high_end) / 2

@@ -120,7 +120,9 @@ def _peak(
     step: float,
     same_sign: bool,
 ) -> Shift | None:
-    """Return the best shift by changes over `width` samples; None if there are none."""
+    """Return the best shift by changes over `width` samples; None if the records are too short for
+    this width, or if nothing correlates.
+    """
     if min(len(first), len(second)) <= 4 * width:
         return None
     u, v = changes(first, width), changes(second, width)
@@ -169,7 +171,7 @@ def correlation_by_lag(u: Array, v: Array) -> tuple[Array, Array, Array]:
     """Return Pearson's r of `u[i + lag]` and `v[i]` over the samples in which they overlap, the
     lags, and the numbers of samples, shape (k,) each.
 
-    r is zero if the overlap is too short, or holds too little of the changes of either record.
+    r is zero if the overlap is too short, or contains too small a part of the changes of a record.
     """
     # imported here because it loads slowly, and few specs need it
     from scipy.signal import correlate

@@ -107,8 +107,8 @@ class TendonVerbs(Verbs):
         return kinds.parameters(model.body_of(Tendon).muscle)
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:  # noqa: ARG002
-        """Raise DataError: the force is the root of an equation at every sample, which no exported
-        program can solve.
+        """Raise DataError, because the force is the root of an equation at every sample, which no
+        exported program can solve.
         """
         raise DataError(
             f"{model.name}: the force behind a tendon is found by solving an equation at "

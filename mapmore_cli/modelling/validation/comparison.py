@@ -31,7 +31,7 @@ tests of 5 % each).
 """
 
 CHANGED, SAME, UNCLEAR = "changed", "same", "cannot tell"  # possible answers of a comparison
-# answer if both models are of the same recordings, so that only settings can differ
+# answer if both models were fitted to the same recordings, so that only settings can differ
 OF_SETTINGS = "settings"
 # relative change of force that is too small to be of interest: repeats of one measurement differ by
 # about as much
@@ -158,8 +158,8 @@ class Comparison:
     @property
     def answer(self) -> str:
         """The answer: `changed`; `same` if two one-sided tests show that the change is within the
-        margin; `cannot tell` if the data do not decide; or `settings` if both models are of the
-        same recordings.
+        margin; `cannot tell` if the data do not decide; or `settings` if both models were fitted to
+        the same recordings.
         """
         if self.changed:
             return CHANGED
@@ -245,7 +245,8 @@ def common_curves(before: Model, after: Model) -> list[CurvePlace]:
     first, second = _ranges(before), _ranges(after)
     if before.level != after.level:
         raise ValueError(
-            f"the curves of {before.name} and of {after.name} have levels of different quantities"
+            f"the curves of {before.name} and of {after.name} have levels of different "
+            "quantities, so that they cannot be compared"
         )
     if before.level is None:
         names = {curve_range.curve for curve_range in second}

@@ -27,8 +27,9 @@ it depends on s_w, and half of the width is `sqrt(z^2 s_w^2 + t_f^2 c s_b^2)`, w
 quantile z.
 
 *Errors of the model between levels*, in addition. They are included if A^2 exceeds the value
-explained by noise and curves by a quarter and, if s_b is computed from repeats, by more than chance
-would in a fifth of all cases (an F test with K - 2 and f degrees of freedom).
+explained by noise and curves by more than a quarter. If s_b is computed from repeats, A^2 must also
+exceed the value that chance exceeds in a fifth of all cases (an F test with K - 2 and f degrees of
+freedom).
 
 - Three to six levels (`between_levels`): a rule that was calibrated on measured and simulated
   muscles (docs/intervals.md). Let H be the gap divided by the range of all levels, and let A and s
@@ -97,7 +98,7 @@ BLOCKS = 4  # number of stretches of a recording whose means are compared with t
 SAME_RECORDINGS = (
     "parts of the same recordings were left out, so that the intervals hold for these "
     "recordings only; they do not contain the variation from one recording to the next. "
-    "Record three or more"
+    "Make three or more recordings"
 )
 
 ASTRAY = 0.25
@@ -339,8 +340,8 @@ def gaps(left_out: LeftOut, at: Array) -> tuple[IntArray, Array, Array]:
 def between_levels(
     left_out: LeftOut, at: Array, level: float, scales: Mapping[int, float] = FEW
 ) -> Array:
-    """Return the half widths at the levels `at`, (n,), by the rule for the errors of a model
-    between three to six levels.
+    """Return the half widths at the levels `at`, (n,), of a model with three to six levels. The
+    errors between so few levels have a rule of their own.
     """
     from scipy.special import ndtri
 

@@ -63,7 +63,7 @@ def residual_tests(
                 residuals.append(piece)
                 for name in columns.keys() & curve.columns.keys():
                     x = picked(curve.columns[name], rows)
-                    # a level is a single value, and the noise around it is no range
+                    # the level counts as one value, so that its noise is not tested as a range
                     held = name == dataset.level and curve.level is not None
                     columns[name].append(np.full(len(x), curve.level) if held else x)
     known, low, high = _finite(residuals)
@@ -86,9 +86,9 @@ def residual_tests(
 def _pieces(
     curve: Curve, wanted: BoolArray, order_by: str | None
 ) -> Iterator[IntArray | BoolArray]:
-    """Yield the wanted samples in the order of their test. Without `order_by`, yield those of each
-    recording of a curve as a mask, (n,). With it, yield those of all recordings together as row
-    numbers, in the order of that quantity. A long curve is thinned evenly.
+    """Yield the wanted samples in the order of their test. Without `order_by`, yield a mask, (n,),
+    for each recording of the curve. With it, yield the row numbers of all recordings together, in
+    the order of that quantity; a long curve is thinned evenly.
     """
     if order_by is not None:
         every = 1 if curve.size <= PART else -(-curve.size // MANY)

@@ -22,8 +22,8 @@ def for_report(validation: Validation, model: Model, dataset: Dataset) -> Valida
     figures show.
 
     For a curve longer than `MANY`, these are the samples with the smallest and the largest measured
-    value and error in each of `MANY / 4` consecutive parts. For a recording, they are the extremes
-    of its quantities.
+    value and error in each of `MANY / 4` consecutive parts. For a long recording, they are the
+    samples with the extremes of its quantities.
     """
     predictions = validation.predictions
     predicted = next(iter(predictions.values()))

@@ -109,16 +109,16 @@ def simplest_of(
     eligible: BoolArray | None = None,
     median: bool = False,
 ) -> Ranked:
-    """Rank models with numbers of parameters `sizes`, (s,), by their `errors`, (s, f), as fractions
-    of a range, on the same f folds.
+    """Compare models by their errors on the same folds, and choose the smallest model that is
+    within one standard error of the best and that no other model dominates.
 
-    Let `d_if = ln e_if - ln e_bf`, where b is the model with the smallest mean logarithm, and let
-    the fold weights w add up to 1. Model i is within one standard error if `m_i = sum_f w_f d_if <=
-    s_i`, with `s_i^2 = f/(f - 1) sum_f w_f^2 (d_if - m_i)^2`, and s_i limited by `WITHIN`; for a
-    single fold, s_i is the upper limit. The smallest of these models that no other dominates is
-    chosen. The folds are compared one by one because some are harder for every model: the spread of
-    the errors themselves (the rule of Breiman et al. 1984, section 3.4.3) would mostly show the
-    differences between folds.
+    The models have `sizes` parameters, (s,). Their `errors`, (s, f), on f folds are fractions of a
+    range. Let `d_if = ln e_if - ln e_bf`, where b is the model with the smallest mean logarithm,
+    and let the fold weights w add up to 1. Model i is within one standard error if `m_i = sum_f w_f
+    d_if <= s_i`, with `s_i^2 = f/(f - 1) sum_f w_f^2 (d_if - m_i)^2`, and s_i limited by `WITHIN`;
+    for a single fold, s_i is the upper limit. The folds are compared one by one because some are
+    harder for every model: the spread of the errors themselves (the rule of Breiman et al. 1984,
+    section 3.4.3) would mostly show the differences between folds.
 
     - `eligible`: True for the models that may be chosen, (s,).
     - `median`: if True, the model with the smallest median over the folds plus `PRICE` ln(size) is

@@ -156,10 +156,10 @@ def test_a_formula_that_overflows_everywhere_has_failed(method):
 @pytest.mark.parametrize(
     ("text", "nonlinear", "message"),
     [
-        ("a*x + c", (), "not the inputs and parameters"),
-        ("a*x*b", (), "nonlinear without being declared"),
+        ("a*x + c", (), "must be exactly its inputs"),
+        ("a*x*b", (), "not linear in a parameter"),
         ("a*x + b*x + x", (), "no linear parameter"),
-        ("a*exp(b*x)", (), "nonlinear without being declared"),
+        ("a*exp(b*x)", (), "not linear in a parameter"),
     ],
 )
 def test_a_formula_that_is_not_what_it_declares_cannot_be_made(text, nonlinear, message):

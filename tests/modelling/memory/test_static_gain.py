@@ -68,7 +68,9 @@ def test_the_output_at_rest_is_where_a_long_run_ends():
 @pytest.mark.parametrize(("more", "ridge"), [("y[k-1]", 0.0), ("play(u, 0.1)", 1e-6)])
 def test_other_fits_are_judged(more, ridge):
     assert fitted([*TERMS[:2], more], ridge=ridge).model.shape.kept
-    with pytest.raises(FitError, match=r"gain violates it by 0\.0\d+ 1, most at u: incr.* at u = "):
+    with pytest.raises(
+        FitError, match=r"gain violates the shape by 0\.0\d+ 1, most at u: incr.* at u"
+    ):
         fitted([*TERMS[:4], more], ridge=ridge)
 
 

@@ -312,7 +312,7 @@ def test_a_formula_keeps_a_shape_by_itself_or_is_refused():
     assert {one.word for one in verified(whole, samples, fit).shape.kept} == {*SHAPE.values()}
     wrong = recipe(shape={"strain": "increasing"}).fit
     with pytest.raises(
-        FitError, match=r"the fitted formula violates it by .* strain: increasing at"
+        FitError, match=r"the fitted formula violates the shape by .* strain: increasing at"
     ):
         verified(whole, samples, wrong)
 

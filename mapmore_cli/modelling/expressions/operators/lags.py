@@ -30,8 +30,8 @@ def slow(setting: Setting) -> Recursion:
 
 
 def spread_times(count: int, step: float, longest: float) -> tuple[float, ...]:
-    """Return `count` time constants, s, with equal ratios, from ten times `step` to a quarter of
-    `longest`, both s.
+    """Return `count` time constants with equal ratios, in s, from ten times `step` to a quarter of
+    `longest`. Both arguments are in s.
     """
     quickest = 10 * step
     times = np.geomspace(quickest, max(0.25 * longest, quickest), count)
@@ -50,7 +50,7 @@ def creep(setting: Setting) -> Recursion:
     keeps = math.exp(-setting.step / tau)
 
     def following(m: Arithmetic, s: Amount, x: Amount) -> Amount:
-        # beyond sixty half-widths from rest, creep is as fast as floating-point numbers can show
+        # in floating-point numbers, tanh(60) is one, so these limits change no value
         left = keeps * m.call("tanh", m.clip((x - s) / (2 * width), -60.0, 60.0))
         return x - width * (m.call("log1p", left) - m.call("log1p", -left))
 

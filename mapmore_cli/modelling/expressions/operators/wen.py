@@ -51,7 +51,9 @@ def recursion(setting: Setting) -> Recursion:
 
 
 def _relaxed(m: Arithmetic, w: Amount, rate: float, a: Amount) -> Amount:
-    """Return `w exp(-rate a) + (1 - exp(-rate a))/rate`."""
+    """Return w after a first-order lag with this rate, driven over the distance a: `w exp(-rate a)
+    + (1 - exp(-rate a))/rate`, or `w + a` if the rate is 0.
+    """
     if rate == 0:
         return w + a
     less = m.call("expm1", m.clip(-rate * a, -STEEPEST, STEEPEST))

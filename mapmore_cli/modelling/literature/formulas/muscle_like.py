@@ -7,9 +7,9 @@ elongation l in m, the velocity v in m/s, F in N/kPa, c0 in kPa, c1 in kPa/m. Th
 measured from the rest length of each muscle. The velocity is *positive when the muscle shortens*.
 If b0 is negative, a shortening muscle pulls less, as a damper does.
 
-If its products with F are taken as parameters, the formula is linear in all of them except b0. A
-search for b0 alone is therefore enough (variable projection). H searches all seven parameters with
-the simplex method (`method: simplex`).
+If F and the products of F with the other constants are taken as parameters, the formula is linear
+in all of them except b0. A search for b0 alone is therefore enough (variable projection). H
+searches all seven parameters with the simplex method (`method: simplex`).
 """
 
 from mapmore_cli.modelling.literature.formula import Formula, LinearForm

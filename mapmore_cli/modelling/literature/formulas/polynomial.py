@@ -1,4 +1,6 @@
-"""Define polynomials. `a21` multiplies `strain^2*pressure^1`."""
+"""Define polynomials in strain and pressure. The coefficient `a21`, for example, multiplies
+`strain^2*pressure^1`.
+"""
 
 from itertools import product
 

@@ -31,7 +31,8 @@ from mapmore_cli.modelling.literature import hinge
 from mapmore_cli.modelling.literature.formula import Formula, with_numbers
 from mapmore_cli.modelling.literature.formulas.sarosi import DECAY, sarosi
 
-GOOD_ENOUGH = 0.01  # a RMSE/max|F| below this is good enough, and gives no larger share
+# training RMSE as a fraction of max|F| below which a smaller RMSE hardly raises a part's weight
+GOOD_ENOUGH = 0.01
 
 PLAIN = sarosi("s", (*DECAY, (1e-3, 50.0)))  # the plain part may also grow with the strain
 HIGH, LOW = sarosi("a").text, "b0 + b1*pressure + b2*strain"
@@ -44,8 +45,8 @@ COMPUTED = (
 
 
 class SarosiHinged(Formula):
-    """Formula with its own fit, whose equation is printed in another form than the one that is
-    computed.
+    """Sárosi's hinged formula. It is fitted by `fit_hinge` instead of the general method, and its
+    equation is printed in a more readable form than the one that is computed.
     """
 
     def fit(self, columns: Columns, y: Array, method: str | None = None) -> FormulaFit:

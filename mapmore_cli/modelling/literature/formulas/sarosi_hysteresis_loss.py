@@ -85,8 +85,8 @@ SEVERITY = ("converged", "at_bound", "stopped_by_limit", "rank_deficient", "fail
 
 @dataclass(frozen=True)
 class HysteresisLoss(Formula):
-    """Damping force from a share `zeta(P)` of critical damping, which depends on the stiffness of
-    the upper branch and the mass that hangs on the muscle.
+    """Damping force that is the fraction `zeta(P)` of critical damping. Critical damping depends on
+    the stiffness of the upper branch and on the mass that hangs on the muscle.
 
     `text` is the damping force (M2 eq 19) as an expression of the inputs, `length` (m) and two more
     quantities: `zeta`, Lehr's damping coefficient (eq 21), and `stiffness`, `k_t = (d F_su/d
@@ -94,10 +94,10 @@ class HysteresisLoss(Formula):
     strain a fraction, strain_rate in 1/s, and the load in N. The load is the weight in the
     experiment that is predicted; its mass is load/9.81 (M2 table 3 prints the mass in newtons).
 
-    zeta is a share, so it is limited to [0, 1]. M2 does not define it without a free strain. Here,
-    zeta is 1 if the upper curve does not pull even at `strain_min`, as it is just above that
-    pressure. If the curve never falls to zero, the stroke ends where the curve turns up again, or
-    at a strain of one.
+    zeta is a fraction, so it is limited to [0, 1]. M2 does not define zeta if there is no free
+    strain. Here, zeta is 1 if the upper curve does not pull even at `strain_min`; at slightly
+    higher pressures, it is 1 because of the limit. If the curve never falls to zero, the stroke
+    ends where the curve turns up again, or at a strain of one.
     """
 
     fitted_to: ClassVar[str] = LOAD_CYCLES
@@ -119,9 +119,10 @@ class HysteresisLoss(Formula):
           `hysteresis` (N, half the distance between the branches), shape (n,) each.
         - `length`: length of the muscle at rest, m.
 
-        Status and condition are those of the worse branch; ranks and sums of squares are added. A
-        note gives the pressures at which zeta had to be limited. The length and the smallest strain
-        are given, not fitted, so that they have no standard error.
+        The status is the worse one of the two branches, and the condition is the larger one. Ranks
+        and sums of squares are added. A note gives the pressures at which zeta had to be limited.
+        The length and the smallest strain are given, not fitted, so that they have no standard
+        error.
 
         Raises DataError for a missing or non-finite column, too few samples, or a length that is
         not positive.

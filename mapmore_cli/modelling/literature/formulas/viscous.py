@@ -1,5 +1,5 @@
-"""Define viscous damping: proportional to the rate, also to the pressure, or to both with separate
-coefficients for rise and fall and for pressure regions.
+"""Define viscous damping. It is proportional to the rate, and in other versions also to the
+pressure, or to both with separate coefficients for rise and fall and for pressure regions.
 """
 
 from collections.abc import Mapping
