@@ -291,7 +291,11 @@ _PLAINER = (  # for each message of PyYAML, its meaning in plain words and the r
         "an anchor that is defined twice",
         "give the second one another name",
     ),
-    ("levels deep", f"nested more than {DEEPEST} levels deep", "a spec needs ten"),
+    (
+        "levels deep",
+        f"nested more than {DEEPEST} levels deep",
+        "reduce the nesting; a spec needs ten levels",
+    ),
     ("found unexpected end of stream", "the text ends within quotes", "close the quotes"),
 )
 
