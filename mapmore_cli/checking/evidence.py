@@ -264,7 +264,7 @@ def spikes(values: Array) -> IntArray:
     span = float(np.ptp(np.delete(values, lone)))
     steps = np.delete(np.abs(np.diff(values)), np.union1d(lone - 1, lone))
     usual = max(STANDS_OUT * float(steps.max(initial=0.0)), span / STANDS_OUT)
-    # in a record of constant values, no distance counts as far
+    # a record whose values are all equal has no spikes
     return lone[height[lone] > usual] if span else none
 
 

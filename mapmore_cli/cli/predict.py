@@ -264,8 +264,8 @@ def invert(
         Path,
         Argument(
             metavar="TABLE",
-            help="A table of the wanted output and the other inputs, read as by `predict`; - is "
-            "stdin.",
+            help="A table of the wanted output and the other inputs, which is read like that of "
+            "`predict`; - is stdin.",
         ),
     ],
     name: Annotated[
@@ -316,8 +316,8 @@ def adapt(
         Path | None,
         Argument(
             metavar="[TABLE]",
-            help="A table of a few measured points, read as by `predict`: pressure, strain and "
-            "force.",
+            help="A table of a few measured points (pressure, strain and force), which is read "
+            "like that of `predict`.",
         ),
     ] = None,
     output: Annotated[

@@ -83,8 +83,8 @@ def _pairs(option: str, texts: Sequence[str]) -> Iterator[tuple[str, str]]:
 AS_OPTIONS = (
     (r"`(delimiter|decimal|thousands|sheet): ([^`]+)`", r"`--\1 \2`"),
     (r"name the sheet to read with `sheet`", "name the sheet to read with `--sheet TITLE`"),
-    (r"Give its 0-based index instead", "Give its 0-based index, as `--columns NAME=0`"),
-    (r"name it in `columns`, for example `unit: (\w+)`", r"name it, as `--units NAME=\1`"),
+    (r"Give its 0-based index instead", "Give its 0-based index, for example `--columns NAME=0`"),
+    (r"name it in `columns`, for example `unit: (\w+)`", r"name it with `--units NAME=\1`"),
     (r"`unit: ([^`]+)`", r"`--units NAME=\1`"),
     (r"[^.;]*`(?:missing: |columns`|header: |scale|encoding: )[^.;]*(?:[.;]|$) ?", ""),
 )

@@ -105,7 +105,10 @@ def build_dataset(
         raise (
             faults[0]
             if faults
-            else DataError("data.skip_bad_files: every file is left out", "leave out fewer files")
+            else DataError(
+                "data.skip_bad_files: every file is left out",
+                "name fewer files in `skip_bad_files`",
+            )
         )
     if data.plateau is not None:
         static = (

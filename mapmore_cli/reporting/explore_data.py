@@ -171,7 +171,7 @@ def _record(inputs: ReportInputs, curves: Sequence[Curve]) -> dict[str, Any]:
     start = int(np.argmax(curve.held_out)) if curve.held_out.any() else 0
     columns = {name: column[start:] for name, column in curve.columns.items()}
     time, step = columns["time"], program_of(model).step
-    assert step is not None  # every model that runs along a recording counts steps
+    assert step is not None  # every model that runs along a recording has a time step
     count = min(MOST_SAMPLES, int((time[-1] - time[0]) / step + 1.5))
     grid = np.minimum(time[0] + step * np.arange(count), time[-1])
     known = columns[output][np.isfinite(columns[output])]

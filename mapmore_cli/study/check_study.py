@@ -177,7 +177,7 @@ def recordings_apart(spec: ExperimentSpec) -> Iterator[Finding]:
             bool(missing),
             "data.recordings.of",
             "no column is called `{name}`; its value would separate the recordings",
-            "add it to `columns`, as `{name}: {{column: ...}}`",
+            "add it to `columns`, for example `{name}: {{column: ...}}`",
         ),
         name=", ".join(missing),
     )

@@ -236,7 +236,7 @@ def test_failed_fits_show_as_failed_and_never_as_numbers(failed, tmp_path):
     models = ("fit", "error", "nrmse", "bands")
     write_report(failed, tmp_path, models, EVERYTHING["formats"])
     page = Page((tmp_path / "index.html").read_text(encoding="utf-8"))
-    assert "Failed, and without a prediction: sarosi." in page.text
+    assert "These competitors failed, and have no prediction: sarosi." in page.text
     assert "the solver found no step" in page.text
     for path in (path for path in tmp_path.rglob("*") if path.is_file()):
         text = re.sub("<script>.*?</script>", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)

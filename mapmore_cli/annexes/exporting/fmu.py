@@ -202,5 +202,5 @@ def _variables(written: CSource, taken: list[str]) -> Iterator[Variable]:
     summed = f"0, or the sum of {bits} outside of its training range"
     if memory:
         nothing = 1 << len(model.inputs)
-        summed += f", {nothing} where there is no value yet or the run has diverged"
+        summed += f", {nothing} if there is no value yet or the run has diverged"
     yield Variable(BITS, summed, "output", "discrete", None)
