@@ -20,8 +20,8 @@ from mapmore_cli.study.units import convert
 FEWEST = 30  # smallest number of samples; with fewer, a finding may be due to chance
 # largest number of recordings that are compared with each other; more are thinned evenly
 COMPARED = 200
-# columns that agree to within this fraction of their range, or of a correlation of one, are the
-# same
+# columns are the same signal if they agree to within this fraction of their range, or if their
+# correlation differs from 1 by less than this
 ROUNDING = 1e-4
 LITTLE = 0.01  # fraction of samples or of a range that may be chance
 SOME = 0.05  # fraction of samples or of a range that is worth a warning
@@ -39,8 +39,8 @@ class Settling:
 
     A sample is settled if its rate is below `limit` per second, a round number; the rate is
     computed in a `window` in s. `share` is the settled share of all samples, and `share_between`
-    the settled share of the samples in the middle of the pressure range: a staircase of pressures
-    rests there, a sweep does not.
+    the settled share of the samples in the middle of the pressure range: it is large for a
+    staircase of pressures, which also rests there, and small for a sweep.
     """
 
     limit: float
@@ -264,7 +264,7 @@ def spikes(values: Array) -> IntArray:
     span = float(np.ptp(np.delete(values, lone)))
     steps = np.delete(np.abs(np.diff(values)), np.union1d(lone - 1, lone))
     usual = max(STANDS_OUT * float(steps.max(initial=0.0)), span / STANDS_OUT)
-    # in a record of constant values, no distance counts as far
+    # a record whose values are all equal has no spikes
     return lone[height[lone] > usual] if span else none
 
 

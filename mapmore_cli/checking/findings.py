@@ -76,7 +76,9 @@ def refusal(issues: Iterable[Issue]) -> SpecError | DataError | None:
     )
     kind = SpecError if is_for_the_spec(errors) else DataError
     return kind(
-        message, f"{last.remedy}; or go on as it is with --no-check (`check=False` in Python)"
+        message,
+        f"{last.remedy}; or continue in spite of this error with --no-check "
+        "(`check=False` in Python)",
     )
 
 

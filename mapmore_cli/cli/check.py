@@ -40,7 +40,7 @@ def check(
     overrides: Overrides = NONE,
     confirm: Annotated[
         bool,
-        Option("--confirm", help="Accept everything that is marked CHECK: remove the marks."),
+        Option("--confirm", help="Confirm everything that is marked CHECK, and remove the marks."),
     ] = False,
     runs: Runs = RUNS,
     as_json: AsJson = False,

@@ -30,7 +30,7 @@ def clean(
     The runs of the given specs and campaigns are kept, with their variations and the runs on which
     they build or with which they are compared. A run is removed as a whole or not at all: it is
     kept if its folder contains a file that its record does not list, a file that has changed since,
-    or somebody else's folder or link. These are named.
+    or somebody else's folder or link. The command lists these files.
     """
     from mapmore_cli.pipeline.runs_page import write_runs_page
     from mapmore_cli.pipeline.staleness import named_runs

@@ -49,8 +49,8 @@ def predict(
         Path | None,
         Argument(
             metavar="[TABLE]",
-            help="A table with the model's inputs, a CSV in its names and units if no option says "
-            "otherwise; - is stdin.",
+            help="A table with the inputs of the model. Without further options, it is a CSV with "
+            "the model's names and units; - is stdin.",
         ),
     ] = None,
     output: OutputOrStdout = STANDARD,
@@ -194,8 +194,9 @@ def _lines_of(
 
     if table == STANDARD and options.says_something:
         raise UsageError(
-            "stdin is read as CSV in the model's own names and units",
-            "write the table to a file, and name that",
+            "stdin is always read as CSV with the names and units of the model, so options for "
+            "other tables cannot be used",
+            "write the table to a file, and give the path of the file",
         )
     if table != STANDARD and is_foreign(table, options):
         lines = foreign_lines(table, options, ways, units_of(model, ways), reporter.warn)
@@ -263,8 +264,8 @@ def invert(
         Path,
         Argument(
             metavar="TABLE",
-            help="A table of the wanted output and the other inputs, read as by `predict`; - is "
-            "stdin.",
+            help="A table of the wanted output and the other inputs, which is read like that of "
+            "`predict`; - is stdin.",
         ),
     ],
     name: Annotated[
@@ -315,8 +316,8 @@ def adapt(
         Path | None,
         Argument(
             metavar="[TABLE]",
-            help="A table of a few measured points, read as by `predict`: pressure, strain and "
-            "force.",
+            help="A table of a few measured points (pressure, strain and force), which is read "
+            "like that of `predict`.",
         ),
     ] = None,
     output: Annotated[
@@ -343,7 +344,8 @@ def adapt(
 
     The force and the strain of the specimen are multiplied by one scale each, with a prior of 1 +-
     15 %. The new model has the inputs pressure and strain, and can be used like any other model.
-    Without a TABLE, it follows from the dimension alone. Its intervals remain those of the family.
+    Without a TABLE, the new model follows from the dimension alone. Its intervals remain those of
+    the family.
     """
     from mapmore_cli.pipeline.predict import adapt, dimension_of, names_of_points
     from mapmore_cli.reporting.table import Column, Table

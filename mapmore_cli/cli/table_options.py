@@ -74,15 +74,17 @@ def _pairs(option: str, texts: Sequence[str]) -> Iterator[tuple[str, str]]:
         name, equals, value = (part.strip() for part in text.partition("="))
         if not (name and equals and value):
             example = "pressure=bar" if option == "--units" else "pressure='P [bar]'"
-            raise UsageError(f"{option} {text}: is no NAME=...", f"write `{option} {example}`")
+            raise UsageError(
+                f"{option} {text}: is not of the form NAME=...", f"write `{option} {example}`"
+            )
         yield name, value
 
 
 AS_OPTIONS = (
     (r"`(delimiter|decimal|thousands|sheet): ([^`]+)`", r"`--\1 \2`"),
-    (r"say which by `sheet`", "say which by `--sheet TITLE`"),
-    (r"Give its 0-based index instead", "Give its 0-based index, as `--columns NAME=0`"),
-    (r"name it in `columns`, for example `unit: (\w+)`", r"name it, as `--units NAME=\1`"),
+    (r"name the sheet to read with `sheet`", "name the sheet to read with `--sheet TITLE`"),
+    (r"Give its 0-based index instead", "Give its 0-based index, for example `--columns NAME=0`"),
+    (r"name it in `columns`, for example `unit: (\w+)`", r"name it with `--units NAME=\1`"),
     (r"`unit: ([^`]+)`", r"`--units NAME=\1`"),
     (r"[^.;]*`(?:missing: |columns`|header: |scale|encoding: )[^.;]*(?:[.;]|$) ?", ""),
 )
@@ -108,7 +110,10 @@ def remedies_by_options(options: TableOptions) -> Iterator[None]:
         if "there is no column" in error.message and "--" not in remedy:
             near = re.search("Did you mean '([^']*)'", remedy)
             title = near[1] if near is not None else "TITLE"
-            remedy += f" Say which it is, as `--columns NAME='{title}' --units NAME=UNIT`."
+            remedy += (
+                f" Name the right column, for example with `--columns NAME='{title}' "
+                "--units NAME=UNIT`."
+            )
         error.message = error.message.replace("than the spec says", "than the table is read with")
         remedy = remedy.replace("NAME", name)
         error.remedy = remedy.strip() or "correct the table"

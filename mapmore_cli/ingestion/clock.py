@@ -153,7 +153,7 @@ def _at_gaps(samples: Samples, data: Data, unit: str) -> list[Samples]:
                 samples,
                 doubts=(
                     *samples.doubts,
-                    f"{found}; set `data.gaps` to split there, or to accept it",
+                    f"{found}; set `data.gaps` to split the recording there, or to accept the gap",
                 ),
             )
         ]
@@ -178,7 +178,7 @@ def _resampled(samples: Samples, step: float) -> Samples:
     if wanted > max(MOST_SAMPLES, MOST_TIMES * samples.size):
         raise DataError(
             f"{samples.label}: `resample` would make {wanted:.3g} samples from {samples.size}",
-            f"use a longer time step; {np.ptp(time) / samples.size:.3g} would keep the "
+            f"use a longer time step; a step of {np.ptp(time) / samples.size:.3g} would keep the "
             "number of samples",
         )
     stamps, columns = sampling.resample(time, samples.columns, step)
@@ -203,7 +203,7 @@ def with_joined(
     tables: Sequence[Samples], source: Source, data: Data, units: Mapping[str, str], meter: Meter
 ) -> list[Samples]:
     """Return the recordings of a file with the quantities of the logs that are joined to it; NaN at
-    samples for which these have no value.
+    samples for which a log has no value.
 
     Raises DataError for logs that do not fit: another number of recordings or rows.
     """
@@ -259,10 +259,10 @@ def _by_time(first: Samples, second: Samples, join: Join, units: Mapping[str, st
     }
     if np.isnan(columns[join.quantities[0]]).all():
         raise DataError(
-            f"{second.label}: has no sample at the times of {first.label}: with its shift "
-            f"it covers {time[0]:g} to {time[-1]:g} {units['time']}, the first log "
+            f"{second.label}: has no sample at the times of {first.label}. With its shift, it "
+            f"covers {time[0]:g} to {time[-1]:g} {units['time']}; the first log covers "
             f"{np.nanmin(stamps):g} to {np.nanmax(stamps):g}",
-            "Check `shift`, which is added to the time of the second log, and `max_gap`.",
+            "Correct `shift`, which is added to the time of the second log, or increase `max_gap`.",
         )
     return replace(first.with_columns(columns), notes=(*first.notes, *([note] if note else [])))
 
@@ -307,8 +307,8 @@ def _found_shift(
     if found.ambiguous:
         assert found.rival is not None
         raise DataError(
-            f"the shift cannot be determined from {pair}: {found.rival:.6g} {units['time']} "
-            f"({found.next_best:.3f}) fits nearly as well as {best}",
+            f"the shift cannot be determined from {pair}: a shift of {found.rival:.6g} "
+            f"{units['time']} (correlation {found.next_best:.3f}) fits nearly as well as {best}",
             others,
         )
     lag = (

@@ -132,7 +132,7 @@ class LevelSet:
     """Ascending values, (m,), at which the quantity `of` was held, and the largest distance of a
     sample from its level.
 
-    If `nominal` is True, the value of a sample is its level.
+    If `nominal` is True, the level replaces the measured value of each sample.
     """
 
     of: str
@@ -164,8 +164,8 @@ class LevelSet:
 
 @dataclass(frozen=True)
 class LevelPart:
-    """Samples of one recording at one level, (n,) each. `places` are their indices among the
-    `whole` samples of their log; `log` is the number of that log.
+    """Samples of one recording at one level, (n,) each. `places` are the indices of these samples
+    in their log, which has `whole` samples; `log` is the number of the log.
 
     `measured` is the original range of each quantity, if the samples are resampled branches.
     """
@@ -215,8 +215,8 @@ def level_set(levels: Levels, recordings: Sequence[Recording]) -> LevelSet:
 def cut_by_level(
     logs: Sequence[Sequence[Recording]], levels: LevelSet | None
 ) -> tuple[list[Recording], list[LevelPart]]:
-    """Return the recordings without the samples that are at no level, and their parts, each in the
-    order of the levels.
+    """Return the recordings without samples that are at no level, and the parts of each recording
+    in the order of the levels.
 
     A log consists of the pieces of one recording in the order of time. Without levels, every piece
     is one part. Raises DataError for a level without samples.

@@ -105,7 +105,10 @@ def build_dataset(
         raise (
             faults[0]
             if faults
-            else DataError("data.skip_bad_files: every file is left out", "leave out fewer files")
+            else DataError(
+                "data.skip_bad_files: every file is left out",
+                "name fewer files in `skip_bad_files`",
+            )
         )
     if data.plateau is not None:
         static = (
@@ -262,7 +265,9 @@ LEAST, MOST = (
 
 
 def _check_sizes(samples: Samples, units: Mapping[str, str]) -> None:
-    """Refuse quantities so large that computing with them would overflow."""
+    """Raise DataError for quantities so large or small that computing with them would overflow or
+    underflow.
+    """
     for name, column in samples.columns.items():
         largest = max(map(abs, extremes(column)))
         if largest > MOST or 0 < largest < LEAST:
@@ -388,7 +393,7 @@ def _within(parts: Sequence[LevelPart], name: str, choice: Sequence[float] | Bet
     else:
         reach = [1e-12 + 1e-9 * abs(value) for value in choice]
         wanted = [
-            (value - r, value + r, f"{name} is nowhere {value:g}")
+            (value - r, value + r, f"no sample has {name} = {value:g}")
             for value, r in zip(choice, reach, strict=True)
         ]
     masks = []

@@ -100,8 +100,8 @@ class Log:
 
 @dataclass(frozen=True)
 class Source(Log):
-    """A file of `data.files`: the id of its recording, quantities that no column holds, conditions
-    on its samples, and the logs that are joined to it.
+    """A file of `data.files`: the id of its recording, constants for quantities that no column
+    holds, conditions on its samples, and the logs that are joined to it.
     """
 
     id: str
@@ -132,8 +132,9 @@ def find_sources(
     bad: bool | Sequence[str] = False,
 ) -> tuple[Source, ...]:
     """Return the files of `data.files` in the order of the entries, each with its joined logs.
-    Files of one glob are sorted by path. Entries with the name of one of the `tables` are in
-    memory. Files named in `bad` (`data.skip_bad_files`) are left out after logs were paired.
+    Files of one glob are sorted by path. If an entry has the name of one of the `tables`, this
+    table in memory is used instead of a file. Files named in `bad` (`data.skip_bad_files`) are left
+    out after logs were paired.
 
     Raises DataError if a glob matches nothing, a file is named twice, or joined logs cannot be
     paired; SpecError if two recordings have the same id.
@@ -288,7 +289,7 @@ def _matches(pattern: str, folder: Path) -> Iterator[Path]:
     """Return everything that a glob matches. `**` enters each folder only once, even if several
     links lead to it, because links may lead back to a parent folder.
 
-    Raises DataError if it leads through more than `MOST_FOLDERS` folders.
+    Raises DataError if the glob leads through more than `MOST_FOLDERS` folders.
     """
     entered = count(1)
     yield from _below(PurePath(pattern).parts, folder, pattern, entered)

@@ -234,8 +234,8 @@ def _in_model_units(raw: RawTable, table: Logs, data: Data, units: Mapping[str, 
 
 
 def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> Iterator[str]:
-    """Yield warnings if the spec and the file disagree about a column. Raises DataError if they
-    contradict each other.
+    """Yield a warning for each column about which the spec and the file seem to disagree. Raises
+    DataError if they contradict each other.
 
     The size of a `scale` in the spec is accepted, but its sign is examined.
     """
@@ -282,7 +282,7 @@ def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> I
         )
         if step != 1.0:
             raise DataError(what, f"write `sample_time: {step:.9g} s`")
-        yield f"{what}, which is used: LabVIEW writes 1 s if nobody has set a rate"
+        yield f"{what}, which is used, because LabVIEW writes 1 s if nobody has set a rate"
 
 
 def _converted(

@@ -57,11 +57,11 @@ def _positive_deviation(
     if len(faulty):
         row = int(faulty[0])
         raise DataError(
-            f"data.uncertainty.{name}: it is {sigma[row]:.3g} at "
-            f"{curve.columns[name][row]:g} (sample {row + 1} of {curve.id}), but "
-            f"{median:.3g} in the middle of the curve",
-            "give each group one; if it is a share of the value, add a minimum with "
-            f"`derive`, for example `sd: sqrt(0.25 + (0.02*{name})^2)`, and name that "
+            f"data.uncertainty.{name}: the uncertainty is {sigma[row]:.3g} at {name} = "
+            f"{curve.columns[name][row]:g} (sample {row + 1} of {curve.id}), but its median in "
+            f"this curve is {median:.3g}",
+            "give each group an uncertainty; if it is a fraction of the value, add a minimum "
+            f"with `derive`, for example `sd: sqrt(0.25 + (0.02*{name})^2)`, and name that "
             "quantity",
         )
     return sigma
@@ -77,6 +77,6 @@ def _deviation(curve: Curve, name: str, rule: Rule, data: Data, units: Mapping[s
         return np.full(curve.size, rule)
     if is_quantity(rule):
         return np.abs(curve.columns[name]) * convert(split_quantity(rule)[0], "%", "1")
-    # if a column has an unknown unit, it is the unit of the quantity
+    # a column of deviations without a unit is in the unit of the quantity
     unit = units[name] if units[rule] == "1" else units[rule]
     return convert(curve.columns[rule], unit, units[name], difference=True)

@@ -75,7 +75,7 @@ def unconfirmed_sentence(count: int) -> str:
     guesses = "guess of the spec is" if count == 1 else "guesses of the spec are"
     return (
         f"{count} {guesses} not confirmed, and the scores mean nothing if one of them is wrong: "
-        "see `mapmore check`, and `--confirm` there if all are right"
+        "run `mapmore check`, and add `--confirm` if all guesses are right"
     )
 
 
@@ -96,9 +96,14 @@ def _of_output(
 def _of_residuals(test: ResidualTest) -> tuple[str, str, str]:
     count = f"{test.beyond} of {test.tested}"
     if test.name == AUTOCORRELATION:
-        words = f"the errors are not noise alone: {count} lags of their autocorrelation are outside"
+        words = (
+            f"the errors are not noise alone: {count} lags of their autocorrelation lie "
+            "outside the limits of noise"
+        )
         return "residuals", words, "fit"
-    words = f"the errors go with {test.name}: {count} checks of it are outside what noise explains"
+    words = (
+        f"the errors depend on {test.name}: {count} tests with it lie outside the limits of noise"
+    )
     return "mean error", words, "fit"
 
 
@@ -139,7 +144,7 @@ def _of_competitors(scores: Sequence[Score], unit: str) -> Iterator[tuple[str, s
     better = [s for s in compared if s.rmse < ours.rmse]
     for score in sorted(better, key=lambda one: one.rmse):
         errors = f"RMSE {score.rmse:.3g} against {ours.rmse:.3g} {unit}".rstrip()
-        yield "competitor", f"{title_of(score.model)} errs less: {errors}", "nrmse"
+        yield "competitor", f"{title_of(score.model)} has a smaller error: {errors}", "nrmse"
     curves = _errors_of_curves(scores, ours.split)
     near = []
     for score in (s for s in compared if s.model != OWN and s not in better):
@@ -148,7 +153,7 @@ def _of_competitors(scores: Sequence[Score], unit: str) -> Iterator[tuple[str, s
         if len(more) >= FEW_CURVES and np.mean(more) <= np.std(more, ddof=1) / len(more) ** 0.5:
             near.append(title_of(score.model))
     if near:
-        words = f"not told apart from {OWN} by the curves (within one standard error)"
+        words = f"errors on the curves equal those of {OWN} within one standard error"
         yield "near", f"{', '.join(near)}: {words}", "nrmse"
 
 

@@ -17,8 +17,8 @@ BLACK_BOX = (
     "to print. It is fitted again, with the same seed, by another run of this study."
 )
 NOT_KNOWN = (
-    "It has no equation here: it is no formula, or the package that adds the formula is not "
-    "installed."
+    "It has no equation here, because it is no formula, or because the package that adds the "
+    "formula is not installed."
 )
 
 

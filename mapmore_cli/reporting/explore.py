@@ -132,7 +132,7 @@ def _competitors(inputs: ReportInputs) -> dict[str, Model]:
 
 
 def _steps_of(model: Model) -> set[float]:
-    """Return the times between samples by which a model runs; none where it has no memory."""
+    """Return the times between samples by which a model runs; an empty set if it has no memory."""
     return {memory.states.step for memory in model.memories}
 
 
@@ -203,8 +203,8 @@ def pieces_of(model: Model, equations: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _sides(fitted: Sides) -> list[tuple[str, str]]:
-    """Return the choices beyond the limits of an input, as JSON with a title, that of the model
-    first.
+    """Return the possible behaviours beyond the limits of an input, each as JSON with a title. The
+    behaviour of the model comes first.
     """
     titles = {"continue_linear": "continue straight"}
     ways = ("continue", "continue_linear", "saturate", "zero")

@@ -32,8 +32,8 @@ NEAR = 0.06
 """Fraction of the training range of an input within which samples are near a value of it."""
 
 PER_PERIOD, REST, MOST_RESTING = 500, 30.0, 20_000
-"""Samples of a period of the first course of a page; seconds, and at most samples, after which a
-model is at rest.
+"""Number of samples in a period of the course that a page shows at first; time in seconds after
+which a model counts as at rest; and largest number of samples in this time.
 """
 
 
@@ -164,15 +164,15 @@ def _samples(inputs: ReportInputs, curves: Sequence[Curve]) -> dict[str, Any]:
 
 
 def _record(inputs: ReportInputs, curves: Sequence[Curve]) -> dict[str, Any]:
-    """Return the beginning of one recording, if possible a held-out one, at the steps of the
-    model, joined by straight lines; and how a run of one's own begins.
+    """Return the beginning of a recording (a held-out one, if there is one), linearly interpolated
+    to the time steps of the model; and the data about the beginning of a run.
     """
     model, output = inputs.model, inputs.model.output.name
     curve = next((one for one in curves if one.held_out.any()), curves[0])
     start = int(np.argmax(curve.held_out)) if curve.held_out.any() else 0
     columns = {name: column[start:] for name, column in curve.columns.items()}
     time, step = columns["time"], program_of(model).step
-    assert step is not None  # every model that runs along a recording counts steps
+    assert step is not None  # every model that runs along a recording has a time step
     count = min(MOST_SAMPLES, int((time[-1] - time[0]) / step + 1.5))
     grid = np.minimum(time[0] + step * np.arange(count), time[-1])
     known = columns[output][np.isfinite(columns[output])]

@@ -12,16 +12,17 @@ def states_table(states: StateSet) -> Table:
     """
     rows: list[tuple[Cell, ...]] = []
     for name, (hertz, damping) in states.resonances.items():
-        rows.append((name, "oscillator it drives", None, None, hertz, damping))
+        rows.append((name, "oscillator that it drives", None, None, hertz, damping))
     for name, ends in states.ranges.items():
-        rows.append((name, "training range, of which widths are parts", *ends, None, None))
-    uneven = " in the median; their order alone counts" * states.ordered
+        rows.append((name, "training range; widths are fractions of it", *ends, None, None))
+    uneven = " in the median; only their order matters" * states.ordered
     notes = [f"Samples are {states.step:.6g} s apart{uneven}."]
     if states.scaled:
         scales = zip(states.names, states.low.tolist(), states.high.tolist(), strict=True)
         rows += [(name, "scaled to [0, 1]", low, high, None, None) for name, low, high in scales]
         notes.append(
-            f"Scaled states are held once they are {states.margin:g} of their range beyond it."
+            f"Scaled states are limited to their training range plus {states.margin:g} of it at "
+            "each end."
         )
     columns = ("state", "what", "from", "to", "frequency [Hz]", "damping ratio")
     return Table.of("states", "States with memory", columns, rows, *notes)
@@ -38,8 +39,8 @@ def identified_table(fit: MemoryFit) -> Table:
             rows.append((name, value, error, "yes" if held else "no"))
     heads = ("number", "value #.6g", "standard error .3g", "at a bound")
     note = (
-        "Found with the coefficients in free run. A number at a bound of its search is not "
-        f"told by the data. {fit.selection.errors_note}"
+        "Found with the coefficients in free run. The data do not determine a number that is at "
+        f"a bound of its search. {fit.selection.errors_note}"
     )
     return Table.of("identified", "Numbers of operators that training found", heads, rows, note)
 

@@ -1,4 +1,4 @@
-"""Define the place of a run's page, and the order of its figures."""
+"""Define the path of the page of a run, and the order of the figures on it."""
 
 from __future__ import annotations
 

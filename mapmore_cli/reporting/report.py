@@ -111,8 +111,8 @@ def write_report(
     - `figures`: names from `reporting.order.FIGURES`.
     - `formats`: `html`: index.html, with the figures in it as quick drawings; `svg`: a file for
       each figure, drawn by Matplotlib, and the same on the page; `csv`, `tex`: tables/*; `pdf`,
-      `png`, `pgf`: panels/*, every panel of every figure in these formats (and as SVG where that is
-      asked for too), and as CSV.
+      `png`, `pgf`: panels/*, every panel of every figure in these formats (and as SVG if `svg` is
+      requested too), and as CSV.
     - `others`: the other outputs of the run, on the same page.
     """
     out.mkdir(parents=True, exist_ok=True)

@@ -20,23 +20,22 @@ from mapmore_cli.modelling.validation.comparison import Comparison
 from mapmore_cli.reporting.table import MODEL, Cell, Column, Table, cells_of, title_of
 
 FLOOR_NOTE = (
-    f"{REPEATABILITY}: no model, but how far a sample lies from the mean of the other "
-    "recordings at its level, place and direction, "
-    "where there are others; where cycles are held out, from the last training cycle: at the "
-    "same moment where the input repeats "
-    "itself in time, else at the same place of the same stroke. It is about the least that "
-    "can be asked for."
+    f"{REPEATABILITY}: not a model, but the difference between repeated measurements, that is, "
+    "the distance of a sample from the mean of the other recordings at the same level, place and "
+    "direction. If cycles are held out, it is the distance from the last training cycle: at the "
+    "same moment if the input repeats itself in time, otherwise at the same place of the same "
+    "stroke. No model is likely to have a much smaller error."
 )
 FAR_NOTE = (
-    "The target lies far from zero, so that every model has a small NRMSE. By range: RMSE "
-    "over the range of the measured values, "
-    "which `validate: {normaliser: range}` makes the full scale."
+    "The target lies far from zero, so that every model has a small NRMSE. By range: RMSE divided "
+    "by the range of the measured values, which is the full scale FS with `validate: "
+    "{normaliser: range}`."
 )
 FREE_RUN_NOTE = (
-    "All figures are of the free run, in which a model with delayed outputs is given its own. "
-    "RRSE: root relative squared error, the RMSE "
-    "over the standard deviation of the measured values; one step: with the measured past "
-    "instead, which says little about a simulation."
+    "All numbers are those of the free run, in which a model with delayed outputs uses its own "
+    "predictions. RRSE: root relative squared error, the RMSE divided by the standard deviation "
+    "of the measured values. One step: the model uses the measured past instead, which says "
+    "little about a simulation."
 )
 
 
@@ -74,8 +73,8 @@ def score_table(
         notes.append(f"Published: {published.source}.")
     elif published is not None:
         notes.append(
-            f"Published numbers ({published.source}) are of held-out data, and nothing is "
-            "held out here to hold them against."
+            f"Published numbers ({published.source}) are of held-out data, but nothing is held "
+            "out here with which they could be compared."
         )
     title = f"Scores (target: {pooled[0].target}), all curves pooled" if pooled else "Scores"
     return Table.of("scores", title, columns, rows, *notes)
@@ -321,9 +320,8 @@ def search_table(search: Search) -> Table:
         rows.append((*cells_of(one, columns), one.parameters or None, one.seconds, remark))
     notes = (
         f"Left out in turn: {search.left_out}. Errors: RMSE / FS, FS = range of the training "
-        f"samples = {search.scale:.4g}. "
-        "Above the best: mean of the logarithm of the ratio over all folds (in recordings the "
-        "median), and the standard error of the mean.",
+        f"samples = {search.scale:.4g}. Above the best: mean of the logarithm of the ratio over "
+        "all folds (for recordings, the median), and the standard error of the mean.",
         *((f"Levels left out: the same for {search.parts}.",) if search.parts else ()),
         f"Taken: {search.rule}. Held-out data were not used.",
         *search.notes,

@@ -51,7 +51,9 @@ def shown_by(fit: Fit | None) -> Paged | None:
 
 
 def sections_of(inputs: ReportInputs) -> tuple[Section, ...]:
-    """Return the sections of a run's page; kinds with their own tables have one each."""
+    """Return the sections of a run's page. Each kind of model with tables of its own has a
+    section.
+    """
     kinds = dict.fromkeys(filter(None, map(shown_by, inputs.fits.values())))
     return (*SECTIONS[:3], *(kind.section() for kind in kinds), *SECTIONS[3:])
 

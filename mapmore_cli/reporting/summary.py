@@ -21,8 +21,8 @@ COLUMNS = ("part", "term", "coefficient #.6g", "standard error .3g", "t .3g", "E
 MOST_EQUATIONS = 4
 
 NO_CRITERIA = (
-    "AIC and BIC are left out: samples were weighed, or a robust loss was minimised, and theirs is "
-    "another likelihood."
+    "AIC and BIC are left out, because samples had different weights or a robust loss was "
+    "minimised, so that their likelihood does not apply."
 )
 
 
@@ -56,7 +56,9 @@ def summary_table(fit: FitResult, model: Model, scores: ScoreTable, weighed: boo
                 criteria = f": AIC {aic:.6g}, BIC {bic:.6g}." if not weighed else f". {NO_CRITERIA}"
                 sizes.insert(0, f"{prefix}{size} {unit}{criteria}")
     if unclear:
-        notes.append(f"Not told from zero by the training data (95 %): {', '.join(unclear)}.")
+        notes.append(
+            f"Not distinguishable from zero with the training data (95 %): {', '.join(unclear)}."
+        )
     return Table.of(
         "summary",
         f"Summary of {model.name}",

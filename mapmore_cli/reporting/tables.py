@@ -35,7 +35,7 @@ def bands_table(sizes: Sequence[ErrorBand], unit: str) -> Table:
     columns: Columns = (f"from [{unit}]", f"to [{unit}]", "samples", *errors)
     rows = ((band.low, band.high, band.samples, *map(band.rmse.get, models)) for band in sizes)
     note = (
-        "RMSE of the samples whose absolute value lies in the band, of held-out data where "
+        "RMSE of the samples whose absolute measured value lies in the band, of held-out data if "
         "there are any."
     )
     return Table.of("bands", "RMSE by the size of what was measured", columns, rows, note)
@@ -162,8 +162,8 @@ def terms_table(fit: FitResult) -> Table:
     ]
     if any(np.any(piece.selection.tied > 0) for piece in fit.pieces):
         notes.append(
-            "Tied: other candidates whose ERR was the same within 1e-9; the first of the "
-            "dictionary was taken."
+            "Tied: other candidates whose ERR was the same within 1e-9; the first of them in the "
+            "dictionary was chosen."
         )
     rows = (row for piece in fit.pieces for row in _term_rows(piece))
     return Table.of("terms", "Selected terms", columns, rows, *notes)
@@ -235,7 +235,7 @@ def outliers_table(outliers: Sequence[Outlier], unit: str) -> Table:
     """Return training samples that lie far from a robust fit, the farthest first."""
     columns = ("file", "place", "curve", f"measured − predicted [{unit}] .4g", "in scales .3g")
     rows = ((one.file, one.place, one.curve, one.off, one.scales) for one in outliers)
-    note = "They count less in the fit. None is left out, of the data or of the scores."
+    note = "They have a smaller weight in the fit. None is left out of the data or of the scores."
     return Table.of("outliers", "Samples far from the fit", columns, rows, note)
 
 
@@ -268,7 +268,7 @@ def limits_tables(model: Model) -> Iterator[Table]:
             )
             for curve in ranges
         ]
-        title = "Limits: what the model was trained in" + f" ({one.name})" * (
+        title = "Limits: the ranges in which the model was trained" + f" ({one.name})" * (
             one is not model and not several
         )
         if names:
@@ -305,8 +305,9 @@ def shape_table(inputs: ReportInputs) -> Table:
 
 
 VIOLATED = (
-    "Known from {}. Violated by: how far the output falls (or rises) against it along one line, "
-    "within the training range, where the training output stands clear of its least."
+    "Known from {}. Violated by: the largest change of the output in the wrong direction along "
+    "one line within the training range, at places where the training output is clearly above its "
+    "smallest value."
 )
 
 

@@ -231,8 +231,8 @@ def is_tidy(run_dir: Path) -> bool:
 
 @contextmanager
 def stage_folder(run_dir: Path, stage: str) -> Iterator[Path]:
-    """Make a new folder inside the run's, on the same file system, and remove it when the stage
-    ends, in whatever way. Long columns are stored in it while the stage works.
+    """Make a new folder inside the run folder, so that it is on the same file system, and remove it
+    when the stage ends, also after an error. Long columns are stored in it while the stage works.
     """
     with unfinished_beside(run_dir / stage, folder=True) as folder:
         token = SCRATCH.set(str(folder))

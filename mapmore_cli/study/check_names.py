@@ -235,7 +235,10 @@ def _state(
         used = Operated(name, used)
     elif isinstance(family, Lags) and spec.target not in DERIVED:
         if isinstance(used, Lagged) and used.quantity == target:
-            fault, remedy = "is of the target, and no quantity", "itself: here it is delayed"
+            fault, remedy = (
+                ("is a past value of the target, but `lags` needs the name of a quantity"),
+                "itself, because `lags` delays it",
+            )
             at = _word(target, text)
             yield Finding(loc, f"`{text}` {fault}", f"name `{target}` {remedy}", at)
         if not isinstance(used, Operated):

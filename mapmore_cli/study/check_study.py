@@ -177,7 +177,7 @@ def recordings_apart(spec: ExperimentSpec) -> Iterator[Finding]:
             bool(missing),
             "data.recordings.of",
             "no column is called `{name}`; its value would separate the recordings",
-            "add it to `columns`, as `{name}: {{column: ...}}`",
+            "add it to `columns`, for example `{name}: {{column: ...}}`",
         ),
         name=", ".join(missing),
     )
@@ -539,8 +539,8 @@ def _other_rival(spec: ExperimentSpec, name: str, rival: Competitor, loc: Loc) -
         (
             name == "arx" and not spec.runs_over_time,
             loc,
-            "`arx` is simulated along recordings, and this model is not",
-            "leave it out",
+            "`arx` is simulated along recordings, but this model is not",
+            "leave `arx` out",
         ),
         (
             is_box and find_spec("sklearn") is None,
@@ -578,7 +578,7 @@ def competitors(spec: ExperimentSpec) -> Iterator[Finding]:
             (
                 rival.label in shown,
                 loc,
-                "two models of the scores have the name `{label}`",
+                "two models in the table of scores have the name `{label}`",
                 "give this one a name: `{{model: ..., as: NAME}}`",
             ),
             target=spec.target,

@@ -531,8 +531,8 @@ class ExperimentSpec(Section):
                 "[{polynomial: {of: [strain], order: 4}}]`"
             )
             raise Contradiction(
-                f"`{parts[0]}` is a part of the structure, which `model: "
-                f"{{type: auto}}` searches by itself",
+                f"`{parts[0]}` is a part of the structure, which `model: {{type: auto}}` chooses "
+                "in a search",
                 remedy,
                 *parts,
             )

@@ -291,7 +291,11 @@ _PLAINER = (  # for each message of PyYAML, its meaning in plain words and the r
         "an anchor that is defined twice",
         "give the second one another name",
     ),
-    ("levels deep", f"nested more than {DEEPEST} levels deep", "a spec needs ten"),
+    (
+        "levels deep",
+        f"nested more than {DEEPEST} levels deep",
+        "reduce the nesting; a spec needs ten levels",
+    ),
     ("found unexpected end of stream", "the text ends within quotes", "close the quotes"),
 )
 
@@ -328,7 +332,7 @@ def read_source(path: Path) -> SourceText:
     if len(data) > LARGEST:
         raise SpecError(
             f"{path}: larger than {LARGEST // 1000} kB",
-            "a spec is a page of text; is this a data file?",
+            "give the path of a spec; this seems to be a data file",
         )
     try:
         text = data.decode("utf-8-sig")
@@ -425,7 +429,7 @@ class _Builder:
             at, number, before = self._position(key), before, value
             if number is not None and self._is_after_comma(key, value, number):
                 text = f"{number.value},{key.value}"
-                remedy = f"write it with a point, as `{text.replace(',', '.')}`"
+                remedy = f"write it with a decimal point: `{text.replace(',', '.')}`"
                 self.problems.append(Mistake(at, f"`{text}` has a decimal comma", remedy))
             elif not (isinstance(key, yaml.ScalarNode) and key.tag.endswith(":str")):
                 shown = f"`{key.value}`" if isinstance(key, yaml.ScalarNode) else "this key"
@@ -514,7 +518,7 @@ def _explain_fault(error: Exception, source: SourceText) -> NoReturn:
         fail(
             at,
             f"control character #x{int(error.character):04x}",
-            "a spec is plain text; is this a data file?",
+            "give the path of a spec, which is plain text; this seems to be a data file",
         )
     mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
     at = Position(source, mark.line + 1, mark.column + 1) if mark else Position(source, 1, 1)

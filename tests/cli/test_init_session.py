@@ -51,10 +51,10 @@ def test_who_answers_has_a_draft_without_an_open_question(tmp_path, cylinder, ma
     shown, asked, code = session(tmp_path, cylinder, ("17", *ANSWERS))
     assert code == 0, shown
     assert asked == 4  # nothing tells groups apart
-    first, *later = as_text(shown).split("What ")[1:]
+    first, *later = re.split("What is|Which [a-z]+", as_text(shown))[1:]
     assert "no column of numbers is called 17" in first
     assert any(block in first for block in "▃▅▇")
-    hint = "  rises all the time: a clock?"
+    hint = "  always increases: is it a clock?"
     assert refused.count(hint) == 1
     printed = numbered(refused.replace(hint, ""))
     assert numbered(first) == printed != []
@@ -79,7 +79,9 @@ def test_an_answer_can_be_taken_back_and_a_column_that_was_given_away_is_not_off
     assert asked == len(replies) - 1
     assert shown.count("What is to be predicted?") == 2
     assert "the target cannot be an input" in shown
-    offered = shown.rpartition("What drives it?")[2].partition("Enter: all")[0]
+    offered = shown.rpartition("Which columns are the inputs?")[2].partition("Press Enter for all")[
+        0
+    ]
     assert "column 4" not in offered
     assert "column 3" in offered
     assert "no column of numbers is called bend" in shown
@@ -91,7 +93,7 @@ def test_without_a_terminal_nothing_is_asked_and_questions_stay_open_until_confi
     tmp_path, cylinder, mapmore, document
 ):
     spec = tmp_path / "piped.yaml"
-    mapmore("init", cylinder, "-o", spec, code=2, says="do not say what is to be predicted")
+    mapmore("init", cylinder, "-o", spec, code=2, says="do not say which column is to be predicted")
     assert not list(tmp_path.glob("piped.*"))
     for file in cylinder.iterdir():
         titled = b"t\tvolts\tx\tP\tF\n" + gzip.decompress(file.read_bytes())

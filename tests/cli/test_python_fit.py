@@ -295,9 +295,11 @@ def test_a_summary_has_what_a_regression_table_has():
     (equation,) = [note for note in summary.notes if note.startswith("In physical units")]
     assert equation.endswith(model.equations[0].text)
     flat = mm.fit({"x": x, "y": y - 3 * x}, **model.study.document | {"data": {}})
-    assert any("Not told from zero" in note and "x of" in note for note in flat.summary().notes)
+    assert any(
+        "Not distinguishable from zero" in note and "x of" in note for note in flat.summary().notes
+    )
     falling = mm.fit({"x": x, "y": y - 6 * x}, **model.study.document | {"data": {}})
-    assert not any("Not told from zero" in note for note in falling.summary().notes)
+    assert not any("Not distinguishable from zero" in note for note in falling.summary().notes)
     document = model.study.document
     robust = document | {"data": {}, "fit": document["fit"] | {"loss": "huber"}}
     notes = mm.fit({"x": x, "y": y}, **robust).summary().notes

@@ -132,7 +132,7 @@ def test_columns_that_move_are_listed_with_the_command():
     }
     error = refuse_choice(bare, "a.csv", "folder")
     assert "--target force=4:N --inputs pressure=2:bar,time=0:ms" in error.remedy
-    assert "rises all the time" in error.message.splitlines()[1]
+    assert "always increases" in error.message.splitlines()[1]
 
 
 def test_the_course_of_a_column_in_forty_signs():

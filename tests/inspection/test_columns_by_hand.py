@@ -151,7 +151,7 @@ def test_reasons_why_columns_are_left_out():
         (column(wave, title="simulated y", place=4), "was computed"),
         (column(np.repeat(np.arange(8), 5), title="run no", place=5), "numbers recordings"),
         (column(np.arange(40), title="n", place=6), "counts its rows"),
-        (column(0.3 * np.arange(40), place=7), "rises all the time"),
+        (column(0.3 * np.arange(40), place=7), "always increases"),
         (column(wave + 1, title="a", place=8), ""),
         (column(wave + 1, title="b", place=10), "is a copy of a"),
     ]
@@ -347,13 +347,13 @@ def test_columns_become_quantities_with_reasons():
     assert (sure.unit, sure.why, sure.sure) == ("bar", "title; 0 to 2 bar", True)
     asked = pressure.as_quantity("pressure")
     assert (asked.unit, asked.sure) == ("kPa", False)
-    assert "its title says no unit: is it kPa?" in asked.why
+    assert "its title gives no unit: is it kPa?" in asked.why
     strain = column([0.0, 0.2], title="eps", quantity="strain").as_quantity("strain")
     assert (strain.unit, strain.sure) == ("1", True)
     other = column([0.0, 0.2], title="colour").as_quantity("colour")
     assert (other.unit, other.sure) == ("1", True)
     clock = column(np.arange(5)).as_quantity("time")
-    assert (clock.unit, clock.why[:25]) == ("ms", "it rises all the time: is")
+    assert (clock.unit, clock.why[:23]) == ("ms", "it always increases: is")
     texts = column(title="day", texts=("a", "b")).as_quantity("day")
     assert (texts.unit, texts.texts) == ("1", True)
     assert column(title="day", texts=("a", "b", "c")).described == "day  3 texts, a to c"
@@ -418,7 +418,7 @@ def test_a_person_names_numbers_by_word_quantity_or_unit(name, word, unit, value
 def test_a_name_without_a_number_means_zero():
     ((found,), _) = told_by_names(["kg2", "kg5", "empty"], Hold("load", "kg", "N"))
     assert (found.values, found.sure) == ((2, 5, 0), False)
-    assert "0 where 'empty' has no number" in found.why
+    assert "0 for 'empty', which has no number" in found.why
     assert told_by_names(["a", "b"], Hold("none")) == ([], [])
 
 

@@ -121,7 +121,7 @@ def test_the_held_strain_in_the_names_of_files(tmp_path):
     data = checked(draft, tmp_path).spec.data
     assert (data.levels.of, data.levels.at) == ("strain", [0, 0.05, 0.1, 0.15])
     assert [keep.quantity for keep in data.keep] == ["pressure_rate"]
-    assert "# CHECK: names: strain 0 5 10 15 % (0 where 'm_slack_run1'" in draft.text()
+    assert "# CHECK: names: strain 0 5 10 15 % (0 for 'm_slack_run1'" in draft.text()
     assert "numbers not used: run 1" in draft.text()
 
 
@@ -179,7 +179,10 @@ def test_what_is_too_little_for_a_search_is_a_straight_line(tmp_path):
         write(tmp_path / f"p_{level}.csv", columns)
     draft = drafted(tmp_path)
     said = draft.open["target",].why
-    assert said.startswith("made simpler (no levels, and nothing is held out), since polynomial_2")
+    assert said.startswith(
+        "simplified (no levels, and nothing is held out), because `check` found an error: "
+        "polynomial_2"
+    )
     assert draft.spec["dictionary"] == [{"polynomial": {"of": ["pressure"], "order": 1}}]
     bring_up_to_date(loaded(draft, tmp_path), tmp_path / "runs", until="validate")
 

@@ -79,7 +79,7 @@ def test_a_column_in_blocks_is_proposed_and_not_taken(tmp_path, labels, is_propo
     trials(tmp_path / "a.csv", labels, ("Trial", "one", "another"))
     with pytest.raises(UsageError) as refused:
         start(tmp_path, tmp_path)
-    assert ("is each a recording?" in refused.value.message) == is_proposed
+    assert ("is each block a recording?" in refused.value.message) == is_proposed
     assert ("--recordings Trial" in str(refused.value.remedy)) == is_proposed
 
 
@@ -264,7 +264,7 @@ def test_the_rules_look_at_some_of_many_files(tmp_path, monkeypatch):
         write(tmp_path / f"day{number % 5}" / f"log_{number // 5}.csv", columns)
     draft = drafted(tmp_path)
     assert draft.data["files"] == ["day*/log_*.csv"]
-    assert "tried on 8 of 20 files" in draft.text()
+    assert "examined 8 of 20 files" in draft.text()
     ids = {one.id for one in dataset_of(draft, tmp_path).recordings}
     assert len(ids) == 20
     assert {*draft.data["split"]["validate"]["recordings"]} < ids

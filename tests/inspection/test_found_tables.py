@@ -62,7 +62,7 @@ def test_a_word_for_a_missing_number_is_told_to_the_reader(tmp_path, place):
     draft = read(tmp_path, rows)
     assert draft.data["missing"] == {"tokens": ["OVLD"]}
     assert (
-        "CHECK: 2 samples have a cell that is empty or holds 'OVLD': taken as no value"
+        "CHECK: 2 samples have a cell that is empty or holds 'OVLD'; it is read as a missing value"
         in draft.text()
     )
     assert read_draft(draft, tmp_path, "force").recordings[0].dropped == {"missing value": 2}
@@ -179,7 +179,7 @@ def test_every_sheet_that_is_alike_is_read(tmp_path, titles):
     one_by_one = [{"path": "a.xlsx", "sheet": title} for title in titles]
     assert draft.data["files"] == (one_by_one if len(titles) > 1 else ["a.xlsx"])
     assert len(read_draft(draft, tmp_path, "force").recordings) == len(titles)
-    assert "laid out in another way, and left out: 'notes', 'summary'" in draft.text()
+    assert "left out because their layout differs: 'notes', 'summary'" in draft.text()
 
 
 # Trees

@@ -61,7 +61,11 @@ def test_levels_in_order_are_not_cut_at_the_last_one(tmp_path, clock):
 
 @pytest.mark.parametrize(
     ("said", "why"),
-    [("F [N]", "is not an input"), ("recordings", "nothing to hold out"), ("9", "no column")],
+    [
+        ("F [N]", "is not an input"),
+        ("recordings", "too few values or recordings to hold some of them out"),
+        ("9", "no column"),
+    ],
 )
 def test_what_cannot_be_held_out_is_told(tmp_path, said, why):
     write(tmp_path / "pull.csv", {"P [kPa]": 100 + K, "eps": 0.003 * (K % 7), "F [N]": 3.0 * K**2})

@@ -68,7 +68,7 @@ def test_a_raster_is_not_cut_at_its_end(tmp_path):
     assert "between: inner values" in draft.text()
     assert dataset_of(draft, tmp_path).recordings[0].rows_kept == 441
     by_end = drafted(tmp_path, answers=answers_of(target="2", inputs="0,1", validate="last"))
-    assert "beyond: the last of every recording" in by_end.text()
+    assert "beyond: the last samples of every recording" in by_end.text()
 
 
 # The clock
@@ -117,9 +117,9 @@ def test_a_clock_in_parts_needs_a_unit_for_each(tmp_path, clock, why):
 @pytest.mark.parametrize(
     ("stamps", "title", "why"),
     [
-        (np.floor(LONG), "t [s]", "mostly repeats"),
-        (LONG % 60, "s [s]", "begins anew at 60"),
-        (LONG, "", "rises all the time: where it is the clock, name it, as `time=0:s`"),
+        (np.floor(LONG), "t [s]", "repeats most of its values"),
+        (LONG % 60, "s [s]", "restarts from zero at 60"),
+        (LONG, "", "always increases; if it is the clock, name it as `time=0:s`"),
     ],
 )
 def test_what_is_no_clock_is_told_and_rows_are_kept(tmp_path, stamps, title, why):
@@ -226,7 +226,9 @@ def test_all_layouts_are_told_and_numbers_are_those_of_one(tmp_path):
     assert "2 files, 480 rows, 3 columns (t [s], P [kPa], F [N]); names say pressure" in told[1]
     assert "1 file, 240 rows, 3 columns (x, y, z)" in told[2]
     assert len(found.drafts) == 1
-    assert any("the numbers that you say are those of a_1bar.csv" in one for one in found.remarks)
+    assert any(
+        "the numbers of columns that you give belong to a_1bar.csv" in one for one in found.remarks
+    )
 
 
 @pytest.mark.parametrize("mark", [",", ";"])

@@ -149,7 +149,7 @@ def test_the_target_is_what_plain_titles_leave_no_choice_of(titles, target):
 
 def test_a_choice_is_refused_with_the_columns_and_the_command(tmp_path):
     write(tmp_path / "log.txt", [T, *WAVES[:2]], mark="\t")
-    with pytest.raises(UsageError, match="do not say what is to be predicted") as refusal:
+    with pytest.raises(UsageError, match="do not say which column is to be predicted") as refusal:
         start(tmp_path, tmp_path)
     assert "\n  1  column 1  -1 to 1" in refusal.value.message
     assert f"mapmore init {tmp_path} --target" in str(refusal.value.remedy)
@@ -198,7 +198,7 @@ def test_of_a_target_neither_copies_nor_what_computes_it_are_inputs(tmp_path):
     draft = drafted(tmp_path, answers=answers_of(target="torque"))
     assert list(draft.data["columns"]) == ["u", "q", "torque"]
     assert "left out: sensor (is a copy of torque" in draft.text()
-    assert "late (gives by a linear filter torque" in draft.text()
+    assert "late (gives, through a linear filter, torque" in draft.text()
     draft = drafted(tmp_path, answers=answers_of(target="torque", inputs="sensor"))
     assert list(draft.data["columns"]) == ["sensor", "torque"]
 

@@ -177,7 +177,7 @@ def test_order_of_the_sections(page):
         "Scores of all models",
         "Scores (target: force)",
         "The model in physical units",
-        "Limits: what the model was trained in",
+        "Limits: the ranges in which the model was trained",
         "Your data as read",
         "Rows of every recording",
         "Segments and their weights",
@@ -213,7 +213,7 @@ def test_the_model_is_typeset_with_weights_and_limits(inputs, tmp_path):
         ET.fromstring(one)
     assert "strain rises" in page.text
     assert "w = 2*t^2 up to" in page.text
-    assert "Limits: what the model was trained in" in page.text
+    assert "Limits: the ranges in which the model was trained" in page.text
     ids = [attrs["id"] for attrs in page.named("h2")]
     assert ids.index("equations") == 3, "third on the page, after what can be explored"
 
@@ -236,7 +236,7 @@ def test_failed_fits_show_as_failed_and_never_as_numbers(failed, tmp_path):
     models = ("fit", "error", "nrmse", "bands")
     write_report(failed, tmp_path, models, EVERYTHING["formats"])
     page = Page((tmp_path / "index.html").read_text(encoding="utf-8"))
-    assert "Failed, and without a prediction: sarosi." in page.text
+    assert "These competitors failed, and have no prediction: sarosi." in page.text
     assert "the solver found no step" in page.text
     for path in (path for path in tmp_path.rglob("*") if path.is_file()):
         text = re.sub("<script>.*?</script>", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)

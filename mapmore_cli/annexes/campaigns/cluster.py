@@ -135,8 +135,8 @@ def _checked_workers(client: Client, shared: Shared) -> int:
         why = f"{type(fault).__name__}: {fault}".split("\n")[0]
         raise UsageError(
             f"the workers of the cluster cannot run mapmore ({why})",
-            "install the same mapmore with its extra `cluster` for the scheduler, the "
-            "workers and here",
+            "install the same version of mapmore, with its extra `cluster`, for the scheduler, "
+            "for the workers and on this computer",
         ) from fault
 
 
@@ -147,12 +147,12 @@ def _connected(scheduler: str | Path) -> Client:
     except ImportError:
         raise UsageError(
             "a cluster needs dask and distributed, which are not installed",
-            "pip install 'mapmore[cluster]'",
+            "install them with: pip install 'mapmore[cluster]'",
         ) from None
     where = {"address": scheduler}
     if isinstance(scheduler, Path):
         where = {"scheduler_file": str(scheduler)}
-        if not scheduler.is_file():  # without this test, the client would wait for the file
+        if not scheduler.is_file():  # the client of Dask would wait until the file exists
             raise UsageError(
                 f"{scheduler}: this scheduler file does not exist",
                 "start one with `dask scheduler --scheduler-file FILE`",

@@ -16,10 +16,10 @@ from mapmore_cli.domain.errors import SpecError, UsageError
 from mapmore_cli.study.units import CANONICAL, check_unit, convert, parse_quantity
 
 FORM = (
-    'write `--columns "time:ms,_,pressure:bar,force:N"` by place, or `name=title:unit`; `_` '
-    "leaves a column out"
+    'write `--columns "time:ms,_,pressure:bar,force:N"` in the order of the columns, with `_` for '
+    "a column to leave out; or write `name=title:unit`"
 )
-# a comma in the brackets of an array's address, as in `tip[:,0]:mm`, separates nothing
+# a comma inside the brackets of an array's address, as in `tip[:,0]:mm`, separates no entries
 _COMMA = re.compile(r",(?![^\[(]*[\])])")
 # a title in quotes, which may contain separators: `"Kraft, z=1":N`
 _QUOTED = re.compile(r"""(?<![^,=\s])(["'])(.+?)\1(?=\s*(?:[,:=]|$))""")
@@ -33,8 +33,8 @@ _UNIT = re.compile(
 
 
 class Hold(NamedTuple):
-    """The quantity that was held constant, the word beside its numbers in names of files, and their
-    unit. If the quantity is `none`, nothing was held.
+    """The quantity that was held constant, the word beside its numbers in the names of files, and
+    the unit of these numbers. The quantity `none` means that nothing was held constant.
     """
 
     name: str
@@ -51,12 +51,12 @@ class Answers:
     columns
         All columns to use, by quantity. If any are named, no others are used.
     target
-        Columns to predict. The keys are names of columns, titles, or words of titles, unless the
-        person names a column.
+        Columns to predict. In an answer `name=column`, the key is the new name of the column.
+        Otherwise it is the name of the column, its title, or a word of its title.
     inputs
         Inputs, in the same form; None for all columns that move.
     hold
-        The quantity that was held.
+        The quantity that was held constant.
     validate
         Held-out data: an input, `recordings`, or `last` for the last samples of each recording.
     recordings
@@ -118,8 +118,8 @@ def read_group(text: str) -> str | None:
         raise UsageError(
             f"--group: {text!r} is not a valid name of a quantity",
             (
-                "give the number of a column, or what the names of the files distinguish, for "
-                "example specimen"
+                "use a word of letters, digits and `_` that stands in the names of the files, for "
+                "example `specimen`; or give the number of a column"
             ),
         )
     return None if text == "none" else text
@@ -138,11 +138,12 @@ def read_positive(option: str, unit: str, example: str, text: str) -> float:
 
 
 def read_names(option: str, text: str) -> Named:
-    """Read `tip`, `Tip z:mm`, `7` or `tip=Tip z:mm`: columns by their names, titles or places.
+    """Read columns that are given by names, titles or numbers: `tip`, `Tip z:mm`, `7` or `tip=Tip
+    z:mm`.
 
     In `--columns`, for example `time:ms,_,force:N`, a name without a column belongs to the column
-    at its place in the text. A text in quotes is one title, whatever it contains. Raises UsageError
-    for any other form.
+    with the same position in the file. A text in quotes is one title, whatever it contains. Raises
+    UsageError for any other form.
     """
     columns: Named = {}
     titles: list[str] = []
@@ -171,7 +172,7 @@ def read_names(option: str, text: str) -> Named:
             column = replace(column, column=address)
         columns[name] = column
     if not columns:
-        raise UsageError(f"{option}: no column is named", f"name one, as `{option} force`")
+        raise UsageError(f"{option}: no column is named", f"name one, for example `{option} force`")
     return columns
 
 
@@ -184,8 +185,9 @@ def read_hold(text: str) -> Hold:
 
 
 def _read_entry(option: str, entry: str) -> tuple[str, NamedColumn]:
-    """Return the name and the column of `name=column:unit`; the column is empty if it is not given.
-    Raises UsageError for an unknown unit, and for an invalid name of a quantity if one is required.
+    """Return the name and the column of `name=column:unit`; the column is an empty text if the
+    entry names none. Raises UsageError for an unknown unit, and for an invalid name of a quantity
+    if one is required.
     """
     parts = _ENTRY.fullmatch(entry)
     written, unit = (entry, "") if parts is None else parts.groups()

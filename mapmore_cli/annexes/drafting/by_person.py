@@ -13,8 +13,8 @@ from mapmore_cli.study.units import CANONICAL
 
 
 def named_by_person(said: Named, table: Table, option: str, known: Named) -> Named:
-    """Return the columns that a person names: by known names, by names that the person gives, or by
-    titles.
+    """Return the columns that a person names, by quantity. The quantity has a known name, the name
+    that the person gives, or a name made from the title.
 
     If no unit is given, the unit in the title is used, or otherwise the unit of the model.
     """
@@ -88,9 +88,11 @@ def refuse_choice(table: Table, where: str, path: str) -> UsageError:
         columns = {one.place: one for one in table.values() if one is apart or one.place in columns}
     rows = [f"  {place}  {one.described}" for place, one in columns.items()]
     rows = [
-        f"{row}{'  rises all the time: a clock?' if place == clock else ''}"
-        f"{'  stands in blocks of rows: is each a recording?' if one is apart else ''}"
+        f"{row}{'  always increases: is it a clock?' if place == clock else ''}"
+        f"{'  constant in blocks of rows: is each block a recording?' if one is apart else ''}"
         for row, (place, one) in zip(rows, columns.items(), strict=True)
     ]
-    heading = f"{where}: titles do not say what is to be predicted. Columns that move:"
+    heading = (
+        f"{where}: the titles do not say which column is to be predicted. Columns that change:"
+    )
     return UsageError("\n".join([heading, *rows]), f"complete this: {how}")

@@ -32,9 +32,9 @@ def known_by_titles(table: Table) -> Known:
     """Return the columns that move, named by quantity if the title identifies one, otherwise by
     title.
 
-    If several titles identify the same quantity, each keeps its title, except the plainest one. A
-    copy of another column, a computed column, and a column that increases like a clock but is not
-    the time are left out.
+    If several titles identify the same quantity, only the column with the plainest title gets the
+    name of the quantity; the others are named by their titles. A copy of another column, a computed
+    column, and a column that increases like a clock but is not the time are left out.
     """
     parts = clock_in_parts(table)
     clock = next(
@@ -64,22 +64,25 @@ def _why_unused(one: TitledColumn, has_clock: bool) -> str:
     if not one.moves:
         return "never changes"
     if one.is_time and (turn := one.turn) and not has_clock:
-        return f"begins anew at {turn:g}: where it is the clock, say `unwrap: {turn:g}` at `time`"
+        return (
+            f"restarts from zero at {turn:g}; if it is the clock, write `unwrap: {turn:g}` at "
+            "`time`"
+        )
     if one.quantity == "time" or (one.is_time and has_clock):
         return "is a second clock" if has_clock else _why_no_clock(one)
     if one.may_be_clock:
         unit = unit_of_clock(one.values)
-        return f"rises all the time: where it is the clock, name it, as `time={one.place}:{unit}`"
+        return f"always increases; if it is the clock, name it as `time={one.place}:{unit}`"
     if _NO_MEASUREMENT & {*words(one.title)}:
         return "was computed, as its title says"
     if one.blocks and any(map(is_repeat, words(one.title))):
-        return "numbers recordings or specimens: name it by --inputs to use it"
+        return "numbers recordings or specimens; name it with --inputs to use it"
     return "counts its rows" if not one.quantity and one.counts else ""
 
 
 def _why_no_clock(one: TitledColumn) -> str:
     repeats = any(2 * np.count_nonzero(np.diff(x)) < len(x) - 1 for x in one.values)
-    return "mostly repeats, as no clock does" if repeats else "its clock is set back"
+    return "repeats most of its values, unlike a clock" if repeats else "its clock is set back"
 
 
 PARTS = {
@@ -137,8 +140,8 @@ def _copies(columns: Sequence[TitledColumn]) -> dict[Column, str]:
 
 
 def _silence(one: TitledColumn) -> tuple[bool, bool, bool, int]:
-    """Return a sort key that is smaller the more a title says; among positions, strain says
-    most.
+    """Return a sort key for columns: the key is smaller for a title that gives more information.
+    Among positions, strain comes first.
     """
     rank = POSITIONS.index(one.quantity) if one.quantity in POSITIONS else 0
     return not one.quantity, not one.unit, not one.plain, rank
@@ -173,9 +176,10 @@ def _plainness(one: TitledColumn) -> int:
 def target_of(kinds: Mapping[str, str], is_driven: bool) -> str | None:
     """Return the quantity to predict if plain titles leave no choice, otherwise None.
 
-    It is the only force, or else the only position if something else drives, or else the only
-    column that neither drives nor is a position. `kinds` holds the results of `kind_to_predict`, by
-    name; `is_driven` is True if names of files give an input.
+    It is the only force, if an input or a position is known; the only position, if there is no
+    force and an input is known; or the only column of another kind, if all other columns are
+    inputs. `kinds` holds the results of `kind_to_predict`, by name; `is_driven` is True if names of
+    files give an input.
     """
     of: dict[str, list[str]] = {}
     for name, kind in kinds.items():

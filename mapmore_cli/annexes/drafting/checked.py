@@ -22,9 +22,9 @@ from mapmore_cli.study.yaml_loader import dump
 
 
 def checked(draft: Draft, plainer: Sequence[Draft], folder: Path) -> Draft:
-    """Return the draft if nothing is wrong with it; otherwise the first of the `plainer` drafts
-    without an error; otherwise the draft with the error, which the user can correct in the spec,
-    noted beside its target.
+    """Return the draft if `check` finds no error in it; otherwise the first of the `plainer` drafts
+    without an error. If all have errors, and the user can correct the error in the spec, return the
+    draft with a note about the error beside its target.
 
     Paths of all drafts start at `folder`. If there are many files, a random part of them is
     examined, and a note says so. Raises DataError for an error that only other data can correct.
@@ -33,14 +33,17 @@ def checked(draft: Draft, plainer: Sequence[Draft], folder: Path) -> Draft:
     fault = _fault(few, folder)
     if few is not draft:
         usual = draft.notes.get(("data", "files"), Note(""))
-        looked_at = f"`check` was tried on {MOST} of {files} files, drawn by chance"
+        looked_at = f"`check` examined {MOST} of {files} files, drawn at random"
         why = "; ".join(filter(None, [usual.why, looked_at]))
         draft = draft.noted(("data", "files"), why, usual.sure)
     if fault is None:
         return draft
     for other in plainer:
         if _fault(_with_few_files(other, folder)[0], folder) is None:
-            why = f"made simpler (no levels, and nothing is held out), since {fault.message}"
+            why = (
+                "simplified (no levels, and nothing is held out), because `check` found an "
+                f"error: {fault.message}"
+            )
             return other.noted(("target",), why, sure=False)
     if isinstance(fault, SpecError):
         why = f"`check` finds an error: {fault.message}; {fault.remedy}"
@@ -49,8 +52,8 @@ def checked(draft: Draft, plainer: Sequence[Draft], folder: Path) -> Draft:
 
 
 MOST = 300
-"""Largest number of files that the rules examine completely; of more files, this number
-is drawn.
+"""Largest number of files that the rules examine. If there are more, this number is drawn at
+random.
 """
 
 
@@ -109,6 +112,7 @@ def _fault(draft: Draft, folder: Path) -> SpecError | DataError | None:
     if "dictionary" in draft.spec or most >= FEWEST:
         return None
     return DataError(
-        f"no curve has more than {most} training samples, too few for the search of a structure",
+        f"no curve has more than {most} training samples, which are too few for the search for a "
+        "structure",
         "measure more, or name terms in a `dictionary` by hand",
     )

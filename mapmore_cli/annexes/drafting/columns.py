@@ -1,6 +1,7 @@
 """Describe a column of some files by its title, its unit and its values.
 
-Values are used only for facts: a column never changes, is a clock, or is a copy of another column.
+Values are used only to find facts: that a column never changes, is a clock, or is a copy of another
+column.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ class TitledColumn:
     quantity
         The quantity that its title names; empty for none.
     plain
-        True if the title contains nothing else.
+        True if the title contains nothing but the quantity, and perhaps its unit.
     unit, source
         The unit, and where it is stated; empty if it is unknown.
     """
@@ -71,7 +72,7 @@ class TitledColumn:
 
     @property
     def kind(self) -> str:
-        """Kind of the column: one word for all positions, and one for forces and loads; empty for
+        """Kind of the column: `position`, `pressure`, or `force` for forces and loads; empty for
         other quantities.
         """
         return KINDS.get(self.quantity, "")
@@ -185,7 +186,8 @@ class TitledColumn:
     def as_quantity(self, name: str) -> NamedColumn:
         """Return the column as a quantity, in the unit from the title or the file.
 
-        A canonical quantity without a unit gets the model's unit, which is marked as a question.
+        A canonical quantity without a unit gets the model's unit, and the draft asks the user to
+        confirm it.
         """
         if self.texts:
             return NamedColumn(self.column, "1", "you; texts are numbered", texts=True)
@@ -195,7 +197,7 @@ class TitledColumn:
         usual = default_unit(name) if name != "time" else unit_of_clock(self.values)
         if usual == "1":
             return NamedColumn(self.column, usual, f"title; {range_of(self.values)}")
-        reason = "its title says no unit" if self.title else "it rises all the time"
+        reason = "its title gives no unit" if self.title else "it always increases"
         why = f"{reason}: is it {usual}? {range_of(self.values)}"
         return NamedColumn(self.column, usual, why, sure=False)
 
@@ -306,7 +308,7 @@ def find(table: Table, wanted: Column, option: str, texts: bool = False) -> Titl
 
 
 def listed(table: Table, but: Iterable[Column] = ()) -> dict[int, TitledColumn]:
-    """Return the columns that move, by the numbers in lists with which people refer to them."""
+    """Return the columns whose values change, by the numbers that `init` prints beside them."""
     return {one.place: one for one in table.values() if one.moves and one.column not in {*but}}
 
 

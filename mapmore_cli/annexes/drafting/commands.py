@@ -54,7 +54,10 @@ def init(
     ] = None,
     inputs: Annotated[
         str | None,
-        Option(metavar="LIST", help="The columns that drive it. Default: all columns that change."),
+        Option(
+            metavar="LIST",
+            help="The columns that are inputs of the model. Default: all columns that change.",
+        ),
     ] = None,
     hold: Annotated[
         str | None,
@@ -89,8 +92,8 @@ def init(
         Option(
             metavar="NAME",
             help=(
-                "A column, or what the names of the files distinguish (for example specimen), by "
-                "which scores are given separately."
+                "The column that distinguishes groups, or a word for what the names of the files "
+                "distinguish, for example specimen. Each group is scored separately."
             ),
         ),
     ] = None,
@@ -98,7 +101,12 @@ def init(
         Literal["m1", "m2"] | None,
         Option(help="Write the settings of a paper; `run` then does not search for a structure."),
     ] = None,
-    yes: Annotated[bool, Option("--yes", "-y", help="Ask nothing: mark what is not sure.")] = False,
+    yes: Annotated[
+        bool,
+        Option(
+            "--yes", "-y", help="Ask no questions; mark uncertain entries of the spec with CHECK."
+        ),
+    ] = False,
     force: Annotated[bool, Option("--force", help="Replace specs that exist.")] = False,
     quiet: Quiet = False,
 ) -> None:
@@ -151,7 +159,7 @@ def init(
 
 
 def _refuse(files: Iterable[Path], force: bool) -> None:
-    """Refuse files that exist already, unless they are to be replaced."""
+    """Raise WriteError if some files exist already, unless `force` allows to replace them."""
     existing = [str(path) for path in files if path.exists() and not force]
     if existing:
         raise WriteError(
@@ -161,8 +169,8 @@ def _refuse(files: Iterable[Path], force: bool) -> None:
 
 
 def _write(files: Mapping[Path, tuple[str, Draft]], force: bool, reporter: Reporter) -> None:
-    """Write the files that do not exist yet, or all with `force`, and print the paths of the specs;
-    Raises an error at the end if some existed already.
+    """Write the files that do not exist yet, or all with `force`, and print the paths of the specs.
+    Raises WriteError at the end if some existed already.
     """
     from mapmore_cli.annexes.drafting.page import draft_page
     from mapmore_cli.study.schema import write_schema_beside
@@ -177,14 +185,14 @@ def _write(files: Mapping[Path, tuple[str, Draft]], force: bool, reporter: Repor
         print(path)
     first = next(iter(files))
     if schema := write_schema_beside(first):
-        reporter.say(f"With it, an editor completes the keys of the spec: {schema}")
+        reporter.say(f"An editor completes the keys of the spec with this file: {schema}")
     _refuse(sorted(existing), force)
     reporter.say(f"Next: mapmore {'batch' if files[first][1].of else 'check'} {first}")
 
 
 def ask(question: Question) -> str:
-    """Print a question with its options, and return the first possible answer; an empty text at the
-    end of the input.
+    """Ask a question until the answer is a possible one, and return this answer. At the end of the
+    input, return an empty text.
     """
     from rich.console import Console
     from rich.markup import escape

@@ -71,8 +71,8 @@ class NamedColumn:
         """Return the column in the form of the spec."""
         if self.parts:
             return {"columns": [*self.parts], "format": " ".join(self.parts.values())}
-        # a column with per cent in its title has another unit than 1 if its cells contain fractions
-        # that are shown in per cent
+        # the unit 1 is written if the title contains `%`, because the rules of `check` would
+        # otherwise expect values in per cent
         plain_units = ("",) if "%" in str(self.column) else ("", "1")
         usual = {"unit": plain_units, "scale": (1.0,), "offset": (0.0,), "texts": (False,)}
         entry = {key: getattr(self, key) for key in usual}
@@ -163,7 +163,9 @@ class Draft:
         return replace(self, spec={**self.spec, "data": data}, notes=notes)
 
     def noted(self, loc: Loc, why: str | None, sure: bool = True) -> Draft:
-        """Return the draft with a note about one of its places; unchanged for None."""
+        """Return the draft with a note about the entry at `loc`. If `why` is None, it is
+        unchanged.
+        """
         return self if why is None else replace(self, notes={**self.notes, loc: Note(why, sure)})
 
     def text(self) -> str:
@@ -174,7 +176,7 @@ class Draft:
 
 
 def yaml_text(spec: Mapping[str, Any], notes: Mapping[Loc, Note], head: str) -> str:
-    """Return a spec as YAML with notes, under its first lines."""
+    """Return a spec as YAML with notes, below the lines in `head`."""
     ordered = {key: _ten_digits(spec[key]) for key in (*_ORDER, *spec) if key in spec}
     return "\n".join([head, *_yaml_lines(escaped(ordered), (), notes), ""])
 
@@ -226,5 +228,5 @@ def range_of(values: Sequence[Array], unit: str = "1") -> str:
 
 
 def scaled(values: Array) -> Array:
-    """Return values scaled to 0 to 1; zero for constant values."""
+    """Return values scaled to 0 to 1; zeros if all values are equal."""
     return np.asarray((values - values.min()) / (float(np.ptp(values)) or 1.0))

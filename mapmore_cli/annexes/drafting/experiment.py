@@ -29,12 +29,14 @@ FEWEST = 200
 MOST = 6_000
 # smallest number of samples of a recording, if many short recordings together have enough
 LEAST = 100
-# share of the samples that is drawn at random, if the last samples lie outside the others
+# fraction of the samples that is held out at random, if the last samples lie outside the range of
+# the others
 SHARE = 0.2
 # movement within a recording that is smaller than this fraction of the differences between
 # recordings is scatter
 MUCH_LESS = 0.1
-# share of the samples that is held out at the end, if no level and no recording can be held out
+# fraction of each recording that is held out at its end, if no level and no recording can be held
+# out
 LAST = 0.3
 # words with which a person may name held-out data, besides the name of an input
 WHOLE, LAST_SAMPLES = "recordings", "last"
@@ -43,8 +45,9 @@ COMPETITORS = ("sarosi", "polynomial_2", "polynomial_5", "muscle_like", "polynom
 
 @dataclass(frozen=True)
 class Held:
-    """The quantity `of` that was held constant, its levels `at`, `within` if samples between levels
-    must be left out, the quantity that was `swept`, and the reason `why`.
+    """The quantity `of` that was held constant, its levels `at`, the quantity that was `swept`, and
+    the reason `why`. If samples between levels must be left out, `within` is the largest distance
+    of a sample from its level.
     """
 
     of: str
@@ -60,13 +63,13 @@ def find_held(
     hold: Hold | None,
     conditions: Conditions,
 ) -> Held | None:
-    """Return the quantity that was held constant while another input moved. It is the quantity that
-    a person names. Otherwise it is the only one whose values are in names of files, or that keeps
-    one value in each recording. Otherwise, in a table without a clock, it is the one that takes few
-    values repeatedly.
+    """Return the quantity that was held constant while another input moved; None if nothing was
+    held constant, or only at a single level.
 
-    The result is None if nothing was held constant, or at a single level. `conditions` are values
-    from names.
+    The quantity that a person names is used. If nobody names one, it is the only input whose values
+    are in names of files or which stays constant in each recording. If there is none in a table
+    without a clock, it is the only input that takes a few values repeatedly. `conditions` are
+    values from names.
 
     Raises
     ------
@@ -105,9 +108,9 @@ def find_held(
 def _own_levels(
     recordings: Sequence[Recording], name: str, conditions: Conditions
 ) -> list[float] | None:
-    """Return the values of a quantity that stays near one value in each recording: the gap between
-    two values is more than twice its movement at any of them. None if it moves more, or has one
-    value everywhere.
+    """Return the levels of a quantity that stays near one value in each recording; None if it has
+    no such levels, or only one. The gap between neighbouring levels is more than twice the movement
+    at any level.
     """
     if name in conditions:
         levels = sorted(set(conditions[name]))
@@ -131,8 +134,8 @@ def _neat(middle: float, scatter: float) -> float:
 
 
 def _set_values(recordings: Sequence[Recording], name: str) -> list[float]:
-    """Return the values that a quantity takes at least three times on average; empty if there are
-    only two, as for a switch.
+    """Return the values of a quantity if it takes each of them at least three times on average; an
+    empty list otherwise, and if there are only two values, as for a switch.
     """
     values, counts = np.unique(
         np.concatenate([one.columns[name] for one in recordings]), return_counts=True
@@ -252,10 +255,16 @@ def _with_static_samples(draft: Draft, recordings: Sequence[Recording], held: He
         draft = draft.with_data("derive", rate).with_data(
             "keep", [{"quantity": "pressure_rate", "abs_below": settled.limit}]
         )
-        why = f"kPa/s: the pressure rests on steps; {settled.share:.0%} of the samples are static"
+        why = (
+            f"kPa/s: the pressure was held after each step; {settled.share:.0%} of the samples "
+            "are static"
+        )
         return draft.noted(("data", "keep", 0), why)
     if len(held.at) > 2 and goes_in_cycles(recordings, held):
-        why = f"{held.swept} goes there and back at every level: the mean of both is static"
+        why = (
+            f"{held.swept} increases and decreases at every level; the mean of both branches is "
+            "static"
+        )
         return draft.with_data("cycles", {"over": held.swept}, why)
     return draft
 
@@ -265,7 +274,7 @@ def _with_levels(draft: Draft, held: Held) -> Draft:
     why = f"{held.why}: {held.of} was held, in {default_unit(held.of, draft.spec.get('units', {}))}"
     if held.within is not None:
         levels["within"] = held.within
-        why += "; samples further off are on the way to the next level"
+        why += "; samples farther away are on the way to the next level"
     return draft.with_data("levels", levels, why)
 
 
@@ -277,7 +286,7 @@ def _with_split(
     of each recording, unless the study has no memory and these lie outside the others. The note
     says whether the held-out data lie between or outside the training data.
 
-    Raises UsageError if nothing of what a person said can be held out.
+    Raises UsageError if the data that a person names cannot be held out.
     """
     levels, groups = draft.data.get("levels"), draft.data.get("groups", {})
     values = {levels["of"]: levels["at"]} if levels else done.conditions
@@ -295,7 +304,8 @@ def _with_split(
         held_out, why = {way: places} if places else {}, "between: inner values"
     if not held_out:
         raise UsageError(
-            f"--validate: {way} leaves nothing to hold out", f"write {LAST_SAMPLES}, or an input"
+            f"--validate {way}: there are too few values or recordings to hold some of them out",
+            f"write {LAST_SAMPLES}, or an input",
         )
     return draft.with_data("split", {"validate": held_out}, f"{'you; ' if wanted else ''}{why}")
 
@@ -307,15 +317,18 @@ def _last_or_between(done: Experiment, is_free: bool) -> tuple[Section, str]:
     """
     names = _beyond(done)
     if not names:
-        return {LAST_SAMPLES: LAST}, "between: the last of every recording"
+        return {LAST_SAMPLES: LAST}, "between: the last samples of every recording"
     if not is_free:
-        why = f"beyond: the last of every recording, where {', '.join(names)} was never before"
+        why = (
+            f"beyond: the last samples of every recording, in which {', '.join(names)} leaves "
+            "the range of the samples before"
+        )
         return {LAST_SAMPLES: LAST}, why
     for name in names:
         if values := inner(_set_values(done.recordings, name)):
-            return {name: values}, f"between: inner values, since {name} goes on in order"
+            return {name: values}, f"between: inner values, because {name} moves steadily"
     share = {"fraction": SHARE, "seed": 1}
-    return share, f"between: samples drawn by chance, since {', '.join(names)} goes on in order"
+    return share, f"between: samples drawn at random, because {', '.join(names)} moves steadily"
 
 
 def _whole_recordings(done: Experiment, logs: Sequence[str]) -> Section:
@@ -367,7 +380,12 @@ def _as_memory_study(draft: Draft, recordings: Sequence[Recording]) -> Draft:
     lengths = [float(np.ptp(time)) for time in times]
     most = min(sum(lengths) / MOST, float(np.median(lengths)) / LEAST)
     step = two_digits(max(usual, most))
-    draft = draft.with_data("resample", step, f"s: memory needs even steps; it has {usual:.3g} s")
+    draft = draft.with_data(
+        "resample",
+        step,
+        "s: a model with memory needs equal time steps; "
+        f"the usual step of the data is {usual:.3g} s",
+    )
     limit = two_digits(BREAK * max(step, usual))
     gaps = sum(int(np.count_nonzero(np.diff(time) > limit)) for time in times)
     if gaps or "gaps" in draft.data:
@@ -375,9 +393,9 @@ def _as_memory_study(draft: Draft, recordings: Sequence[Recording]) -> Draft:
         counted = [f"s: {gaps} gap{'s' if gaps != 1 else ''}"] if gaps else []
         why = "; ".join([*counted, *([set_back.why] if set_back else [])])
         cut = {"longer_than": limit, "action": "split"}
-        draft = draft.with_data("gaps", cut, f"{why}; the memory starts again there")
+        draft = draft.with_data("gaps", cut, f"{why}; the memory restarts there")
     return draft.with_section(
         "validate",
         {"normaliser": "range"},
-        "errors are divided by the range: the zero is arbitrary",
+        "errors are divided by the range, because the zero of the target is arbitrary",
     )

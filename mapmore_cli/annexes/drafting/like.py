@@ -17,9 +17,9 @@ Settings = dict[str, tuple[Any, str]]
 def settings(paper: str, swept: str) -> Settings:
     """Return the sections of a paper's static study of a `swept` quantity at held levels.
 
-    M1, section IV: three segments; it leaves the number of terms and the extrapolation open. M2,
-    which names M1 as its method, has four segments, one term, and extrapolates by the last piece
-    (sections 4.4 and 5.1).
+    M1 (section IV) uses three segments, and does not state the number of terms and the
+    extrapolation. M2 (sections 4.4 and 5.1) uses the method of M1 with four segments and one term,
+    and extrapolates by the last piece.
     """
     terms: dict[str, float] = {"max_terms": 1}
     count, reference = 3, "M1, section IV"
@@ -37,12 +37,12 @@ def settings(paper: str, swept: str) -> Settings:
         ),
         "fit": (
             {"scaling": "unit_square", **terms},
-            "inputs scaled to 0..1; FROLS takes so many terms in each segment",
+            "inputs scaled to 0..1; `max_terms` is the largest number of terms in each segment",
         ),
         "fuse": (
             {"transition": "linear", "z_s": 0.25, "hold": "none", "extrapolation": "continue"},
             "weights fall linearly in zones of a quarter of each segment (eq 9-12); `hold: none`: "
-            "inputs are not clamped; `continue`: beyond the data by the last piece",
+            "inputs are not clamped; `continue`: the last piece also applies beyond the data",
         ),
     }
 

@@ -83,7 +83,7 @@ class Number(NamedTuple):
 
     @property
     def shown(self) -> str:
-        """The number in the form in which the name has it."""
+        """The number as it is written in the name, with its word and its unit."""
         return f"{self.word}{' ' if self.word else ''}{self.value:g}{self.unit}"
 
 
@@ -93,10 +93,10 @@ Series = dict[int, Number]
 
 @dataclass(frozen=True)
 class Condition:
-    """A quantity with a value for every recording in the names: its unit and its values.
+    """A quantity whose values are in the names of files: its unit, and a value for every recording.
 
-    `why` says how the values are written in the names. `sure` is False if some name has no number,
-    which then means zero.
+    `why` says how the values are written in the names. `sure` is False if some name has no number;
+    its value is then zero.
     """
 
     quantity: str
@@ -143,11 +143,11 @@ def numbers_in(name: str) -> list[Number]:
 def told_by_names(
     names: Sequence[str], hold: Hold | None = None, known: Sequence[str] = ()
 ) -> tuple[list[Condition], list[str]]:
-    """Return the quantities that vary from name to name, and a remark on every number that was
-    taken as a repeat.
+    """Return the quantities that vary from name to name, and a remark on every number that seems
+    only to count repetitions.
 
-    `known` are quantities in columns, which are not set again. Numbers without a unit that are
-    consecutive count repeats, unless a person names them with `hold`.
+    `known` are the quantities in columns; their values are not taken from names. Consecutive
+    numbers without a unit count repetitions, unless a person names them with `hold`.
 
     Raises
     ------
@@ -189,7 +189,7 @@ def offers_of(names: Sequence[str]) -> Iterator[str]:
         levels = " ".join(f"{first.word}{value:g}" for value in _values(numbers)[:4])
         yield (
             f"the names of the files have {levels} ..., which are not used; if they are levels of "
-            f"a quantity, say which, as `--hold {quantity}={first.word}:{unit}`"
+            f"a quantity, name it, for example with `--hold {quantity}={first.word}:{unit}`"
         )
 
 
@@ -198,7 +198,7 @@ def _values(numbers: Series) -> list[float]:
 
 
 def _is_count(numbers: Series) -> bool:
-    """Return True for whole numbers without a unit, one after the other."""
+    """Return True for consecutive whole numbers without a unit."""
     values = _values(numbers)
     has_unit = any(one.unit for one in numbers.values())
     return not has_unit and values == [values[0] + place for place in range(len(values))]
@@ -233,7 +233,7 @@ def _told_quantity(quantity: str, unit: str, numbers: Series, names: Sequence[st
     values = tuple(numbers[place].value if place in numbers else 0.0 for place in range(len(names)))
     zero = next((name for place, name in enumerate(names) if place not in numbers), None)
     why = f"{quantity} {' '.join(f'{value:g}' for value in sorted({*values}))} {unit}"
-    why += f" (0 where {zero!r} has no number)" if zero is not None else ""
+    why += f" (0 for {zero!r}, which has no number)" if zero is not None else ""
     return Condition(quantity, unit, values, why, sure=zero is None)
 
 
@@ -249,7 +249,7 @@ def _asked_for(hold: Hold, series: Sequence[Series]) -> Series:
         raise UsageError(
             f"--hold: no column and no number in the names is called {hold.name}",
             f"the names have {listed or 'no number that varies'}; give the word beside a number "
-            f"as in `--hold {hold.name}=WORD:UNIT`, or write none",
+            f"with `--hold {hold.name}=WORD:UNIT`, or write `--hold none`",
         )
     return asked
 

@@ -1,5 +1,5 @@
-"""Write several outputs of one study: the part that their specs share, and the campaign that runs
-them.
+"""Write the specs of several outputs of one study, the part that these specs share, and the
+campaign that runs them.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ def as_files(drafts: Sequence[Draft], output: Path | None) -> Files:
     a study of several outputs, a campaign, a fragment with the common part of its specs, and a spec
     for each output.
 
-    The first file is `output` if it is given, and the others beside it get its name.
+    If `output` is given, it is the first file, and the names of the other files begin with its
+    name.
     """
     files: Files = {}
     studies: dict[str, list[Draft]] = {}
@@ -47,10 +48,12 @@ def _campaign(name: str, outputs: Sequence[Draft], first: Path) -> Files:
     }
     runs = [{"base": path.name} for path in specs]
     campaign = {"schema_version": 1, "campaign": name, "runs": runs}
-    head = f"# Started by `mapmore init`: `mapmore batch {first}` runs all, with one page."
+    head = (
+        f"# Started by `mapmore init`: `mapmore batch {first}` runs all specs and writes one page."
+    )
     shared_head = (
-        "# What the specs of all outputs share. One model of all, with the same terms: "
-        "`target: [a, b]`, and the columns of both."
+        "# The settings that the specs of all outputs share. For one model of all outputs with "
+        "the same terms, write `target: [a, b]` and the columns of all outputs in one spec."
     )
     return {
         first: (yaml_text(campaign, {}, head), outputs[0]),

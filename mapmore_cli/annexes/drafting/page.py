@@ -1,5 +1,5 @@
-"""Write the page of a draft, which shows the course of every column and the quantity for which it
-was taken.
+"""Write the page of a draft, which shows the course of every column and the quantity that it is
+assumed to be.
 """
 
 from __future__ import annotations

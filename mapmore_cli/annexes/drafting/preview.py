@@ -29,12 +29,15 @@ _COMMENT = re.compile(rb"[ \t]*(#|%|//)")
 _DIGITS = re.compile(rb"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 UNREAD = {
     "zip 7z rar tar tgz zst": "unpack it",
-    "mf4 mdf": "export it as CSV, as by `asammdf.MDF(path).export('csv')`",
-    "json ndjson jsonl": "save a table, as by `pandas.json_normalize(records).to_csv(...)`",
-    "npy": "save it under a name, as by `numpy.savez('log.npz', force=force)`",
-    "pkl pickle joblib": "it could run code, and is never opened; save its arrays as CSV or .npz",
+    "mf4 mdf": "export it as CSV, for example with `asammdf.MDF(path).export('csv')`",
+    "json ndjson jsonl": "save a table, for example with "
+    "`pandas.json_normalize(records).to_csv(...)`",
+    "npy": "save each array with a name, for example with `numpy.savez('log.npz', force=force)`",
+    "pkl pickle joblib": "it is never opened, because it could run code; save its arrays as CSV "
+    "or .npz",
     "bag db3 mcap": "export its topics as CSV with the tools of ROS",
-    "feather arrow orc": "save it as Parquet, as by `pandas.read_feather(path).to_parquet(...)`",
+    "feather arrow orc": "save it as Parquet, for example with "
+    "`pandas.read_feather(path).to_parquet(...)`",
     "db sqlite mdb accdb numbers wav c3d bin raw": "export its table as CSV",
 }
 """Suffixes of files that may contain data but that no reader can read, and the remedy for each."""
@@ -48,11 +51,12 @@ class Preview:
 
     - `columns`: names of the columns in a spec: addresses if the file is a tree, otherwise unique
       titles, otherwise 0-based indices.
-    - `titles`, `units`: of the columns as written in the file; empty if there are none.
-    - `alike`: the sheets of a workbook with the same layout, if there are several; `left` are its
-      other sheets.
-    - `tables`: the numbers and titles of tables below each other with the same layout, if there are
-      others in the file; `left` are the others.
+    - `titles`, `units`: titles and units of the columns as written in the file; an empty text for a
+      column that has none.
+    - `alike`: the sheets of a workbook that have this layout, if there are several. `left` are the
+      other sheets of the workbook.
+    - `tables`: numbers and titles of the tables in the file that have this layout, if the file has
+      several tables below each other. `left` are the other tables.
     - `numeric`: indices of columns of numbers.
     """
 
@@ -92,8 +96,9 @@ def kinds_of_lines(path: Path) -> tuple[bytes, ...]:
 
 
 def comment_among(path: Path, layout: Preview) -> str | None:
-    """Return the mark of comment lines between the rows of a text; None if there are none, or if
-    the line of titles begins with the mark, too, which would be lost with them.
+    """Return the mark of comment lines between the rows of a text; None if there are none. If the
+    line of titles begins with the mark too, return None as well, because the titles would be
+    skipped as a comment.
     """
     titled = layout.settings.get("skip_rows", 0)
     with path.open("rb") as lines:
@@ -113,9 +118,13 @@ def preview(path: Path) -> Preview:
         raise DataError(unread(path) or f"{problem}; save the table as CSV")
     if path.stat().st_size == 0:
         raise DataError(f"{path.name}: is empty")
-    remedy = f"write `columns` by hand, as `pressure: {{column: {reader.column}, unit: kPa}}`"
+    remedy = (
+        f"write `columns` by hand, for example `pressure: {{column: {reader.column}, unit: kPa}}`"
+    )
     if reader.peek is None:
-        raise DataError(f"{path.name}: which of its arrays are columns cannot be found out", remedy)
+        raise DataError(
+            f"{path.name}: it cannot be determined which of its arrays are columns", remedy
+        )
     try:
         tops = list(reader.peek(path, LINES))
     except DataError as fault:  # the error of the reader says how to save the file in another form
@@ -152,7 +161,9 @@ def _with_tables_below(path: Path, best: _FoundTable, layout: Preview, reader: R
     headers = [tuple(_titles_of(table)) for table in tables]
     mark = comment_among(path, layout) if layout.titles else None
     if mark is not None and all(titles[0].startswith(mark) for titles in headers[1:]):
-        return layout  # comments between the rows of one table, which alone has titles
+        # only the first table has titles, so the other headers are comments between the rows of one
+        # table
+        return layout
     rows = Counter[tuple[str, ...]]()
     for header, table in zip(headers, tables, strict=True):
         rows[header] += len(table.rows)
@@ -175,8 +186,8 @@ def _with_tables_below(path: Path, best: _FoundTable, layout: Preview, reader: R
 
 
 def _titles_of(table: Below) -> list[str]:
-    """Return a title for a table: the filled cells of its header, or its number of columns if there
-    is no header.
+    """Return the titles of a table: the filled cells of its header, or its number of columns if
+    there is no header.
     """
     if not table.header:
         return [f"{len(table.rows[0][1])} columns"]
@@ -213,7 +224,8 @@ def _no_table(path: Path, tops: Sequence[Top], remedy: str) -> DataError:
     if any(map(_LABELLED.fullmatch, last)):
         line = f"sed -E 's/[A-Za-z_][A-Za-z_0-9]*[:=] *//g' '{path.name}' > '{path.stem}.csv'"
         return DataError(
-            f"{path.name}: its cells are `name:number`; remove the names, for example with: {line}"
+            f"{path.name}: its cells have the form `name:number`, but only numbers can be read; "
+            f"remove the names, for example with: {line}"
         )
     lines = f" in its first {len(tops[0].rows)} lines" if tops and tops[0].rows else ""
     return DataError(
@@ -240,8 +252,8 @@ def _of_all_sheets(
 
 @dataclass(frozen=True)
 class _FoundTable:
-    """A table in the first rows of a file. From the row `first` on, `rows` have `wide` cells and
-    hold numbers in the columns `numeric`.
+    """A table in the first rows of a file. From the row with index `first` on, `rows` have `wide`
+    cells, with numbers in the columns `numeric`.
     """
 
     top: Top
@@ -274,8 +286,8 @@ class _FoundTable:
 
     @property
     def rank(self) -> tuple[int, int]:
-        """Sort key for the ways to read a table: it is larger for more columns in which texts look
-        like numbers, and then for fewer rows.
+        """Sort key for the ways to read a table: the best way has the fewest columns in which texts
+        look like numbers, and then the most rows.
         """
         texts = (cells for place, cells in enumerate(self.columns) if place not in self.numeric)
         doubtful = sum(any(map(str.isdigit, str(cells[0]))) for cells in texts if cells)
@@ -356,8 +368,8 @@ class _FoundTable:
 
 
 def _table_in(top: Top) -> _FoundTable | None:
-    """Return the table to which the last rows belong; None if they are no numbers in enough
-    columns.
+    """Return the table to which the last rows belong; None if too few of their columns hold
+    numbers.
 
     Cells may be empty, a word may stand for a missing number, and whole columns may hold words. The
     very last row may be incomplete; remarks below the table are left out.
@@ -417,8 +429,8 @@ def _are_units(cells: Sequence[str]) -> bool:
 
 
 def _reads_as_unit(cell: str) -> bool:
-    """Return True for a unit; among single letters, which may also be titles, only for common
-    ones.
+    """Return True if a cell is a unit. A single letter may also be a title, so it counts as a unit
+    only if the unit is common.
     """
     unit = _without_brackets(cell)
     if len(unit) == 1:

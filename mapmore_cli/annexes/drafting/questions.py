@@ -26,7 +26,9 @@ MOST_GROUPS = 20  # largest number of values in a column that may distinguish gr
 
 @dataclass(frozen=True)
 class Option:
-    """A column or an answer: its name, its `text`, and its course."""
+    """A column or an answer to choose from: its number, its description, and its course as
+    characters.
+    """
 
     number: str
     text: str
@@ -46,8 +48,8 @@ class Question:
 
 
 Ask = Callable[[Question], str]
-"""Function that returns a person's answer, `b` to return to the question before. An impossible
-answer is asked again.
+"""Function that asks a question and returns a person's answer; `b` returns to the previous
+question. After an impossible answer, it asks again.
 """
 View = Callable[[Answers], Understood]
 """Function that interprets answers: it returns the columns, targets and inputs of the study."""
@@ -115,7 +117,7 @@ def _target(asked: Asked) -> Question | None:
     return Question(
         "What is to be predicted?",
         asked.options(),
-        "numbers or titles; with a name and a unit as `force=6:N`",
+        "Write numbers or titles; a name and a unit can be added, for example `force=6:N`",
         take,
     )
 
@@ -132,7 +134,7 @@ def _inputs(asked: Asked) -> Question | None:
         chosen = read_names("the inputs", reply.lstrip("- "))
         columns = [find(asked.table, one.column, "the inputs").column for one in chosen.values()]
         if any(column in columns for column in targets):
-            raise UsageError("the target cannot be an input", "leave it out")
+            raise UsageError("the target cannot be an input", "leave the target out of the inputs")
         if reply.startswith("-"):
             rest = {name: known.columns[name] for name in known.inputs}
             chosen = {name: one for name, one in rest.items() if one.column not in columns}
@@ -141,10 +143,10 @@ def _inputs(asked: Asked) -> Question | None:
         return inputs
 
     return Question(
-        "What drives it?",
+        "Which columns are the inputs?",
         asked.options(targets),
-        "Enter: all; else those that drive, `4,5` or `pressure=5:bar,time=0:s`; `-1,2`: all but "
-        "these",
+        "Press Enter for all, or write the inputs, for example `4,5` or "
+        "`pressure=5:bar,time=0:s`; `-1,2` means all except these",
         take,
     )
 
@@ -163,12 +165,12 @@ def _held_out(asked: Asked) -> Question | None:
         known.columns[name].column for name in known.inputs
     }
     named = tuple(Option("", f"{one.quantity}  {one.why}") for one in known.conditions)
-    whole = f" `{WHOLE}` (every third one)," if len(asked.names) > 1 else ""
+    whole = f" `{WHOLE}` (every third recording)," if len(asked.names) > 1 else ""
     return Question(
-        "What is held out, to test the model with it?",
+        "Which data are held out to test the model?",
         (*asked.options(others), *named),
-        "Enter: what names, levels or recordings suggest; else an input (inner values of it),"
-        f"{whole} or `{LAST_SAMPLES}` (the last 30 % of each recording)",
+        "Press Enter to follow names, levels or recordings, or write an input (inner values of "
+        f"it),{whole} or `{LAST_SAMPLES}` (the last 30 % of each recording)",
         take,
     )
 
@@ -188,10 +190,10 @@ def _groups(asked: Asked) -> Question | None:
         return group
 
     return Question(
-        "Which groups, as specimens or sessions, are scored by themselves?",
+        "Which groups, for example specimens or sessions, are scored separately?",
         (*asked.options(others), *(Option("", f"names: {word}") for word in words)),
-        "Enter: none; else the column that numbers them, or a word for what the names tell apart, "
-        "as `specimen`",
+        "Press Enter for none, or write the column of the groups, or a word for what the names "
+        "distinguish, for example `specimen`",
         take,
     )
 

@@ -33,7 +33,7 @@ from mapmore_cli.study.sections.data import Data
 from mapmore_cli.study.units import can_convert, convert, default_unit, is_canonical
 
 MOST_FILES = 5  # largest number of files that are read
-MOST_SHOWN = 12  # largest number of columns that a line names
+MOST_SHOWN = 12  # largest number of columns that a line of a description names
 # largest number of words that may mean missing numbers in one column; a column with more is a
 # column of words
 MOST_WORDS = 3
@@ -64,10 +64,12 @@ def read_draft(
 
 
 def _with_words(read: Callable[[object], T], known: Sequence[str] = ()) -> tuple[object, T]:
-    """Return the first rule for missing values with which something can be read, and the result: a
-    few words, for example `---`, may mean missing values, in addition to the known words.
+    """Return the rule for missing values that was needed to read something, and the result. Cells
+    with a few different words, for example `---`, are taken as missing values, in addition to the
+    `known` words.
 
-    Raises DataError for too many words, and for a cell that is no such word, for example a date.
+    Raises DataError if there are too many different words, or if a cell holds something else than a
+    word, for example a date.
     """
     words = [*known]
     while True:
@@ -154,9 +156,9 @@ def described(study: Study, folder: Path) -> str:
 
 
 def split_by(table: Table, said: Sequence[str]) -> Table:
-    """Return a table in which the values of each recording are separate, as distinguished by the
-    columns that a person names; unchanged if some of these lack values. Raises UsageError for an
-    unknown column.
+    """Return a table with one array of values for each recording. The columns that a person names
+    distinguish the recordings. The table is unchanged if one of them lacks values. Raises
+    UsageError for an unknown column.
     """
     keys = [
         find(table, int(one) if one.isdecimal() else one, "--recordings", texts=True)
@@ -234,7 +236,7 @@ def _without_bad(tables: Sequence[Samples]) -> list[Samples]:
 
 
 def with_columns(draft: Draft, known: Understood, target: str, table: Table) -> Draft:
-    """Return the draft with the columns of one target, their units if the names are no canonical
+    """Return the draft with the columns for one target, the units of those that are no canonical
     quantities, and a remark on columns that are not used.
     """
     used = {place for one in known.columns.values() for place in one.places}
@@ -296,7 +298,7 @@ def cleaned(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset]:
     ways = [draft.with_data("skip_bad_files", True)]
     columns = draft.data["columns"]
     if "time" in columns:
-        why = f"s: the clock is set back, and cuts the recording: {first.message}"
+        why = f"s: the recording is cut where its clock is set back: {first.message}"
         cut = draft.with_data("gaps", RESET, why)
         ways = [cut, *ways, cut.with_data("skip_bad_files", True)]
         if "join" not in draft.data:
@@ -343,7 +345,7 @@ def _with_losses_told(draft: Draft, dataset: Dataset) -> Draft:
     rules = {
         "missing": ("missing value", "samples have an empty cell"),
         "repeated_time": ("", f"{REPEATS}: the logger rounds them"),
-        "glitches": ("glitch of the clock", "stamps lie before an earlier one"),
+        "glitches": ("glitch of the clock", "time stamps lie before an earlier one"),
     }
     for key, (reason, words) in rules.items():
         count = sum(one.dropped.get(reason, 0) for one in dataset.recordings)
@@ -355,7 +357,8 @@ def _with_losses_told(draft: Draft, dataset: Dataset) -> Draft:
             tokens = ", ".join(map(repr, rule["tokens"]))
             draft = draft.noted(
                 ("data", key),
-                f"{count} samples have a cell that is empty or holds {tokens}: taken as no value",
+                f"{count} samples have a cell that is empty or holds {tokens}; it is read as a "
+                "missing value",
                 False,
             )
         elif count:
@@ -392,7 +395,7 @@ def with_strain(draft: Draft, length: float, conditions: Conditions) -> tuple[Dr
     return draft.with_data(
         "derive",
         {"strain": rules[measured]},
-        "of the length that was given; positive is contraction",
+        "computed with the length that was given; contraction is positive",
         False,
     ), measured
 
@@ -424,10 +427,10 @@ def with_second_log(draft: Draft, second: Study, folder: Path, target: str, said
         how_shifted = next((note for note in notes if ": shift " in note), "").partition(": ")[2]
     except DataError:  # nothing changes in a log, or several shifts are possible
         entry = {key: value for key, value in entry.items() if key != "match"} | {"shift": 0.0}
-        how_shifted, sure = "are both clocks one?", False
+        how_shifted, sure = "do both logs have the same clock?", False
     return draft.with_data(
         "join",
         [entry],
-        f"the pressure is in a log of its own; {how_shifted}; {columns['pressure'].why}",
+        f"the pressure is in a second log; {how_shifted}; {columns['pressure'].why}",
         sure,
     )

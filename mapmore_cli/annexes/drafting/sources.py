@@ -77,8 +77,9 @@ class Study:
 
     @property
     def parts(self) -> list[tuple[Path, Section]]:
-        """The file of every recording, and its place in the file: its sheet if the names of sheets
-        contain information, or its table if there are several.
+        """The file of every recording, and the sheet or table of the file that holds the recording.
+        The sheet is given if the names of sheets contain information; the table, if there are
+        several.
         """
         if self.layout.tables:
             places: list[Section] = [{"table": at} for at, _ in self.layout.tables]
@@ -146,7 +147,9 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
 
 
 def _with_comments(layout: Preview, files: Sequence[Path]) -> Preview:
-    """Return the layout with the mark of comment lines, if a text has such between its rows."""
+    """Return the layout with the mark of comment lines, if a text has such lines between its
+    rows.
+    """
     if "comment" not in READERS[layout.reader].keys or layout.tables:
         return layout
     marks = (comment_among(file, layout) for file in files)
@@ -199,7 +202,7 @@ def _name(study: Study, alone: bool) -> str:
 
 def second_of(study: Study, studies: Sequence[Study]) -> Study | None:
     """Return the log with the pressure of the same tests: the only other layout in the folder whose
-    titles name it and that has as many files.
+    titles name the pressure and that has as many files.
 
     None if the study has its own pressure, or if more than one other is possible.
     """
@@ -215,10 +218,10 @@ def second_of(study: Study, studies: Sequence[Study]) -> Study | None:
 
 
 def patterns(files: Sequence[Path], folder: Path, bad: Sequence[Path] = ()) -> list[str]:
-    """Return one glob relative to `folder` that matches these files and no others except `bad`
-    ones; otherwise the files themselves.
+    """Return a list with one glob, relative to `folder`, that matches all `files` and at most `bad`
+    files besides. If there is no such glob, return the names of all files.
 
-    Each part of the glob consists of the words with which all names begin and end.
+    In the glob, each folder or file is given by the words with which all its names begin and end.
     """
     names = [relative_name(file, folder) for file in files]
     steps = [name.split("/") for name in names]
@@ -250,7 +253,7 @@ def started(
     """Return a draft with the name and the files; recordings for which the same values are set
     share an entry. Files with other units have `columns` of their own.
 
-    `remark` is about numbers in names that were taken as repeats.
+    `remark` is about numbers in names that only count repetitions.
     """
     layout = study.layout
     data: Section = {"files": [], "reader": layout.reader, **layout.settings}
@@ -265,7 +268,7 @@ def started(
     if is_by_part and not layout.tables:
         draft = draft.without_data("sheet")
     if layout.left:
-        why = f"laid out in another way, and left out: {', '.join(map(repr, layout.left))}"
+        why = f"left out because their layout differs: {', '.join(map(repr, layout.left))}"
         draft = draft.noted(("data", "sheet" if "sheet" in draft.data else "reader"), why)
     entries = _file_entries(study, folder, conditions, is_by_part, columns or {})
     draft = draft.with_data("files", entries)

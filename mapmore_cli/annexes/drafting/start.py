@@ -1,4 +1,4 @@
-"""Implement `mapmore init`: from a file or a folder to specs, with a remark about everything that
+"""Implement `mapmore init`: draft specs for a file or a folder, with a remark about everything that
 is left out.
 
 Titles, units and the person decide the meaning of columns; it is never guessed from values.
@@ -106,7 +106,7 @@ def propose(
         elif answers.no_clock:
             draft = draft.without_data("sample_time")
         if group is not None:
-            draft = draft.with_data("groups", {"of": group}, "you; each is scored by itself")
+            draft = draft.with_data("groups", {"of": group}, "you; each group is scored separately")
         if len(known.targets) > 1:
             name = f"{study.name}-{target}"
             draft = replace(draft.with_section("name", name), of=study.name)
@@ -133,20 +133,21 @@ def _tips(table: Table, known: Understood, answers: Answers) -> Iterator[str]:
         }:
             yield (
                 f"rows that {one.called} calls {', '.join(one.summaries)} are read as samples; "
-                f"they seem to be computed of the others: `--group {one.asked_for}` leaves them "
-                "out, and scores the others by their texts; or delete them in a copy of the file"
+                f"but seem to be computed from the other rows. `--group {one.asked_for}` leaves "
+                "them out, and scores the groups of other rows separately; or delete them in a "
+                "copy of the file"
             )
         if one.blocks and one.column not in used and not answers.recordings:
             yield (
-                f"each value of {one.called} stands in one block of rows; if each of the "
-                f"{one.blocks} blocks is a recording, say `--recordings {one.asked_for}`: lags "
-                "then stay within a recording"
+                f"each value of {one.called} is in one block of rows; if each of the {one.blocks} "
+                f"blocks is a recording, write `--recordings {one.asked_for}`, so that lags stay "
+                "within a recording"
             )
 
 
 def _measured_strain(answers: Answers, table: Table) -> Named | None:
-    """Return the inputs, with the measured length or displacement in place of a `strain` that no
-    column has: `with_strain` computes it from that column and the length at rest.
+    """Return the inputs. An input `strain` that no column has is replaced by the measured length or
+    displacement, from which `with_strain` computes the strain.
     """
     inputs, known = answers.inputs, known_by_titles(table)[0] | answers.columns
     measured = next((name for name in ("length", "displacement") if name in known), None)
@@ -217,13 +218,17 @@ def _with_sessions(draft: Draft, apart: Unequal | None, group: str | None) -> Dr
             draft.with_data(
                 "groups",
                 {"of": group, **effects},
-                f"{apart.words()}; a group that is held out counts as the mean of all",
+                f"{apart.words()}; a group that is held out is predicted with the mean of all "
+                "groups",
             )
             if effects
             else draft
         )
     line = ", ".join(["of: session", *(f"{effect}: true" for effect in effects)])
-    how = f"; is it another session? Say `--group session`, as `groups: {{{line}}}`"
+    how = (
+        "; do they belong to different sessions? If so, use `--group session`, which writes "
+        f"`groups: {{{line}}}`"
+    )
     return draft.noted(("data", "reader"), apart.words() + how, sure=not apart.is_large)
 
 
@@ -240,7 +245,7 @@ def start(
     from `folder`.
 
     If somebody can be asked (`ask`), the questions are about the largest study. If there are
-    several layouts, `tell` is called before with a line for each.
+    several layouts, `tell` is first called with a line for each of them.
 
     Raises
     ------
@@ -263,11 +268,13 @@ def start(
             continue
         if study is not studies[0] and answers.has_places:
             first = studies[0].files[0].name
-            why = f"another layout; the numbers that you say are those of {first}"
-            remarks.append(f"{label} ({study}): {why}; give its files alone to `init`")
+            why = f"another layout; the numbers of columns that you give belong to {first}"
+            remarks.append(f"{label} ({study}): {why}; call `mapmore init` with its files alone")
             continue
         if drafts and is_single:
-            remarks.append(f"{label} ({study}): another study; give its files alone to `init`")
+            remarks.append(
+                f"{label} ({study}): another study; call `mapmore init` with its files alone"
+            )
             continue
         is_only = is_single or len(studies) == 1
         called = replace(

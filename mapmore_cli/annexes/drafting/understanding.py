@@ -105,7 +105,9 @@ def understood(
         needed = {*wanted, answers.hold.name if answers.hold else ""}
         unused = [one for one in conditions if not one.unit and one.quantity not in needed]
         conditions = [condition for condition in conditions if condition not in unused]
-        repeats += [f"{condition.quantity} (name it by --inputs)" for condition in unused]
+        repeats += [
+            f"{condition.quantity} (name it with --inputs to use it)" for condition in unused
+        ]
     group, grouping = _group_of(table, answers.group, columns)
     columns |= grouping
     inputs = [name for name in inputs if name not in {*grouping, *apart}]
@@ -142,7 +144,9 @@ def _columns_of(table: Table, answers: Answers) -> tuple[Named, dict[Column, str
                 del columns["time"]
     if answers.no_clock or answers.sample_time is not None:
         clock = columns.pop("time", None)
-        left_out |= dict.fromkeys(clock.places if clock else (), "is no clock, as you say")
+        left_out |= dict.fromkeys(
+            clock.places if clock else (), "is not the clock, according to your options"
+        )
     return columns, left_out
 
 
@@ -176,8 +180,9 @@ def _free(
     targets: Sequence[str],
     left_out: dict[Column, str],
 ) -> list[str]:
-    """Return all columns that may drive the targets. A column is left out, with a reason, if it is
-    the same signal as a target; or if the target is a linear filter of it, and other columns drive.
+    """Return the names of all columns that may be inputs. A column is left out, with a reason, if
+    it is the same signal as a target; or if a target is a linear filter of it and there are other
+    inputs.
     """
     free = {
         name: one.column
@@ -194,8 +199,8 @@ def _free(
             is_copy = same_signals(both)
             if is_copy or (len(free) > 1 and _is_filtered(candidate.values, wanted.values)):
                 del free[name]
-                how = "is a copy of" if is_copy else "gives by a linear filter"
-                left_out[column] = f"{how} {target}: name it by --inputs to use it"
+                how = "is a copy of" if is_copy else "gives, through a linear filter,"
+                left_out[column] = f"{how} {target}; name it with --inputs to use it"
     return list(free)
 
 

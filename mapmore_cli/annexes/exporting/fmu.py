@@ -88,8 +88,8 @@ def unit_file(model: Model, wanted: Wanted, standard: int = 2) -> dict[str, byte
         files[library_place(unit.name, standard)] = built(unit.sources, unit.compiled)
     except CompilerMissing as reason:
         wanted.warn(
-            f"{reason}: the unit has sources and no binary, so that the tool that imports it "
-            "has to compile them"
+            f"{reason}: the FMU contains only source code, which the program that imports it must "
+            "compile; export it again with a C compiler to add a binary"
         )
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
@@ -150,12 +150,12 @@ def input_names(model: Model) -> list[str]:
 def _about(written: CSource) -> str:
     step = written.program.step
     if step is None:
-        return "The output answers to the present inputs"
+        return "The output depends on the present inputs only"
     text = (
         f"It takes a sample at the beginning of every step and each {step!r} s; the output is "
         "that of the last sample"
     )
-    return text + "; tell it the measured output until it has a value" * bool(
+    return text + "; set the measured output until the model has a value" * bool(
         written.program.kept.fed_back
     )
 
@@ -187,7 +187,8 @@ def _variables(written: CSource, taken: list[str]) -> Iterator[Variable]:
             causality, about, start = "output", "The model's value", None
         elif quantity in measured:
             about = (
-                "Measured output, which the model goes on from; counts as long as there is no value"
+                "Measured output with which the model starts; it is used until the model has a "
+                "value"
             )
         elif low:
             # the input starts at zero, or at the nearest end of its range at the lowest level
@@ -201,5 +202,5 @@ def _variables(written: CSource, taken: list[str]) -> Iterator[Variable]:
     summed = f"0, or the sum of {bits} outside of its training range"
     if memory:
         nothing = 1 << len(model.inputs)
-        summed += f", {nothing} where there is no value yet or the run has diverged"
+        summed += f", {nothing} if there is no value yet or the run has diverged"
     yield Variable(BITS, summed, "output", "discrete", None)

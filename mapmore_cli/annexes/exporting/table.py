@@ -116,7 +116,7 @@ def _on_grid(model: Model, text: str | None) -> Grid:
     if math.prod(map(len, places.values())) > MOST:
         raise UsageError(
             f"the table would have more than {MOST} points",
-            "choose fewer places: --grid pressure=0:600:25,...",
+            "use larger steps, for example --grid pressure=0:600:25,...",
         )
     mesh = np.meshgrid(*places.values(), indexing="ij")
     points = {name: axis.ravel() for name, axis in zip(places, mesh, strict=True)}

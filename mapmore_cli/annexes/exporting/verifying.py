@@ -185,7 +185,8 @@ def _verify(model: Model, command: Sequence[str], folder: Path, close: float = C
         for row in np.flatnonzero(~equal | flags)[:1]:
             where = ", ".join(f"{name} = {columns[name][row]:.6g}" for name in names[:count])
             difference = (
-                f"it is {answered[row]:.9g} where `predict` has {expected[row]:.9g}, at {where}"
+                f"the code gives {answered[row]:.9g} and `predict` gives {expected[row]:.9g} at "
+                f"{where}"
             )
             raise _unequal(model, difference)
 
@@ -260,5 +261,5 @@ def _unequal(model: Model, why: str) -> MapmoreError:
             f"the exported code of {model.name} gives other values than the model, so it is not "
             f"written: {why}"
         ),
-        "please report it; --no-verify writes the code without this check",
+        "please report this error; --no-verify writes the code without this check",
     )

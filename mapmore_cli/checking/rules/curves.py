@@ -91,8 +91,8 @@ def beyond_training(subject: Subject) -> Issues:
 
 
 def inputs_of_model(subject: Subject) -> list[str]:
-    """Return the inputs of the model without the time. The target has its own past in a free
-    run.
+    """Return the inputs of the model without the time and without the targets, whose past values
+    are predicted in a free run.
     """
     spec = subject.spec
     texts = [
@@ -108,8 +108,9 @@ def inputs_of_model(subject: Subject) -> list[str]:
 
 
 def _split_values(dataset: Dataset, name: str, held_out: bool) -> Array:
-    """Return the values of a quantity in the training samples, or in the held-out samples. A long
-    curve is thinned evenly, but its extremes are kept. For the level quantity, return the levels.
+    """Return the values of a quantity in the training samples, or in the held-out samples if
+    `held_out` is True. A long curve is thinned evenly, but its extremes are kept. For the level
+    quantity, return the levels.
     """
     parts = []
     for curve in dataset.curves:

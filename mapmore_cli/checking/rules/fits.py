@@ -107,7 +107,9 @@ def few_for_formula(subject: Subject) -> Issues:
 
 
 def contradicted_shape(subject: Subject) -> Issues:
-    """Find a `fit.shape` that the training data contradict, as `run` does before it fuses."""
+    """Find a `fit.shape` that the training data contradict, with the test that `run` makes before
+    it joins the pieces.
+    """
     spec, dataset = subject.spec, subject.dataset
     if spec.fit.shape is None or spec.runs_over_time or spec.model.type != "mapmore":
         return

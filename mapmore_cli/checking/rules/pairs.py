@@ -73,7 +73,7 @@ def untold_difference(subject: Subject) -> Issues:
             "untold-difference",
             place,
             difference.words(),
-            f"write {line}`set: {{session: 1}}` beside the files of each session, or "
-            "correct a name",
+            f"write {line}`set: {{session: 1}}` beside the files of each session, or correct the "
+            "name of a file",
             "data",
         )

@@ -249,7 +249,11 @@ def recorded_twice(subject: Subject) -> Issues:
             "recorded-twice",
             recording.name,
             f"it has the same samples as {twin.name}"
-            + (", and one of the two is held-out data while the other trains" if leak else ""),
+            + (
+                ", and one of the two is held out while the other is used for training"
+                if leak
+                else ""
+            ),
             "leave one of the two out",
             "data",
         )

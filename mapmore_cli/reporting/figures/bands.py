@@ -44,7 +44,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     data = dict(zip(table.headings, zip(*table.rows, strict=True), strict=True))
     label = inputs.axis_label(inputs.target, "absolute value of measured")
     caption = (
-        "Root mean square error by the size of what was measured, of held-out data where "
+        "Root mean square error in bands of the absolute measured value, of held-out data if "
         "there are any."
     )
     panel = Panel("", on, label, (f"RMSE ({unit})",), data)

@@ -238,9 +238,9 @@ def _marks(inputs: ReportInputs, curves: Sequence[CurveFit]) -> str:
     if not inputs.timed:
         words = " Filled dots and grey bands mark held-out samples, open dots training samples."
         return words if mixed else ""
-    plateau = " The plateau is grey: it is scored, and trains nothing."
+    plateau = " The plateau is grey: it is scored, but not used for training."
     return (plateau if inputs.over_time else "") + (
-        " The measured line is grey where samples train." if mixed else ""
+        " The measured line is grey where samples are used for training." if mixed else ""
     )
 
 

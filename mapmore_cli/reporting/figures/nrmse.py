@@ -84,8 +84,8 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     if floor is not None:
         handles.append(key(f"repeatability {floor:.2f}", **FLOOR))
         caption += (
-            " The dashed line is what repeated measurements differ by, to be held against the "
-            "solid bars."
+            " The dashed line is the difference between repeated measurements; compare it with "
+            "the solid bars."
         )
     if paper is not None and published:
         caption += f" Diamonds: {paper.source}."

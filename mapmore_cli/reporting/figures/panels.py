@@ -309,8 +309,8 @@ def interval_words(inputs: ReportInputs) -> str:
     if inputs.left_out is None:
         return ""
     words = (
-        f" The band holds a sample of a new curve with a probability of {INTERVAL:.0%}, by "
-        f"left-out {inputs.left_out.kind} of training data."
+        f" The band contains a sample of a new curve with a probability of {INTERVAL:.0%}, "
+        f"estimated from left-out {inputs.left_out.kind} of the training data."
     )
     limits = interval_limits(inputs.left_out)
     return words if limits is None else f"{words} But {limits}."
@@ -326,4 +326,4 @@ def thinned(sizes: Sequence[int]) -> str:
     return words
 
 
-SOME_DOTS = " Dots are some of the samples, the extremes among them."
+SOME_DOTS = " Only some of the samples are drawn as dots, including the extremes."

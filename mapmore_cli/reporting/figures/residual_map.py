@@ -42,8 +42,8 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     data = {x_label: x, y_label: y, label: error, "held out": held.astype(int)}
     rimmed = "; those with a rim were held out" if held.any() else ""
     caption = (
-        f"Errors of {inputs.own} over its inputs{rimmed}. Patches of one colour are a shape "
-        "that the model misses."
+        f"Errors of {inputs.own} over its inputs{rimmed}. A patch of one colour shows a shape "
+        "that the model does not describe."
     )
     panel = Panel("", on, x_label, (y_label,), data)
     return [Drawing("residual_map", caption, (panel,), Layout(2.4))]

@@ -56,8 +56,9 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
         panels.append(Panel(test.name, partial(on, test=test), x_label, (y_label,), data, title))
     rows = "held-out" if inputs.holds_out else "training"
     caption = (
-        f"Residual tests of {inputs.own} on the {rows} samples. Grey: where 95 % lie if the "
-        f"errors are noise. {_autocorrelation(inputs, own)} {_of_inputs(inputs, others)}"
+        f"Residual tests of {inputs.own} on the {rows} samples. Grey: the range of 95 % of the "
+        f"values if the errors are noise. {_autocorrelation(inputs, own)} "
+        f"{_of_inputs(inputs, others)}"
         f"{'' if len(worst) == len(others) else f' The {MOST_INPUTS} worst inputs are drawn.'}"
     )
     return [Drawing("residuals", caption, tuple(panels), Layout(1.9))]
@@ -71,7 +72,7 @@ def _autocorrelation(inputs: ReportInputs, own: ResidualTest) -> str:
     meaning = f"are alike, so there is {cause} (or drift) that the model misses."
     by_chance = ""
     if not own.fails:
-        by_chance, meaning = ", about as many as by chance", "tell nothing of each other."
+        by_chance, meaning = ", about as many as by chance", "do not depend on each other."
     count = f"{own.beyond} of {own.tested} lags lie outside{by_chance}"
     return f"Autocorrelation: {count}: neighbouring errors {along} {meaning}"
 
@@ -81,9 +82,9 @@ def _of_inputs(inputs: ReportInputs, tests: list[ResidualTest]) -> str:
         return "No input varies."
     counts = ", ".join(f"{one.name} {one.beyond} of {one.tested} outside" for one in tests)
     meaning = (
-        "At a lag outside, the input acts in a way that the model lacks; at a negative one "
-        "the output acts back on it."
+        "A lag outside means that the input acts in a way that the model lacks; a negative lag "
+        "outside means that the output acts back on the input."
         if inputs.timed
-        else "In a part outside, the model is too high or too low on the whole."
+        else "In a part outside, the mean of the model is too high or too low."
     )
     return f"Inputs: {counts}. {meaning}"

@@ -165,8 +165,8 @@ def level_figures(inputs: ReportInputs, pieces: Pieces) -> list[Drawing]:
     caption += panels.some_of(len(marked), len(levels), "training levels")
     if pieces.fusion.shrink < 1.0:
         caption += (
-            f" Midway between levels, {pieces.fusion.shrink:.0%} of what the pieces explain on the "
-            "backbone is carried."
+            f" Midway between levels, {pieces.fusion.shrink:.0%} of what the pieces add to the "
+            "backbone remains."
         )
     panel = Panel("", on, inputs.axis_label(level), (inputs.axis_label(output),), data)
     return [Drawing("segments_levels", caption, (panel,), Layout(2.0))]

@@ -155,7 +155,8 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
 
     caption = (
         f"The model's {inputs.target.name} over {' and '.join(sheet.plane.names)}, within its "
-        "training range; dots are samples in the colours of what was measured: a dot that stands "
-        f"out is not met.{SOME_DOTS if len(sheet.rows) < len(sheet.plane.x) else ''}"
+        "training range; dots are samples in the colours of the measured values: the model is "
+        "wrong at a dot that stands "
+        f"out.{SOME_DOTS if len(sheet.rows) < len(sheet.plane.x) else ''}"
     )
     return [Drawing("surface", caption, (sheet.panel(on),), Layout(2.4))]

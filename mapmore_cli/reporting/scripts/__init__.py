@@ -1,7 +1,8 @@
-"""Provide the scripts of pages, each with the hash by which a page allows it and no other.
+"""Provide the scripts of pages, each with the hash by which a page allows this script and no
+others.
 
 They are modules that import each other. A page that is opened from a file cannot load modules, so
-that those of a page are joined in one script.
+the modules of a page are joined to one script.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ def text_of(name: str) -> str:
 
 
 def joined(*names: str) -> str:
-    """Return modules as one script, each after those that it imports. Their names at the top are
+    """Return modules as one script, each after those that it imports. Their top-level names must be
     different, because they share one scope.
     """
     texts: dict[str, str] = {}

@@ -1,6 +1,6 @@
-// A chart of layers on axes of uPlot, which has the zoom; layers are painted in their order.
+// Charts with axes and zoom by uPlot. A chart has layers, which are painted in their order.
 
-/** Least and greatest of what is finite among some numbers, each farther out by a share. */
+/** Return the smallest and largest finite number, moved apart by a share of their distance. */
 export function rangeOf(numbers, share = 0) {
   const known = numbers.filter(Number.isFinite);
   if (!known.length) return [0, 1];
@@ -9,7 +9,7 @@ export function rangeOf(numbers, share = 0) {
   return [low - more, high + more];
 }
 
-/** The ends of the y axis: what is `free` may double the scale to each side, and no more. */
+/** Return the ends of the y axis. Layers that are `free` at most double it to each side. */
 function heightOf(layers) {
   const heights = (free) => layers.filter((one) => Boolean(one.free) === free)
     .flatMap((one) => [...one.y, ...(one.y2 ?? [])]);
@@ -18,7 +18,7 @@ function heightOf(layers) {
   return rangeOf([Math.max(least, low - room), Math.min(most, high + room)], 0.06);
 }
 
-/** Draw from point to point; a point without a value interrupts the line. */
+/** Draw a line through points; a point without a value interrupts the line. */
 function trace(pen, xs, ys) {
   let drawing = false;
   ys.forEach((y, k) => {
@@ -28,7 +28,7 @@ function trace(pen, xs, ys) {
   });
 }
 
-/** Paint a layer, whose points are placed by `px` and `py`. */
+/** Paint a layer; `px` and `py` convert its points to pixels. */
 function paint(pen, layer, px, py) {
   const ratio = window.devicePixelRatio || 1, width = (layer.width ?? 2) * ratio;
   const place = (values) => values.map((y) => (y === null ? NaN : py(y)));
@@ -45,9 +45,9 @@ function paint(pen, layer, px, py) {
 }
 
 /**
- * A chart in an element of the page: a function that shows layers
- * `{kind: "line" | "dots" | "band", x, y, y2, color, dash, width, free}`, whose x may run back and
- * forth, and calls `clicked` with the place of a click.
+ * Make a chart in an element of the page. Return a function that shows layers
+ * `{kind: "line" | "dots" | "band", x, y, y2, color, dash, width, free}`, whose x need not be
+ * sorted, and that calls `clicked` with the place of a click.
  */
 export function chart(holder) {
   let shown = "", labels = ["", ""], layers = [], limits = [[0, 1], [0, 1]], act = null;
@@ -80,7 +80,7 @@ export function chart(holder) {
     hooks: { draw: [draw] },
   }, limits, holder);
 
-  /** Show layers over an axis of these ends; a zoom stays as long as the axis does. */
+  /** Show layers over an x axis with these ends; a zoom stays until the axis changes. */
   function show(x, y, ends, next, clicked) {
     const frame = String([x, y, ends]), same = shown === frame;
     [shown, layers, labels, limits, act] = [frame, next, [x, y], [ends, heightOf(next)], clicked];

@@ -1,11 +1,11 @@
-// What both views of "Explore" are built of: controls, numbers as text, and competitors.
+// The parts of both views of "Explore": controls, numbers as text, and competitors.
 import { element } from "./elements.js";
 
 const POINTS = 400;
 
 /**
- * The controls within a box: `values` by name, a number, a word, or a switch; `set` changes one.
- * A slider and a number field of one name show one value; a field without a number is ignored.
+ * Return the controls in a box: their `values` by name (numbers, words or switches), and `set`,
+ * which changes one. A slider and a number field with the same name show the same value.
  */
 export function controls(box, changed) {
   const all = [...box.querySelectorAll("[name]")], values = {};
@@ -27,13 +27,13 @@ export function controls(box, changed) {
 
 export const span = (className, text) => element("span", { className }, text);
 
-/** Show a text in large digits, with words beside it; a test reads the whole number behind it. */
+/** Show a number in large digits with remarks; a test reads the number with all its digits. */
 export function read(output, value, text, ...words) {
   output.replaceChildren(element("strong", {}, text), ...words.filter(Boolean));
   output.dataset.value = String(value);
 }
 
-/** A number of four digits, without an exponent where that can be read. */
+/** Return a number with four digits, without an exponent if it is readable without one. */
 export function numberText(x) {
   if (!Number.isFinite(x)) return "no value";
   const size = Math.abs(x);
@@ -49,16 +49,16 @@ export const evenly = ([low, high]) => (
 export const rootMeanSquare = (errors) => (
   Math.sqrt(errors.reduce((sum, one) => sum + one * one, 0) / errors.length));
 
-/** What a function of a model's code has for inputs by name. */
+/** Return the result of a function of a model's code for inputs by name. */
 export const ask = (code, what, x) => code[what](...code.INPUTS.map((name) => x[name]));
 
-/** Layers of the competitors that are switched on, from what `course` has for the code of one. */
+/** Return layers of the competitors that are switched on; `course` returns the values of one. */
 export function competitors(others, values, course) {
   return others.filter(({ key }) => values[`other:${key}`]).map(({ key, color, dash }) => (
     { kind: "line", color, dash, width: 1.6, free: true, ...course(mapmore.models[key]) }));
 }
 
-/** Layers of the model: solid within the training range, dashed beyond it. */
+/** Return layers of the model: solid within the training range, dashed outside. */
 export function byRange(x, y, beyond, width = 2) {
   const inside = y.map((one, k) => (beyond[k] ? null : one));
   const near = (k) => beyond[k] || beyond[k - 1] || beyond[k + 1];

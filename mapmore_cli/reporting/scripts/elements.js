@@ -1,6 +1,6 @@
-// Elements of pages, for every script of theirs.
+// Make elements of pages; all scripts of pages use this.
 
-/** An element with properties and children; texts stay texts. */
+/** Return an element with properties and children; children that are texts are not parsed. */
 export function element(tag, properties = {}, ...children) {
   const made = document.createElement(tag);
   for (const [name, value] of Object.entries(properties)) {

@@ -1,4 +1,4 @@
-// Starts "Explore" in its places on a page, whose controls the page holds already.
+// Start each section "Explore" of a page; the page already contains the controls.
 import { exploreFixed } from "./fixed.js";
 import { exploreRunning } from "./running.js";
 

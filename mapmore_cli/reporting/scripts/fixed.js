@@ -1,10 +1,10 @@
-// "Explore" of a model without memory: the output along one input, at values of the others.
+// "Explore" for a model without memory: the output along one input, with the others fixed.
 import { chart } from "./chart.js";
 import { ask, byRange, competitors, controls, evenly, numberText, read, span, withUnit }
   from "./controls.js";
 import { explorePieces } from "./pieces.js";
 
-/** Half of the width of the interval at inputs; NaN where the study has none. */
+/** Return half the width of the interval at some inputs; NaN if the study has no intervals. */
 function halfWidth(interval, x) {
   if (!interval) return NaN;
   const { of, low, step, half } = interval;
@@ -20,7 +20,7 @@ export function exploreFixed(box, study) {
   const at = () => Object.fromEntries(inputs.map(({ name }) => [name, values[`input:${name}`]]));
   const pieces = study.pieces && explorePieces(box, study, values);
 
-  /** A button moves every input to the next one of its samples. */
+  /** Move all inputs to the next sample of a button. */
   for (const button of box.querySelectorAll("[data-samples]")) {
     const rows = JSON.parse(button.dataset.samples);
     button.addEventListener("click", () => {
@@ -30,7 +30,7 @@ export function exploreFixed(box, study) {
     });
   }
 
-  /** Samples near the other inputs, as dots along an input. */
+  /** Return the samples with nearly the chosen values of the other inputs, as dots. */
   function near(columns, x, along, color) {
     const others = inputs.filter((one) => one !== along);
     const rows = [...columns[output.name].keys()].filter((k) => others.every((one) => (
@@ -39,7 +39,7 @@ export function exploreFixed(box, study) {
     return { kind: "dots", color, x: xs, y };
   }
 
-  /** Layers of the model and of competitors along an input, with the model's interval. */
+  /** Return layers of the model with its interval, and of competitors, along an input. */
   function lines(x, along) {
     const xs = evenly(along.ends), places = xs.map((one) => ({ ...x, [along.name]: one }));
     const course = (code) => ({ x: xs, y: places.map((place) => ask(code, "evaluate", place)) });

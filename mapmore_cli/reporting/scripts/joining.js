@@ -1,16 +1,16 @@
-// How pieces are joined within a curve (M2 eq 9-12), for other joints than that of the model.
-// Levels and the backbone stay with the code of the model.
+// Join pieces within a curve (M2 eq 9-12) in other ways than the model does. The code of the model
+// still treats levels and the backbone.
 const TRANSITIONS = {
   linear: (t) => t,
   quadratic: (t) => (t < 0.5 ? 2 * t ** 2 : 1 - 2 * (1 - t) ** 2),
   cubic: (t) => 3 * t ** 2 - 2 * t ** 3,
 };
 
-/** Start and end of the zone at each inner boundary (M2 eq 10 and 11). */
+/** Return start and end of the transition zone at each inner boundary (M2 eq 10 and 11). */
 export const zonesOf = (ends, z_s) => ends.slice(1, -1).map((at, i) => (
   [at - z_s * (at - ends[i]), at + z_s * (ends[i + 2] - at)]));
 
-/** The weights of the pieces along one variable at x; one or two of them are not 0. */
+/** Return the weights of the pieces along one variable at x; at most two are not zero. */
 export function weightsAt(x, zones, transition) {
   const rises = zones.map(([start, end]) => {
     if (x <= start) return 0;
@@ -19,7 +19,7 @@ export function weightsAt(x, zones, transition) {
   return [1, ...rises].map((rise, i) => rise - (rises[i] ?? 0));
 }
 
-/** Between which values a segment function is held beyond its samples (`hold: samples`). */
+/** Return the limits beyond which a segment function is constant (`hold: samples`). */
 function heldBetween(segment, zones, ends, place, name, joint) {
   if (joint.hold === "none") return [-Infinity, Infinity];
   const [low, high] = segment.limits[name] ?? [-Infinity, Infinity];
@@ -30,8 +30,8 @@ function heldBetween(segment, zones, ends, place, name, joint) {
 }
 
 /**
- * A curve as a function of its free inputs in the order of `names`, and of the level where there
- * is one. `functions` and `slopes` are those of the segments, which are held nowhere.
+ * Return a curve as a function of its free inputs, in the order of `names`, and of the level if
+ * there is one. `functions` and `slopes` are those of the segments, without any limits.
  */
 export function joinedCurve(curve, functions, slopes, variables, names, joint) {
   const zones = curve.boundaries.map((ends) => zonesOf(ends, joint.z_s));
@@ -39,7 +39,7 @@ export function joinedCurve(curve, functions, slopes, variables, names, joint) {
     heldBetween(segment, zones[j], curve.boundaries[j], segment.cell[j], name, joint))));
   const columns = variables.map((name) => names.indexOf(name));
 
-  /** The value of a segment, which goes on straight by the steps in `straight`. */
+  /** Return the value of a segment, continued by straight lines over the steps in `straight`. */
   function segmentAt(k, x, straight) {
     const inputs = x.slice();
     held[k].forEach(([low, high], j) => {

@@ -4,7 +4,7 @@ import { ask, evenly, read, rootMeanSquare, span, withUnit } from "./controls.js
 import { button } from "./elements.js";
 import { joinedCurve, weightsAt, zonesOf } from "./joining.js";
 
-/** The function that shows the pieces at inputs, along one of them, joined as is chosen. */
+/** Return the function that shows the pieces along an input, joined in the chosen way. */
 export function explorePieces(box, study, values) {
   const { inputs, output, pieces, samples } = study, { variables, joint, curves, level } = pieces;
   const model = mapmore.models[study.key], code = mapmore.models[pieces.key];
@@ -14,21 +14,21 @@ export function explorePieces(box, study, values) {
   const [score, yaml, list, equation] = ["output", ".yaml", ".segments", ".equation"]
     .map((place) => box.querySelector(`.pieces ${place}`));
 
-  /** The joint that is chosen. */
+  /** Return the chosen way to join pieces. */
   function chosen() {
     const sides = free.map((name) => [name, JSON.parse(values[`sides:${name}`])]);
     const extrapolation = { ...joint.extrapolation, ...Object.fromEntries(sides) };
     return { ...joint, z_s: values.z_s, transition: values.transition, extrapolation };
   }
 
-  /** The model, joined in another way: the code of the model has the levels and the backbone. */
+  /** Return the joined model; the code of the model adds the levels and the backbone. */
   function joined(how) {
     code.rejoin(curves.map((curve, k) => (
       joinedCurve(curve, code.segments[k], code.slopes[k], variables, free, how))));
     return (x) => ask(code, "evaluate", x);
   }
 
-  /** The section of a spec that joins pieces in this way: YAML, as JSON is. */
+  /** Return the section of a spec that joins pieces in this way, as JSON, which is also YAML. */
   function yamlOf(how) {
     const word = ([below, above]) => (below === above ? below : { below, above });
     const sides = Object.entries(how.extrapolation).map(([name, ends]) => [name, word(ends)]);
@@ -36,7 +36,7 @@ export function explorePieces(box, study, values) {
     return `fuse: ${JSON.stringify(fuse, null, 1).replace(/\s+/g, " ")}`;
   }
 
-  /** The RMSE on held-out samples, and their number. */
+  /** Return the RMSE on held-out samples, and their number. */
   function errorOf(value) {
     const errors = measured.map((one, k) => (
       value(Object.fromEntries(inputs.map(({ name }) => [name, samples.held[name][k]]))) - one));

@@ -1,4 +1,4 @@
-// "Explore" of a model with memory: it runs freely along an input of one's own.
+// "Explore" for a model with memory: a free run along a course of the inputs that is chosen.
 import { chart, rangeOf } from "./chart.js";
 import { byRange, competitors, controls, read, rootMeanSquare, span, withUnit }
   from "./controls.js";
@@ -8,7 +8,7 @@ const SHAPES = {
   steps: (turn) => (turn % 1 < 0.5 ? 1 : -1),
   ramps: (turn) => 1 - 4 * Math.abs(((turn + 0.75) % 1) - 0.5),
   sine: (turn) => Math.sin(2 * Math.PI * turn),
-  // from a tenth of the frequency to all of it
+  // from a tenth of the frequency to the whole frequency
   chirp: (turn) => Math.sin(2 * Math.PI * turn * (0.1 + (0.45 * turn) / PERIODS)),
 };
 
@@ -20,7 +20,7 @@ export function exploreRunning(box, study) {
   const reading = box.querySelector(".reading");
   const [overTime, loop] = [...box.querySelectorAll(".chart")].map(chart);
 
-  /** Every input at every sample; what follows from another input is made of differences. */
+  /** Return all inputs at all samples; rates and directions are computed from differences. */
   function columnsOf(course) {
     const columns = { time: course.map((_, k) => k * STEP) };
     for (const { name } of own) {
@@ -34,7 +34,7 @@ export function exploreRunning(box, study) {
     return columns;
   }
 
-  /** The columns of a periodic course of the driven input, at most `MOST` samples long. */
+  /** Return the columns of a periodic course of the driven input, of at most `MOST` samples. */
   function invented() {
     const shape = SHAPES[values.course], f = Math.max(values.frequency, 1e-9);
     const count = Math.min(MOST, Math.max(2, Math.round(PERIODS / (f * STEP))));
@@ -44,8 +44,8 @@ export function exploreRunning(box, study) {
   }
 
   /**
-   * The free run of a model along columns; before it has a history, it goes on from what was
-   * measured. A competitor may have no memory.
+   * Return the free run of a model along columns. As long as it lacks past values, it uses
+   * measured ones. A competitor may have no memory.
    */
   function run(code, columns) {
     const s = code.reset?.(), measured = columns[output.name], y = [], beyond = [];
@@ -76,7 +76,7 @@ export function exploreRunning(box, study) {
       span("slope", `along ${record.name}, in free run`));
   }
 
-  /** Show the controls of the driven input, and none of them along the record. */
+  /** Show the controls of the driven input; none of them along a recording. */
   function offer(ofRecord) {
     for (const group of box.querySelectorAll("[data-input]")) {
       group.classList.toggle("driven", group.dataset.input === values.driven);

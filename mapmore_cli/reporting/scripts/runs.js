@@ -1,4 +1,4 @@
-// The page of all runs: a filter, and two runs beside each other.
+// The page of all runs: filter the runs, and compare two of them.
 import { element } from "./elements.js";
 
 const data = JSON.parse(document.getElementById("runs").textContent);

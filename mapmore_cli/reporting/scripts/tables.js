@@ -1,5 +1,5 @@
-// Tables sort by a click on a heading, and are saved as CSV; figures are saved as SVG, PNG or CSV;
-// what has `data-copy` is copied by its button. Without scripts, everything is as it was.
+// A click on a heading sorts a table. Buttons save tables as CSV, save figures as SVG, PNG or CSV,
+// and copy texts with `data-copy`. Without scripts, the page is complete but has none of these.
 import { button, element } from "./elements.js";
 
 function save(name, content) {
@@ -8,11 +8,11 @@ function save(name, content) {
   setTimeout(() => URL.revokeObjectURL(href), 1000);
 }
 
-/** A small button that saves something in a format. */
+/** Return a small button that saves something in a format. */
 const saver = (format, what, act) => (
   button(format, act, { className: "save", "aria-label": `Save ${what} as ${format}` }));
 
-/** Sort by a column: as numbers where all that it has are numbers; what is empty comes last. */
+/** Sort by a column, as numbers if all its cells are numbers; empty cells come last. */
 function sort(table, column, heading) {
   const up = heading.getAttribute("aria-sort") !== "ascending", sign = up ? 1 : -1;
   for (const other of table.querySelectorAll("th[aria-sort]")) other.removeAttribute("aria-sort");
@@ -50,7 +50,7 @@ for (const table of document.querySelectorAll("table")) {
   table.caption.append(" ", saver("CSV", `the table ${title}`, file));
 }
 
-/** One SVG of a figure, whose parts know their places in it. */
+/** Return one SVG of a figure, joined from its parts, which know their places in it. */
 function whole(figure) {
   const panels = figure.querySelector(".panels");
   if (!panels) return figure.querySelector("svg");

@@ -42,20 +42,18 @@ if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
 LONG, HUGE = 4096, 1 << 17
-"""Array lengths between which an array is compressed: with fewer elements than the first, or at
-least as many as the second, it is not. Shorter arrays are contiguous, so that any reader finds them
-at once. Huge arrays are not compressed, so that they can be mapped into memory, and because
-compressing would take longer than everything else.
+"""An array is compressed if it has at least `LONG` and fewer than `HUGE` elements. Shorter arrays
+are contiguous, so that any reader finds them at once. Longer arrays are not compressed, so that
+they can be mapped into memory, and because compressing them would take longer than everything else.
 """
 
 MOST_ATTRIBUTES, LONGEST_WORD = 100, 4096
 """Largest number of attributes of one object, and of bytes of an attribute of the root."""
 
 ROOM, RATIO = 64_000_000, 300
-"""Limits for the size of unpacked data. A file of any size, or a single chunk, may unpack to the
-first number of bytes. Beyond that, the ratio of the unpacked size to the size of the file is
-limited to the second number. Compression shrinks recordings tenfold, and constant columns a
-thousandfold.
+"""Limits for the size of unpacked data. A file may unpack to `ROOM` bytes plus `RATIO` times its
+own size, and a single chunk to `ROOM` bytes. Compression shrinks recordings tenfold, and constant
+columns a thousandfold.
 """
 
 DOCUMENT = 32_000_000
@@ -274,7 +272,7 @@ def look_over(file: h5py.File, size: int, ratio: int = RATIO) -> None:
 
 
 def _check_attributes(node: h5g.GroupID | h5d.DatasetID, where: str) -> None:
-    """Raise Invalid for attributes that are more than a few numbers or one text, The attributes are
+    """Raise Invalid for attributes that are more than a few numbers or one text. The attributes are
     examined without reading them.
     """
     with stored_at(where):

@@ -251,9 +251,9 @@ def values_of_text(text: bytes, layout: Layout) -> list[Array]:
     width and the wanted fields are plain numbers or empty; otherwise an empty list.
 
     PyArrow needs a thirtieth of the time of `values_of_records`, and returns exactly the same
-    doubles. It takes blank lines for records and `nan(ind)` for a number, so texts with lines
-    without any number, or with NaN that no empty field explains, are left to the other function. So
-    are comments and NUL characters, which may stand in unused columns.
+    doubles. But it reads blank lines as records and `nan(ind)` as a number. So the result is also
+    empty for a text that has lines without any number, NaN without an empty field, comments, or NUL
+    characters (which may stand in unused columns).
     """
     request, mark = layout.request, (layout.delimiter or "\t").encode()
     if (

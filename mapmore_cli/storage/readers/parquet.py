@@ -54,7 +54,7 @@ def _parquet_column(file: ParquetFile, field: Field, size: int) -> Member:
     if not (types.is_primitive(kind) or types.is_decimal(kind) or types.is_null(kind)):
         raise DataError(
             f"column '{field.name}' holds values of type {kind}, not numbers",
-            "write a column of numbers, as by `frame.astype(float)` or `frame.explode`",
+            "write a column of numbers, for example with `frame.astype(float)` or `frame.explode`",
         )
 
     if types.is_decimal(kind):  # decimals are read as objects of a hundred bytes each

@@ -126,7 +126,7 @@ def peek_xlsx(path: Path, most: int) -> Iterable[Top]:
 
 def _ratios_in(sheet: SheetCells) -> tuple[str, ...]:
     """Return the unit of each column: `1` if a cell in it is shown in per cent, otherwise an empty
-    text. If no cell is, return an empty tuple.
+    text. If no cell of the sheet is shown in per cent, return an empty tuple.
     """
     columns = zip(*sheet.rows, strict=True)
     shown = [any(isinstance(cell, Percentage) for cell in column) for column in columns]
@@ -151,8 +151,9 @@ def _decimal_in_texts(rows: Iterable[Sequence[Any]]) -> str | None:
 
 
 def _number_rule(decimal: str | None) -> Callable[[Any], bool]:
-    """Return a function that tells whether a cell holds a number. A text is a number only if
-    numbers in texts have a decimal mark; otherwise a text such as `2026` is a title.
+    """Return a function that tells whether a cell holds a number. Texts count as numbers only if
+    the sheet has numbers in texts with a decimal mark (`decimal`). Otherwise a text such as `2026`
+    is a title.
     """
     if decimal is None:
         return lambda cell: not isinstance(cell, str) and holds_number(cell)
@@ -239,8 +240,8 @@ def _chosen_sheets(
     if request.sheet is None:
         others = [sheet.title for sheet in filled if sheet is not visible[0]]
         told = (
-            f"{label}: the sheet '{visible[0].title}' is read, and not "
-            f"{', '.join(others[:4])}; say which by `sheet`"
+            f"{label}: the sheet '{visible[0].title}' is read, and not {', '.join(others[:4])}; "
+            "name the sheet to read with `sheet`"
         )
         return visible[:1], (told,) if others else ()
     for among in (filled, visible):

@@ -38,7 +38,8 @@ class TableRequest:
     - `missing`: texts that mean a missing value, besides the usual ones (text, sheets).
     - `clocks`: columns whose cells may be time stamps; `formats`: formats for `strptime` of some of
       them; `second`: a second in their unit.
-    - `thousands_of`: the mark between thousands in columns with one of their own.
+    - `thousands_of`: the mark between thousands, for columns in which it differs from that of the
+      table.
     - `texts`: the columns that hold texts, with the number of each text that was read so far.
     - `table`: which of several tables below each other is read, counted from 1 (text, sheets).
     - `incomplete`: True if incomplete last records count as missing values, False if they are

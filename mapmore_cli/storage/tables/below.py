@@ -31,7 +31,7 @@ def tables_below(rows: Iterable[Row], header: int, is_number: Callable[[Any], bo
     """Return the tables in rows without blank ones.
 
     A table has `header` lines of words directly above its numbers. It ends at a line without
-    numbers or with another number of cells; If tables have no header lines, it also ends at a blank
+    numbers or with another number of cells. If tables have no header lines, it also ends at a blank
     line.
     """
     found: list[Below] = []

@@ -78,8 +78,8 @@ _KINDS = (
     (
         rf"[+-]?\d*(?:[{THOUSANDS}]\d+)+(?:e[+-]?\d+)?",
         "it has another decimal point than the spec says, or separators of thousands",
-        'write which, for example `decimal: ","`, `decimal: "."` or `thousands: ","`; or format '
-        "the cells as numbers in the program that wrote them",
+        'give the right ones, for example `decimal: ","`, `decimal: "."` or `thousands: ","`; or '
+        "format the cells as numbers in the program that wrote them",
     ),
     (
         r"[+-]?(?!0x)\d[\d.,]*(?:e[+-]?\d+)? *(?:[^\W\d_]+|[^\w\s.,+-][^\W\d_]*)",

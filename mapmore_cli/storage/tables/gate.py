@@ -67,8 +67,8 @@ def _with_padding_told(table: RawTable) -> RawTable:
     if not table.padding:
         return table
     what = (
-        f"{table.label}: ends with {table.padding} characters of padding (NUL or Ctrl-Z), "
-        "which are left out: a logger that makes room in advance and loses power leaves them"
+        f"{table.label}: ends with {table.padding} characters of padding (NUL or Ctrl-Z), which "
+        "are left out; a logger that reserves space in advance leaves them when it loses power"
     )
     return replace(table, doubts=(*table.doubts, what))
 
@@ -96,26 +96,27 @@ def _without_cut_rows(table: RawTable, request: TableRequest) -> RawTable:
 
 def _cut_in(end: OpenEnd) -> Cut | None:
     """Return the evidence that the last line, which has no end, is incomplete: it has fewer cells
-    than every line before, or its last cell has fewer digits than all of these (254.126 was cut to
-    2).
+    than every line before, or its last cell has fewer digits than this cell has in all lines before
+    (254.126 was cut to 2).
     """
     *before, last = [row for row in end.rows if any(map(str.strip, row))] or [[""]]
     column = [row[len(last) - 1] for row in before if len(row) >= len(last)]
     digits = {len(cell.strip().partition(end.decimal)[2]) for cell in column}
     if len(last) < min(map(len, before), default=0):
-        why = f"only {len(last)} of the fields of the lines before it"
+        why = f"only {len(last)} fields, fewer than the lines before it"
     elif (
         len(column) >= FEWEST_ROWS
         and len(digits) == 1
         and len(last[-1].strip().partition(end.decimal)[2]) < max(digits)
     ):
         why = (
-            f"fewer digits in its last number, {shortened(last[-1].strip())}, than those before it"
+            f"fewer digits in its last number, {shortened(last[-1].strip())}, than the lines "
+            "before it"
         )
     else:
         return None
     return Cut(
-        f"the last line has no end, and {why}: it was cut off",
+        f"the last line has no line break at its end, and {why}: it was cut off",
         (
             "Get the whole file again. `missing: drop` leaves the line out. If the line is "
             "complete, end it with a line break."

@@ -134,7 +134,8 @@ class Lines(Iterator[str]):
         self._held, self._at, self._ended, self._size = b"", 0, False, 0
         self._tail = b""  # padding at the end of the text read so far; text may still follow it
         self.taken = self.rows = self.padding = 0
-        # reading stops here, because a device may be endless and consist of padding only
+        # if True, reading stops after too much padding, because a device may be endless and consist
+        # of padding only
         self.endless = False
 
     def __next__(self) -> str:

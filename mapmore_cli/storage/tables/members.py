@@ -291,7 +291,7 @@ def refuse_other_clocks(noted: Mapping[SourceColumn, Noted], label: str) -> None
         raise DataError(
             f"{label}: {what}",
             f"read '{column}' of the same file by `join`, with `sample_time: {told.step:.9g} s` "
-            f"and `shift: {later:.9g} s`; with `on: row` where row belongs to row",
+            f"and `shift: {later:.9g} s`; or with `on: row`, if the rows of both belong together",
         )
 
 
@@ -325,7 +325,7 @@ def _column(
     if sum(length > 1 for length in values.shape) > 1:
         name = address[: address.rindex("[")] if selection else address
         raise DataError(
-            f"{label}: '{address}' is an array of {size_in_words(values.shape)}",
+            f"{label}: '{address}' is an array of {size_in_words(values.shape)}, not one column",
             f"Name the column, for example `{name}[:,0]`.",
         )
     return as_numbers(values.reshape(-1), f"{label}: '{address}'", read), member.noted

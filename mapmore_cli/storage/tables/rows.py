@@ -1,5 +1,5 @@
-"""Make tables from rows of cells: a sheet of a workbook, a segment of a LabVIEW file, records of
-names and cells.
+"""Make tables from rows of cells, for example of a sheet of a workbook or of a segment of a LabVIEW
+file, and from records with named cells.
 """
 
 from __future__ import annotations

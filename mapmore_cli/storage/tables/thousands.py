@@ -81,7 +81,7 @@ def refuse_grouped(cells: Iterable[tuple[int, object]], decimal: str, column: st
         text,
         f"may be {text.replace(decimal, '')}: the column has whole numbers up to {largest:g}, and "
         "all its other numbers have exactly three decimals",
-        f'if the mark stands between thousands, say `thousands: "{decimal}"` at the column, or, '
-        f'where it does so in all columns, `decimal: "{other}"` and `thousands: "{decimal}"` in '
-        '`data`; if it is the decimal point, say `thousands: "\'"`, which no cell has',
+        f'if the mark separates thousands, write `thousands: "{decimal}"` at the column, or, if it '
+        f'does so in all columns, `decimal: "{other}"` and `thousands: "{decimal}"` in `data`; if '
+        'it is the decimal point, write `thousands: "\'"`, a mark that no cell contains',
     ).at(column.format(row=row))

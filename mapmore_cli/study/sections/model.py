@@ -225,8 +225,8 @@ class ModelSettings(Settings):
         """
         if self.type not in (*_OWN_TYPES, *(kind.name for kind in kinds.kinds())):
             raise Contradiction(
-                f"type `{self.type}` is not installed",
-                "install the package that adds this type, or choose another type",
+                f"no installed package defines the model type `{self.type}`",
+                "install the package that defines it, or choose another `type`",
                 "type",
             )
         if self.family is not None:
@@ -276,7 +276,9 @@ _TYPE_OF = {
     **{key.name: one.name for one in kinds.kinds() for key in fields(one.settings)},
     **{"name": "literature", "backbone": "mapmore", "sum": "sum"},
 }
-"""the keys of kinds that plugins add come first, the keys that all types share last"""
+"""The type of model to which each key belongs. A key of a plugin replaces a key of the search with
+the same name; `name`, `backbone` and `sum` always belong to the types of mapmore itself.
+"""
 
 if TYPE_CHECKING:
     ModelChoice = ModelSettings

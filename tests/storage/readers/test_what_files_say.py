@@ -271,7 +271,7 @@ def test_hidden_sheets_are_passed_over_but_where_they_are_named(tmp_path):
 def test_which_of_several_sheets_was_read_is_told(tmp_path):
     path = hidden(tmp_path / "a.xlsx", "old", old=OLD, now=NOW, next=NEXT, empty=[])
     assert table_of("xlsx", path, "F").doubts == (
-        "a.xlsx: the sheet 'now' is read, and not next; say which by `sheet`",
+        "a.xlsx: the sheet 'now' is read, and not next; name the sheet to read with `sheet`",
     )
     assert table_of("xlsx", path, "F", sheet="now").doubts == ()
 

@@ -56,7 +56,7 @@ def test_texts_with_decimal_commas_are_read_as_the_message_recommends(tmp_path, 
     path = tmp_path / f"a{suffix}"
     workbook(path, a=TEXTS) if suffix == ".xlsx" else other_workbook(path, TEXTS)
     refusal(
-        ["row 4, column t: '0,5'", 'write which, for example `decimal: ","`'],
+        ["row 4, column t: '0,5'", 'give the right ones, for example `decimal: ","`'],
         "xlsx",
         path,
         "t",

@@ -1,6 +1,6 @@
-/* The functions of FMI 3.0 for co-simulation (fmi-standard.org), declared anew; unit.h says what a step does.
+/* The functions of FMI 3.0 for co-simulation (fmi-standard.org), declared here without the official headers; unit.h says what a step does.
  *
- * The functions have their plain names, as a shared library exports them. Where FMI3_FUNCTION_PREFIX is defined, they begin with
+ * The functions have their plain names, as a shared library exports them. If FMI3_FUNCTION_PREFIX is defined, they begin with
  * it, so that the sources of several units can be linked into one program.
  */
 #include "unit.h"
@@ -25,13 +25,13 @@
 #define FMI3(name) name
 #endif
 
-/* Declares a function, and begins its definition. */
+/* Declare a function, and begin its definition. */
 #define DEFINED(type, name, ...) \
     FMI3_EXPORT type FMI3(name)(__VA_ARGS__); \
     type FMI3(name)(__VA_ARGS__)
 
 #ifdef __GNUC__
-#pragma GCC diagnostic ignored "-Wunused-parameter" /* what is refused is not looked at */
+#pragma GCC diagnostic ignored "-Wunused-parameter" /* functions that only refuse a call do not use its arguments */
 #endif
 
 typedef void *fmi3Instance;
@@ -77,11 +77,11 @@ static fmi3Status refused(fmi3Instance instance, fmi3String why)
     return fmi3Error;
 }
 
-/* A function that is none of this unit's. */
+/* A function that this unit does not support. */
 #define REFUSED(why, name, ...) \
     DEFINED(fmi3Status, name, fmi3Instance instance, __VA_ARGS__) { return refused(instance, why); }
 
-/* The variables of a type that this unit has none of. */
+/* The functions for a type of which this unit has no variables. */
 #define NONE_OF(type) \
     DEFINED(fmi3Status, fmi3Get##type, fmi3Instance instance, const fmi3ValueReference places[], size_t count, fmi3##type found[], size_t n) \
     { return count ? refused(instance, "there is no variable of type " #type) : fmi3OK; } \
@@ -331,7 +331,7 @@ REFUSED_ALONE("hasEventMode is false", fmi3EvaluateDiscreteStates)
 REFUSED_ALONE("there are no structural parameters", fmi3EnterConfigurationMode)
 REFUSED_ALONE("there are no structural parameters", fmi3ExitConfigurationMode)
 
-/* Of model exchange: some tools look for these names in every unit. */
+/* Functions of model exchange; some tools look for these names in every unit. */
 REFUSED_ALONE("this unit is for co-simulation", fmi3EnterContinuousTimeMode)
 REFUSED("this unit is for co-simulation", fmi3CompletedIntegratorStep, fmi3Boolean no_way_back, fmi3Boolean *event, fmi3Boolean *terminate)
 REFUSED("this unit is for co-simulation", fmi3SetTime, fmi3Float64 time)

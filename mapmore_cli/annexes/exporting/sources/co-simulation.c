@@ -5,10 +5,10 @@
 typedef struct {
     values now;
     fmi2CallbackFunctions calls;
-    char name[1]; /* as long as it is */
+    char name[1]; /* the memory is allocated for the whole name */
 } instance;
 
-/* An error with its reason, which is a format of no arguments: it has no per cent sign. */
+/* Report an error. The reason is used as a format without arguments, so it must contain no per cent sign. */
 static fmi2Status refused(const instance *one, fmi2String why)
 {
     if (one->calls.logger) one->calls.logger(one->calls.componentEnvironment, one->name, fmi2Error, "logStatusError", why);

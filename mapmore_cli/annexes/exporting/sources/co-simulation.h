@@ -1,6 +1,6 @@
-/* Types and functions of the Functional Mock-up Interface 2.0 for co-simulation (fmi-standard.org), declared anew.
+/* Types and functions of the Functional Mock-up Interface 2.0 for co-simulation (fmi-standard.org), declared here without the official headers.
  *
- * The functions have their plain names, as a shared library exports them. Where FMI2_FUNCTION_PREFIX is defined, they begin with
+ * The functions have their plain names, as a shared library exports them. If FMI2_FUNCTION_PREFIX is defined, they begin with
  * it, so that the sources of several units can be linked into one program.
  */
 #ifndef CO_SIMULATION_H

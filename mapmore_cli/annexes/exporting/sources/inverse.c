@@ -1,13 +1,13 @@
-/* The value of one input at which the model comes to a wanted output, by bisection between turning points of the map. */
+/* Find the value of one input at which the model gives a wanted output, by bisection between the turning points of the output. */
 typedef struct {
-    const real *in; /* the other inputs; and where to look near */
-    int which;      /* the input that is looked for */
+    const real *in; /* the other inputs, and a value near which a solution is preferred */
+    int which;      /* index of the input to find */
     real wanted;
 } problem;
 
 typedef real (*function)(const problem *, real);
 
-/* What is missing to the wanted output at a value of the input. */
+/* Return the difference between the output at a value of the input and the wanted output. */
 static real missing_at(const problem *p, real x)
 {
     real in[INPUTS], out;
@@ -16,7 +16,7 @@ static real missing_at(const problem *p, real x)
     return out - p->wanted;
 }
 
-/* The same, with the derivative there. */
+/* Return the same difference, and the derivative of the output. */
 static real both_at(const problem *p, real x, real *slope)
 {
     real in[INPUTS], out, slopes[INPUTS];
@@ -33,7 +33,7 @@ static real derivative_at(const problem *p, real x)
     return slope;
 }
 
-/* Where a function changes its sign between two values. */
+/* Return the value at which a function changes its sign between two values. */
 static real bisected(function f, const problem *p, real low, real high)
 {
     const real start = sign_of(f(p, low));
@@ -47,7 +47,7 @@ static real bisected(function f, const problem *p, real low, real high)
     return (low + high) / 2;
 }
 
-/* Whether a part may turn twice and come to zero in between: an end is far steeper than the secant, and zero is in reach of it. */
+/* Return 1 if the function may have two turning points and a zero in a part: an end is far steeper than the secant, and could reach zero. */
 static int may_turn_twice(real left, real right, real slope_left, real slope_right, real width)
 {
     const real reach = FMAX(FABS(slope_left), FABS(slope_right)) * width, rise = right - left;
@@ -55,7 +55,7 @@ static int may_turn_twice(real left, real right, real slope_left, real slope_rig
     return reach > SAME * FMAX(FABS(left), FABS(right)) && FMIN(FABS(left), FABS(right)) <= reach;
 }
 
-/* Turning points within a part, put behind n edges; where it may turn more often, both sides are looked at. Returns how many edges there are. */
+/* Append the turning points within a part to the n edges, and return the new number of edges. A part that may have more is divided. */
 static int turning_points(const problem *p, real low, real high, int splits, int *room, real *edges, int n)
 {
     const real start = NEXT(low, INFINITY), end = NEXT(high, -INFINITY);
@@ -81,7 +81,7 @@ static int turning_points(const problem *p, real low, real high, int splits, int
     return n;
 }
 
-/* Ends of the monotone parts, ascending, and what is missing there: each interval between knots is looked at in equal parts. */
+/* Find the ends of the monotone parts in ascending order, and the differences there. Each interval between knots is searched in equal parts. */
 static int scanned(const problem *p, int count, const real *knots, int parts, real *edges, real *missing)
 {
     int n = 0, room = DIVIDED;
@@ -91,7 +91,7 @@ static int scanned(const problem *p, int count, const real *knots, int parts, re
             const real start = (real)j * step + knots[i];
             const real end = j < parts - 1 ? (real)(j + 1) * step + knots[i] : knots[i + 1];
             edges[n++] = start;
-            if (j == 0) edges[n++] = NEXT(start, INFINITY); /* the map may jump at a knot */
+            if (j == 0) edges[n++] = NEXT(start, INFINITY); /* the output may jump at a knot */
             n = turning_points(p, start, end, SPLITS, &room, edges, n);
         }
         edges[n++] = NEXT(knots[i + 1], -INFINITY);
@@ -101,7 +101,7 @@ static int scanned(const problem *p, int count, const real *knots, int parts, re
     return n;
 }
 
-/* How near to the wanted output counts as equal: a share of the span of outputs; negative where one is not finite. */
+/* Return the largest difference that counts as zero, a fraction of the range of outputs; negative if an output is not finite. */
 static real equal_within(const problem *p, int n, const real *missing)
 {
     real low = INFINITY, high = -INFINITY;
@@ -113,7 +113,7 @@ static real equal_within(const problem *p, int n, const real *missing)
     return SAME * FMAX(high - low, FABS(p->wanted));
 }
 
-/* One more solution: the first counts, or the one that is nearest to where to look. */
+/* Count a solution, and keep it if it is the first or nearer to the preferred value than the one before. */
 static void found_one(const problem *p, real x, int *count, real *picked)
 {
     const real near = p->in[p->which];
@@ -134,7 +134,7 @@ static int solved(const problem *p, int count, const real *knots, int parts, rea
         if (i > 0 && hit && before && edges[i] - edges[i - 1] > SAME * (knots[count - 1] - knots[0])) flat = 1;
         if (i > 0 && !hit && !before && sign_of(missing[i - 1]) * sign_of(missing[i]) < 0 && edges[i] > edges[i - 1]) {
             const real x = bisected(missing_at, p, edges[i - 1], edges[i]);
-            /* where the map jumps across the wanted output, there is no solution */
+            /* a jump of the output across the wanted value is no solution */
             if (FABS(missing_at(p, x)) <= FMAX(REACHED * FABS(p->wanted), within)) found_one(p, x, &solutions, found);
         }
         if (hit && !before) found_one(p, edges[i], &solutions, found);

@@ -1,5 +1,5 @@
-/* Runs a functional mock-up unit of FMI 3 as a tool does, along the rows on stdin: its inputs, and the measured output where it takes
- * that.
+/* Runs a functional mock-up unit of FMI 3 as a simulation tool does, along the rows on stdin, which hold its inputs, and the
+ * measured output if it needs it.
  */
 #include "co-simulation-3.c"
 

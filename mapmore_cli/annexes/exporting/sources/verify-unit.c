@@ -1,4 +1,4 @@
-/* Runs a functional mock-up unit as a tool does, along the rows on stdin: its inputs, and the measured output where it takes that. */
+/* Runs a functional mock-up unit as a simulation tool does, along the rows on stdin, which hold its inputs, and the measured output if it needs it. */
 #include "co-simulation.h"
 #include "this-model.h"
 
