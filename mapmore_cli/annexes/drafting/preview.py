@@ -51,8 +51,8 @@ class Preview:
     - `titles`, `units`: of the columns as written in the file; empty if there are none.
     - `alike`: the sheets of a workbook with the same layout, if there are several; `left` are its
       other sheets.
-    - `tables`: the numbers and titles of tables below each other with the same layout, if there are
-      others in the file; `left` are the others.
+    - `tables`: the numbers and titles of tables with the same layout, if several stand below each
+      other or side by side; `left` are the others.
     - `numeric`: indices of columns of numbers.
     """
 
@@ -136,7 +136,7 @@ def preview(path: Path) -> Preview:
 
 
 def _with_tables_below(path: Path, best: _FoundTable, layout: Preview, reader: Reader) -> Preview:
-    """Return the layout, extended if several tables stand below each other. Tables with the same
+    """Return the layout, extended if the file or sheet has several tables. Tables with the same
     header are read together; the header with the most rows is used, and tables with other headers
     are left out.
     """

@@ -40,7 +40,8 @@ class TableRequest:
       them; `second`: a second in their unit.
     - `thousands_of`: the mark between thousands in columns with one of their own.
     - `texts`: the columns that hold texts, with the number of each text that was read so far.
-    - `table`: which of several tables below each other is read, counted from 1 (text, sheets).
+    - `table`: which of several tables below each other or side by side is read, counted from 1
+      (text, sheets).
     - `incomplete`: True if incomplete last records count as missing values, False if they are
       errors.
     - `progress`: function that is called from time to time with the number of bytes read (only for
@@ -219,8 +220,8 @@ class Reader:
     - `by_index`: True if columns can also be addressed by their 0-based index.
     - `peek`: function that reads the first rows of a file in every way that may be meant, the most
       probable first; without it, `read` is called without columns, which means all columns.
-    - `below`: function that returns the tables below each other in a file, for a request without
-      columns; empty if there is one table.
+    - `below`: function that returns the tables below each other or side by side in a file, for a
+      request without columns.
     - `begins`: bytes with which such files begin, whatever their names; empty if the format cannot
       be recognised by them.
     """

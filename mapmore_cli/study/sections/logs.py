@@ -246,8 +246,8 @@ class FileEntry(Section):
     - `set`: Quantities that have one value in these whole files. Example: `{pressure: 2 bar}`
     - `id`: Id of the recording, if `path` matches one file only. Example: `first`
     - `sheet`: Sheet to read, if the files are workbooks. Example: `Data`
-    - `table`: Which table to read if a file holds several tables below each other, counted from 1.
-      Example: `2`
+    - `table`: Which table to read if a file holds several tables below each other or side by side,
+      counted from 1. Example: `2`
     - `columns`: Columns whose name or unit in these files differs from `data.columns`. Example:
       `{pressure: {column: "P [bar]", unit: bar}}`
     - `keep`: Conditions that the samples of these files must fulfil, in addition to `data.keep`.
@@ -284,8 +284,8 @@ class Logs(Section):
     - `root`: Place inside a MAT or HDF5 file from which the columns are addressed. With `[*]` at
       its end, every element with one of the columns is a separate recording. In a TDMS file, the
       name of a group, or `[*]` for all groups. Example: `runs[*]`
-    - `table`: Which table to read if a file holds several tables below each other, counted from 1.
-      By default, the whole file is one table. Example: `2`
+    - `table`: Which table to read if a file holds several tables below each other or side by side,
+      counted from 1. By default, the whole file is one table. Example: `2`
     - `columns`: Which column holds which quantity. Example: `{pressure: {column: P, unit: bar}}`
     - `sample_time`: Constant time between samples. Give it if no column holds the time. Example: `1
       ms`
