@@ -20,7 +20,7 @@ from mapmore_cli.study.units import check_unit
 
 WIDEST, LINES = 2000, 200  # largest number of columns, and of lines of a table, that `init` reads
 REMARKS = ("#", "%", "//", "!")  # beginnings of lines that are remarks instead of data
-LETTERS = "smNVAKgh1%-"  # single characters that are common units
+LETTERS = "smNVAKgh1%°-"  # single characters that are common units
 # a line of labelled values, as microcontrollers print them: `t:12,p:3.4`
 _LABELLED = re.compile(r"\s*[A-Za-z_]\w*\s*[:=]\s*[-+]?[.\d]\S*")
 HEAD = 1 << 16  # number of bytes at the beginning of a text that are examined
@@ -288,15 +288,15 @@ class _FoundTable:
         lines = self.header_lines()
         titled = self.line_of_titles(lines)
         titles = [] if titled is None else lines[titled]
-        others = [tuple(lines[line]) for line in sorted(lines) if line != titled]
-        units = next(filter(_are_units, others), ())
+        others = [lines[line] for line in sorted(lines) if line != titled]
+        units = next(filter(self.holds_units, others), [])
         width = 1 + max([*self.numeric, *(place for place, title in enumerate(titles) if title)])
         titles = [*titles, *[""] * width][:width]
         pairs = [*zip_longest(self.top.units, units, fillvalue=""), *[("", "")] * width][:width]
         spelt = [_without_brackets(own or unit) for own, unit in pairs]
         for place in self.numeric:
-            if not spelt[place] and stamp_of(str(self.columns[place][0]).strip()) is not None:
-                spelt[place] = "s"  # time stamps are read in seconds
+            if stamp_of(str(self.columns[place][0]).strip()) is not None:
+                spelt[place] = "s"  # time stamps are read in seconds, whatever stands above them
         header, skipped = 0, self.first
         if titled is not None and len(self.rows[titled]) <= self.wide:
             header, skipped = max(lines) - titled + 1, titled
@@ -315,15 +315,23 @@ class _FoundTable:
             self.numeric,
         )
 
+    def holds_units(self, line: Sequence[str]) -> bool:
+        """Return True for a line of units. Cells above empty columns are ignored, because they may
+        say what the line holds, for example `Unit:`.
+        """
+        return _are_units([cell for cell, below in zip(line, self.columns, strict=False) if below])
+
     def header_lines(self) -> dict[int, list[str]]:
         """Return the lines directly above the numbers that may be titles or units, by their index.
         They are as wide as the rows of numbers, and no cell to the right of these is filled.
 
         Blank lines may stand below titles and above a line of units. A cell that contains only the
-        mark of a remark counts as empty.
+        mark of a remark counts as empty. A line with numbers is none of these lines, unless a
+        column that is empty below says what the numbers are, for example `Count:`.
         """
         lines: dict[int, list[str]] = {}
         last = max(place for place, cells in enumerate(self.columns) if cells)
+        labels = [place for place, cells in enumerate(self.columns) if not cells]
         for place in reversed(range(self.first)):
             filled = _nonempty(self.rows[place])
             if not filled and all(map(_are_units, lines.values())):
@@ -332,6 +340,7 @@ class _FoundTable:
             if len(cells) == self.wide + 1 and cells[0] in REMARKS:
                 cells = cells[1:]
             has_number = any(map(self.top.is_number, filled)) and not _are_units(cells)
+            has_number &= not any(cells[place] for place in labels if place < len(cells))
             if not filled or has_number or len(cells) <= last or any(cells[self.wide :]):
                 break
             lines[place] = cells
@@ -367,14 +376,18 @@ def _table_in(top: Top) -> _FoundTable | None:
     wide = widths.most_common(1)[0][0] if widths else 0
     end = max((i for i, row in enumerate(rows) if len(row) == wide and _nonempty(row)), default=-1)
     rows = rows[: end + 1]
+    lower = _filled_by_column(rows[len(rows) // 2 :], wide)
     numeric = tuple(
         place
-        for place, cells in enumerate(_filled_by_column(rows[len(rows) // 2 :], wide))
+        for place, cells in enumerate(lower)
         if 2 * sum(map(top.is_number, cells)) > len(cells)
     )
+    blank = [place for place, cells in enumerate(lower) if not cells]
 
     def has_numbers(row: Row) -> bool:
-        cells = _nonempty([row[place] for place in numeric]) if len(row) == wide else []
+        if len(row) != wide or _nonempty([row[place] for place in blank]):
+            return False  # a line such as `count:;1500;1500`, with a word that no row has
+        cells = _nonempty([row[place] for place in numeric])
         count = sum(map(top.is_number, cells))
         # a line of units may contain a number too, for example `kPa;1`
         return count > 0 and (count == len(cells) or not _are_units([*map(str, cells)]))
