@@ -14,7 +14,7 @@ from typing import Any
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.storage.readers import reader_of, suffix_of
 from mapmore_cli.storage.tables import Reader, SourceColumn, TableRequest, Top
-from mapmore_cli.storage.tables.below import Below
+from mapmore_cli.storage.tables.below import MAP_COLUMNS, Below
 from mapmore_cli.storage.tables.cells import stamp_of
 from mapmore_cli.study.units import check_unit
 
@@ -65,6 +65,11 @@ class Preview:
     alike: tuple[str, ...] = ()
     left: tuple[str, ...] = ()
     tables: tuple[tuple[int, str], ...] = ()
+
+    @property
+    def is_map(self) -> bool:
+        """Return True for a map of cells, which is read as a table with a row for each cell."""
+        return self.settings.get("table") == "map"
 
 
 def unread(path: Path) -> str | None:
@@ -126,13 +131,12 @@ def preview(path: Path) -> Preview:
     if not tables:
         raise _no_table(path, tops, remedy)
     best = max(tables, key=lambda table: table.rank)
-    if best.is_raster:
-        raise _raster(path, best)
     layouts = {table.top.sheet: table.layout(reader.name) for table in tables}
-    if best.top.sheet is None:
-        return _with_tables_below(path, best, best.layout(reader.name), reader)
-    layout = _of_all_sheets(best.top.sheet, layouts, [top.sheet for top in tops])
-    return layout if layout.alike else _with_tables_below(path, best, layout, reader)
+    layout = layouts[best.top.sheet]
+    if best.top.sheet is not None:
+        layout = _of_all_sheets(best.top.sheet, layouts, [top.sheet for top in tops])
+    is_single = layout.alike or layout.is_map
+    return layout if is_single else _with_tables_below(path, best, layout, reader)
 
 
 def _with_tables_below(path: Path, best: _FoundTable, layout: Preview, reader: Reader) -> Preview:
@@ -183,31 +187,6 @@ def _titles_of(table: Below) -> list[str]:
     return [str(cell).strip() for cell in _nonempty(table.header[0][1])]
 
 
-def _raster(path: Path, found: _FoundTable) -> DataError:
-    """Return the error for a table with values of one quantity along the first row and of another
-    along the first column. Its remedy is a command that rewrites such a map as a table of rows.
-    """
-    told = f"{path.name}: is a map: its first line and its first column hold the values of "
-    told += "two quantities, and every other cell is a sample; write a row for each of these cells"
-    after = '; then give `init` the new file with `--columns "strain:%,pressure:kPa,force:N"`, in '
-    after += "the order row, column, cell. If the numbers of the first line are names of sensors, "
-    after += "write a letter before each"
-    if found.top.sheet is not None:
-        return DataError(f"{told}, in a sheet of three columns{after}")
-    marks = {"tab": "\\t", "whitespace": " "}
-    mark = found.top.settings.get("delimiter", ",")
-    mark = marks.get(mark, mark)
-    cut = "map(str.split, lines)" if mark == " " else f"csv.reader(lines, delimiter='{mark}')"
-    line = (
-        f"import csv; lines = open('{path.name}', "
-        f"encoding='{found.top.settings.get('encoding', 'utf-8')}'); "
-        f"top, *rows = [row for row in [*{cut}][{max(found.first - 1, 0)}:] if row]; "
-        f"print('row', 'column', 'cell', sep='{mark}'); "
-        f"[print(row[0], *pair, sep='{mark}') for row in rows for pair in zip(top[1:], row[1:])]"
-    )
-    return DataError(f'{told}, for example with: python -c "{line}" > {path.stem}_rows.csv{after}')
-
-
 def _no_table(path: Path, tops: Sequence[Top], remedy: str) -> DataError:
     last = [str(cell) for top in tops for row in top.rows for cell in row]
     if any(map(_LABELLED.fullmatch, last)):
@@ -256,21 +235,25 @@ class _FoundTable:
         return _filled_by_column(self.rows[self.first :], self.wide)
 
     @property
-    def is_raster(self) -> bool:
-        """Return True if the table is a map: the first line holds ordered values of one quantity,
-        the first column ordered values of another, and the corner no number. Consecutive numbers in
-        the first line are titles instead.
+    def top_of_map(self) -> int | None:
+        """The index of the first line of a map: it holds ordered values of one quantity, the first
+        column ordered values of another, and the corner no number. None if the table is no map.
+        Consecutive numbers in the first line are titles instead.
         """
         above = [at for at in range(self.first) if _nonempty(self.rows[at])]
-        corner, *across = self.rows[above[-1] if above else self.first]
-        below = self.rows[self.first + (0 if above else 1) :]
-        down = [row[0] for row in below if len(row) == self.wide]
-        if len(across) != self.wide - 1 or self.top.is_number(corner):
-            return False
+        top = self.first if self._is_without_corner(self.first) or not above else above[-1]
+        if not self._is_without_corner(top):
+            return None
+        across = self.rows[top][1:]
+        down = [row[0] for row in self.rows[top + 1 :] if len(row) == self.wide]
         steps = [_steps_of(cells, self.top.is_number) for cells in (across, down)]
-        return all(len(one) > 1 and (min(one) > 0 or max(one) < 0) for one in steps) and {
-            *steps[0]
-        } != {1.0}
+        is_ordered = all(len(one) > 1 and (min(one) > 0 or max(one) < 0) for one in steps)
+        return top if is_ordered and {*steps[0]} != {1.0} else None
+
+    def _is_without_corner(self, at: int) -> bool:
+        """Return True if a row is as wide as the others and does not begin with a number."""
+        row = self.rows[at]
+        return len(row) == self.wide and not self.top.is_number(row[0])
 
     @property
     def rank(self) -> tuple[int, int]:
@@ -283,8 +266,11 @@ class _FoundTable:
 
     def layout(self, reader: str) -> Preview:
         """Return the layout, in which one line above the numbers has the titles, and another the
-        units.
+        units; or that of a map.
         """
+        if (top := self.top_of_map) is not None:
+            as_map = {**self.top.settings, **({"skip_rows": top} if top else {}), "table": "map"}
+            return Preview(reader, MAP_COLUMNS, MAP_COLUMNS, as_map, (), (0, 1, 2))
         lines = self.header_lines()
         titled = self.line_of_titles(lines)
         titles = [] if titled is None else lines[titled]

@@ -292,6 +292,8 @@ def started(
     )
     if is_by_part and not layout.tables:
         draft = draft.without_data("sheet")
+    if layout.is_map:
+        draft = draft.noted(("data", "table"), "a map: each cell is a sample")
     if layout.left:
         why = f"laid out in another way, and left out: {', '.join(map(repr, layout.left))}"
         draft = draft.noted(("data", "sheet" if "sheet" in draft.data else "reader"), why)

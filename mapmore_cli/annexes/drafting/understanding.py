@@ -95,7 +95,7 @@ def understood(
     }
     targets = [*chosen] or [*filter(None, [target_of(kinds, bool(conditions))])]
     if not targets:
-        raise refuse_choice(table, study.files[0].name, path)
+        raise refuse_choice(table, study.files[0].name, path, study.layout.is_map)
     if answers.inputs is None:
         inputs = _free(table, columns, targets, left_out)
     else:

@@ -1,5 +1,5 @@
 """Find tables that stand below each other, or side by side, in one text or in one sheet of a
-workbook.
+workbook; and read maps of cells as tables.
 """
 
 from __future__ import annotations
@@ -115,9 +115,11 @@ def _padded(cells: Sequence[Any], width: int) -> list[Any]:
 def chosen_table(
     rows: Iterable[Row], request: TableRequest, is_number: Callable[[Any], bool]
 ) -> Below:
-    """Return the table with the number that a request gives. Raises DataError if there is no such
-    table.
+    """Return the table that a request gives by its number, or a map as a table. Raises DataError if
+    there is no such table.
     """
+    if request.table == "map":
+        return _map_as_table(rows, request.label)
     tables = tables_below(rows, request.header, is_number)
     assert request.table is not None
     if request.table > len(tables):
@@ -129,6 +131,28 @@ def chosen_table(
             "correct `table` or `header`",
         )
     return tables[request.table - 1]
+
+
+MAP_COLUMNS = ("row", "column", "cell")
+"""Titles of the columns of a map: the value at the beginning of the row, the value at the top of
+the column, and the cell where both meet.
+"""
+
+
+def _map_as_table(rows: Iterable[Row], label: str) -> Below:
+    """Return a map as a table with one row for each cell. Raises DataError for a map of fewer than
+    two rows.
+    """
+    top, *below = [*rows] or [(0, [])]
+    across = [(place, cell) for place, cell in enumerate(top[1]) if place and _text(cell)]
+    cells = [
+        (number, [row[0], value, row[place] if place < len(row) else ""])
+        for number, row in below
+        for place, value in across
+    ]
+    if not cells:
+        raise DataError(f"{label}: is no map of cells", "correct `skip_rows`, or leave out `table`")
+    return Below("", [(top[0], MAP_COLUMNS)], cells)
 
 
 def _joined(cells: Iterable[Any]) -> str:
