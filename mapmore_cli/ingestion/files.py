@@ -23,7 +23,7 @@ from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.fitting.kinds.dictionary import derivations_of, units_of
 from mapmore_cli.fitting.stage import Progress
 from mapmore_cli.storage.readers import READERS
-from mapmore_cli.storage.tables import RawTable
+from mapmore_cli.storage.tables import RawTable, WhichTable
 from mapmore_cli.storage.tables.lines import name_of_packed
 from mapmore_cli.study.experiment import ExperimentSpec
 from mapmore_cli.study.sections.data import Data
@@ -89,7 +89,7 @@ class Log:
     name: str
     sheet: str | None
     table: RawTable | None = field(default=None, kw_only=True)
-    table_below: int | None = field(default=None, kw_only=True)
+    table_below: WhichTable | None = field(default=None, kw_only=True)
     columns: Mapping[str, SourceColumn] = field(default_factory=dict, kw_only=True)
 
     @property
@@ -183,7 +183,7 @@ def _found(
     """Return every file with the entry that names it. Sheets that entries name separately count as
     files.
     """
-    found: dict[tuple[str, str | None, int | None], tuple[Log, FileEntry]] = {}
+    found: dict[tuple[str, str | None, WhichTable | None], tuple[Log, FileEntry]] = {}
     for entry in (FileEntry(path=entry) if isinstance(entry, str) else entry for entry in entries):
         table = tables.get(entry.path)
         paths = expand(entry.path, folder, may_be_empty) if table is None else [folder / entry.path]
@@ -226,7 +226,7 @@ def _automatic(logs: Sequence[Log]) -> list[str]:
     ]
 
 
-def _part_of(log: Log) -> tuple[str | None, int | None]:
+def _part_of(log: Log) -> tuple[str | None, WhichTable | None]:
     return log.sheet, log.table_below
 
 

@@ -1,6 +1,7 @@
 """Every constant of what drafts take from the values of a column and from names, by hand."""
 
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,8 @@ import pytest
 
 from mapmore_cli.annexes.drafting import names as names_of_files
 from mapmore_cli.annexes.drafting.answers import Hold
-from mapmore_cli.annexes.drafting.by_titles import PARTS, clock_in_parts, known_by_titles, target_of
+from mapmore_cli.annexes.drafting.by_titles import known_by_titles, target_of
+from mapmore_cli.annexes.drafting.clocks import PARTS, clock_in_parts
 from mapmore_cli.annexes.drafting.columns import (
     SINCE_1970,
     TitledColumn,
@@ -125,20 +127,24 @@ def test_parts_of_a_clock_stay_below_their_turns():
     }.items():
         units = clock_in_parts({**table, title: column(faulty, title=title)}).values()
         assert [*units] == (["min", "s"] if title == "time hh" else [])
+    # the seconds of a minute are not those of an hour
     assert not clock_in_parts({name: table[name] for name in ("time hh", "time ss")})
     # no part starts again
     assert not clock_in_parts({name: column([0, 0, 1], title=name) for name in table})
-    for unit, (spellings, turn) in PARTS.items():
-        one = column(np.arange(turn), title=spellings.split()[0], quantity="")
-        finer = {"h": "min", "min": "s", "s": "ms", "ms": "us", "us": None}[unit]
-        if finer is not None:
-            limit = PARTS[finer][1]
-            other = column(np.arange(2 * turn) % limit * 1.0, title=PARTS[finer][0].split()[-1])
-            with_turn = column([limit - 1, 0, 1], title=other.title)
-            found = clock_in_parts({one.title: one, other.title: with_turn})
-            assert [*found.values()] == [unit, finer]
-            above = column([turn], title=one.title)
-            assert not clock_in_parts({one.title: above, other.title: with_turn})
+
+
+@pytest.mark.parametrize(("coarser", "finer"), [*combinations(PARTS, 2)])
+def test_a_part_restarts_when_the_part_before_it_increases(coarser, finer):
+    turn = round(PARTS[coarser][1] / PARTS[finer][1])
+    last, first = PARTS[coarser][0].split()[-1], PARTS[finer][0].split()[0]
+
+    def found(finer_numbers):
+        coarse = column([1_700_000_000.0, 1_700_000_001.0, 1_700_000_001.0], title=last)
+        return [*clock_in_parts({last: coarse, first: column(finer_numbers, title=first)}).values()]
+
+    assert found([turn - 1, 0, 1]) == [coarser, finer]
+    assert found([turn, 0, 1]) == []
+    assert found([turn - 1, turn - 0.5, 0]) == []  # it goes back while the other part stays
 
 
 def test_reasons_why_columns_are_left_out():

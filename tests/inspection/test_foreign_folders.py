@@ -5,8 +5,6 @@ to file, points of one file each, maps of cells, cells shown in per cent, hidden
 from __future__ import annotations
 
 import contextlib
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -14,7 +12,7 @@ from recorded import checked, drafted, loaded, workbook, write
 
 from mapmore_cli.annexes.drafting.answers import answers_of
 from mapmore_cli.annexes.drafting.start import start
-from mapmore_cli.domain.errors import DataError, SpecError, UsageError
+from mapmore_cli.domain.errors import SpecError, UsageError
 from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import slice_of
 
@@ -182,21 +180,23 @@ def test_samples_are_groups_by_their_first_letter(tmp_path):
 @pytest.mark.parametrize(
     ("corner", "mark", "point"), [("", ",", "."), ("eps/P", ";", ","), ("eps/P", "\t", ".")]
 )
-def test_a_map_of_cells_is_refused_with_a_command_that_works(tmp_path, corner, mark, point):
+def test_a_map_of_cells_is_a_table_of_its_cells(tmp_path, corner, mark, point):
     head = mark.join([corner, *(str(50 * k) for k in range(5))]) + "\n"
     cells = [[e / 2, *(e * k / 4 for k in range(5))] for e in range(8)]
     lines = [mark.join(str(x).replace(".", point) for x in row) for row in cells]
-    (tmp_path / "map.csv").write_text(head + "\n".join(lines) + "\n")
-    with pytest.raises(DataError) as refused:
+    (tmp_path / "map.csv").write_text(f"Bench 7{mark * 5}\n{head}" + "\n".join(lines) + "\n")
+    with pytest.raises(
+        UsageError, match=r"is a map.*`row`.*0 to 3\.5.*`column`.*0 to 200"
+    ) as asked:
         start(tmp_path, tmp_path)
-    command = refused.value.remedy.split('python -c "')[1].split('" >')[0]
-    ran = subprocess.run([sys.executable, "-c", command], cwd=tmp_path, stdout=subprocess.PIPE)
-    (tmp_path / "map_rows.csv").write_bytes(ran.stdout)
-    said = answers_of(columns="strain:%,pressure:kPa,force:N", target="force")
-    (draft,) = start(tmp_path / "map_rows.csv", tmp_path, answers=said).drafts
+    assert "--target force=cell:N --inputs pressure=row:kPa,strain=column:%" in asked.value.remedy
+    said = answers_of(target="force=cell:N", inputs="strain=row:%,pressure=column:kPa")
+    (draft,) = start(tmp_path, tmp_path, answers=said).drafts
     (one,) = dataset_of(draft, tmp_path).recordings
     assert one.rows_kept == 40
-    assert one.columns["force"][-1] == 7
+    np.testing.assert_allclose(one.columns["strain"], np.repeat(np.arange(8) / 200, 5))
+    np.testing.assert_allclose(one.columns["pressure"], np.tile(50.0 * np.arange(5), 8))
+    np.testing.assert_allclose(one.columns["force"], np.ravel([row[1:] for row in cells]))
 
 
 def test_channels_that_count_by_ones_are_no_map(tmp_path):

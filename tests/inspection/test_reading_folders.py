@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from recorded import checked, drafted, loaded, write
+from recorded import checked, drafted, drafts, loaded, write
 
 from mapmore_cli.annexes.drafting.answers import answers_of, read_names
 from mapmore_cli.annexes.drafting.spelling import spelt
@@ -14,6 +14,8 @@ from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError
 from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import slice_of
+from mapmore_cli.storage.tables.below import tables_below
+from mapmore_cli.storage.tables.cells import holds_number
 
 N = 240
 T = 0.1 * np.arange(N)
@@ -249,8 +251,53 @@ def test_tables_below_each_other_are_recordings(tmp_path, mark):
     dataset = dataset_of(draft, tmp_path)
     assert [one.rows_kept for one in dataset.recordings] == [20] * 4
     draft = draft.with_data("files", [{"path": "tables.csv", "table": 9, "set": {"distance": 0}}])
-    with pytest.raises(DataError, match="there is no table 9: the file has 5, one below the other"):
+    with pytest.raises(DataError, match="there is no table 9: the file has 5, with 1 header"):
         dataset_of(draft.without_data("levels").without_data("split"), tmp_path)
+
+
+@pytest.mark.parametrize("suffix", ["", "pandas"])
+@pytest.mark.parametrize("gap", [0, 1])
+def test_tables_side_by_side_are_recordings(tmp_path, suffix, gap):
+    """The third is shorter, and what stands above each is its name."""
+
+    def line(cells):
+        """Three cells for each table, and an empty column between tables."""
+        return ("," * (1 + gap)).join(",".join(map(str, three)) for three in cells) + "\n"
+
+    text = "" if suffix else line([f"Specimen {name}", "", ""] for name in "ABC")
+    text += line([f"{t}.{k}" if suffix and k else t for t in ("s", "mm", "N")] for k in range(3))
+    for row in range(30):
+        cells = [[0.1 * row, row % 20, 3 * row % 20 + k] for k in range(3)]
+        text += line(cells if row <= 20 else [*cells[:2], [""] * 3])
+    (tmp_path / "press.csv").write_text(text)
+    said = answers_of(target="N", inputs="mm", sample_time="0.1 s")
+    draft = drafted(tmp_path, answers=said)
+    assert [one["table"] for one in draft.data["files"]] == [1, 2, 3]
+    assert "each of the 3 tables in a file is a recording" in draft.text()
+    dataset = dataset_of(draft, tmp_path)
+    assert [one.rows_kept for one in dataset.recordings] == [30, 30, 21]
+    assert [one.columns["N"][0] for one in dataset.recordings] == [0, 1, 2]
+
+
+def test_pairs_of_a_clock_and_a_signal_are_no_tables_side_by_side():
+    rows = [(1, ["t", "p", "t", "F"]), *((n, ["1", "2", "3", str(n)]) for n in (2, 3, 4))]
+    assert len(tables_below(rows, 1, holds_number)) == 1
+
+
+@pytest.mark.parametrize("name", ["{}", "psi"])
+def test_a_file_with_the_columns_in_another_order_belongs_to_the_others(tmp_path, name):
+    """Also if it has a column of words, or another unit."""
+    pressure, force = swing()
+    unit, scale = ("kPa", 1.0) if name == "{}" else ("psi", 0.145)
+    for number in range(4):
+        write(tmp_path / f"r{number}.csv", {"t [s]": T, "p [kPa]": pressure, "F [N]": force})
+    rows = zip(T, force, scale * pressure, strict=True)
+    lines = [f"t [s],F [N],p [{unit}],note", *(f"{t},{f},{p},ok" for t, f, p in rows)]
+    (tmp_path / "r4.csv").write_text("\n".join(lines))
+    (draft,) = drafts(tmp_path)
+    dataset = dataset_of(draft, tmp_path)
+    assert len(dataset.recordings) == 5
+    np.testing.assert_allclose(dataset.recordings[4].columns["pressure"], pressure, rtol=1e-3)
 
 
 # Recordings that a column tells apart

@@ -139,6 +139,58 @@ def test_parts_of_a_clock_are_no_recordings(tmp_path):
     assert not drafted(tmp_path).tips
 
 
+@pytest.mark.parametrize(("unit", "second"), [("nanosec", 10**9), ("usec", 10**6), ("ms", 1000)])
+def test_seconds_and_their_parts_in_two_columns_are_the_clock(tmp_path, unit, second):
+    """As ROS (sec, nanosec) and Unix (sec, usec) write it."""
+    u = 50 + 40 * np.sin(T[:600])
+    stamps = [
+        divmod((1_710_150_000 * 1000 + 370 + 20 * k) * second // 1000, second) for k in range(600)
+    ]
+    rows = zip(stamps, u, np.roll(u, 3), strict=True)
+    lines = [f"{whole},{part},{p},{angle}" for (whole, part), p, angle in rows]
+    head = f"header.stamp.sec,header.stamp.{unit},p [kPa],angle [deg]"
+    (tmp_path / "bag.csv").write_text("\n".join([head, *lines]))
+    draft = drafted(tmp_path)
+    assert draft.data["columns"]["time"]["format"].split()[0] == "s"
+    assert draft.data["resample"] == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize("label", ["Count:", "Anzahl"])
+def test_lines_above_the_numbers_may_say_at_their_beginning_what_they_hold(tmp_path, label):
+    """As exports of TDM files: the first column is empty below, and one line holds counts."""
+    u = 50 + 40 * np.sin(T[:300])
+    head = f"Name\tTime\tDruck\tWinkel\nUnit:\t\tmbar\t°\n{label}\t300\t300\t300\n"
+    rows = zip(T[:300], u, np.roll(u, 3), strict=True)
+    lines = [f"\t14:02:{10 + t:06.3f}\t{p:.3f}\t{angle:.3f}" for t, p, angle in rows]
+    (tmp_path / "log.txt").write_text(head + "\n".join(lines), encoding="utf-8")
+    columns = drafted(tmp_path).data["columns"]
+    units = {one["column"]: one["unit"] for one in columns.values()}
+    assert units == {"Time": "s", "Druck": "mbar", "Winkel": "deg"}
+
+
+def test_dates_are_in_seconds_whatever_stands_above_them(tmp_path):
+    u = 50 + 40 * np.sin(T[:300])
+    rows = zip(T[:300], u, np.roll(u, 3), strict=True)
+    lines = [f"12.03.2024 14:02:{10 + t:06.3f};{p:.2f};{angle:.2f}" for t, p, angle in rows]
+    head = ["Datum;Druck;Winkel", "dd.mm.yyyy hh:mm:ss,fff;bar;deg"]
+    (tmp_path / "log.csv").write_text("\n".join([*head, *lines]))
+    assert "is it s?" not in drafted(tmp_path).text()
+
+
+def test_what_names_say_is_no_second_input_beside_its_measurement(tmp_path):
+    """The pressures in names are those that were wanted; a person names the measured one."""
+    for psi in (10, 20, 30, 40):
+        measured = psi + 0.05 * np.sin(np.arange(80))
+        own = force(psi / 14.5, THERE_AND_BACK)
+        columns = (0.1 * np.arange(80), psi, measured, 200 * THERE_AND_BACK, own)
+        head = "Time (s),Pressure_cmd,Pressure_meas,Extension (mm),Load (N)\n"
+        write(tmp_path / f"{psi}psi_run1.csv", columns, head)
+    said = answers_of(target="Load (N)", inputs="Pressure_meas:psi,Extension (mm)")
+    draft = drafted(tmp_path, answers=said)
+    assert draft.data["levels"]["of"] == "Pressure_meas"
+    assert "set" not in str(draft.data["files"])
+
+
 def test_a_clock_that_is_set_back_is_the_reason_of_its_pieces(tmp_path):
     u = 50 + 40 * np.sin(T[:900])
     write(tmp_path / "log.csv", (T[:900] % 3, u, np.roll(u, 3)), "t [s],p [kPa],angle [deg]\n")

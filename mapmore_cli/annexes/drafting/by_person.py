@@ -68,12 +68,16 @@ def _each(said: Named, table: Table, option: str) -> Named:
     return each
 
 
-def refuse_choice(table: Table, where: str, path: str) -> UsageError:
+def refuse_choice(table: Table, where: str, path: str, is_map: bool) -> UsageError:
     """Return the error for a study without a known quantity to predict. Its message lists the
     columns.
     """
+    if is_map:
+        return _refuse_map(table, where, path)
     columns = listed(table)
     clock = next((place for place, one in columns.items() if one.may_be_clock), None)
+    if len(columns) < 3:
+        clock = None  # of two columns, the first drives
     *drive, follow = [place for place in columns if place != clock] or [0]
     time = "" if clock is None else f",time={clock}:{unit_of_clock(columns[clock].values)}"
     how = (
@@ -96,3 +100,14 @@ def refuse_choice(table: Table, where: str, path: str) -> UsageError:
         f"{where}: the titles do not say which column is to be predicted. Columns that change:"
     )
     return UsageError("\n".join([heading, *rows]), f"complete this: {how}")
+
+
+def _refuse_map(table: Table, where: str, path: str) -> UsageError:
+    """Return the error for a map of cells, in which nothing says what was measured."""
+    row, column, cell = (range_of(one.values) for one in table.values())
+    return UsageError(
+        f"{where}: is a map, in which nothing says what was measured. The first column (`row`) has "
+        f"{row}, the first line (`column`) {column}, and the cells (`cell`) {cell}",
+        f"complete this with your quantities and units: mapmore init {path} "
+        "--target force=cell:N --inputs pressure=row:kPa,strain=column:%",
+    )

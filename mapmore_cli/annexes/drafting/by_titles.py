@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from mapmore_cli.annexes.drafting.clocks import clock_in_parts
 from mapmore_cli.annexes.drafting.columns import KINDS, Table, TitledColumn, unit_of_clock
 from mapmore_cli.annexes.drafting.draft import Column, Named, NamedColumn
 from mapmore_cli.annexes.drafting.names import is_repeat
@@ -83,46 +84,6 @@ def _why_unused(one: TitledColumn, has_clock: bool) -> str:
 def _why_no_clock(one: TitledColumn) -> str:
     repeats = any(2 * np.count_nonzero(np.diff(x)) < len(x) - 1 for x in one.values)
     return "repeats most of its values, unlike a clock" if repeats else "its clock is set back"
-
-
-PARTS = {
-    "h": ("h hh hr hrs hour hours std stunde stunden heure heures hora horas ora ore", 24),
-    "min": ("m mm min mins minute minutes minuten minuto minutos minuti", 60),
-    "s": ("s ss sec secs second seconds sek sekunde sekunden segundo segundos secondi", 60),
-    "ms": ("ms msec millis milli millisecond milliseconds millisekunden milisegundos", 1000),
-    "us": ("us usec micros microsecond microseconds mikrosekunden", 1000),
-}
-"""For each unit of time: words in the titles of such a part of a clock, and the number at which the
-part restarts from zero.
-"""
-
-
-def clock_in_parts(table: Table) -> dict[Column, str]:
-    """Return the columns of a clock in parts (for example hours, minutes and seconds) and their
-    units; empty unless titles and values agree on that.
-
-    A part has numbers below the one at which it restarts. Only the finest part may have
-    fractions. The first part may be any, and no part may be missing in between.
-    """
-    parts: dict[str, TitledColumn] = {}
-    for one in table.values():
-        said = words(one.title)
-        if not one.values or not said:
-            continue
-        for unit, (spellings, turn) in PARTS.items():
-            fits = all((x >= 0).all() and (x < turn).all() for x in one.values)
-            if said[-1] in spellings.split() and fits:
-                parts.setdefault(unit, one)
-                break
-    units = [unit for unit in PARTS if unit in parts]
-    order = [*PARTS]
-    while len(units) > 1 and order.index(units[-1]) - order.index(units[0]) >= len(units):
-        units.pop()
-    coarse = [parts[unit] for unit in units[:-1]]
-    is_whole = all((x == np.round(x)).all() for one in coarse for x in one.values)
-    if len(units) < 2 or not is_whole or not any(parts[unit].turn for unit in units[1:]):
-        return {}
-    return {parts[unit].column: unit for unit in units}
 
 
 def _copies(columns: Sequence[TitledColumn]) -> dict[Column, str]:

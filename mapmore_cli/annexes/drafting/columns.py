@@ -98,14 +98,21 @@ class TitledColumn:
 
     @property
     def name(self) -> str:
-        """Name of a quantity, made from the title without the unit."""
+        """Name of a quantity, made from the title without the unit. A canonical name gets the
+        number of the column, because the column may hold another quantity.
+        """
+        name = self.title_as_name
+        return name if name not in ("column", *CANONICAL) else f"{name}_{self.place}"
+
+    @property
+    def title_as_name(self) -> str:
+        """The title without its unit, as a name: letters, digits and `_`."""
         title = self.title.translate(HALF_WIDTH)
         bare = _BRACKETS.sub(lambda match: "" if unit_of(match[1]) else match[0], title)
         behind = _BEHIND.search(bare)
         bare = bare[: behind.start()] if behind is not None and unit_of(behind[1]) else bare
         name = re.sub(r"\W+", "_", spelt(bare), flags=re.ASCII).strip("_")[:40]
-        name = f"column_{name}" if name[:1].isdigit() else name or "column"
-        return name if name not in ("column", *CANONICAL) else f"{name}_{self.place}"
+        return f"column_{name}" if name[:1].isdigit() else name or "column"
 
     @property
     def moves(self) -> bool:

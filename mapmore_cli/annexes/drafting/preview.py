@@ -14,13 +14,13 @@ from typing import Any
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.storage.readers import reader_of, suffix_of
 from mapmore_cli.storage.tables import Reader, SourceColumn, TableRequest, Top
-from mapmore_cli.storage.tables.below import Below
+from mapmore_cli.storage.tables.below import MAP_COLUMNS, Below
 from mapmore_cli.storage.tables.cells import stamp_of
 from mapmore_cli.study.units import check_unit
 
 WIDEST, LINES = 2000, 200  # largest number of columns, and of lines of a table, that `init` reads
 REMARKS = ("#", "%", "//", "!")  # beginnings of lines that are remarks instead of data
-LETTERS = "smNVAKgh1%-"  # single characters that are common units
+LETTERS = "smNVAKgh1%°-"  # single characters that are common units
 # a line of labelled values, as microcontrollers print them: `t:12,p:3.4`
 _LABELLED = re.compile(r"\s*[A-Za-z_]\w*\s*[:=]\s*[-+]?[.\d]\S*")
 HEAD = 1 << 16  # number of bytes at the beginning of a text that are examined
@@ -56,7 +56,7 @@ class Preview:
     - `alike`: the sheets of a workbook that have this layout, if there are several. `left` are the
       other sheets of the workbook.
     - `tables`: numbers and titles of the tables in the file that have this layout, if the file has
-      several tables below each other. `left` are the other tables.
+      several tables below each other or side by side. `left` are the other tables.
     - `numeric`: indices of columns of numbers.
     """
 
@@ -69,6 +69,11 @@ class Preview:
     alike: tuple[str, ...] = ()
     left: tuple[str, ...] = ()
     tables: tuple[tuple[int, str], ...] = ()
+
+    @property
+    def is_map(self) -> bool:
+        """Return True for a map of cells, which is read as a table with a row for each cell."""
+        return self.settings.get("table") == "map"
 
 
 def unread(path: Path) -> str | None:
@@ -135,17 +140,16 @@ def preview(path: Path) -> Preview:
     if not tables:
         raise _no_table(path, tops, remedy)
     best = max(tables, key=lambda table: table.rank)
-    if best.is_raster:
-        raise _raster(path, best)
     layouts = {table.top.sheet: table.layout(reader.name) for table in tables}
-    if best.top.sheet is None:
-        return _with_tables_below(path, best, best.layout(reader.name), reader)
-    layout = _of_all_sheets(best.top.sheet, layouts, [top.sheet for top in tops])
-    return layout if layout.alike else _with_tables_below(path, best, layout, reader)
+    layout = layouts[best.top.sheet]
+    if best.top.sheet is not None:
+        layout = _of_all_sheets(best.top.sheet, layouts, [top.sheet for top in tops])
+    is_single = layout.alike or layout.is_map
+    return layout if is_single else _with_tables_below(path, best, layout, reader)
 
 
 def _with_tables_below(path: Path, best: _FoundTable, layout: Preview, reader: Reader) -> Preview:
-    """Return the layout, extended if several tables stand below each other. Tables with the same
+    """Return the layout, extended if the file or sheet has several tables. Tables with the same
     header are read together; the header with the most rows is used, and tables with other headers
     are left out.
     """
@@ -192,31 +196,6 @@ def _titles_of(table: Below) -> list[str]:
     if not table.header:
         return [f"{len(table.rows[0][1])} columns"]
     return [str(cell).strip() for cell in _nonempty(table.header[0][1])]
-
-
-def _raster(path: Path, found: _FoundTable) -> DataError:
-    """Return the error for a table with values of one quantity along the first row and of another
-    along the first column. Its remedy is a command that rewrites such a map as a table of rows.
-    """
-    told = f"{path.name}: is a map: its first line and its first column hold the values of "
-    told += "two quantities, and every other cell is a sample; write a row for each of these cells"
-    after = '; then give `init` the new file with `--columns "strain:%,pressure:kPa,force:N"`, in '
-    after += "the order row, column, cell. If the numbers of the first line are names of sensors, "
-    after += "write a letter before each"
-    if found.top.sheet is not None:
-        return DataError(f"{told}, in a sheet of three columns{after}")
-    marks = {"tab": "\\t", "whitespace": " "}
-    mark = found.top.settings.get("delimiter", ",")
-    mark = marks.get(mark, mark)
-    cut = "map(str.split, lines)" if mark == " " else f"csv.reader(lines, delimiter='{mark}')"
-    line = (
-        f"import csv; lines = open('{path.name}', "
-        f"encoding='{found.top.settings.get('encoding', 'utf-8')}'); "
-        f"top, *rows = [row for row in [*{cut}][{max(found.first - 1, 0)}:] if row]; "
-        f"print('row', 'column', 'cell', sep='{mark}'); "
-        f"[print(row[0], *pair, sep='{mark}') for row in rows for pair in zip(top[1:], row[1:])]"
-    )
-    return DataError(f'{told}, for example with: python -c "{line}" > {path.stem}_rows.csv{after}')
 
 
 def _no_table(path: Path, tops: Sequence[Top], remedy: str) -> DataError:
@@ -268,21 +247,25 @@ class _FoundTable:
         return _filled_by_column(self.rows[self.first :], self.wide)
 
     @property
-    def is_raster(self) -> bool:
-        """Return True if the table is a map: the first line holds ordered values of one quantity,
-        the first column ordered values of another, and the corner no number. Consecutive numbers in
-        the first line are titles instead.
+    def top_of_map(self) -> int | None:
+        """The index of the first line of a map: it holds ordered values of one quantity, the first
+        column ordered values of another, and the corner no number. None if the table is no map.
+        Consecutive numbers in the first line are titles instead.
         """
         above = [at for at in range(self.first) if _nonempty(self.rows[at])]
-        corner, *across = self.rows[above[-1] if above else self.first]
-        below = self.rows[self.first + (0 if above else 1) :]
-        down = [row[0] for row in below if len(row) == self.wide]
-        if len(across) != self.wide - 1 or self.top.is_number(corner):
-            return False
+        top = self.first if self._is_without_corner(self.first) or not above else above[-1]
+        if not self._is_without_corner(top):
+            return None
+        across = self.rows[top][1:]
+        down = [row[0] for row in self.rows[top + 1 :] if len(row) == self.wide]
         steps = [_steps_of(cells, self.top.is_number) for cells in (across, down)]
-        return all(len(one) > 1 and (min(one) > 0 or max(one) < 0) for one in steps) and {
-            *steps[0]
-        } != {1.0}
+        is_ordered = all(len(one) > 1 and (min(one) > 0 or max(one) < 0) for one in steps)
+        return top if is_ordered and {*steps[0]} != {1.0} else None
+
+    def _is_without_corner(self, at: int) -> bool:
+        """Return True if a row is as wide as the others and does not begin with a number."""
+        row = self.rows[at]
+        return len(row) == self.wide and not self.top.is_number(row[0])
 
     @property
     def rank(self) -> tuple[int, int]:
@@ -295,20 +278,23 @@ class _FoundTable:
 
     def layout(self, reader: str) -> Preview:
         """Return the layout, in which one line above the numbers has the titles, and another the
-        units.
+        units; or that of a map.
         """
+        if (top := self.top_of_map) is not None:
+            as_map = {**self.top.settings, **({"skip_rows": top} if top else {}), "table": "map"}
+            return Preview(reader, MAP_COLUMNS, MAP_COLUMNS, as_map, (), (0, 1, 2))
         lines = self.header_lines()
         titled = self.line_of_titles(lines)
         titles = [] if titled is None else lines[titled]
-        others = [tuple(lines[line]) for line in sorted(lines) if line != titled]
-        units = next(filter(_are_units, others), ())
+        others = [lines[line] for line in sorted(lines) if line != titled]
+        units = next(filter(self.holds_units, others), [])
         width = 1 + max([*self.numeric, *(place for place, title in enumerate(titles) if title)])
         titles = [*titles, *[""] * width][:width]
         pairs = [*zip_longest(self.top.units, units, fillvalue=""), *[("", "")] * width][:width]
         spelt = [_without_brackets(own or unit) for own, unit in pairs]
         for place in self.numeric:
-            if not spelt[place] and stamp_of(str(self.columns[place][0]).strip()) is not None:
-                spelt[place] = "s"  # time stamps are read in seconds
+            if stamp_of(str(self.columns[place][0]).strip()) is not None:
+                spelt[place] = "s"  # time stamps are read in seconds, whatever stands above them
         header, skipped = 0, self.first
         if titled is not None and len(self.rows[titled]) <= self.wide:
             header, skipped = max(lines) - titled + 1, titled
@@ -327,15 +313,23 @@ class _FoundTable:
             self.numeric,
         )
 
+    def holds_units(self, line: Sequence[str]) -> bool:
+        """Return True for a line of units. Cells above empty columns are ignored, because they may
+        say what the line holds, for example `Unit:`.
+        """
+        return _are_units([cell for cell, below in zip(line, self.columns, strict=False) if below])
+
     def header_lines(self) -> dict[int, list[str]]:
         """Return the lines directly above the numbers that may be titles or units, by their index.
         They are as wide as the rows of numbers, and no cell to the right of these is filled.
 
         Blank lines may stand below titles and above a line of units. A cell that contains only the
-        mark of a remark counts as empty.
+        mark of a remark counts as empty. A line with numbers is none of these lines, unless a
+        column that is empty below says what the numbers are, for example `Count:`.
         """
         lines: dict[int, list[str]] = {}
         last = max(place for place, cells in enumerate(self.columns) if cells)
+        labels = [place for place, cells in enumerate(self.columns) if not cells]
         for place in reversed(range(self.first)):
             filled = _nonempty(self.rows[place])
             if not filled and all(map(_are_units, lines.values())):
@@ -344,6 +338,7 @@ class _FoundTable:
             if len(cells) == self.wide + 1 and cells[0] in REMARKS:
                 cells = cells[1:]
             has_number = any(map(self.top.is_number, filled)) and not _are_units(cells)
+            has_number &= not any(cells[place] for place in labels if place < len(cells))
             if not filled or has_number or len(cells) <= last or any(cells[self.wide :]):
                 break
             lines[place] = cells
@@ -379,14 +374,18 @@ def _table_in(top: Top) -> _FoundTable | None:
     wide = widths.most_common(1)[0][0] if widths else 0
     end = max((i for i, row in enumerate(rows) if len(row) == wide and _nonempty(row)), default=-1)
     rows = rows[: end + 1]
+    lower = _filled_by_column(rows[len(rows) // 2 :], wide)
     numeric = tuple(
         place
-        for place, cells in enumerate(_filled_by_column(rows[len(rows) // 2 :], wide))
+        for place, cells in enumerate(lower)
         if 2 * sum(map(top.is_number, cells)) > len(cells)
     )
+    blank = [place for place, cells in enumerate(lower) if not cells]
 
     def has_numbers(row: Row) -> bool:
-        cells = _nonempty([row[place] for place in numeric]) if len(row) == wide else []
+        if len(row) != wide or _nonempty([row[place] for place in blank]):
+            return False  # a line such as `count:;1500;1500`, with a word that no row has
+        cells = _nonempty([row[place] for place in numeric])
         count = sum(map(top.is_number, cells))
         # a line of units may contain a number too, for example `kPa;1`
         return count > 0 and (count == len(cells) or not _are_units([*map(str, cells)]))

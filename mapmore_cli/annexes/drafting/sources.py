@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from mapmore_cli.annexes.drafting.columns import read_titles
-from mapmore_cli.annexes.drafting.draft import Draft, Named, Section
+from mapmore_cli.annexes.drafting.draft import Column, Draft, Named, Section
 from mapmore_cli.annexes.drafting.names import Condition, stem_of
 from mapmore_cli.annexes.drafting.preview import (
     Preview,
@@ -59,20 +59,26 @@ class Study:
         files = tuple(file for file in self.files if file not in self.variants)
         return replace(self, files=files, variants={})
 
-    def columns_of(self, file: Path, columns: Named) -> Section:
-        """Return the entries of `columns` for a file whose titles or units differ from those of the
-        other files.
+    def changed_columns(self, columns: Named) -> dict[Path, Section]:
+        """Return, for each file whose titles or units differ from those of the other files, its own
+        entries of `columns`. Files in which columns only stand in another order have none.
         """
-        layout = self.variants[file]
+        of_layouts = {id(one): self._columns_of(one, columns) for one in self.variants.values()}
+        changed = {file: of_layouts[id(layout)] for file, layout in self.variants.items()}
+        return {file: entries for file, entries in changed.items() if entries}
+
+    def _columns_of(self, layout: Preview, columns: Named) -> Section:
+        """Return the entries of `columns` that differ in another layout."""
+        usual, titled = _identities(self.layout), read_titles(self.layout, {})
+        there = {identity: column for column, identity in _identities(layout).items()}
+        titled_there = read_titles(layout, {})
         changed: Section = {}
         for name, one in columns.items():
-            if not one.parts:
-                place = self.layout.columns.index(one.column)
-                titled = [*read_titles(layout, {}).values()][place]
-                usual = [*read_titles(self.layout, {}).values()][place]
-                if (titled.column, titled.unit) != (usual.column, usual.unit):
-                    entry = replace(one, column=titled.column).as_spec()
-                    changed[name] = {**entry, "unit": titled.unit or one.unit}
+            if (identity := usual.get(one.column)) is not None and not one.parts:
+                other = titled_there[there[identity]]
+                if (other.column, other.unit) != (one.column, titled[one.column].unit):
+                    entry = replace(one, column=other.column).as_spec()
+                    changed[name] = {**entry, "unit": other.unit or one.unit}
         return changed
 
     @property
@@ -139,7 +145,7 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
         kind = repr(replace(layout, numeric=()))
         layouts.setdefault(kind, (layout, []))[1].append(file)
     commented = [(_with_comments(layout, files), files) for layout, files in layouts.values()]
-    studies = [replace(one, bad=tuple(bad)) for one in _joined_over_units(commented)]
+    studies = [replace(one, bad=tuple(bad)) for one in _joined(commented)]
     studies.sort(key=lambda study: (-len(study.files), study.files[0]))
     folders = [study.folder for study in studies]
     named = (replace(one, name=_name(one, folders.count(one.folder) == 1)) for one in studies)
@@ -157,18 +163,40 @@ def _with_comments(layout: Preview, files: Sequence[Path]) -> Preview:
     return replace(layout, settings=layout.settings | ({"comment": mark} if mark else {}))
 
 
-def _joined_over_units(layouts: Sequence[tuple[Preview, list[Path]]]) -> list[Study]:
+Identity = tuple[str | int, ...]
+"""What is equal in the titles of a column in all files of a study."""
+
+
+def _identities(layout: Preview) -> dict[Column, Identity]:
+    """Return what identifies each column of numbers in files with other units or another order of
+    columns: its quantity, its name, and its unit unless all units of the quantity can be converted.
+    The place of a column is added if some titles are missing or equal.
+    """
+    columns = [one for one in read_titles(layout, {}).values() if one.place in layout.numeric]
+    identities: list[Identity] = [
+        (
+            one.title_as_name,
+            one.quantity,
+            one.unit if one.quantity not in CANONICAL else bool(one.unit),
+        )
+        for one in columns
+    ]
+    is_by_title = all(isinstance(one.column, str) for one in columns)
+    if not is_by_title or len({*identities}) < len(identities):
+        identities = [(*one, place) for place, one in enumerate(identities)]
+    return dict(zip([one.column for one in columns], identities, strict=True))
+
+
+def _joined(layouts: Sequence[tuple[Preview, list[Path]]]) -> list[Study]:
     """Return a study for each layout, with its files. Layouts that differ only in the units of
-    their titles form one study, for which the layout of the most files is used.
+    their titles, or in the order of the columns, form one study, for which the layout of the most
+    files is used.
     """
     families: dict[str, list[tuple[Preview, list[Path]]]] = {}
     for layout, files in layouts:
-        dimensions = [
-            (one.name, one.quantity, one.unit if one.quantity not in CANONICAL else bool(one.unit))
-            for one in read_titles(layout, {}).values()
-        ]
+        identities = sorted(_identities(layout).values(), key=repr)
         bare = replace(layout, columns=(), titles=(), units=(), numeric=())
-        families.setdefault(repr((bare, dimensions)), []).append((layout, files))
+        families.setdefault(repr((bare, identities)), []).append((layout, files))
     studies = []
     for family in families.values():
         (layout, _), *others = sorted(family, key=lambda one: -len(one[1]))
@@ -267,6 +295,8 @@ def started(
     )
     if is_by_part and not layout.tables:
         draft = draft.without_data("sheet")
+    if layout.is_map:
+        draft = draft.noted(("data", "table"), "a map: each cell is a sample")
     if layout.left:
         why = f"left out because their layout differs: {', '.join(map(repr, layout.left))}"
         draft = draft.noted(("data", "sheet" if "sheet" in draft.data else "reader"), why)
@@ -277,8 +307,10 @@ def started(
     if bad := sorted(relative_name(one, folder) for one in files & {*study.bad}):
         draft = draft.with_data("skip_bad_files", bad, "hold no table that could be read")
     reasons = [f"names: {', '.join(one.why for one in conditions)}"] if conditions else []
-    if study.variants:
-        reasons.append(f"{len(study.variants)} of {len(study.files)} files have other units")
+    if changed := study.changed_columns(columns or {}):
+        reasons.append(f"{len(changed)} of {len(study.files)} files have other units")
+    if layout.tables:
+        reasons.append(f"each of the {len(layout.tables)} tables in a file is a recording")
     if reasons or remark:
         why = "; ".join(filter(None, [*reasons, remark]))
         draft = draft.noted(("data", "files"), why, all(one.sure for one in conditions))
@@ -296,18 +328,17 @@ def _file_entries(
     names.
     """
     values = [one.in_model_units for one in conditions]
+    changed = study.changed_columns(columns)
     members: dict[tuple[Any, ...], list[Path]] = {}
     for at, (file, place) in enumerate(study.parts):
         part = tuple(place.items() if is_by_part else ())
-        layout = study.variants.get(file, study.layout)
-        titles = layout.columns, layout.units
-        kind = (part, titles, tuple(series[at] for series in values))
+        kind = (part, repr(changed.get(file)), tuple(series[at] for series in values))
         members.setdefault(kind, []).append(file)
     entries: list[Any] = []
     for (part, _, numbers), files in members.items():
         more: Section = dict(part)
-        if files[0] in study.variants and (changed := study.columns_of(files[0], columns)):
-            more["columns"] = changed
+        if files[0] in changed:
+            more["columns"] = changed[files[0]]
         if numbers:
             more["set"] = dict(zip((one.quantity for one in conditions), numbers, strict=True))
         paths = patterns(list(dict.fromkeys(files)), folder, study.bad)

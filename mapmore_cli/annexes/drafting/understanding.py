@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ import numpy as np
 from mapmore_cli.annexes.drafting.answers import Answers
 from mapmore_cli.annexes.drafting.by_person import named_by_person, refuse_choice
 from mapmore_cli.annexes.drafting.by_titles import kind_to_predict, known_by_titles, target_of
-from mapmore_cli.annexes.drafting.columns import Table, find
+from mapmore_cli.annexes.drafting.columns import Table, TitledColumn, find
 from mapmore_cli.annexes.drafting.draft import Column, Named
 from mapmore_cli.annexes.drafting.names import Condition, told_by_names
 from mapmore_cli.annexes.drafting.sources import Study
@@ -84,7 +84,9 @@ def understood(
     columns |= chosen
     wanted = answers.inputs or {}
     renamed = [name for name, column in wanted.items() if not column.refers_to(name)]
-    conditions, repeats = told_by_names(study.names, answers.hold, [*columns, *renamed])
+    measured = [one.quantity for one in _found(table, wanted)]  # whatever the person calls them
+    known = [*columns, *renamed, *measured]
+    conditions, repeats = told_by_names(study.names, answers.hold, known)
     titled = {} if answers.columns else table
     kinds = {
         name: kind_to_predict(name, titled.get(column.column))
@@ -93,7 +95,7 @@ def understood(
     }
     targets = [*chosen] or [*filter(None, [target_of(kinds, bool(conditions))])]
     if not targets:
-        raise refuse_choice(table, study.files[0].name, path)
+        raise refuse_choice(table, study.files[0].name, path, study.layout.is_map)
     if answers.inputs is None:
         inputs = _free(table, columns, targets, left_out)
     else:
@@ -127,6 +129,13 @@ def understood(
     return Understood(columns, targets, inputs, conditions, remark, left_out, group, [*apart])
 
 
+def _found(table: Table, named: Named) -> Iterator[TitledColumn]:
+    """Yield the columns that a person names; a quantity in names of files is in no column."""
+    for column in named.values():
+        with suppress(UsageError):
+            yield find(table, column.column, "")
+
+
 def _columns_of(table: Table, answers: Answers) -> tuple[Named, dict[Column, str]]:
     """Return the columns that a person lists, or those that titles identify, without a clock that
     the person names as something else; and the reasons why others are left out.
@@ -134,14 +143,11 @@ def _columns_of(table: Table, answers: Answers) -> tuple[Named, dict[Column, str
     if answers.columns:
         return named_by_person(answers.columns, table, "--columns", {}), {}
     columns, left_out = known_by_titles(table)
-    for name, column in {**answers.target, **(answers.inputs or {})}.items():
-        with suppress(UsageError):  # a quantity in names of files is in no column
-            is_clock = (
-                "time" in columns
-                and columns["time"].column == find(table, column.column, "").column
-            )
-            if name != "time" and is_clock:
-                del columns["time"]
+    named = {**answers.target, **(answers.inputs or {})}
+    named.pop("time", None)
+    clock = columns.get("time")
+    if clock is not None and any(one.column == clock.column for one in _found(table, named)):
+        del columns["time"]
     if answers.no_clock or answers.sample_time is not None:
         clock = columns.pop("time", None)
         left_out |= dict.fromkeys(

@@ -42,6 +42,8 @@ from mapmore_cli.storage.tables.thousands import may_be_grouped, refuse_grouped
 
 WHITESPACE = "whitespace"
 DELIMITERS = {"tab": "\t"}
+# number of rows that show whether tables stand side by side
+FIRST_ROWS = 200
 MARKS = {";": "a semicolon", "\t": "a tab"}
 
 _WORDS = re.compile(r"[\s\"']*[^\W\d_]|[\s\"']*[#\[({]")
@@ -164,7 +166,7 @@ def _refuse_thousands(path: Path, table: RawTable, request: TableRequest) -> Non
 def _parse_table(
     records: Iterable[Numbered], delimiter: str | None, request: TableRequest
 ) -> RawTable:
-    """Return one of several tables that stand below each other."""
+    """Return one of several tables in a text."""
     is_number = partial(holds_number, decimal=request.decimal)
     found = chosen_table((one for one in records if one[1]), request, is_number)
     layout = _layout([*(found.header or found.rows)[0][1]], request, delimiter)
@@ -174,8 +176,8 @@ def _parse_table(
 
 
 def below_csv(path: Path, request: TableRequest) -> list[Below]:
-    """Return the tables that stand below each other in a text; empty if neither a line of words nor
-    a blank line follows numbers.
+    """Return the tables that stand below each other or side by side in a text. If neither a line of
+    words nor a blank line follows numbers, only the first rows are read.
     """
     with reading(request.label, "text file", UNREADABLE):
         with open_lines(path, request.encoding, request.label, errors="replace") as (lines, _):
@@ -184,12 +186,12 @@ def below_csv(path: Path, request: TableRequest) -> list[Below]:
                 is_words = _WORDS.match(line) is not None
                 broken = broken or (begun and (is_words if request.header else not line.strip()))
                 begun = begun or not is_words
-        if not broken:
-            return []
         with open_lines(path, request.encoding, request.label, errors="replace") as (lines, _):
             records, _ = _records_of(lines, request)
             is_number = partial(holds_number, decimal=request.decimal)
-            return tables_below((one for one in records if one[1]), request.header, is_number)
+            filled = (record for record in records if record[1])
+            some = filled if broken else islice(filled, FIRST_ROWS)
+            return tables_below(some, request.header, is_number)
 
 
 def _records(lines: Lines, delimiter: str | None, request: TableRequest) -> Iterator[Numbered]:

@@ -304,7 +304,9 @@ def _hidden_in_words(
 
 
 def below_xlsx(path: Path, request: TableRequest) -> list[Below]:
-    """Return the tables that stand below each other in the requested sheet."""
+    """Return the tables that stand below each other or side by side in the requested
+    sheet.
+    """
     with reading(request.label, "workbook"):
         sheets, _ = _chosen_sheets(_sheets_in(path, request.label), request)
     rows = sheets[0].filled_rows(0)

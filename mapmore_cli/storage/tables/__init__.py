@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, Literal
 
 from mapmore_cli.domain.arrays import Array, Rows
 from mapmore_cli.domain.errors import DataError, MapmoreError
@@ -17,6 +17,10 @@ from mapmore_cli.storage.tables.cells import CellReader
 
 SourceColumn = str | int
 """A column of a file: its name in the header, its 0-based index, or an address such as `run.P`."""
+
+
+WhichTable = int | Literal["map"]
+"""The number of a table in a file with several, or `map`."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +45,8 @@ class TableRequest:
     - `thousands_of`: the mark between thousands, for columns in which it differs from that of the
       table.
     - `texts`: the columns that hold texts, with the number of each text that was read so far.
-    - `table`: which of several tables below each other is read, counted from 1 (text, sheets).
+    - `table`: which of several tables below each other or side by side is read, counted from 1;
+      `map` for a map of cells, see `tables/below.py` (text, sheets).
     - `incomplete`: True if incomplete last records count as missing values, False if they are
       errors.
     - `progress`: function that is called from time to time with the number of bytes read (only for
@@ -66,7 +71,7 @@ class TableRequest:
     clocks: frozenset[SourceColumn] = frozenset()
     formats: Mapping[SourceColumn, str] = field(default_factory=dict)
     second: float = 1.0
-    table: int | None = None
+    table: WhichTable | None = None
     texts: Mapping[SourceColumn, dict[str, float]] = field(default_factory=dict)
     thousands_of: Mapping[SourceColumn, str] = field(default_factory=dict)
 
@@ -220,8 +225,8 @@ class Reader:
     - `by_index`: True if columns can also be addressed by their 0-based index.
     - `peek`: function that reads the first rows of a file in every way that may be meant, the most
       probable first; without it, `read` is called without columns, which means all columns.
-    - `below`: function that returns the tables below each other in a file, for a request without
-      columns; empty if there is one table.
+    - `below`: function that returns the tables below each other or side by side in a file, for a
+      request without columns.
     - `begins`: bytes with which such files begin, whatever their names; empty if the format cannot
       be recognised by them.
     """

@@ -1,4 +1,6 @@
-"""Find tables that stand below each other in one text, or in one sheet of a workbook."""
+"""Find tables that stand below each other, or side by side, in one text or in one sheet of a
+workbook; and read maps of cells as tables.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,8 @@ class Below:
 
 
 def tables_below(rows: Iterable[Row], header: int, is_number: Callable[[Any], bool]) -> list[Below]:
-    """Return the tables in rows without blank ones.
+    """Return the tables in rows without blank ones, from the top to the bottom. Tables that stand
+    side by side follow each other from the left to the right.
 
     A table has `header` lines of words directly above its numbers. It ends at a line without
     numbers or with another number of cells. If tables have no header lines, it also ends at a blank
@@ -43,14 +46,13 @@ def tables_below(rows: Iterable[Row], header: int, is_number: Callable[[Any], bo
         if len(body) < FEWEST or len(words) < header:
             words += body
         else:
-            above = words[: len(words) - header]
-            cells = (str(cell).strip() for _, row in above for cell in row if _is_filled(cell))
-            found.append(Below(" ".join(cells), words[len(above) :], body))
+            above, titles = words[: len(words) - header], words[len(words) - header :]
+            found.extend(_side_by_side(above, titles, body))
             words = []
         body = []
 
     for number, cells in rows:
-        filled = [cell for cell in cells if _is_filled(cell)]
+        filled = [cell for cell in cells if _text(cell)]
         count = sum(map(is_number, filled))
         has_numbers = count > 1 or 0 < count == len(filled)
         if body:
@@ -63,24 +65,101 @@ def tables_below(rows: Iterable[Row], header: int, is_number: Callable[[Any], bo
     return found
 
 
+def _side_by_side(above: Sequence[Row], header: Sequence[Row], rows: Sequence[Row]) -> list[Below]:
+    """Return the tables that stand side by side; a single one unless the header lines repeat.
+
+    A line above the header that has words over every table belongs to their titles. All tables get
+    the header lines of the first, because a spec names the same columns for all of them.
+    """
+    blocks = _repeated_columns([cells for _, cells in header])
+    if not blocks:
+        return [Below(_joined(cell for _, cells in above for cell in cells), header, rows)]
+    words = [[_joined(cells[block]) for block in blocks] for _, cells in above]
+    titles = [_joined(parts) for parts in zip(*filter(all, words), strict=True)]
+    tables = []
+    for block, title in zip(blocks, titles or [""] * len(blocks), strict=True):
+        width = block.stop - block.start
+        own = [(number, _padded(cells[block], width)) for number, cells in rows]
+        first = [(number, cells[blocks[0]]) for number, cells in header]
+        tables.append(Below(title, first, [row for row in own if _joined(row[1])]))
+    return tables
+
+
+def _repeated_columns(header: Sequence[Sequence[Any]]) -> list[slice]:
+    """Return the columns of each table if several stand side by side: all header lines repeat at
+    equal distances, and the first line has at least two titles. Otherwise the list is empty.
+
+    pandas writes equal titles with numbers, for example `Force` and `Force.1`.
+    """
+    titles, *others = [[_text(cell) for cell in line] for line in header] or [[]]
+    for place, title in enumerate(titles):
+        base, _, number = title.rpartition(".")
+        if number.isdigit() and base in titles[:place]:
+            titles[place] = base
+    starts = [place for place, title in enumerate(titles) if title == titles[0]]
+    if len(starts) < 2 or len({*titles} - {""}) < 2:
+        return []
+    blocks = [slice(start, start + starts[1]) for start in range(0, len(titles), starts[1])]
+    alike = {
+        tuple(tuple(_padded(line[block], starts[1])) for line in (titles, *others))
+        for block in blocks
+    }
+    return blocks if len(alike) == 1 else []
+
+
+def _padded(cells: Sequence[Any], width: int) -> list[Any]:
+    """Return the cells with empty ones at the end, `width` in all."""
+    return [*cells, *[""] * (width - len(cells))]
+
+
 def chosen_table(
     rows: Iterable[Row], request: TableRequest, is_number: Callable[[Any], bool]
 ) -> Below:
-    """Return the table with the number that a request gives. Raises DataError if there is no such
-    table.
+    """Return the table that a request gives by its number, or a map as a table. Raises DataError if
+    there is no such table.
     """
+    if request.table == "map":
+        return _map_as_table(rows, request.label)
     tables = tables_below(rows, request.header, is_number)
     assert request.table is not None
     if request.table > len(tables):
         raise DataError(
             (
                 f"{request.label}: there is no table {request.table}: the file has {len(tables)}, "
-                f"one below the other, with {request.header} header lines each"
+                f"with {request.header} header lines each"
             ),
             "correct `table` or `header`",
         )
     return tables[request.table - 1]
 
 
-def _is_filled(cell: object) -> bool:
-    return cell is not None and bool(str(cell).strip())
+MAP_COLUMNS = ("row", "column", "cell")
+"""Titles of the columns of a map: the value at the beginning of the row, the value at the top of
+the column, and the cell where both meet.
+"""
+
+
+def _map_as_table(rows: Iterable[Row], label: str) -> Below:
+    """Return a map as a table with one row for each cell. Raises DataError for a map of fewer than
+    two rows.
+    """
+    top, *below = [*rows] or [(0, [])]
+    across = [(place, cell) for place, cell in enumerate(top[1]) if place and _text(cell)]
+    cells = [
+        (number, [row[0], value, row[place] if place < len(row) else ""])
+        for number, row in below
+        for place, value in across
+    ]
+    if not cells:
+        raise DataError(f"{label}: is no map of cells", "correct `skip_rows`, or leave out `table`")
+    return Below("", [(top[0], MAP_COLUMNS)], cells)
+
+
+def _joined(cells: Iterable[Any]) -> str:
+    """Return the texts of the filled cells, with a blank between them."""
+    return " ".join(filter(None, map(_text, cells)))
+
+
+def _text(cell: object) -> str:
+    """Return the text in a cell without blanks around it; empty for an empty cell."""
+    return "" if cell is None else str(cell).strip()

@@ -103,7 +103,7 @@ READERS_OF: Mapping[str, tuple[str, ...]] = {
 
 
 Thousands = Annotated[str, Field(pattern=f"^[{THOUSANDS}]$")]
-TableNumber = Annotated[int, Field(ge=1, le=10_000)]
+TableOfFile = Annotated[Annotated[int, Field(ge=1, le=10_000)] | Literal["map"], Either()]
 
 
 def fault_of_format(text: str, in_parts: bool = False) -> tuple[str, str] | None:
@@ -246,8 +246,9 @@ class FileEntry(Section):
     - `set`: Quantities that have one value in these whole files. Example: `{pressure: 2 bar}`
     - `id`: Id of the recording, if `path` matches one file only. Example: `first`
     - `sheet`: Sheet to read, if the files are workbooks. Example: `Data`
-    - `table`: Which table to read if a file holds several tables below each other, counted from 1.
-      Example: `2`
+    - `table`: Which table to read if a file holds several tables below each other or side by side,
+      counted from 1. Of a `map`, the first line and the first column hold values of two
+      quantities; its columns are called `row`, `column` and `cell`. Example: `2`
     - `columns`: Columns whose name or unit in these files differs from `data.columns`. Example:
       `{pressure: {column: "P [bar]", unit: bar}}`
     - `keep`: Conditions that the samples of these files must fulfil, in addition to `data.keep`.
@@ -258,7 +259,7 @@ class FileEntry(Section):
     set: dict[Quantity, OfKey] = {}
     id: str | None = None
     sheet: str | None = None
-    table: TableNumber | None = None
+    table: TableOfFile | None = None
     columns: dict[Quantity, SourceColumn] = {}
     keep: list[Keep] = []
 
@@ -284,8 +285,10 @@ class Logs(Section):
     - `root`: Place inside a MAT or HDF5 file from which the columns are addressed. With `[*]` at
       its end, every element with one of the columns is a separate recording. In a TDMS file, the
       name of a group, or `[*]` for all groups. Example: `runs[*]`
-    - `table`: Which table to read if a file holds several tables below each other, counted from 1.
-      By default, the whole file is one table. Example: `2`
+    - `table`: Which table to read if a file holds several tables below each other or side by side,
+      counted from 1. Of a `map`, the first line and the first column hold values of two
+      quantities, and every other cell is a sample; its columns are called `row`, `column` and
+      `cell`. By default, the whole file is one table. Example: `2`
     - `columns`: Which column holds which quantity. Example: `{pressure: {column: P, unit: bar}}`
     - `sample_time`: Constant time between samples. Give it if no column holds the time. Example: `1
       ms`
@@ -304,7 +307,7 @@ class Logs(Section):
     sheet: str | None = None
     hidden: Literal["keep", "drop"] = "keep"
     root: str | None = None
-    table: TableNumber | None = None
+    table: TableOfFile | None = None
     columns: Annotated[dict[Quantity, SourceColumn], Field(min_length=1)]
     sample_time: Seconds | None = None
     every: Annotated[int, Field(ge=1, le=1_000_000_000)] = 1

@@ -1,0 +1,96 @@
+"""Find a clock whose time is divided into several columns, for example hours, minutes and
+seconds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from mapmore_cli.annexes.drafting.columns import Table, TitledColumn
+from mapmore_cli.annexes.drafting.draft import Column
+from mapmore_cli.annexes.drafting.spelling import words
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.ingestion.clock import MOST_GLITCHES
+
+PARTS = {
+    "h": ("h hh hr hrs hour hours std stunde stunden heure heures hora horas ora ore", 3600.0),
+    "min": ("m mm min mins minute minutes minuten minuto minutos minuti", 60.0),
+    "s": ("s ss sec secs second seconds sek sekunde sekunden segundo segundos secondi", 1.0),
+    "ms": ("ms msec millis milli millisecond milliseconds millisekunden milisegundos", 1e-3),
+    "us": ("us usec micros microsecond microseconds mikrosekunden", 1e-6),
+    "ns": ("ns nsec nsecs nanos nanosec nanosecs nanosecond nanoseconds nanosekunden", 1e-9),
+}
+"""For each unit of time, the coarsest first: words in the titles of such a part of a clock, and the
+unit in seconds.
+"""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A column that may be a part of a clock, and its unit."""
+
+    column: TitledColumn
+    unit: str
+
+    @property
+    def numbers(self) -> Sequence[Array]:
+        """The numbers of the part, one array `(n,)` for each file."""
+        return self.column.values
+
+    @property
+    def second(self) -> float:
+        """The unit in seconds."""
+        return PARTS[self.unit][1]
+
+    @property
+    def is_whole(self) -> bool:
+        """Return True if the part has no fractions; only the finest part may have some."""
+        return all((x == np.round(x)).all() for x in self.numbers)
+
+    @property
+    def restarts(self) -> bool:
+        """Return True if the numbers decrease somewhere."""
+        return any((np.diff(x) < 0).any() for x in self.numbers)
+
+    def follows(self, coarser: Part) -> bool:
+        """Return True if all numbers are below the one at which this part restarts when the
+        `coarser` part increases by one, and come near to it if the part restarts.
+        """
+        turn = round(coarser.second / self.second)
+        highest = max(float(x.max()) for x in self.numbers)
+        return highest < turn and (2 * highest >= turn or not self.restarts)
+
+
+def clock_in_parts(table: Table) -> dict[Column, str]:
+    """Return the columns of a clock in parts (for example seconds and nanoseconds) and their units;
+    empty unless titles and values agree on that. The coarsest part may have any numbers from zero
+    on.
+    """
+    found: dict[str, Part] = {}
+    for one in table.values():
+        last = {*words(one.title)[-1:]}
+        unit = next((unit for unit, (titles, _) in PARTS.items() if last & {*titles.split()}), "")
+        if unit and one.values and all((x >= 0).all() for x in one.values):
+            found.setdefault(unit, Part(one, unit))
+    parts = [found[unit] for unit in PARTS if unit in found]
+    fits = [finer.follows(coarser) for coarser, finer in pairwise(parts)]
+    parts = parts[: 1 + [*fits, False].index(False)]
+    is_whole = all(part.is_whole for part in parts[:-1])
+    if is_whole and any(part.restarts for part in parts[1:]) and _increases(parts):
+        return {part.column.column: part.unit for part in parts}
+    return {}
+
+
+def _increases(parts: Sequence[Part]) -> bool:
+    """Return True if the sum of all parts increases in every file, except for a few steps back."""
+    for numbers in zip(*(part.numbers for part in parts), strict=True):
+        if len({*map(len, numbers)}) > 1:
+            return False
+        times = sum(part.second * x for part, x in zip(parts, numbers, strict=True))
+        if np.mean(np.diff(times) < 0) > MOST_GLITCHES:
+            return False
+    return True
