@@ -224,9 +224,8 @@ def residuals(
             "remove `intervals`, or compute the intervals of the parts",
         )
     y = np.concatenate([curve.columns[dataset.target][curve.training] for curve in dataset.curves])
-    low, high = extremes(y)
-    astray = 0.0
     errors: dict[str, list[Array]] = {}
+    predictions: list[Array] = []
     for name, outs in parts.items():
         try:
             made = partial(_refitted_sum, made_by(len(errors)), needed)
@@ -240,17 +239,26 @@ def residuals(
             (curve.columns[dataset.target] - output.values)[out & output.ready]
             for curve, out, output in every
         ]
-        values = np.concatenate([output.values[out & output.ready] for _, out, output in every])
-        beyond = max(np.max(values - high, initial=0.0), np.max(low - values, initial=0.0))
-        astray = max(astray, float(beyond) / (high - low) if high > low else 0.0)
+        predictions += [output.values[out & output.ready] for _, out, output in every]
         progress(f"{kind} left out", len(errors), len(parts))
     return with_levels(
         replace(
-            left_out_summary(kind, count, errors), largest=max(abs(low), abs(high)), astray=astray
+            left_out_summary(kind, count, errors),
+            largest=float(np.abs(y).max()),
+            astray=share_beyond(np.concatenate(predictions), y),
         ),
         _training_residuals(dataset, model, choices.fit.train_level),
         kinds.parameters(model),
     )
+
+
+def share_beyond(predictions: Array, targets: Array) -> float:
+    """Return by how much the farthest prediction, (n,), lies beyond the range of the training
+    targets, (m,), as a share of this range; zero for a constant target.
+    """
+    low, high = extremes(targets)
+    farthest = np.max(np.maximum(low - predictions, predictions - high), initial=0.0)
+    return float(farthest / (high - low)) if high > low else 0.0
 
 
 def _training_residuals(

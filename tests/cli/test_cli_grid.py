@@ -40,6 +40,7 @@ def test_the_last_one_named_varies_fastest_and_one_value_holds_an_input():
         (0.1, 15),
         (0.1, 20),
     ]
+    assert points("x=0:1:0.33333334,y=3:3:1", ("x", "y"))[-1] == (1, 3)
     assert points("pressure=150,strain=0:0.2:0.1") == [(150, 0), (150, 0.1), (150, 0.2)]
     # as a person would print them
     assert [line.strip() for line in grid_lines("x=0:0.3:0.1", ("x",))] == [
@@ -65,6 +66,7 @@ pressure=1:0:0.1                   does not go from 1 to 0
 pressure=0:1:1e-9                  at most 10000000 steps
 pressure=0:1:1e-4,strain=0:1:1e-4  has 100020001 points; at most 10000000
 pressure=0:1:0.3,strain=0          not a whole number of steps
+pressure=0:1:0.333333,strain=0     not a whole number of steps
 pressure=0,pressure=1,strain=0     'pressure' is given twice
 pressure=0:1:1                     no values for strain
 pressure=0,strian=0                did you mean 'strain'?

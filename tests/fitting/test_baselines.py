@@ -68,6 +68,17 @@ def test_a_smooth_surface_is_learnt_from_training_samples_alone(name):
     assert np.sqrt(np.mean((first[curve.held_out] - force) ** 2)) < 0.2 * np.std(force)
 
 
+def test_no_learner_stops_early_and_all_have_a_seed():
+    x = np.linspace(-2, 2, 40)[:, None]
+    y = np.sin(2 * x[:, 0]) + np.random.default_rng(0).normal(0, 0.1, 40)
+    process, boosting, network = (one.make(1) for one in LEARNERS.values())
+    boosting.fit(x, y)
+    assert boosting.n_iter_ == 300
+    assert process.fit(x, y).predict(x) == pytest.approx(np.sin(2 * x[:, 0]), abs=0.15)
+    assert network.hidden_layer_sizes == (32, 32)
+    assert [one.random_state for one in (process, boosting, network)] == [0, 0, 0]
+
+
 def test_every_learner_of_the_module_is_declared():
     made = {one.make.__name__ for one in LEARNERS.values()}
     assert made == {name for name in vars(learners) if name.startswith("_") and name[1] != "_"}

@@ -219,6 +219,15 @@ def test_a_strain_that_no_force_makes_has_the_force_at_the_end_of_the_range():
     assert (np.abs(at_ends - wanted) <= nearest + 1e-9).all()
 
 
+def test_a_formula_is_smooth_between_the_ends_of_its_training_range():
+    assert knots(FORMULAS["sarosi"], "strain").tolist() == [0, 0.25]
+    (held,) = FORMULAS["sarosi"].body.ranges
+    held = replace(held, limits={**held.limits, "strain": (0.1, 0.1)})
+    model = FORMULAS["sarosi"]
+    with pytest.raises(UsageError, match="the training range of 'strain' is not known"):
+        knots(replace(model, body=replace(model.body, ranges=(held,))), "strain")
+
+
 def test_ninety_six_parts_of_all_intervals_and_two_of_each_are_scanned():
     assert [parts_between(np.arange(n)) for n in (2, 5, 6, 49, 50, 200)] == [96, 24, 20, 2, 2, 2]
 

@@ -13,7 +13,7 @@ from mapmore_cli.annexes.search import choosing
 from mapmore_cli.annexes.search.bench import Bench, Slice, cut_short, searchable
 from mapmore_cli.annexes.search.candidate import offered_structures
 from mapmore_cli.annexes.search.further import ROUNDS
-from mapmore_cli.annexes.search.searching import FAMILIES, family
+from mapmore_cli.annexes.search.searching import FAMILIES, family, most_parameters
 from mapmore_cli.annexes.search.situation import Situation, situation_of
 from mapmore_cli.annexes.search.trying import choices_of
 from mapmore_cli.domain.errors import DataError
@@ -199,6 +199,22 @@ def test_constants_copies_and_the_clock_are_no_inputs():
     assert found.inputs == ("twice",)
     assert found.step == pytest.approx(0.01)
     assert situation_of(dataset_of({"time": time**2, "u": u, "y": y})).step is None
+
+
+@pytest.mark.parametrize(("samples", "steps"), [(60, None), (61, 60), (200, 199)])
+def test_a_past_needs_sixty_steps(samples, steps):
+    time = np.arange(samples) * 0.01
+    found = situation_of(dataset_of({"time": time, "u": np.sin(time), "y": np.cos(time)}))
+    assert (found.timed, found.steps) == (steps is not None, steps or 0)
+
+
+@pytest.mark.parametrize(
+    ("inputs", "most"), [("ab", 28), ("abc", 28), ("abcd", 35), ("abcdef", 84)]
+)
+def test_a_map_has_at_most_as_many_parameters_as_a_cubic_of_its_inputs(inputs, most):
+    found = replace(SITUATIONS["map"], inputs=tuple(inputs))
+    assert most_parameters(found) == most
+    assert most_parameters(SITUATIONS["many"]) is None
 
 
 def test_a_level_alone_is_no_input():

@@ -2,6 +2,7 @@
 those of stages that run one by one.
 """
 
+from mapmore_cli.pipeline.report import collected, report_slice
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.storage import artefacts
 from mapmore_cli.storage.run_folder import RESULTS
@@ -29,6 +30,8 @@ def test_files_are_those_of_stages_one_by_one(tmp_path, monkeypatch):
     for stage in (*RESULTS, "report"):
         artefacts._latest.clear()
         bring_up_to_date(loaded, one, stage)
+    (inputs,) = collected(report_slice(loaded.spec), one / "levels")
+    assert inputs.prefix == ""  # the only output needs no name
 
     def read(kind, path, *_):
         raise AssertionError(f"{path} was read back")

@@ -91,6 +91,22 @@ def courses_of(inputs, **fusion):
     return model, drawing
 
 
+def test_places_of_courses_are_in_the_unit_of_their_input(inputs):
+    free = min(curve.limits["strain"][1] for curve in inputs.model.body.curves)
+    places = [share * free for share in (0.1, 0.5, 0.9)]
+    for unit, ending in (("1", "; dots"), ("mm", " mm; dots")):
+        quantities = inputs.dataset.quantities
+        along = replace(quantities["strain"], unit=unit)
+        study = replace(
+            inputs, whole=replace(inputs.whole, quantities={**quantities, "strain": along})
+        )
+        (drawing,) = level_figures(study, study.model.body)
+        at = ", ".join(f"{place:.3g}" for place in places)
+        assert f" over pressure at strain {at}{ending} mark the training levels." in drawing.caption
+        columns = [name for name in drawing.panels[0].data if " at strain " in name]
+        assert columns == [f"{inputs.own} at strain {place:.6g} [N]" for place in places]
+
+
 def test_of_many_levels_some_are_marked_and_the_caption_says_how_many(inputs, monkeypatch):
     monkeypatch.setattr("mapmore_cli.reporting.figures.panels.DOTS", 2)
     _, drawing = courses_of(inputs)

@@ -47,35 +47,6 @@ class TestThinning:
         if np.isfinite(y).any():
             assert (np.nanmin(y[rows]), np.nanmax(y[rows])) == (np.nanmin(y), np.nanmax(y))
 
-    def test_bands_are_means_and_ranges(self):
-        x = np.sort(np.random.default_rng(3).uniform(0, 5, 20_000))
-        _, mean, low, high = panels.band(x, np.tile([1.0, -1.0], 10_000))
-        assert len(mean) == panels.STRETCHES
-        assert np.abs(mean).max() < 0.5
-        assert (low == -1).all()
-        assert (high == 1).all()
-
-    def test_a_band_has_no_points_where_there_are_no_samples(self):
-        x = np.concatenate([np.linspace(0, 1, 2000), np.linspace(2, 3, 2000)])
-        places, mean, low, high = panels.band(x, np.where(x == x[5], np.nan, x))
-        assert not ((places > 1.01) & (places < 1.99)).any()
-        np.testing.assert_allclose(mean, places)
-        assert ((low <= mean) & (mean <= high)).all()
-
-    def test_few_samples_are_drawn_as_they_are(self, ax):
-        x = np.linspace(0, 1, 4 * panels.STRETCHES)
-        panels.draw_band(ax, x, x**2, color="black")
-        np.testing.assert_array_equal(ax.lines[0].get_ydata(), x**2)
-        assert len(ax.collections) == 0
-        panels.draw_band(ax, np.append(x, 1), np.append(x, 1), color="black")
-        assert len(ax.collections) == 1
-
-    @given(st.integers(1, 500), st.integers(2, 20))
-    def test_spread_has_both_ends(self, count, limit):
-        numbers = panels.evenly(count, limit)
-        assert len(numbers) == min(count, limit)
-        assert (numbers[0], numbers[-1]) == (0, count - 1)
-
     @given(st.text(max_size=60), st.integers(5, 40))
     def test_shortened_names_keep_both_ends(self, text, length):
         short = panels.shorten(text, length)
@@ -89,10 +60,6 @@ class TestThinning:
         shown = panels.told_apart(names, length)
         assert len({*shown}) == len({*names})
         assert all(len(title) <= length for title in shown)
-
-    def test_titles_leave_out_what_all_names_share(self):
-        names = [f"2031-05-04_{time}_pressure_step_run" for time in (101112, 101305, 102047)]
-        assert panels.told_apart(names, 20) == ["…101112_…", "…101305_…", "…102047_…"]
 
 
 class TestLabels:

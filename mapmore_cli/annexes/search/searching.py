@@ -25,7 +25,7 @@ from mapmore_cli.annexes.search.candidate import (
 )
 from mapmore_cli.annexes.search.choosing import PLAIN, choose_structure
 from mapmore_cli.annexes.search.further import go_on, note_of, outdone_note
-from mapmore_cli.annexes.search.situation import situation_of
+from mapmore_cli.annexes.search.situation import Situation, situation_of
 from mapmore_cli.annexes.search.trying import tried_ways
 from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import DataError, MapmoreError
@@ -87,7 +87,7 @@ def search(
     budget = Budget(part.model.budget)
     try_all = partial(_try_all, bench, budget, partial(progress, "structures"))
     outcomes = try_all(families, boxes)
-    most = None if situation.timed else max(MOST_PARAMETERS, comb(len(situation.inputs) + 3, 3))
+    most = most_parameters(situation)
     result = choose_structure(outcomes, bench, most)
     if part.model.prefer is None:
         more = None if most is None else max(most, situation.samples // SHARE)
@@ -104,6 +104,14 @@ def search(
     outdone = outdone_note(result, bench)
     notes = (*[ended] * bool(budget.cut), *uneven, *_notes_of(result), *[outdone] * bool(outdone))
     return replace(result, cut=budget.cut, notes=notes, outdone=outdone)
+
+
+def most_parameters(situation: Situation) -> int | None:
+    """Return the largest number of parameters of a structure in the first round: as many as a
+    cubic polynomial of all inputs has, but at least `MOST_PARAMETERS`; None for structures over
+    time, whose number of parameters is not limited.
+    """
+    return None if situation.timed else max(MOST_PARAMETERS, comb(len(situation.inputs) + 3, 3))
 
 
 def _uneven(dataset: Dataset) -> tuple[str, ...]:

@@ -60,7 +60,7 @@ class GramRemainders(Remainders):
 
     def __init__(self, matrix: Array, blocks: Blocks) -> None:
         self.gram, self.blocks = matrix[:-1, :-1], blocks
-        super().__init__(np.diag(self.gram), matrix[-1, :-1].copy(), float(matrix[-1, -1]))
+        super().__init__(np.diag(self.gram), matrix[-1, :-1], float(matrix[-1, -1]))
         self.rows = np.empty((0, len(matrix)))
         self.picks: list[int] = []
 

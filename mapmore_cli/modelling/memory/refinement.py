@@ -65,13 +65,13 @@ def sensitivities(piece: ReadyPiece, run: Trajectory, theta: Array) -> Array:
 
 
 def _banded(piece: ReadyPiece, run: Trajectory, slopes: Array) -> Array:
-    """Return the diagonals of the matrix `I - d(values)/d(past values)`. Values before the
-    beginning of a stretch are measured, so their derivatives are zero.
+    """Return the diagonals of the matrix `I - d(values)/d(past values)`, except for its main
+    diagonal, which the solver knows to be one. Values before the beginning of a stretch are
+    measured, so their derivatives are zero.
     """
     q, _, n = slopes.shape
     recalls, rows = list(piece.feedback.recalls.values()), np.arange(n)
     matrix = np.zeros((max(steps for _, steps in recalls) * q + q, n * q))
-    matrix[0] = 1.0
     for place, (column, steps) in enumerate(recalls):
         moves = rows[rows - steps >= run.begins]
         for row in range(q):

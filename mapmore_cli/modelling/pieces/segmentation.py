@@ -58,7 +58,7 @@ def gradient_boundaries(x: Array, y: Array, count: int) -> Array:
     boundaries: list[float] = []
     for peak in at[peaks[np.argsort(-height[peaks], kind="stable")]].tolist():
         more = sorted([*boundaries, peak])
-        sizes = np.bincount(np.searchsorted(more, x), minlength=len(more) + 1)
+        sizes = np.bincount(np.searchsorted(more, x))
         if sizes.min() >= FEWEST_SAMPLES and all(
             abs(peak - other) >= apart for other in boundaries
         ):

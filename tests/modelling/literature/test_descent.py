@@ -1,6 +1,4 @@
-"""Least squares: descents from several starts, their ends, errors of parameters, and means of
-neighbouring samples.
-"""
+"""Least squares: descents, errors of parameters, and means of neighbouring samples."""
 
 import numpy as np
 import pytest
@@ -10,13 +8,7 @@ from mapmore_cli.modelling.literature import family
 from mapmore_cli.modelling.literature.linear import parameter_errors, solve_linear
 from mapmore_cli.modelling.literature.own import FamilySettings
 from mapmore_cli.modelling.literature.problem import LeastSquares, Nonlinear, condensed
-from mapmore_cli.modelling.literature.solvers import (
-    End,
-    agreement,
-    descend,
-    onto_bounds,
-    rivals,
-)
+from mapmore_cli.modelling.literature.solvers import descend
 
 
 @pytest.mark.parametrize("method", ["trf", "lm"])
@@ -33,22 +25,6 @@ def test_a_coordinate_on_which_nothing_depends_stays():
     target = np.array([1.0, -2.0])
     (end,) = descend(lambda x: (x[:2] - target, np.eye(2, 3)), [np.array([0.0, 0.0, 7.0])])
     assert end.x == pytest.approx([1.0, -2.0, 7.0])
-
-
-def test_rivals_are_other_minima_nearly_as_deep_and_ends_agree_to_a_millionth():
-    costs = {1.0: True, 1.0005: True, 1.1: False, 1.2: True, 1.2001: True, 1.25: True, 1.26: True}
-    ends = [End(np.zeros(1), cost, done) for cost, done in costs.items()]
-    assert [end.cost for end in rivals(ends[::-1], ends[0])] == [1.2, 1.25]
-    near = [End(np.zeros(1), cost, True) for cost in (1.0, 1 + 5e-7, 1 + 2e-6)]
-    assert agreement(near, near[0], 5) == "2 of 5 starts found the same sum of squares"
-    assert [end.status for end in ends[1:3]] == ["converged", "stopped_by_limit"]
-
-
-def test_coordinates_that_touch_a_bound_lie_on_it():
-    bounds = np.array([0.0, -np.inf, 1.0, 1.0, -5.0]), np.array([10.0, np.inf, 2.0, 2.0, np.inf])
-    moved, touched = onto_bounds(np.array([10 - 9e-6, 3.0, 1 + 2e-6, 1 + 9e-7, -5 + 9e-7]), bounds)
-    assert moved.tolist() == [10.0, 3.0, 1 + 2e-6, 1.0, -5.0]
-    assert touched == [0, 3, 4]
 
 
 @pytest.mark.parametrize("unit", [1.0, 1e-200, 1e160])

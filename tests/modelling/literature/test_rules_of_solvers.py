@@ -1,19 +1,27 @@
 """Every constant of the rules by which solvers start, stop and compare their ends, by hand."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from mapmore_cli.modelling.literature.problem import Nonlinear
+from mapmore_cli.modelling.expressions import parse
+from mapmore_cli.modelling.literature import solvers
+from mapmore_cli.modelling.literature.problem import LeastSquares, Nonlinear
 from mapmore_cli.modelling.literature.solvers import (
+    METHODS,
     End,
     _best_solution,
+    _valleys,
     agreement,
     descend,
     drawn_starts,
+    levenberg_marquardt,
     onto_bounds,
     rivals,
+    simplex,
+    variable_projection,
 )
 
 
@@ -92,3 +100,181 @@ def test_of_ends_those_with_allowed_signs_win():
     assert only.beta == 5.0
     assert only.notes == ("every start ended with a sign that the source excludes",)
     assert _best_solution(problem, [], 3, "simplex").status == "failed"
+
+
+X = np.linspace(0, 2, 30)
+SINE = LeastSquares(
+    parse("a*sin(c*x)"),
+    ("a",),
+    (Nonlinear("c", "x", ((0.5, 40.0),)),),
+    {"a": parse("sin(c*x)"), "c": parse("a*x*cos(c*x)")},
+    {"x": X},
+    3 * np.sin(4 * X) + 2 * np.sin(11 * X),
+)
+GROWTH = LeastSquares(
+    parse("a*exp(c*x)"),
+    ("a",),
+    (Nonlinear("c", "x", ((-9.0, -0.1), (0.2, 10.0))),),
+    {"a": parse("exp(c*x)"), "c": parse("a*x*exp(c*x)")},
+    {"x": X},
+    5 * np.exp(-1.5 * X),
+)
+
+
+def misfit(problem, c):
+    """The smallest sum of squares with a parameter of this value, by NumPy."""
+    term = np.sin(c * X)
+    return np.linalg.lstsq(term[:, None], problem.y, rcond=None)[1][0]
+
+
+def test_one_coordinate_is_scanned_and_every_valley_is_descended():
+    best = variable_projection(SINE)
+    places = np.linspace(0.25, 20, 20_000)
+    costs = np.array([misfit(SINE, c) for c in places])
+    assert best.c == pytest.approx([2 * places[costs.argmin()]], abs=2e-3)
+    assert best.beta == pytest.approx(
+        [SINE.y @ np.sin(best.c / 2 * X) / np.sum(np.sin(best.c / 2 * X) ** 2)]
+    )
+    assert (best.status, best.method, best.notes) == ("converged", "variable projection", ())
+    assert all(misfit(SINE, c / 2) < 1.25 * costs.min() for _, (c,) in best.rivals)
+
+
+@pytest.mark.parametrize("method", METHODS.values())
+def test_a_start_leads_to_the_next_minimum_alone(method):
+    if method is simplex:  # it takes no start
+        return
+    here = method(replace(SINE, start={"a": 1.0, "c": 10.5}))
+    assert here.c == pytest.approx([22], rel=0.05)
+    assert not any("starts" in note for note in here.notes)
+    away = method(replace(SINE, start={"a": 1.0, "c": 4.2}))
+    assert away.c == pytest.approx([8], rel=0.05)
+
+
+def test_a_start_that_overflows_is_left_for_the_search():
+    far = variable_projection(replace(GROWTH, start={"a": 1.0, "c": 1e4}))
+    assert far.c == pytest.approx([-3])  # it begins at the nearer end of its bounds
+    broken = replace(GROWTH, expression=parse("a*exp(c*x)/(c - 3)*(c - 3)"))
+    assert variable_projection(replace(broken, start={"a": 1.0, "c": 3.0})).c == pytest.approx([-3])
+
+
+@pytest.mark.parametrize("method", METHODS.values())
+def test_every_method_finds_the_law_that_made_the_data(method):
+    found = method(GROWTH)
+    loose = 1e-2 if method is simplex else 1e-7
+    assert found.c == pytest.approx([-3], rel=loose)
+    assert found.beta == pytest.approx([5], rel=loose)
+    assert found.status == "converged"
+    assert found.rivals == ()
+    assert len(found.notes) == (method is not variable_projection)
+    assert all(note.endswith("of 10 starts found the same sum of squares") for note in found.notes)
+
+
+def test_a_parameter_at_the_end_of_its_search():
+    found = variable_projection(replace(GROWTH, y=np.exp(7 * X)))
+    assert (found.c, found.status) == (10.0, "at_bound")
+    assert found.notes == ("c went to the limit of its search, 10/max|x|",)
+
+
+def test_a_parameter_that_nothing_tells_is_nearest_to_one():
+    found = variable_projection(replace(GROWTH, y=0 * X))
+    places = [*-np.geomspace(0.1, 9, 24), *np.geomspace(0.2, 10, 24)]
+    assert found.c == pytest.approx([min(places, key=lambda c: abs(np.log(abs(c))))])
+    assert found.beta.tolist() == [0]
+    assert (found.status, len(found.notes)) == ("converged", 1)
+    assert found.notes[0].startswith("c is arbitrary")
+
+
+@pytest.mark.parametrize("method", [variable_projection, levenberg_marquardt])
+def test_without_nonlinear_parameters_nothing_is_searched(method):
+    line = LeastSquares(parse("a*x"), ("a",), (), {"a": parse("x")}, {"x": X}, 3 * X + 1)
+    found = method(line)
+    assert found.beta == pytest.approx([X @ line.y / (X @ X)])
+    assert (found.status, found.notes) == ("converged", ())
+
+
+def test_of_several_coordinates_ten_starts_are_descended():
+    two = replace(
+        GROWTH,
+        expression=parse("a*exp(c*x) + exp(d*x)"),
+        nonlinear=(Nonlinear("c", "x", ((-9.0, -0.1),)), Nonlinear("d", "x", ((0.1, 4.0),))),
+        gradient={**GROWTH.gradient, "d": parse("x*exp(d*x)")},
+        y=5 * np.exp(-1.5 * X) + np.exp(X),
+    )
+    found = variable_projection(two)
+    assert found.c == pytest.approx([-3, 2])
+    assert found.notes == ("10 of 10 starts found the same sum of squares",)
+
+
+@pytest.mark.parametrize("method", METHODS.values())
+def test_a_formula_without_a_value_fails(method):
+    """With two coordinates, so that starts are drawn."""
+    broken = replace(
+        GROWTH,
+        expression=parse("a*exp(c*x)*log(-d^2)"),
+        nonlinear=(*GROWTH.nonlinear, Nonlinear("d", None, ((0.1, 4.0),))),
+        gradient={**GROWTH.gradient, "d": parse("a")},
+    )
+    found = method(broken)
+    assert (found.status, found.notes) == ("failed", ("every start overflowed",))
+    assert np.isnan([*found.beta, *found.c]).all()
+    assert len(found.c) == 2
+
+
+def but(*places):
+    return [place for place in range(24) if place not in places]
+
+
+@pytest.mark.parametrize(
+    ("costs", "starts"),
+    [
+        (lambda place: 5 + abs(place - 7), [7]),
+        (lambda place: 5 - abs(place - 7), [0, 23]),
+        (lambda place: 5 + (place not in (3, 4, 20)), but(2, 5, 19, 21)),
+        (lambda place: 5 * (1 + 1.1e-10 * (place == 9)), but(9)),
+        (lambda place: 5 * (1 + 0.9e-10 * (place == 9)), []),
+        (lambda place: 1.1e-21 * (place != 9), but(8, 10)),
+        (lambda place: 0.9e-21 * (place != 9), []),
+    ],
+)
+def test_valleys_of_a_scan(costs, starts, monkeypatch):
+    grid = np.geomspace(0.2, 10, 24)
+    monkeypatch.setattr(
+        solvers, "_projected_sse", lambda _, c: float(costs(int(np.argmin(np.abs(grid - c)))))
+    )
+    problem = SimpleNamespace(
+        nonlinear=(Nonlinear("c", None, ((0.2, 10.0),)),), y=np.full(10, 10.0)
+    )
+    found = _valleys(problem)
+    if not starts:
+        assert found == []
+        return
+    ((bounds, places),) = found
+    assert bounds == (pytest.approx([0.2]), pytest.approx([10]))
+    assert [int(np.argmin(np.abs(grid - place))) for place in places] == starts
+
+
+def test_the_simplex_starts_with_terms_at_most_as_large_as_the_target(monkeypatch):
+    asked = []
+
+    def minimize(cost, start, method, options):
+        asked.append((cost(np.array([1.0, start[1]])), cost(0 * start), start, method, options))
+        return SimpleNamespace(x=np.array([2.0, start[1]]), fun=7.0, success=False)
+
+    monkeypatch.setattr("scipy.optimize.minimize", minimize)
+    found = simplex(GROWTH)
+    y = GROWTH.y
+    drawn = [float(c) for (c,) in drawn_starts(GROWTH.nonlinear)]
+    assert [start[1] for _, _, start, _, _ in asked] == drawn
+    linear = np.array([start[0] for _, _, start, _, _ in asked])
+    assert (np.abs(linear) <= 1).all()
+    assert {*np.sign(linear)} == {-1, 1}
+    for (at_one, at_zero, _, method, options), c in zip(asked, drawn, strict=True):
+        term = np.exp(c / 2 * X)
+        term *= np.linalg.norm(y) / np.linalg.norm(term)
+        assert at_one == pytest.approx(np.sum((term - y) ** 2))
+        assert at_zero == pytest.approx(y @ y)
+        wanted = {"xatol": 1e-4, "fatol": pytest.approx(1e-4 * (y @ y)), "maxfev": 400}
+        assert (method, options) == ("Nelder-Mead", wanted)
+    unit = np.linalg.norm(y) / np.linalg.norm(np.exp(drawn[0] / 2 * X))
+    assert found.beta == pytest.approx([2 * unit])
+    assert (found.c, found.status) == (drawn[0], "stopped_by_limit")

@@ -1,0 +1,75 @@
+"""Errors at left-out parts, each number by hand for a model that is the mean of its samples: a
+factor of a column of ones.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from common import curve_of, dataset_of
+
+from mapmore_cli.fitting.kinds import refit
+from mapmore_cli.fitting.kinds.choices import model_choices
+from mapmore_cli.fitting.left_out import parts_of, residuals, share_beyond
+from mapmore_cli.study.experiment import ExperimentSpec
+
+SPEC = {
+    "name": "mean",
+    "data": {"files": ["*.csv"], "columns": {"x": {"column": "x"}, "y": {"column": "y"}}},
+    "target": {"column": "y"},
+    "dictionary": [{"terms": ["x"]}],
+    "fit": {"scaling": "none"},
+}
+CHOICES = model_choices(ExperimentSpec.model_validate(SPEC))
+
+
+def recordings(*outputs):
+    return dataset_of(*({"x": np.ones(len(y)), "y": np.array(y, dtype=float)} for y in outputs))
+
+
+def test_every_recording_is_predicted_by_the_others():
+    dataset = recordings([-8, -8], [1, 3], [4, 4], [0, 8])
+    held = replace(dataset.curves[3], held_out=np.ones(2, dtype=bool))
+    dataset = replace(dataset, curves=(*dataset.curves[:3], held))
+    steps = []
+    own = residuals(CHOICES, dataset, {}, lambda *step: steps.append(step), refit(CHOICES, dataset))
+    assert (own.kind, own.curves, own.parts) == ("recordings", 3, ("a", "b", "c"))
+    assert own.samples.tolist() == [2, 2, 2]
+    # without a, the mean of b and c is 3; without b it is -2; without c it is -3
+    assert own.offset == pytest.approx([-11, 4, 7])
+    assert own.scatter == pytest.approx([0, 1, 0], abs=1e-12)
+    assert (own.largest, own.astray) == (8, 0)
+    assert own.residual == pytest.approx(np.std([-8, -8, 1, 3, 4, 4]) * np.sqrt(7 / 5))
+    assert steps == [("recordings left out", number, 3) for number in (1, 2, 3)]
+
+
+@pytest.mark.parametrize(
+    ("predictions", "share"),
+    [
+        ([-2, 0, 3], 0),
+        ([4.0, 0], 0.2),
+        ([-3.5], 0.3),
+        ([3.5, -3, 0], 0.2),
+        ([5.0, -2.5], 0.4),
+    ],
+)
+def test_how_far_predictions_lie_beyond_the_range_of_the_target(predictions, share):
+    assert share_beyond(np.array(predictions), np.array([3.0, -2, 1])) == pytest.approx(share)
+    assert share_beyond(np.array(predictions), np.ones(3)) == 0
+
+
+def test_of_two_recordings_blocks_are_left_out_and_of_levels_those_within():
+    kind, count, parts = parts_of(recordings(range(20), range(10)), CHOICES)
+    assert (kind, count, [*parts]) == ("blocks", 5, [f"block {k} of 5" for k in (2, 3, 4)])
+    assert [np.flatnonzero(mask).tolist() for mask in parts["block 2 of 5"]] == [
+        [4, 5, 6, 7],
+        [2, 3],
+    ]
+    at_levels = tuple(
+        replace(curve_of({"p": np.full(2, level), "y": np.zeros(2)}, name=str(level)), level=level)
+        for level in (3.0, 1.0, 2.0)
+    )
+    levels = replace(recordings([0]), level="p", curves=at_levels)
+    kind, count, parts = parts_of(levels, CHOICES)
+    assert (kind, count, [*parts]) == ("levels", 3, ["p=2"])
+    assert [mask.tolist() for mask in parts["p=2"]] == [[False] * 2, [False] * 2, [True] * 2]

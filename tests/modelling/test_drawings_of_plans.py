@@ -1,0 +1,90 @@
+"""Drawings of `tune` and `plan`: what stands where, by hand."""
+
+import numpy as np
+import pytest
+
+from mapmore_cli.annexes.planning.drawing import drawing_of
+from mapmore_cli.annexes.planning.results import Candidate, Picture, Plan, Trial, Tuning
+from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.reporting.figures import style
+from mapmore_cli.reporting.figures.drawing import compose
+
+FORCE, STRAIN, LOAD = Quantity("force", "N"), Quantity("strain", "1"), Quantity("load", "kg")
+PLACES = {"strain": np.array([0.0, 0.1, 0.2]), "load": np.array([1.0, 2.0, 4.0])}
+PICTURE = Picture(
+    PLACES, np.array([3.0, 5.0, 4.0]), np.array([2.0, 1.0, 2.0]), {"strain": np.array([0.0, 0.2])}
+)
+CANDIDATES = tuple(
+    Candidate({"strain": x, "load": 10 * x}, "point", half_width=width)
+    for x, width in ((0.1, 5.0), (0.15, np.nan), (0.05, 4.0), (0.02, 1.0))
+)
+
+
+def marks(ax, colour):
+    """Places of the dots of a colour."""
+    dots = [line for line in ax.lines if line.get_marker() == "o" and line.get_color() == colour]
+    return [[*zip(*line.get_data(), strict=True)] for line in dots]
+
+
+def test_half_widths_over_one_quantity():
+    drawing = drawing_of(Plan("p", FORCE, {"strain": STRAIN}, 9.0, CANDIDATES, PICTURE))
+    (ax,) = compose(drawing).axes
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("strain", "half width of force (N)")
+    before, after, measured = ax.lines[:3]
+    assert [before.get_ydata().tolist(), after.get_ydata().tolist()] == [[3, 5, 4], [2, 1, 2]]
+    assert (before.get_color(), after.get_color()) == (style.BLUE, style.ORANGE)
+    assert measured.get_xydata().tolist() == [[0, 0], [0.2, 0]]
+    assert not measured.get_clip_on()  # whole dots on the axis
+    assert ax.get_ylim()[0] == 0
+    # the best three, an unknown half width at the bottom
+    assert marks(ax, style.VERMILLION) == [[(0.1, 5)], [(0.15, 0)], [(0.05, 4)]]
+    assert [text.get_text() for text in ax.texts] == ["1", "2", "3"]
+    words = ["now", "forecast after all", "measured", "next"]
+    assert [key.label for key in drawing.legend] == words
+
+
+def test_half_widths_over_two_quantities_are_colours():
+    picture = Picture(PLACES, PICTURE.before, PICTURE.after, PLACES)
+    plan = Plan("p", FORCE, {"strain": STRAIN, "load": LOAD}, 9.0, CANDIDATES, picture)
+    drawing = drawing_of(plan)
+    ax, bar = compose(drawing).axes
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("strain", "load (kg)")
+    assert bar.get_ylabel() == "half width of force (N)"
+    (colours,) = ax.collections
+    assert colours.get_offsets().tolist() == [[0, 1], [0.1, 2], [0.2, 4]]
+    assert colours.get_array().tolist() == [3, 5, 4]
+    dots = [(one.at["strain"], one.at["load"]) for one in CANDIDATES]
+    assert marks(ax, style.VERMILLION) == [[dot] for dot in dots]
+    assert [key.label for key in drawing.legend] == ["measured", "next"]
+
+
+def test_levels_to_measure_have_no_half_width():
+    between = (Candidate({"load": 2.0}, "between", gap=3.0),)
+    picture = Picture(PLACES, PICTURE.before, PICTURE.after, PLACES)
+    drawing = drawing_of(Plan("p", FORCE, {"load": LOAD}, 9.0, between, picture))
+    assert drawing.panels[0].y_labels == ("",)
+    assert drawing.caption.startswith("The levels that were measured")
+    assert len(drawing.legend) == 2
+
+
+def test_every_combination_is_a_dot_with_its_error_and_the_chosen_one_has_a_ring():
+    one = Trial({"order": 2, "stop": "bic"}, 3, (0.2,), 0.2, spread=0.1)
+    two = Trial({"order": 3, "stop": "bic"}, 5, (0.1,), 0.1, spread=100.0)
+    other = Trial({"order": 2, "stop": "ebic"}, 4, (0.3,), 0.3, spread=0.0)
+    failed = Trial({"order": 4, "stop": "bic"}, failure="no")
+    drawing = drawing_of(Tuning("t", "levels", "range", (one, two, other, failed), two, one))
+    assert [key.label for key in drawing.legend] == [
+        "order 2",
+        "order 3",
+        "simplest within one standard error",
+    ]
+    (ax,) = compose(drawing).axes
+    assert ax.lines[0].get_ydata() == pytest.approx([10, 10])
+    dots = [mark for line in ax.lines[1:] for mark in line.get_xydata().tolist()]
+    assert sorted(dots) == [[3, 20], [3, 20], [4, 30], [5, 10]]
+    colours = [line.get_color() for line in ax.lines[1:-1]]
+    assert colours[0] == colours[2] != colours[1]
+    bars = [path.vertices[:, 1] for bar in ax.collections for path in bar.get_paths()]
+    # one standard error of the logarithm below the error, and as far above
+    for bar, error, spread in zip(bars, (20, 10, 30), (0.1, 0.18, 0.02), strict=True):
+        assert bar == pytest.approx([error * np.exp(-spread), error * (2 - np.exp(-spread))])

@@ -1,0 +1,81 @@
+"""Rows for a prediction: where recordings end and have gaps, and what is read."""
+
+import numpy as np
+import pytest
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.pipeline.records import Sheet, between_gaps, by_recording
+
+
+def blocks(names, text, most=100):
+    """The cells of each block without its commas, and whether a recording begins with it."""
+    rows = Sheet(f"{','.join(names)}\n{text}".splitlines(keepends=True), "t", "columns").rows
+    found = by_recording(rows, names, most)
+    return [(" ".join(row.text.replace(",", "") for row in block), new) for block, new in found]
+
+
+def test_a_recording_ends_where_its_name_changes_or_time_goes_back():
+    names = ["recording", "time"]
+    assert blocks(names, "a,1\na,2\na,2\na,3\nb,4\nb,3\nb,5") == [
+        ("a1 a2 a2 a3", True),
+        ("b4", True),
+        ("b3 b5", True),
+    ]
+    assert blocks(["time", "x"], "1,a\n2,b\n0,c") == [("1a 2b", True), ("0c", True)]
+
+
+def test_long_recordings_come_in_blocks():
+    names = ["recording", "time"]
+    assert blocks(names, "a,1\na,2\na,3\nb,1\nb,2", most=2) == [
+        ("a1 a2", True),
+        ("a3", False),
+        ("b1 b2", True),
+    ]
+
+
+def test_rows_whose_time_cannot_be_read_belong_to_the_recording_around():
+    assert blocks(["time", "x"], "1,a\n?,b\n2,c\n1,d") == [("1a ?b 2c", True), ("1d", True)]
+    # the time before the unreadable one counts
+    assert blocks(["time", "x"], "5,a\n?,b\n2,c") == [("5a ?b", True), ("2c", True)]
+    # a record of another length is in the block and is refused when it is read
+    assert blocks(["time", "x"], "5,a\n1\n6,c") == [("5a 1 6c", True)]
+
+
+def test_a_step_of_more_than_ten_usual_ones_is_a_gap():
+    assert between_gaps(np.array([3.0])) == [slice(0, 1)]
+    assert between_gaps(np.array([])) == [slice(0, 0)]
+    assert between_gaps(np.array([0, 2.0])) == [slice(0, 2)]
+    even = np.arange(5.0)
+    assert between_gaps(np.append(even, 14.0)) == [slice(0, 6)]
+    assert between_gaps(np.append(even, [14.1, 15])) == [slice(0, 5), slice(5, 7)]
+
+
+def test_a_table_has_numbers_empty_fields_and_blank_lines():
+    sheet = Sheet(["x, y\n", "1,2\n", "\n", ",3\n", '"4",5'], "t.csv", "x", {"z": 0.5})
+    assert sheet.names == ["x", "y", "z"]
+    assert sheet.places(["y", "z"]) == {"y": 1, "z": 2}
+    rows = [*sheet.rows]
+    values = sheet.values(rows, {"x": 0, "z": 2})
+    np.testing.assert_array_equal(values["x"], [1, np.nan, np.nan, 4])
+    np.testing.assert_array_equal(values["z"], [0.5, np.nan, 0.5, 0.5])
+    assert [*sheet.extended(rows, "abcd")] == ["1,2,0.5,a\n", "\n", ",3,0.5,c\n", '"4",5,0.5,d']
+    one = Sheet(["x\n", "1\n", "\n"], "t.csv", "x")
+    np.testing.assert_array_equal(one.values([*one.rows], {"x": 0})["x"], [1, np.nan])
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        ([], "t.csv: the table is empty"),
+        (["z\n"], "already has a column z"),
+        (["x,y\n", "1\n"], "t.csv:row 2: has 2 fields, but the header has 3"),
+        (["x,y\n", "1,2\n", "a,2\n"], "t.csv:row 3, column x"),
+    ],
+)
+def test_what_a_table_must_not_have(lines, message):
+    def read():
+        sheet = Sheet(lines, "t.csv", "x", {"z": 1.0})
+        return sheet.values([*sheet.rows], {"x": 0})
+
+    with pytest.raises(DataError, match=message):
+        read()
