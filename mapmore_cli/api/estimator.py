@@ -54,11 +54,12 @@ class FROLS:
     are refused.
 
     After `fit`, `terms_`, `coef_` and `err_` are the terms, their coefficients and error reduction
-    ratios, (k,). Monomials of a column far from zero, for example `1e6 + x`, differ only by
-    rounding errors. The terms are then selected from monomials of the column minus its mean;
-    `selection_` and `table_` contain these terms, and `predict` computes with them. `terms_` and
-    `coef_` are the same model in the original column. A term that appears only because powers are
-    multiplied out has no ratio of its own; its ratio is zero.
+    ratios, (k,). Monomials of a column of `X` that is far from zero, for example `1e6 + x`, differ
+    only by rounding errors. The mean of such a column is subtracted before terms are selected;
+    `selection_` and `table_` contain terms of this difference, and `predict` computes with them.
+    `terms_` and `coef_` describe the same model with the column as it was passed in `X`. For this,
+    powers are multiplied out. A term that appears only thereby has an error reduction ratio of
+    zero.
 
     >>> x = np.linspace(0, 1, 50)
     >>> model = FROLS(order=2, max_terms=2).fit(np.column_stack([x, np.cos(9 * x)]), 3 * x**2 - 1)

@@ -59,7 +59,7 @@ class Scores(tuple[Mapping[str, Any], ...]):
     """The rows of `scores.json`, each a mapping such as `{"model": "mapmore", "split": "validate",
     "nrmse": 0.01, ...}`.
 
-    Printed, they are the table of the pooled rows.
+    `print(scores)` shows the pooled rows as a table.
     """
 
     table: ScoreTable

@@ -13,7 +13,7 @@ import pytest
 from page_outputs import FENCE, run_page, steps_of
 
 DOCS = Path(__file__).parents[2] / "docs"
-QUICK = ("messages", "export-c", "controller", "defaults", "reproduce")
+QUICK = ("messages", "export-c", "controller", "joint", "defaults", "reproduce")
 LONG = (
     "plan",
     "data",

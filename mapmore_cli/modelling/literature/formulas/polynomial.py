@@ -67,9 +67,10 @@ quantities are those of `muscle_like`.""",
         """Fifth-order polynomial of pressure and strain (Tothova et al., as used in M1).
 `a21` multiplies `strain^2*pressure^1`.
 
-It is fitted by plain least squares at the measured pressures. k training pressures determine only
-the powers of the pressure up to k - 1: the rank is 15, 18, 20 and 21 for k = 3, 4, 5 and 6. Scatter
-of the measured pressures can raise this number, and a note then says so. The missing powers are the
-reason for its poor prediction between few training pressures (M1 section IV).""",
+It is fitted by plain least squares at the measured pressures. With k training pressures, the data
+determine only powers of the pressure up to k - 1. Of the 21 coefficients, they determine 15 if k is
+3, 18 if k is 4, 20 if k is 5, and all if k is 6 or more. Scatter of the measured pressures can
+raise this number, which is the rank of the fit; a note then says so. The missing powers are the
+reason for the poor prediction between few training pressures (M1 section IV).""",
     ),
 )
