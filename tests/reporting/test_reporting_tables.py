@@ -203,7 +203,7 @@ class TestModel:
             own = fit.selection
             assert half == pytest.approx(student.ppf(0.975, own.freedom) * own.theta_error[0])
             assert physical_half > 0
-        assert any("of a recording have in common" in note for note in table.notes)
+        assert any("along a recording" in note for note in table.notes)
 
     def test_segments_show_their_bounds_and_error(self, inputs):
         table = tables_of(inputs)["segments"]
