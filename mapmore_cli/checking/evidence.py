@@ -23,7 +23,7 @@ COMPARED = 200
 # columns are the same signal if they agree to within this fraction of their range, or if their
 # correlation differs from 1 by less than this
 ROUNDING = 1e-4
-LITTLE = 0.01  # fraction of samples or of a range that may be chance
+LITTLE = 0.01  # fraction of samples or of a range that may be due to chance
 SOME = 0.05  # fraction of samples or of a range that is worth a warning
 MUCH = 0.5  # a fraction of samples, of a value or of a difference that counts as most of it
 

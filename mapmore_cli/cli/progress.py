@@ -128,7 +128,7 @@ class Reporter:
         self._stage = None if reason is None else (name, time.monotonic())
 
     def progress(self, what: str, done: int, total: int) -> None:
-        """Show the progress of long work (a `stages.stage.Progress`)."""
+        """Show the progress of long work (a `fitting.stage.Progress`)."""
         if self._quiet:
             return
         now = time.monotonic()

@@ -122,8 +122,9 @@ def _numbers(values: Array) -> list[float | None]:
 
 
 def _samples(inputs: ReportInputs, curves: Sequence[Curve]) -> dict[str, Any]:
-    """Return the columns of samples, evenly thinned, the samples to which the buttons move the
-    inputs, and the knobs, which start at the first of them.
+    """Return the samples of the page, evenly thinned to `MOST_TRAINED` samples of training data and
+    `MOST_SAMPLES` held-out ones; the samples of each button; and the sliders, which start at the
+    middle sample of the first held-out curve, or in the middle of all ranges.
     """
     names = [one.name for one in inputs.model.inputs]
     kept = [*names, inputs.model.output.name]

@@ -193,8 +193,8 @@ def render_figure(drawing: Drawing, style: FigureStyle = PLAIN) -> RenderedFigur
 
 
 class Arrangement(NamedTuple):
-    """The panels of a figure with their headings, the number side by side, and their total width in
-    inches.
+    """The panels of a figure with their headings, the number of panels side by side, and their
+    total width in inches.
     """
 
     panels: tuple[Panel, ...]

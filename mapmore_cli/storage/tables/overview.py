@@ -66,8 +66,8 @@ class Place(NamedTuple):
 class Column:
     """A column of numbers.
 
-    - `address`, `title`: its name in a spec, and its own name; the title of a column of a matrix is
-      None.
+    - `address`, `title`: its name in a spec, and its name in the file; the title of a column of a
+      matrix is None.
     - `group`: address of the group that contains it.
     - `length`, `values`: its length, and its first values.
     - `noted`: what the file says about it.
