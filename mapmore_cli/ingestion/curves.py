@@ -156,10 +156,8 @@ class LevelSet:
 
     def describe(self) -> str:
         """Return a description of the levels in one line."""
-        return (
-            f"levels of {self.of}: {', '.join(f'{value:g}' for value in self.at)} (within "
-            f"{self.within:g})"
-        )
+        reach = f"within {self.within:g}" if np.isfinite(self.within) else "all samples"
+        return f"levels of {self.of}: {', '.join(f'{value:g}' for value in self.at)} ({reach})"
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,7 @@ def test_samples_belong_to_the_level_within_its_reach():
     found = LEVELS.match(np.array([95.0, 105.0, 94.9, 105.1, 200.0, 400.0, 900.0]))
     np.testing.assert_array_equal(found, [100, 100, np.nan, np.nan, 200, 400, np.nan])
     assert LEVELS.describe() == "levels of P: 100, 200, 400 (within 5)"
+    assert LevelSet("P", np.array([100.0]), np.inf).describe() == "levels of P: 100 (all samples)"
 
 
 def recording(name, pressure, first_row=2):

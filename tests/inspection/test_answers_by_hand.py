@@ -122,7 +122,7 @@ def test_columns_of_a_person_are_in_the_given_unit():
 
 
 def test_columns_that_move_are_listed_with_the_command():
-    error = refuse_choice(TABLE, "a.csv", "folder")
+    error = refuse_choice(TABLE, "a.csv", "folder", is_map=False)
     listed = [line.split()[:2] for line in error.message.splitlines()[1:]]
     assert listed == [["0", "t"], ["1", "s1"], ["2", "s2"], ["4", "force"]]
     assert "mapmore init folder --target ... --inputs ..." in error.remedy
@@ -130,9 +130,12 @@ def test_columns_that_move_are_listed_with_the_command():
         place: replace(one, title="", column=place, quantity="", unit="")
         for place, one in enumerate(TABLE.values())
     }
-    error = refuse_choice(bare, "a.csv", "folder")
+    error = refuse_choice(bare, "a.csv", "folder", is_map=False)
     assert "--target force=4:N --inputs pressure=2:bar,time=0:ms" in error.remedy
     assert "always increases" in error.message.splitlines()[1]
+    two = {place: bare[place] for place in (0, 4)}  # of two columns, the first is the input
+    error = refuse_choice(two, "a.csv", "folder", is_map=False)
+    assert "--target force=4:N --inputs pressure=0:bar  (" in error.remedy
 
 
 def test_the_course_of_a_column_in_forty_signs():

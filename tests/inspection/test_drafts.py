@@ -126,8 +126,8 @@ def test_the_held_strain_in_the_names_of_files(tmp_path):
 
 
 def test_files_of_one_layout_are_one_study_and_others_another(tmp_path):
-    for name in ("left/pull", "right/slow_pull"):
-        isobaric(tmp_path / "rig", name + "_{:g}.csv")
+    for name, percent in (("left/pull", 1.0), ("right/slow_pull", 0.9)):
+        isobaric(tmp_path / "rig", name + "_{:g}.csv", percent)
     write(tmp_path / "rig" / "lift.csv", {"t_s": T, "P_bar": 3 * LOOP, "x_mm": 8 * LOOP**2})
     one, other = drafts(tmp_path)
     assert one.files == 8

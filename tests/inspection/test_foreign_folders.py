@@ -119,7 +119,7 @@ def test_files_with_other_units_are_one_study(tmp_path):
     assert [float(one.columns["pressure"].max()) for one in read] == pytest.approx(
         [300] * 3, rel=0.01
     )
-    assert "1 of 3 files have other units" in draft.text()
+    assert "1 of 3 files have other names or units" in draft.text()
     checked(draft, tmp_path)
 
 

@@ -322,3 +322,54 @@ def test_a_tree_without_a_table_is_refused(tmp_path, content):
     hdf5(tmp_path / "a.h5", **content)
     with pytest.raises(DataError, match=r"a\.h5: no table of numbers"):
         preview(tmp_path / "a.h5")
+
+
+# Names beside arrays
+# --------------------------------------------------------------------------------------------------
+
+NAMES = ("time_s", "p_kPa", "angle_deg")
+SIGNALS = np.column_stack([0.02 * np.arange(200), *(np.sin(np.arange(200) / k) for k in (9, 7))])
+
+
+def named_cell():
+    cell = np.empty(3, object)
+    cell[:] = NAMES
+    return cell
+
+
+@pytest.mark.parametrize("kind", ["npz", "cell", "h5"])
+def test_texts_beside_a_matrix_are_the_titles_of_its_columns(tmp_path, kind):
+    if kind == "npz":
+        np.savez(tmp_path / "a.npz", data=SIGNALS, columns=np.array(NAMES))
+    elif kind == "cell":
+        savemat(tmp_path / "a.mat", {"logsout": SIGNALS, "names": named_cell()})
+    else:
+        with h5py.File(tmp_path / "a.h5", "w") as file:
+            file["run/data"] = SIGNALS
+            file["run/names"] = list(NAMES)
+    (path,) = tmp_path.iterdir()
+    assert preview(path).titles == NAMES
+
+
+@pytest.mark.parametrize("units", [("s", "bar", "deg"), ("", "", "")])
+def test_the_name_and_the_unit_in_a_struct_are_those_of_its_data(tmp_path, units):
+    """dSPACE saves X and Y in this way, in a variable with the name of the file."""
+    for number in range(3):
+        names = ("Time", "Pressure", "Angle")
+        signals = [
+            {"Name": name, "Data": x, "Unit": unit}
+            for name, unit, x in zip(
+                names, units, SIGNALS.T + number * np.array([[0], [1], [2]]), strict=True
+            )
+        ]
+        variable = f"rec_{number}"
+        record = {variable: {"X": signals[0], "Y": np.array(signals[1:], object)}}
+        savemat(tmp_path / f"{variable}.mat", record)
+    draft = drafted(tmp_path)
+    assert draft.files == 3
+    pressure = draft.data["columns"]["pressure"]
+    assert (pressure["unit"], draft.open.get(("data", "columns", "pressure")) is None) == (
+        ("bar", True) if units[0] else ("kPa", False)
+    )
+    recordings = read_draft(draft, tmp_path, "Angle").recordings
+    assert [one.columns["Angle"][0] for one in recordings] == [0, 2, 4]

@@ -284,20 +284,19 @@ def test_pairs_of_a_clock_and_a_signal_are_no_tables_side_by_side():
     assert len(tables_below(rows, 1, holds_number)) == 1
 
 
-@pytest.mark.parametrize("name", ["{}", "psi"])
-def test_a_file_with_the_columns_in_another_order_belongs_to_the_others(tmp_path, name):
+@pytest.mark.parametrize(("unit", "scale"), [("kPa", 1.0), ("psi", 0.1450377)])
+def test_a_file_with_the_columns_in_another_order_belongs_to_the_others(tmp_path, unit, scale):
     """Also if it has a column of words, or another unit."""
-    pressure, force = swing()
-    unit, scale = ("kPa", 1.0) if name == "{}" else ("psi", 0.145)
     for number in range(4):
+        pressure, force = swing(number)
         write(tmp_path / f"r{number}.csv", {"t [s]": T, "p [kPa]": pressure, "F [N]": force})
-    rows = zip(T, force, scale * pressure, strict=True)
+    rows = zip(T, force, scale * pressure[::-1], strict=True)
     lines = [f"t [s],F [N],p [{unit}],note", *(f"{t},{f},{p},ok" for t, f, p in rows)]
     (tmp_path / "r4.csv").write_text("\n".join(lines))
     (draft,) = drafts(tmp_path)
     dataset = dataset_of(draft, tmp_path)
     assert len(dataset.recordings) == 5
-    np.testing.assert_allclose(dataset.recordings[4].columns["pressure"], pressure, rtol=1e-3)
+    np.testing.assert_allclose(dataset.recordings[4].columns["pressure"], pressure[::-1], rtol=1e-6)
 
 
 # Recordings that a column tells apart

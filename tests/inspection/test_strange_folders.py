@@ -4,12 +4,16 @@ tell is used.
 
 from __future__ import annotations
 
+import subprocess
+
 import numpy as np
 import pytest
 from recorded import drafted, drafts, write
 
 from mapmore_cli.annexes.drafting.answers import answers_of
+from mapmore_cli.annexes.drafting.preview import preview
 from mapmore_cli.annexes.drafting.sources import find_studies
+from mapmore_cli.domain.errors import DataError
 
 STRAIN = np.linspace(0.0, 0.15, 40)
 THERE_AND_BACK = np.concatenate([STRAIN, STRAIN[::-1]])
@@ -211,3 +215,41 @@ def test_files_of_office_programs_are_passed_over(tmp_path):
     for name in ("~$log.xlsx", "Thumbs.db", ".hidden.csv"):
         (tmp_path / name).write_bytes(b"x")
     assert find_studies(tmp_path)[1] == []
+
+
+def test_a_copy_of_a_file_is_left_out_by_name(tmp_path):
+    u = 50 + 40 * np.sin(T[:600])
+    for number in range(3):
+        columns = (T[:600], u + number, np.roll(u, 3))
+        write(tmp_path / f"bend_{number}.csv", columns, "t [s],p [kPa],angle [deg]\n")
+    copy = tmp_path / "bend_1 - Copy.csv"
+    copy.write_bytes((tmp_path / "bend_1.csv").read_bytes())
+    assert find_studies(tmp_path)[1] == ["bend_1 - Copy.csv: has the same contents as bend_1.csv"]
+    draft = drafted(tmp_path)
+    assert draft.data["skip_bad_files"] == [copy.name]
+    assert draft.data["split"] == {"validate": {"recordings": ["bend_1"]}}
+
+
+@pytest.mark.parametrize("mark", ["%", "#"])
+def test_remarks_with_numbers_stand_between_titles_and_numbers(tmp_path, mark):
+    head = f"{mark} t[s] p[kPa] angle[deg]\n{mark} speed = 3 mm/s\n"
+    u = 50 + 40 * np.sin(T[:600])
+    write(tmp_path / "log.txt", (T[:600], u, np.roll(u, 3)), head, "   ")
+    columns = drafted(tmp_path).data["columns"]
+    assert [(one["column"], one["unit"]) for one in columns.values()] == [
+        (0, "s"),
+        (1, "kPa"),
+        (2, "deg"),
+    ]
+
+
+@pytest.mark.parametrize(("label", "mark"), [("{}={}", ","), ("{}: {}", ", "), ("{}:{}", "\t")])
+def test_labelled_values_are_refused_with_a_command_that_keeps_their_names(tmp_path, label, mark):
+    rows = [{"t": k, "p": 2.5 * k, "F": -k} for k in range(40)]
+    lines = [mark.join(label.format(*one) for one in row.items()) for row in rows]
+    (tmp_path / "serial.txt").write_text("\n".join(lines) + "\n")
+    with pytest.raises(DataError) as refused:
+        drafted(tmp_path)
+    command = refused.value.remedy.split("for example with: ")[1]
+    subprocess.run(command, shell=True, cwd=tmp_path, check=True)
+    assert preview(tmp_path / "serial.csv").titles == ("t", "p", "F")

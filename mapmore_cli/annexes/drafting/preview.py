@@ -136,13 +136,18 @@ def preview(path: Path) -> Preview:
         raise DataError(": ".join(filter(None, [fault.message, fault.remedy]))) from fault
     if (width := max((len(row) for top in tops for row in top.rows), default=0)) > WIDEST:
         raise DataError(f"{path.name}: has {width} columns, more than {WIDEST}", remedy)
+    _refuse_labelled(path, tops)
     tables = [table for top in tops if (table := _table_in(top)) is not None]
     if not tables:
-        raise _no_table(path, tops, remedy)
+        lines = f" in its first {len(tops[0].rows)} lines" if tops and tops[0].rows else ""
+        raise DataError(
+            f"{path.name}: no table of numbers was found{lines}",
+            f"save the table as CSV, or {remedy}",
+        )
     best = max(tables, key=lambda table: table.rank)
-    layouts = {table.top.sheet: table.layout(reader.name) for table in tables}
-    layout = layouts[best.top.sheet]
+    layout = best.layout(reader.name)
     if best.top.sheet is not None:
+        layouts = {table.top.sheet: table.layout(reader.name) for table in tables}
         layout = _of_all_sheets(best.top.sheet, layouts, [top.sheet for top in tops])
     is_single = layout.alike or layout.is_map
     return layout if is_single else _with_tables_below(path, best, layout, reader)
@@ -198,18 +203,18 @@ def _titles_of(table: Below) -> list[str]:
     return [str(cell).strip() for cell in _nonempty(table.header[0][1])]
 
 
-def _no_table(path: Path, tops: Sequence[Top], remedy: str) -> DataError:
-    last = [str(cell) for top in tops for row in top.rows for cell in row]
-    if any(map(_LABELLED.fullmatch, last)):
-        line = f"sed -E 's/[A-Za-z_][A-Za-z_0-9]*[:=] *//g' '{path.name}' > '{path.stem}.csv'"
-        return DataError(
-            f"{path.name}: its cells have the form `name:number`, but only numbers can be read; "
-            f"remove the names, for example with: {line}"
+def _refuse_labelled(path: Path, tops: Sequence[Top]) -> None:
+    """Raise DataError for a text whose cells are labelled values. The remedy is a command that
+    writes the labels as titles.
+    """
+    rows = (top.rows[len(top.rows) // 2] for top in tops if top.rows)
+    if any(len(row) > 1 and all(_LABELLED.fullmatch(str(cell)) for cell in row) for row in rows):
+        titles = "1{h;s/ *[:=] *[^,;[:space:]]*//g;p;g;}"
+        line = f"sed -E '{titles};s/[A-Za-z_][A-Za-z_0-9]* *[:=] *//g' '{path.name}'"
+        raise DataError(
+            f"{path.name}: its cells have the form `name:number`; write the names into the first line only, "
+            f"for example with: {line} > '{path.stem}.csv'"
         )
-    lines = f" in its first {len(tops[0].rows)} lines" if tops and tops[0].rows else ""
-    return DataError(
-        f"{path.name}: no table of numbers was found{lines}", f"save the table as CSV, or {remedy}"
-    )
 
 
 def _of_all_sheets(
@@ -297,7 +302,8 @@ class _FoundTable:
                 spelt[place] = "s"  # time stamps are read in seconds, whatever stands above them
         header, skipped = 0, self.first
         if titled is not None and len(self.rows[titled]) <= self.wide:
-            header, skipped = max(lines) - titled + 1, titled
+            filled = [at for at in range(titled, self.first) if _nonempty(self.rows[at])]
+            header, skipped = filled[-1] - titled + 1, titled
         settings = dict(self.top.settings)
         if not self.top.addresses:
             settings |= {} if header == 1 else {"header": header or False}
@@ -324,8 +330,9 @@ class _FoundTable:
         They are as wide as the rows of numbers, and no cell to the right of these is filled.
 
         Blank lines may stand below titles and above a line of units. A cell that contains only the
-        mark of a remark counts as empty. A line with numbers is none of these lines, unless a
-        column that is empty below says what the numbers are, for example `Count:`.
+        mark of a remark counts as empty. Remarks of another form are passed over. A line with
+        numbers is none of these lines, unless a column that is empty below says what the numbers
+        are, for example `Count:`.
         """
         lines: dict[int, list[str]] = {}
         last = max(place for place, cells in enumerate(self.columns) if cells)
@@ -339,9 +346,10 @@ class _FoundTable:
                 cells = cells[1:]
             has_number = any(map(self.top.is_number, filled)) and not _are_units(cells)
             has_number &= not any(cells[place] for place in labels if place < len(cells))
-            if not filled or has_number or len(cells) <= last or any(cells[self.wide :]):
+            if filled and not has_number and len(cells) > last and not any(cells[self.wide :]):
+                lines[place] = cells
+            elif not filled or not str(filled[0]).strip().startswith(REMARKS):
                 break
-            lines[place] = cells
         return lines
 
     def line_of_titles(self, lines: Mapping[int, list[str]]) -> int | None:

@@ -6,9 +6,10 @@ A study consists of all files of one layout, in whatever folders they lie.
 from __future__ import annotations
 
 import glob
+import hashlib
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -34,7 +35,7 @@ from mapmore_cli.study.units import CANONICAL
 @dataclass(frozen=True)
 class Study:
     """Files of one layout, and a name for them. `bad` are the files of the folder that belong to no
-    study.
+    study, with the reasons.
 
     `variants` are the layouts of files with other units, for example bar if most files have kPa.
     """
@@ -42,7 +43,7 @@ class Study:
     files: tuple[Path, ...]
     layout: Preview
     name: str = ""
-    bad: tuple[Path, ...] = ()
+    bad: Mapping[Path, str] = field(default_factory=dict)
     variants: Mapping[Path, Preview] = field(default_factory=dict)
 
     def __str__(self) -> str:
@@ -127,29 +128,53 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
         )
     every = [path] if path.is_file() else [one for one in sorted(path.rglob("*")) if one.is_file()]
     left_out: list[str] = []
-    bad: list[Path] = []
+    bad: dict[Path, str] = {}
+    copies = _copies(every)
     seen: dict[tuple[str, tuple[bytes, ...]], Preview] = {}
     layouts: dict[str, tuple[Preview, list[Path]]] = {}
     for file in (one for one in every if one == path or _is_own(one, path)):
         if file != path and reader_of(file) is None:
             left_out += filter(None, [unread(file)])
             continue
+        if file in copies:
+            left_out.append(f"{file.name}: has the same contents as {copies[file].name}")
+            bad[file] = "has the same contents as another file"
+            continue
         try:
             like = (file.suffix, kinds_of_lines(file))
             layout = seen[like] if like in seen and like[1] else preview(file)
         except DataError as fault:
             left_out.append(fault.message)
-            bad.append(file)
+            bad[file] = "holds no table that could be read"
             continue
         seen[like] = layout
         kind = repr(replace(layout, numeric=()))
         layouts.setdefault(kind, (layout, []))[1].append(file)
     commented = [(_with_comments(layout, files), files) for layout, files in layouts.values()]
-    studies = [replace(one, bad=tuple(bad)) for one in _joined(commented)]
+    studies = [replace(one, bad=bad) for one in _joined(commented)]
     studies.sort(key=lambda study: (-len(study.files), study.files[0]))
     folders = [study.folder for study in studies]
     named = (replace(one, name=_name(one, folders.count(one.folder) == 1)) for one in studies)
     return [*named], left_out
+
+
+def _copies(files: Sequence[Path]) -> dict[Path, Path]:
+    """Return the files that have the same contents as another file, with that file, which has the
+    shorter name. Empty files are no copies.
+    """
+    by_size: dict[int, list[Path]] = {}
+    for file in sorted(files, key=lambda file: (len(file.name), file)):
+        by_size.setdefault(file.stat().st_size, []).append(file)
+    first: dict[bytes, Path] = {}
+    copies: dict[Path, Path] = {}
+    for size, alike in by_size.items():
+        for file in alike if size and len(alike) > 1 else ():
+            with file.open("rb") as contents:
+                digest = hashlib.file_digest(contents, "blake2b").digest()
+            if digest in first:
+                copies[file] = first[digest]
+            first.setdefault(digest, file)
+    return copies
 
 
 def _with_comments(layout: Preview, files: Sequence[Path]) -> Preview:
@@ -245,7 +270,7 @@ def second_of(study: Study, studies: Sequence[Study]) -> Study | None:
     return beside[0] if is_lacking and len(beside) == 1 else None
 
 
-def patterns(files: Sequence[Path], folder: Path, bad: Sequence[Path] = ()) -> list[str]:
+def patterns(files: Sequence[Path], folder: Path, bad: Iterable[Path] = ()) -> list[str]:
     """Return a list with one glob, relative to `folder`, that matches all `files` and at most `bad`
     files besides. If there is no such glob, return the names of all files.
 
@@ -304,11 +329,12 @@ def started(
     draft = draft.with_data("files", entries)
     named = {one if isinstance(one, str) else one["path"] for one in entries}
     files = {path for one in named if glob.has_magic(one) for path in expand(one, folder, True)}
-    if bad := sorted(relative_name(one, folder) for one in files & {*study.bad}):
-        draft = draft.with_data("skip_bad_files", bad, "hold no table that could be read")
+    if bad := {relative_name(one, folder): study.bad[one] for one in files & {*study.bad}}:
+        why = "; ".join(f"{name} {reason}" for name, reason in sorted(bad.items()))
+        draft = draft.with_data("skip_bad_files", sorted(bad), why)
     reasons = [f"names: {', '.join(one.why for one in conditions)}"] if conditions else []
     if changed := study.changed_columns(columns or {}):
-        reasons.append(f"{len(changed)} of {len(study.files)} files have other units")
+        reasons.append(f"{len(changed)} of {len(study.files)} files have other names or units")
     if layout.tables:
         reasons.append(f"each of the {len(layout.tables)} tables in a file is a recording")
     if reasons or remark:

@@ -292,7 +292,9 @@ def _matlab_array(dataset: h5py.Dataset) -> Member:
     if empty:
         return EMPTY
     if _class_of(dataset) == "char":  # MATLAB stores characters as UTF-16 numbers
-        return Member("text", values=lambda _: np.array([b"text"]))
+        return Member(
+            "text", values=lambda _: np.array(["".join(map(chr, dataset[()].ravel().tolist()))])
+        )
     if dataset.dtype.names:  # real and imag
         return Member("an array of complex numbers", values=lambda _: np.zeros(1, complex))
 

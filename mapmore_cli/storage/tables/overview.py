@@ -4,13 +4,14 @@ reader of such formats.
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -54,12 +55,15 @@ def tree_reader(
 
 
 class Place(NamedTuple):
-    """A member of a tree with its address, its name and the address of its group."""
+    """A member of a tree with its address, its name, the address of its group, and the text that
+    stands beside it as its unit.
+    """
 
     address: str
     name: str
     group: str
     member: Member
+    unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -119,26 +123,37 @@ def _places(top: Member, separator: str) -> list[Place]:
     may form circles.
     """
     places = [Place("", "", "", top)]
-    for address, _, _, here in places:  # places are added to the list during this loop
+    for address, _, _, here, _ in places:  # places are added to the list during this loop
         for name in here.names or range(here.count or 0):
             if len(places) > MOST_MEMBERS:
                 return places
             if (member := _readable(here, name)) is not None:
                 part = f"[{name}]" if isinstance(name, int) else f"{separator}{name}"
                 title = _title_of(here, str(name), address.partition(separator)[0])
+                unit = _text_beside(here, str(name), ("unit", "units"))
                 inner = f"{address}{part}".removeprefix(separator)
-                places.append(Place(inner, title, address, member))
+                places.append(Place(inner, title, address, member, unit))
     return places
 
 
 def _title_of(here: Member, name: str, variable: str) -> str:
-    """Return the name of a member. The values of a signal that Simulink logged get the label of the
-    signal, or otherwise the name of its block or variable.
+    """Return the name of a member. The data of a signal get the text that stands beside them as
+    `name` or `label`. The values of a signal that Simulink logged get its label, or otherwise the
+    name of its block or variable.
     """
-    if name != "values" or "dimensions" not in here.names:
-        return name
-    block = _text(here, "blockName").rpartition("/")[2]
-    return _text(here, "label") or block or variable
+    if name == "values" and "dimensions" in here.names:
+        block = _text(here, "blockName").rpartition("/")[2]
+        return _text(here, "label") or block or variable
+    return _text_beside(here, name, ("name", "label")) or name
+
+
+def _text_beside(here: Member, name: str, wanted: Sequence[str]) -> str:
+    """Return the text beside the data of a signal, in a member with one of the wanted names; empty
+    for members that are no data of a signal.
+    """
+    is_data = name.casefold() in ("data", "values")
+    names = [other for other in here.names if is_data and other.casefold() in wanted]
+    return next(filter(None, (_text(here, other) for other in names)), "")
 
 
 def _text(here: Member, name: str) -> str:
@@ -214,14 +229,43 @@ def _log(columns: Sequence[Column]) -> list[Column]:
 
 def _columns(places: Sequence[Place], most: int) -> list[Column]:
     """Return every column of numbers. Collections other than groups are left out."""
+    titles = [(place.group, texts) for place in places if (texts := _texts_in(place.member))]
     return [
-        column for place in places if place.member.is_array for column in _columns_of(place, most)
+        column
+        for place in places
+        if place.member.is_array
+        for column in _columns_of(
+            place, most, [texts for group, texts in titles if group == place.group]
+        )
     ]
 
 
-def _columns_of(place: Place, most: int) -> Iterator[Column]:
-    """Yield the columns of an array: the array itself, or the columns of a matrix."""
-    address, title, group, member = place
+def _texts_in(member: Member) -> list[str]:
+    """Return the texts in an array or a collection of at most `WIDEST` different texts; empty for
+    anything else.
+    """
+    size = math.prod(member.shape) if member.is_array else member.count or 0
+    if member.kind == "text" or not 1 < size <= WIDEST:
+        return []
+    cells: list[Any] = []
+    if member.is_array:
+        with suppress(DataError, TypeError):
+            cells = np.asarray(member.values(())).ravel().tolist()
+    else:
+        elements = [_readable(member, number) for number in range(size)]
+        cells = [one.values(())[0] for one in elements if one is not None and one.kind == "text"]
+    texts = [cell.decode(errors="replace") if isinstance(cell, bytes) else cell for cell in cells]
+    names = {text.strip() for text in texts if isinstance(text, str)} - {""}
+    return [text.strip() for text in texts] if len(names) == len(texts) == size else []
+
+
+def _columns_of(place: Place, most: int, titles: Sequence[Sequence[str]] = ()) -> Iterator[Column]:
+    """Yield the columns of an array: the array itself, or the columns of a matrix. If one of the
+    lists of texts beside a matrix has as many texts as the matrix has columns, these are the
+    titles.
+    """
+    address, title, group, member, unit = place
+    noted = replace(member.noted, unit=member.noted.unit or unit)
     long = [length for length in member.shape if length != 1]
     matrix = len(member.shape) == 2 and len(long) == 2 and min(long) <= WIDEST
     if len(long) > 1 and not matrix:
@@ -234,11 +278,14 @@ def _columns_of(place: Place, most: int) -> Iterator[Column]:
     except DataError:
         return
     if not matrix:
-        yield Column(address, title, group, length, values.reshape(-1), member.noted)
+        yield Column(address, title, group, length, values.reshape(-1), noted)
         return
-    for number, column in enumerate(values if along else values.T):
+    columns = values if along else values.T
+    fitting = [texts for texts in titles if len(texts) == len(columns)]
+    own = fitting[0] if len(fitting) == 1 else [None] * len(columns)
+    for number, (column, name) in enumerate(zip(columns, own, strict=True)):
         index = f"[{number},:]" if along else f"[:,{number}]"
-        yield Column(f"{address}{index}", None, group, length, column, member.noted)
+        yield Column(f"{address}{index}", name, group, length, column, noted)
 
 
 def _sample_time(columns: Iterable[Column]) -> float | None:
