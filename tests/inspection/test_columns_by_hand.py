@@ -8,7 +8,13 @@ import pytest
 
 from mapmore_cli.annexes.drafting import names as names_of_files
 from mapmore_cli.annexes.drafting.answers import Hold
-from mapmore_cli.annexes.drafting.by_titles import PARTS, clock_in_parts, known_by_titles, target_of
+from mapmore_cli.annexes.drafting.by_titles import (
+    PARTS,
+    clock_in_parts,
+    kind_to_predict,
+    known_by_titles,
+    target_of,
+)
 from mapmore_cli.annexes.drafting.columns import (
     SINCE_1970,
     TitledColumn,
@@ -160,6 +166,108 @@ def test_reasons_why_columns_are_left_out():
     assert [*left_out] == [one.column for one, why in others if why]
     for one, why in others:
         assert why in left_out.get(one.column, "")
+
+
+CLOCK = column(0.1 * np.arange(40), title="t", quantity="time", unit="s", place=0)
+WAVE = np.sin(np.arange(40.0))
+
+
+def noisy(title, quantity="", unit="", place=1):
+    """A column like no other."""
+    values = np.random.default_rng(place).normal(size=40)
+    return column(values, title=title, quantity=quantity, unit=unit, place=place)
+
+
+def plain(title, quantity, unit="", place=1):
+    return replace(noisy(title, quantity, unit, place), plain=True)
+
+
+def known(*columns):
+    return known_by_titles({one.column: one for one in columns})
+
+
+@pytest.mark.parametrize(
+    ("values", "why"),
+    [
+        (np.tile(np.arange(12) * 5.0, 3), "begins anew at 60: where it is the clock"),
+        (np.append(np.arange(5.0), 0), "its clock is set back"),
+        (np.array([0.0, 0, 0, 1, 0]), "its clock is set back"),
+        (np.array([0.0, 0, 0, 0, 1, 0]), "mostly repeats"),
+    ],
+)
+def test_why_a_time_is_no_clock(values, why):
+    time = column(values, title="time", quantity="time", unit="s")
+    assert known(time, noisy("a"))[1]["time"].startswith(why)
+
+
+def test_a_clock_in_parts_is_one_quantity_and_no_other_column_is_a_clock():
+    seconds = np.arange(150.0) + 0.5
+    parts = [column(seconds // 60, title="mm"), column(seconds % 60, title="ss", place=1)]
+    other = column(seconds, title="t", quantity="time", unit="s", place=2)
+    columns, left_out = known(*parts, other, noisy("x", place=3))
+    assert [*columns] == ["time", "x"]
+    assert columns["time"].parts == {"mm": "min", "ss": "s"}
+    assert (columns["time"].column, left_out) == ("mm", {"t": "is a second clock"})
+
+
+def test_of_two_copies_the_one_whose_title_says_more_is_kept():
+    orders = [
+        [("u", "", "", False), ("F", "force", "", False)],
+        [("F", "force", "", False), ("F N", "force", "N", False)],
+        [("F of", "force", "N", False), ("F", "force", "N", True)],
+        [("d", "displacement", "mm", True), ("eps", "strain", "mm", True)],
+        [("l", "length", "mm", True), ("d", "displacement", "mm", True)],
+    ]
+    for said in orders:
+        for order in (said, said[::-1]):
+            copies = [
+                replace(column(k + WAVE, title=title, quantity=quantity, unit=unit), plain=is_plain)
+                for k, (title, quantity, unit, is_plain) in enumerate(order)
+            ]
+            _, left_out = known(*copies)
+            assert left_out == {said[0][0]: f"is a copy of {said[1][0]}"}
+    # a force and a position that look alike are both kept
+    force, strain = (column(WAVE, title=one, quantity=one, unit="1") for one in ("force", "strain"))
+    assert known(force, strain)[1] == {}
+
+
+@pytest.mark.parametrize(
+    ("columns", "names"),
+    [
+        ([plain("F", "force")], ["force"]),
+        ([plain("F", "load")], ["force"]),  # who tests materials says load
+        ([plain("F", "force"), plain("L", "load", place=2)], ["force", "load"]),
+        ([plain("x", "displacement")], ["x"]),  # an x without a unit says nothing
+        ([plain("x", "displacement", "mm")], ["displacement"]),
+        ([plain("strain", "strain")], ["strain"]),
+        ([plain("P1", "pressure"), plain("P2", "pressure", place=2)], ["P1", "P2"]),
+        ([plain("P", "pressure"), noisy("pressure b", "pressure", "bar", 2)],
+         ["pressure", "pressure_b"]),
+        ([noisy("force left", "force", "N"), noisy("P", "pressure", "bar", 2)], ["force", "P"]),
+        ([noisy("force left", "force")], ["force_left"]),
+        ([noisy("a", place=4), noisy("time", place=5)], ["a", "time_5"]),
+        ([noisy("a"), noisy("a ", place=6)], ["a", "column_6"]),
+    ],
+)  # fmt: skip
+def test_a_quantity_has_the_plainest_title(columns, names):
+    assert [*known(CLOCK, *columns)[0]] == ["time", *names]
+
+
+@pytest.mark.parametrize(
+    ("name", "titled", "kind"),
+    [
+        *(("force", None, "force"), ("F_left", None, "force"), ("pressure", None, "drive")),
+        *(("strain", None, "position"), ("colour", None, "")),
+        ("a", noisy("a"), ""),
+        ("a", column([1, 2, 1, 2], title="a"), "drive"),  # a switch
+        ("F", column([1, 2, 1, 2], title="F", quantity="force"), "unclear"),
+        *(("P1", noisy("P1", "pressure"), "drive"), ("Pab", noisy("Pab", "pressure"), "unclear")),
+        ("u", noisy("u", "input"), "drive"),
+        *(("F", noisy("F", "load"), "unclear"), ("F", plain("F", "load"), "force")),
+    ],
+)  # fmt: skip
+def test_what_a_title_says_of_prediction(name, titled, kind):
+    assert kind_to_predict(name, titled) == kind
 
 
 @pytest.mark.parametrize(
