@@ -43,6 +43,7 @@ from mapmore_cli.annexes.drafting.names import (
     stem_of,
     told_by_names,
 )
+from mapmore_cli.annexes.drafting.page import drawing
 from mapmore_cli.annexes.drafting.preview import Preview
 from mapmore_cli.annexes.drafting.recordings import with_strain
 from mapmore_cli.annexes.drafting.spelling import spelt, words
@@ -393,6 +394,67 @@ def test_columns_of_a_draft_name_only_what_is_unusual():
     assert range_of([np.array([1.0, -2.0]), np.array([3.14159])], "N") == "-2 to 3.142 N"
     np.testing.assert_array_equal(scaled(np.array([2.0, 4.0, 3.0])), [0, 1, 0.5])
     np.testing.assert_array_equal(scaled(np.ones(2)), [0, 0])
+
+
+def test_a_draft_has_sections_keys_and_notes():
+    empty = Draft({"name": "a", "data": {"files": ["x"]}, "target": "static"}, tips=("try b", "c"))
+    assert (empty.name, empty.output, empty.open, empty.bad_files) == ("a", "force", {}, "")
+    assert replace(empty, spec={"target": "strain"}).output == "strain"
+    draft = empty.with_data("levels", {"of": "P"}, "by name", sure=False)
+    draft = draft.with_section("units", {"P": "bar"}, "titles").with_data("skip_bad_files", True)
+    assert draft.spec["data"] == {"files": ["x"], "levels": {"of": "P"}, "skip_bad_files": True}
+    assert draft.open == {("data", "levels"): Note("by name", sure=False)}
+    assert draft.notes["units",] == Note("titles")
+    assert draft.bad_files == ""
+    for sure, files in ((False, "b.csv"), (True, "")):
+        assert draft.noted(("data", "skip_bad_files"), "b.csv", sure).bad_files == files
+    assert draft.noted(("name",), None) is draft
+    nested = draft.noted(("data", "levels", "of"), "why")
+    rest = nested.without_data("levels")
+    assert (rest.data, [*rest.notes]) == ({"files": ["x"], "skip_bad_files": True}, [("units",)])
+    modeline, head, *lines = draft.text().splitlines()
+    assert modeline.startswith("# yaml-language-server")
+    assert head == HEAD
+    assert lines == [
+        *("# CHECK: try b", "# CHECK: c", "name: a", "data:", "  files: [x]"),
+        *("  levels: {of: P}  # CHECK: by name", "  skip_bad_files: true"),
+        *("units: {P: bar}  # titles", "target: static"),
+    ]
+
+
+def test_long_values_and_columns_of_a_draft_have_lines_of_their_own():
+    columns = {"P": {"column": "p" * 60, "unit": "bar"}, "F": {"column": "f"}}
+    spec = {"extra": 1, "data": {"columns": columns, "files": [f"{k:020}" for k in range(9)]}}
+    notes = {("data", "columns", "F"): Note("why"), ("data", "files"): Note("w\n x", sure=False)}
+    lines = yaml_text(spec, notes, "#").splitlines()
+    assert lines[1:3] == ["data:", "  columns:"]
+    assert lines[3] == "    P:"
+    assert lines[4].startswith("      column: pppp")
+    (force,) = (line for line in lines if line.startswith("    F:"))
+    assert force == "    F: {column: f}  # why"
+    (first,) = (place for place, line in enumerate(lines) if line.startswith("  files:"))
+    assert lines[first].endswith("# CHECK: w x") or lines[first - 1] == "  # CHECK: w x"
+    assert lines[-1] == "extra: 1"
+
+
+def test_where_a_column_is_read():
+    parts = NamedColumn("h", parts={"h": "h", 3: "min"})
+    assert parts.as_spec() == {"columns": ["h", 3], "format": "h min"}
+    assert (parts.places, NamedColumn("P").places) == ({"h", 3}, {"P"})
+    assert NamedColumn("P").refers_to("P")
+    assert not NamedColumn("3").refers_to("4")
+
+
+def test_a_drawing_of_a_column_is_scaled_to_its_box():
+    y = [np.array([1.0, 3.0]), np.array([2.0])]
+    assert 'd="M0.0 200.0 L200.0 0.0 L400.0 100.0"' in drawing(y)
+    assert 'd="M400.0 200.0 L0.0 0.0 L0.0 100.0"' in drawing(y, [np.array([7.0, 5.0, 5.0])])
+    assert 'viewBox="-2 -2 404 204"' in drawing(y)
+    for count, points in ((600, 600), (601, 600)):
+        path = drawing([np.arange(float(count))]).partition("d=")[2]
+        assert path.count(" L") == points - 1
+        assert path.startswith('"M0.0 200.0')
+        assert path.endswith('L400.0 0.0"/></svg>')
 
 
 @pytest.mark.parametrize(
