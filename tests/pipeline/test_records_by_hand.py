@@ -85,7 +85,9 @@ def test_a_table_has_numbers_empty_fields_and_blank_lines():
     np.testing.assert_array_equal(values["z"], [0.5, np.nan, 0.5, 0.5])
     assert [*sheet.extended(rows, "abcd")] == ["1,2,0.5,a\n", "\n", ",3,0.5,c\n", '"4",5,0.5,d']
     one = Sheet(["x\n", "1\n", "\n"], "t.csv", "x")
-    np.testing.assert_array_equal(one.values([*one.rows], {"x": 0})["x"], [1, np.nan])
+    rows = [*one.rows]
+    np.testing.assert_array_equal(one.values(rows, {"x": 0})["x"], [1, np.nan])
+    assert [*one.extended(rows, "ab")] == ["1,a\n", ",b\n"]
 
 
 @pytest.mark.parametrize(
