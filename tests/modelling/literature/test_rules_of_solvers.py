@@ -189,6 +189,7 @@ def test_without_nonlinear_parameters_nothing_is_searched(method):
     line = LeastSquares(parse("a*x"), ("a",), (), {"a": parse("x")}, {"x": X}, 3 * X + 1)
     found = method(line)
     assert found.beta == pytest.approx([X @ line.y / (X @ X)])
+    assert len(found.c) == 0
     assert (found.status, found.notes) == ("converged", ())
 
 
