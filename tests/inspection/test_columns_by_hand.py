@@ -9,7 +9,7 @@ import pytest
 
 from mapmore_cli.annexes.drafting import names as names_of_files
 from mapmore_cli.annexes.drafting.answers import Hold
-from mapmore_cli.annexes.drafting.by_titles import known_by_titles, target_of
+from mapmore_cli.annexes.drafting.by_titles import kind_to_predict, known_by_titles, target_of
 from mapmore_cli.annexes.drafting.clocks import PARTS, clock_in_parts
 from mapmore_cli.annexes.drafting.columns import (
     SINCE_1970,
@@ -39,6 +39,7 @@ from mapmore_cli.annexes.drafting.names import (
     stem_of,
     told_by_names,
 )
+from mapmore_cli.annexes.drafting.page import drawing
 from mapmore_cli.annexes.drafting.preview import Preview
 from mapmore_cli.annexes.drafting.recordings import with_strain
 from mapmore_cli.annexes.drafting.spelling import spelt, words
@@ -168,6 +169,108 @@ def test_reasons_why_columns_are_left_out():
         assert why in left_out.get(one.column, "")
 
 
+CLOCK = column(0.1 * np.arange(40), title="t", quantity="time", unit="s", place=0)
+WAVE = np.sin(np.arange(40.0))
+
+
+def noisy(title, quantity="", unit="", place=1):
+    """A column like no other."""
+    values = np.random.default_rng(place).normal(size=40)
+    return column(values, title=title, quantity=quantity, unit=unit, place=place)
+
+
+def plain(title, quantity, unit="", place=1):
+    return replace(noisy(title, quantity, unit, place), plain=True)
+
+
+def known(*columns):
+    return known_by_titles({one.column: one for one in columns})
+
+
+@pytest.mark.parametrize(
+    ("values", "why"),
+    [
+        (np.tile(np.arange(12) * 5.0, 3), "begins anew at 60: where it is the clock"),
+        (np.append(np.arange(5.0), 0), "its clock is set back"),
+        (np.array([0.0, 0, 0, 1, 0]), "its clock is set back"),
+        (np.array([0.0, 0, 0, 0, 1, 0]), "mostly repeats"),
+    ],
+)
+def test_why_a_time_is_no_clock(values, why):
+    time = column(values, title="time", quantity="time", unit="s")
+    assert known(time, noisy("a"))[1]["time"].startswith(why)
+
+
+def test_a_clock_in_parts_is_one_quantity_and_no_other_column_is_a_clock():
+    seconds = np.arange(150.0) + 0.5
+    parts = [column(seconds // 60, title="mm"), column(seconds % 60, title="ss", place=1)]
+    other = column(seconds, title="t", quantity="time", unit="s", place=2)
+    columns, left_out = known(*parts, other, noisy("x", place=3))
+    assert [*columns] == ["time", "x"]
+    assert columns["time"].parts == {"mm": "min", "ss": "s"}
+    assert (columns["time"].column, left_out) == ("mm", {"t": "is a second clock"})
+
+
+def test_of_two_copies_the_one_whose_title_says_more_is_kept():
+    orders = [
+        [("u", "", "", False), ("F", "force", "", False)],
+        [("F", "force", "", False), ("F N", "force", "N", False)],
+        [("F of", "force", "N", False), ("F", "force", "N", True)],
+        [("d", "displacement", "mm", True), ("eps", "strain", "mm", True)],
+        [("l", "length", "mm", True), ("d", "displacement", "mm", True)],
+    ]
+    for said in orders:
+        for order in (said, said[::-1]):
+            copies = [
+                replace(column(k + WAVE, title=title, quantity=quantity, unit=unit), plain=is_plain)
+                for k, (title, quantity, unit, is_plain) in enumerate(order)
+            ]
+            _, left_out = known(*copies)
+            assert left_out == {said[0][0]: f"is a copy of {said[1][0]}"}
+    # a force and a position that look alike are both kept
+    force, strain = (column(WAVE, title=one, quantity=one, unit="1") for one in ("force", "strain"))
+    assert known(force, strain)[1] == {}
+
+
+@pytest.mark.parametrize(
+    ("columns", "names"),
+    [
+        ([plain("F", "force")], ["force"]),
+        ([plain("F", "load")], ["force"]),  # who tests materials says load
+        ([plain("F", "force"), plain("L", "load", place=2)], ["force", "load"]),
+        ([plain("x", "displacement")], ["x"]),  # an x without a unit says nothing
+        ([plain("x", "displacement", "mm")], ["displacement"]),
+        ([plain("strain", "strain")], ["strain"]),
+        ([plain("P1", "pressure"), plain("P2", "pressure", place=2)], ["P1", "P2"]),
+        ([plain("P", "pressure"), noisy("pressure b", "pressure", "bar", 2)],
+         ["pressure", "pressure_b"]),
+        ([noisy("force left", "force", "N"), noisy("P", "pressure", "bar", 2)], ["force", "P"]),
+        ([noisy("force left", "force")], ["force_left"]),
+        ([noisy("a", place=4), noisy("time", place=5)], ["a", "time_5"]),
+        ([noisy("a"), noisy("a ", place=6)], ["a", "column_6"]),
+    ],
+)  # fmt: skip
+def test_a_quantity_has_the_plainest_title(columns, names):
+    assert [*known(CLOCK, *columns)[0]] == ["time", *names]
+
+
+@pytest.mark.parametrize(
+    ("name", "titled", "kind"),
+    [
+        *(("force", None, "force"), ("F_left", None, "force"), ("pressure", None, "drive")),
+        *(("strain", None, "position"), ("colour", None, "")),
+        ("a", noisy("a"), ""),
+        ("a", column([1, 2, 1, 2], title="a"), "drive"),  # a switch
+        ("F", column([1, 2, 1, 2], title="F", quantity="force"), "unclear"),
+        *(("P1", noisy("P1", "pressure"), "drive"), ("Pab", noisy("Pab", "pressure"), "unclear")),
+        ("u", noisy("u", "input"), "drive"),
+        *(("F", noisy("F", "load"), "unclear"), ("F", plain("F", "load"), "force")),
+    ],
+)  # fmt: skip
+def test_what_a_title_says_of_prediction(name, titled, kind):
+    assert kind_to_predict(name, titled) == kind
+
+
 @pytest.mark.parametrize(
     ("kinds", "driven", "target"),
     [
@@ -291,6 +394,67 @@ def test_columns_of_a_draft_name_only_what_is_unusual():
     assert range_of([np.array([1.0, -2.0]), np.array([3.14159])], "N") == "-2 to 3.142 N"
     np.testing.assert_array_equal(scaled(np.array([2.0, 4.0, 3.0])), [0, 1, 0.5])
     np.testing.assert_array_equal(scaled(np.ones(2)), [0, 0])
+
+
+def test_a_draft_has_sections_keys_and_notes():
+    empty = Draft({"name": "a", "data": {"files": ["x"]}, "target": "static"}, tips=("try b", "c"))
+    assert (empty.name, empty.output, empty.open, empty.bad_files) == ("a", "force", {}, "")
+    assert replace(empty, spec={"target": "strain"}).output == "strain"
+    draft = empty.with_data("levels", {"of": "P"}, "by name", sure=False)
+    draft = draft.with_section("units", {"P": "bar"}, "titles").with_data("skip_bad_files", True)
+    assert draft.spec["data"] == {"files": ["x"], "levels": {"of": "P"}, "skip_bad_files": True}
+    assert draft.open == {("data", "levels"): Note("by name", sure=False)}
+    assert draft.notes["units",] == Note("titles")
+    assert draft.bad_files == ""
+    for sure, files in ((False, "b.csv"), (True, "")):
+        assert draft.noted(("data", "skip_bad_files"), "b.csv", sure).bad_files == files
+    assert draft.noted(("name",), None) is draft
+    nested = draft.noted(("data", "levels", "of"), "why")
+    rest = nested.without_data("levels")
+    assert (rest.data, [*rest.notes]) == ({"files": ["x"], "skip_bad_files": True}, [("units",)])
+    modeline, head, *lines = draft.text().splitlines()
+    assert modeline.startswith("# yaml-language-server")
+    assert head == HEAD
+    assert lines == [
+        *("# CHECK: try b", "# CHECK: c", "name: a", "data:", "  files: [x]"),
+        *("  levels: {of: P}  # CHECK: by name", "  skip_bad_files: true"),
+        *("units: {P: bar}  # titles", "target: static"),
+    ]
+
+
+def test_long_values_and_columns_of_a_draft_have_lines_of_their_own():
+    columns = {"P": {"column": "p" * 60, "unit": "bar"}, "F": {"column": "f"}}
+    spec = {"extra": 1, "data": {"columns": columns, "files": [f"{k:020}" for k in range(9)]}}
+    notes = {("data", "columns", "F"): Note("why"), ("data", "files"): Note("w\n x", sure=False)}
+    lines = yaml_text(spec, notes, "#").splitlines()
+    assert lines[1:3] == ["data:", "  columns:"]
+    assert lines[3] == "    P:"
+    assert lines[4].startswith("      column: pppp")
+    (force,) = (line for line in lines if line.startswith("    F:"))
+    assert force == "    F: {column: f}  # why"
+    (first,) = (place for place, line in enumerate(lines) if line.startswith("  files:"))
+    assert lines[first].endswith("# CHECK: w x") or lines[first - 1] == "  # CHECK: w x"
+    assert lines[-1] == "extra: 1"
+
+
+def test_where_a_column_is_read():
+    parts = NamedColumn("h", parts={"h": "h", 3: "min"})
+    assert parts.as_spec() == {"columns": ["h", 3], "format": "h min"}
+    assert (parts.places, NamedColumn("P").places) == ({"h", 3}, {"P"})
+    assert NamedColumn("P").refers_to("P")
+    assert not NamedColumn("3").refers_to("4")
+
+
+def test_a_drawing_of_a_column_is_scaled_to_its_box():
+    y = [np.array([1.0, 3.0]), np.array([2.0])]
+    assert 'd="M0.0 200.0 L200.0 0.0 L400.0 100.0"' in drawing(y)
+    assert 'd="M400.0 200.0 L0.0 0.0 L0.0 100.0"' in drawing(y, [np.array([7.0, 5.0, 5.0])])
+    assert 'viewBox="-2 -2 404 204"' in drawing(y)
+    for count, points in ((600, 600), (601, 600)):
+        path = drawing([np.arange(float(count))]).partition("d=")[2]
+        assert path.count(" L") == points - 1
+        assert path.startswith('"M0.0 200.0')
+        assert path.endswith('L400.0 0.0"/></svg>')
 
 
 @pytest.mark.parametrize(

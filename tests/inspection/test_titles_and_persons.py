@@ -11,14 +11,11 @@ from hypothesis import strategies as st
 from recorded import drafted, write
 
 from mapmore_cli.annexes.drafting.answers import (
-    Hold,
     answers_of,
     read_hold,
-    read_names,
 )
 from mapmore_cli.annexes.drafting.by_titles import kind_to_predict, known_by_titles, target_of
 from mapmore_cli.annexes.drafting.columns import read_titles
-from mapmore_cli.annexes.drafting.draft import NamedColumn
 from mapmore_cli.annexes.drafting.names import numbers_in, told_by_names
 from mapmore_cli.annexes.drafting.preview import Preview
 from mapmore_cli.annexes.drafting.start import start
@@ -91,29 +88,6 @@ def test_columns_are_called_by_their_titles_in_their_units(titles, names):
     told, _ = known_by_titles(table)
     shown = [f"{name}:{one.unit}{'' if one.sure else '?'}" for name, one in told.items()]
     assert " ".join(shown) == names
-
-
-def test_copies_constants_counters_and_computed_columns_are_left_out():
-    columns = {
-        "F raw (V)": 3 * WAVES[0],
-        "F [N]": 2 - WAVES[0],
-        "x": WAVES[1],
-        "n": np.arange(400),
-        "simulated force": 2 - 1.01 * WAVES[0] + 0.1 * WAVES[2],
-        "T": 21 + 0 * T,
-    }
-    raw = {name: [values] for name, values in columns.items()}
-    known, left_out = known_by_titles(read_titles(laid_out(raw, raw), raw))
-    assert {name: one.column for name, one in known.items()} == {
-        "force": "F [N]",
-        "x": "x",
-    }
-    assert left_out == {
-        "F raw (V)": "is a copy of F [N]",
-        "n": "counts its rows",
-        "simulated force": "was computed, as its title says",
-        "T": "never changes",
-    }
 
 
 @pytest.mark.parametrize(
@@ -201,19 +175,6 @@ def test_of_a_target_neither_copies_nor_what_computes_it_are_inputs(tmp_path):
     assert "late (gives, through a linear filter, torque" in draft.text()
     draft = drafted(tmp_path, answers=answers_of(target="torque", inputs="sensor"))
     assert list(draft.data["columns"]) == ["sensor", "torque"]
-
-
-def test_columns_are_said_by_place_or_by_title():
-    assert read_names("--columns", "time:ms,_,force=Load Cell:N*1.744-18.6,pressure:mbar-1013") == {
-        "time": NamedColumn(0, "ms"),
-        "force": NamedColumn("Load Cell", "N", scale=1.744, offset=-18.6),
-        "pressure": NamedColumn(3, "mbar", offset=-1013.0),
-    }
-    assert read_names("--target", "tip[:,0]:mm,q") == {
-        "tip[:,0]": NamedColumn("tip[:,0]", "mm"),
-        "q": NamedColumn("q"),
-    }
-    assert read_hold("strain=kinked:%") == Hold("strain", "kinked", "%")
 
 
 @pytest.mark.parametrize(

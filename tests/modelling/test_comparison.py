@@ -281,6 +281,19 @@ RULES = {  # errors of structures on every fold, the numbers of their parameters
 }
 
 
+def test_the_middle_of_folds_is_a_weighted_median_and_a_size_has_its_price():
+    """The excess over a model of one error everywhere, on folds of shares .5, .1, .2 and .2."""
+    logs = np.array([3.0, 1.0, 4.0, 2.0])
+    errors = np.array([np.exp(logs), np.full(4, np.e)])
+    ranked = simplest_of((1, 1), errors, np.array([5.0, 1.0, 2.0, 2.0]), median=True)
+    # half of the weights lies below: 0.05 (1), 0.2 (2), 0.55 (3) and 0.9 (4)
+    assert ranked.excess == pytest.approx([2 + 0.3 / 0.35 - 1, 0])
+    assert ranked.chosen == 1
+    for factor, chosen in ((0.04, 0), (0.06, 1)):
+        better = np.full((2, 4), 0.1) * np.array([[1], [np.exp(-factor)]])
+        assert simplest_of((1, np.e), better, median=True).chosen == chosen
+
+
 @pytest.mark.parametrize("name", RULES)
 def test_the_simplest_that_is_as_good_is_taken(name):
     errors, sizes, found, *named = RULES[name]

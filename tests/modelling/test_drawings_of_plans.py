@@ -1,10 +1,13 @@
-"""Drawings of `tune` and `plan`: what stands where, by hand."""
+"""Drawings and tables of `tune` and `plan`: what stands where, by hand."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from mapmore_cli.annexes.planning.drawing import drawing_of
-from mapmore_cli.annexes.planning.results import Candidate, Picture, Plan, Trial, Tuning
+from mapmore_cli.annexes.planning.results import Candidate, Picture, Plan, Trial, Tuning, Until
+from mapmore_cli.annexes.planning.views import of_plan, of_tuning
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.reporting.figures import style
 from mapmore_cli.reporting.figures.drawing import compose
@@ -67,12 +70,63 @@ def test_levels_to_measure_have_no_half_width():
     assert len(drawing.legend) == 2
 
 
+ONE = Trial({"order": 2, "stop": "bic"}, 3, (0.2,), 0.2, excess=0.3, spread=0.1)
+TWO = Trial({"order": 3, "stop": "bic"}, 5, (0.1,), 0.1, excess=0.0, spread=100.0)
+OTHER = Trial({"order": 2, "stop": "ebic"}, 4, (0.3,), 0.3, spread=0.0)
+FAILED = Trial({"order": 4, "stop": [True]}, failure="too few")
+TUNED = Tuning("t", "levels", "range", (ONE, TWO, OTHER, FAILED), TWO, ONE)
+
+
+def test_every_combination_has_a_row_with_its_mark():
+    view = of_tuning(TUNED)
+    (table,) = view.tables
+    assert table.rows[0] == (2, "bic", 3, *map(pytest.approx, (20, 30, 10)), "simplest")
+    assert [row[-1] for row in table.rows] == ["simplest", "best", "", "failed"]
+    assert table.rows[3][:3] == (4, "[True]", None)
+    assert view.lines == (
+        "failed: order=4, stop=[True]: too few",
+        "simplest (within one standard error of the best): --set order=2 --set 'stop=\"bic\"'",
+    )
+    assert of_tuning(replace(TUNED, chosen=TWO)).lines[1].startswith("simplest (the best itself): ")
+    assert of_tuning(replace(TUNED, chosen=TWO)).tables[0].rows[1][-1] == "best, simplest"
+    assert view.document["set"] == ["order=2", 'stop="bic"']
+    assert (view.document["best"], view.document["chosen"]) == (TWO.settings, ONE.settings)
+    trial = view.document["trials"][0]
+    assert (trial["set"], trial["above_best"], trial["folds"]) == (ONE.settings, 0.3, (0.2,))
+    assert [one["failure"] for one in view.document["trials"]] == [None, None, None, "too few"]
+
+
+@pytest.mark.parametrize(
+    ("until", "words"),
+    [
+        (Until(2.0, 1.5, 0, 1.0), "a half width of 2 N (22 %) is reached: the widest is 1.5 N"),
+        (
+            Until(2.0, 5.0, None, 3.0),
+            "2 N (22 %) is likely out of reach: more measurements bring 5",
+        ),
+        (Until(2.0, 5.0, 7, 1.0), "2 N (22 %): likely 7 more (the widest is 5 N now)"),
+    ],
+)
+def test_candidates_have_rows_and_the_forecast_a_sentence(until, words):
+    plan = Plan("p", FORCE, {"strain": STRAIN}, 9.0, CANDIDATES, PICTURE, until, ("a note",))
+    view = of_plan(plan)
+    (table,) = view.tables
+    assert table.headings[:3] == ("rank", "strain", "what")
+    assert table.rows[0][:4] == (1, 0.1, "point", 5)
+    assert len(table.rows[0]) == 6
+    assert (len(table.rows), table.notes) == (4, ("a note",))
+    assert words in view.lines[0]
+    assert view.document["units"] == {"force": "N", "strain": "1"}
+    assert (view.document["widest"], view.document["next"][2]["strain"]) == (5, 0.05)
+    priced = replace(plan, candidates=(replace(CANDIDATES[0], cost=2.5), CANDIDATES[1]), until=None)
+    assert [row[-1] for row in of_plan(priced).tables[0].rows] == [2.5, 1]
+    assert of_plan(priced).lines == ()
+    gap = replace(plan, candidates=(Candidate({"strain": 2.0}, "between", gap=3.0),))
+    assert of_plan(gap).tables[0].rows == ((1, 2, "between", 3),)
+
+
 def test_every_combination_is_a_dot_with_its_error_and_the_chosen_one_has_a_ring():
-    one = Trial({"order": 2, "stop": "bic"}, 3, (0.2,), 0.2, spread=0.1)
-    two = Trial({"order": 3, "stop": "bic"}, 5, (0.1,), 0.1, spread=100.0)
-    other = Trial({"order": 2, "stop": "ebic"}, 4, (0.3,), 0.3, spread=0.0)
-    failed = Trial({"order": 4, "stop": "bic"}, failure="no")
-    drawing = drawing_of(Tuning("t", "levels", "range", (one, two, other, failed), two, one))
+    drawing = drawing_of(TUNED)
     assert [key.label for key in drawing.legend] == [
         "order 2",
         "order 3",

@@ -142,6 +142,36 @@ def test_few_levels_have_the_calibrated_rule(count, scale):
     )
 
 
+@pytest.mark.parametrize(
+    ("at", "level", "residual", "scale"),
+    [
+        (50.0, 0.95, 0.5, 5.06),
+        (290.0, 0.95, 0.5, 5.06),
+        (290.0, 0.8, 1e-9, 5.06),
+        (104.0, 0.95, 1e-9, 5.06),
+        (101.0, 0.95, 1e-9, 5.06),
+        (100.0, 0.95, 1e-9, 5.06),
+        (100.0, 0.95, 3.0, 5.06),
+        (-50.0, 0.95, 0.5, 5.06),
+    ],
+)
+def test_the_rule_for_few_levels_is_written_out(at, level, residual, scale):
+    """Levels at 0, 100 and 400; the left-out one has an error of 2 and a scatter of 1."""
+    parts = {"1": [np.array([1.0, 3.0])]}
+    made = replace(
+        left_out_summary("levels", 3, parts),
+        places=(0.0, 100.0, 400.0), repeats=(1, 1, 1), largest=40.0, residual=residual,
+    )  # fmt: skip
+    low, width = (0.0, 100.0) if at < 100 else (100.0, 300.0)
+    t = min(max((at - low) / width, 0.0), 1.0)
+    small = max(residual, 1e-3 * 40.0)
+    half = scale * np.cbrt(np.sqrt(5.0) * small**2) * (width / 400 * 2) ** 0.75
+    half *= max(4 * t * (1 - t), 0.05) ** 0.6
+    normal = stats.norm.ppf(0.5 + level / 2)
+    expected = max(half, 1.959964 * residual) * normal / 1.959964
+    assert between_levels(made, np.array([at]), level) == pytest.approx([expected], rel=1e-6)
+
+
 @given(st.integers(3, 6), st.floats(0, 1), st.floats(0.01, 50), st.floats(0.1, 100))
 def test_the_rule_for_few_levels_scales_with_the_unit_and_with_the_gap(count, t, offset, scale):
     found, at = few(count, offset), np.array([50.0, 100.0 * count - 150])

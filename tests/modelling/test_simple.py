@@ -1,7 +1,7 @@
 """Competitors that need no muscle, against independent sums."""
 
 import numpy as np
-from common import dataset_of
+from common import curve_of, dataset_of
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -68,6 +68,15 @@ def test_a_run_that_diverges_has_no_prediction():
     _, (found,) = simple.arx(data, ["u"])
     assert np.isfinite(found[:10]).all()
     assert np.isnan(found[-100:]).all()
+
+
+def test_a_run_has_diverged_at_a_thousand_times_the_largest_output_of_all_blocks():
+    y = np.ones(40_000)
+    y[30_000] = -8.0
+    doubling = simple.Arx("y", (), 1, np.array([0.0, 2.0]))
+    found = simple._run(curve_of({"y": y}), doubling)
+    assert found[:12].tolist() == (2.0 ** np.arange(1, 13)).tolist()
+    assert np.isnan(found[12:]).all()  # 2^13 is larger than 8000
 
 
 def test_a_cubic_of_many_quantities_has_an_equation():

@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mapmore_cli.pipeline.staleness import fingerprint, place_in_spec, slice_differences
+from mapmore_cli.pipeline.staleness import (
+    _file_differences,
+    _reasons,
+    fingerprint,
+    place_in_spec,
+    slice_differences,
+)
+from mapmore_cli.storage.run_record import StageRecord, Stamp
 
 VALUES = st.recursive(
     st.none()
@@ -50,9 +60,51 @@ def test_places_are_those_of_the_file(key, stage, place):
     assert place_in_spec(key, stage) == place
 
 
-def test_long_values_are_cut():
-    (text,) = slice_differences("fit", {"fit": list(range(100))}, {"fit": [*range(99), 7]})
-    assert text == "fit changed"
-    (text,) = slice_differences("fit", {"fit": "x" * 100}, {"fit": "y"})
-    assert text.endswith("… -> y")
-    assert len(text) < 80
+@pytest.mark.parametrize(
+    ("old", "new", "differences"),
+    [
+        ({"fit": "x" * 60}, {"fit": "y"}, [f"fit: {'x' * 60} -> y"]),
+        ({"fit": "x" * 61}, {"fit": "y"}, [f"fit: {'x' * 59}… -> y"]),
+        ({"fit": [*range(100)]}, {"fit": [*range(99), 7]}, ["fit changed"]),
+        ({"fit": {"a": 1, "b": 2}}, {"fit": {"b": 3, "c": None}},
+         ["fit.b: 2 -> 3", "fit.c: not set -> null", "fit.a: 1 -> not set"]),
+        ({"fit": [{"a": 1}, 2]}, {"fit": [{"a": 2}, 2]}, ["fit[0].a: 1 -> 2"]),
+        ({"fit": [{"a": 1}]}, {"fit": [{"a": 1}, 2]}, ['fit: [{"a": 1}] -> [{"a": 1}, 2]']),
+        ({"fit": [1, 2]}, {"fit": [1, 3]}, ["fit: [1, 2] -> [1, 3]"]),
+        ([1], {"fit": 2}, ['fuse: [1] -> {"fit": 2}']),
+    ],
+)  # fmt: skip
+def test_differences_have_their_place_and_both_values(old, new, differences):
+    assert slice_differences("fuse", old, new) == differences
+
+
+def stamps(**hashes):
+    return {name: Stamp(1, 1, each) for name, each in hashes.items()}
+
+
+def test_reasons_why_a_stage_runs():
+    stage = SimpleNamespace(name="fuse", outputs=("model.h5", "report"))
+    known = StageRecord(
+        "f", 1, "b", {"fit": 1}, stamps(a="1", b="2"), stamps(**{"model.h5": "m", "report/x": "r"}),
+        {}, 0.0, "",
+    )  # fmt: skip
+    assert _reasons(stage, None, known, "") == ["first time"]
+    assert _reasons(stage, known, known, "ingest") == []
+    changes = {
+        "revision": (2, "stage revision 1 -> 2"),
+        "slice": ({"fit": 2}, "fit: 1 -> 2"),
+        "inputs": (stamps(a="1", b="3"), "source changed: b"),
+        "before": ("c", "follows from ingest"),
+        "fingerprint": ("g", "run.json is inconsistent"),
+        "outputs": (stamps(**{"model.h5": "m"}), "output missing: report/x"),
+    }
+    for key, (changed, words) in changes.items():
+        (reason,) = _reasons(stage, known, replace(known, **{key: changed}), "ingest")
+        assert reason.startswith(words)
+    assert _reasons(stage, known, replace(known, before="c"), "") == []
+    now = replace(known, fingerprint="g", **{key: changes[key][0] for key in ("revision", "slice")})
+    assert _reasons(stage, known, now, "ingest") == ["stage revision 1 -> 2", "fit: 1 -> 2"]
+    more = SimpleNamespace(name="fuse", outputs=("model.h5", "report", "table.csv"))
+    assert _reasons(more, known, known, "ingest") == ["output missing: table.csv"]
+    files = _file_differences("source", "removed", stamps(a="1", b="2"), stamps(b="3", c="4"))
+    assert files == ["source removed: a", "source changed: b", "source added: c"]

@@ -12,7 +12,7 @@ import pytest
 from fake_study import contents, fake_stages, make_data, study
 
 from mapmore_cli.domain.errors import DataError, FitError, WriteError
-from mapmore_cli.pipeline.runner import Options, bring_up_to_date, explain
+from mapmore_cli.pipeline.runner import Options, _from, bring_up_to_date, explain
 from mapmore_cli.storage.ownership import contents_of
 
 ALL = ["ingest", "fit", "fuse", "report"]
@@ -32,6 +32,19 @@ def run(loaded, stages=None, until="report", **options):
 
 def reasons(loaded, stages=None, until="report", **options):
     return explain(loaded, loaded.folder / "runs", until, stages=stages or fake_stages(), **options)
+
+
+@pytest.mark.parametrize(
+    ("path", "told"),
+    [
+        ("/work/a/spec.yaml", "../../spec.yaml"),
+        ("/work/spec.yaml", "../../../spec.yaml"),
+        ("/work/a/runs/one/s.yaml", "s.yaml"),
+        ("/home/somebody/spec.yaml", "spec.yaml"),
+    ],
+)
+def test_no_path_leads_through_the_root_folder(path, told):
+    assert _from(Path("/work/a/runs/one"), Path(path)) == told
 
 
 def assert_settled(folder):

@@ -29,6 +29,9 @@ def test_long_lines_are_means_and_ranges_of_equal_stretches():
     assert (high == 1).all()
     gap = np.where((x < 20) | (x > 30), y, np.nan)
     assert len(panels.band(x, gap)[0]) == 150 - 10
+    assert panels.band(x, np.where(x < 11, np.nan, y))[0][0] == pytest.approx(11.375)
+    far = panels.band(np.append(x, 310), np.append(y, 0.0))[0]
+    assert (far[0], far[-1]) == pytest.approx((10.875, 310))
 
 
 @pytest.mark.parametrize(("samples", "filled"), [(600, 0), (601, 1)])

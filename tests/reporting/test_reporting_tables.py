@@ -1,4 +1,3 @@
-import math
 from dataclasses import replace
 from math import comb
 
@@ -10,7 +9,7 @@ from scipy.stats import t as student
 from mapmore_cli.domain.fits import FormulaFit, Optimum
 from mapmore_cli.domain.models import FoldError
 from mapmore_cli.domain.recording import Dataset, Quantity, Recording
-from mapmore_cli.domain.results import AUTOCORRELATION, PiecesFit, ResidualTest, Validation
+from mapmore_cli.domain.results import AUTOCORRELATION, ResidualTest, Validation
 from mapmore_cli.domain.scores import Published, ScoreTable
 from mapmore_cli.reporting.score_tables import (
     pieces_sentence,
@@ -26,7 +25,6 @@ from mapmore_cli.reporting.tables import (
     recordings_table,
     rival_minima,
     same_models,
-    terms_table,
 )
 
 
@@ -152,73 +150,6 @@ class TestData:
 
 
 class TestModel:
-    def test_terms_show_runner_up_and_margin(self, inputs):
-        table = terms_table(inputs.fit)
-        assert len(table.rows) == len(inputs.fit.segments)
-        for fit, row in zip(inputs.fit.segments, table.rows, strict=True):
-            best, second = np.argsort(-fit.selection.err_all[0])[:2]
-            assert row[2] == fit.candidates[best]
-            assert row[5] == fit.candidates[second]
-            assert row[7] == pytest.approx(
-                100 * (fit.selection.err_all[0, best] - fit.selection.err_all[0, second])
-            )
-            assert row[9] == "max_terms"
-
-    def test_a_single_candidate_has_no_runner_up_and_ties_are_flagged(self, inputs):
-        first = inputs.fit.segments[0]
-        only = replace(
-            first, selection=replace(first.selection, runner_up=np.array([-1]), tied=np.array([2]))
-        )
-        table = terms_table(replace(inputs.fit, body=PiecesFit((only,))))
-        assert table.shown[0][5:9] == ("–", "–", "–", "2")
-        assert any("Tied" in note for note in table.notes)
-
-    def test_running_sum_and_stop_reason_of_several_terms(self, inputs):
-        first = inputs.fit.segments[0]
-        err = np.array([0.7, 0.2, 0.05])
-        selection = replace(
-            first.selection,
-            chosen=np.array([2, 0, 1]),
-            err=err,
-            err_all=np.full((3, 5), 0.01),
-            runner_up=np.array([4, 4, -1]),
-            tied=np.zeros(3, int),
-            stop="tolerance",
-        )
-        rows = terms_table(
-            replace(inputs.fit, body=PiecesFit((replace(first, selection=selection),)))
-        ).rows
-        assert [row[2] for row in rows] == ["strain^2", "1", "strain"]
-        assert [row[4] for row in rows] == pytest.approx([70, 90, 95])
-        assert [row[9] for row in rows] == [None, None, "tolerance"]
-
-    def test_coefficients_in_the_targets_unit(self, inputs):
-        table = tables_of(inputs)["coefficients"]
-        for fit, row in zip(inputs.fit.segments, table.rows, strict=True):
-            theta, error, t, half, lower, upper, physical, physical_half = row[2:]
-            assert (error, t) == (fit.selection.theta_error[0], pytest.approx(theta / error))
-            assert (lower, upper) == (pytest.approx(theta - half), pytest.approx(theta + half))
-            assert physical == pytest.approx(fit.selection.theta[0] * fit.scaling.y_slope)
-            assert physical_half == pytest.approx(half * abs(fit.scaling.y_slope))
-            own = fit.selection
-            assert half == pytest.approx(student.ppf(0.975, own.freedom) * own.theta_error[0])
-            assert physical_half > 0
-        assert any("along a recording" in note for note in table.notes)
-
-    def test_segments_show_their_bounds_and_error(self, inputs):
-        table = tables_of(inputs)["segments"]
-        for cut, rows in zip(
-            inputs.segmentation,
-            np.array_split(np.arange(len(table.rows)), len(inputs.segmentation)),
-            strict=True,
-        ):
-            assert [table.rows[i][2] for i in rows] == pytest.approx(cut.boundaries[0][:-1])
-            assert [table.rows[i][3] for i in rows] == pytest.approx(cut.boundaries[0][1:])
-        fit = inputs.fit.segments[0]
-        assert column(table, "RMSE [N]")[0] == pytest.approx(
-            math.sqrt(fit.selection.sse / 50) * abs(fit.scaling.y_slope)
-        )
-
     def test_parameters_have_the_interval_of_student(self, inputs):
         validation = replace(inputs.validation, formulas={"sarosi": formula_fit("sarosi", 2.0)})
         (row,) = formulas_table(replace(inputs, validation=validation)).rows

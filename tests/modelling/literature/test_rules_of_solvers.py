@@ -30,11 +30,11 @@ def end(cost, converged=True, x=(0.0,)):
 
 
 def test_a_coordinate_touches_within_a_millionth_of_its_range():
-    lower, upper = np.array([0.0, -np.inf, 5.0, 0.0]), np.array([10.0, 3.0, np.inf, 10.0])
-    near = np.array([0.9e-5, 3 - 0.9e-6, 5 + 0.9e-6, 10 - 0.9e-5])
+    lower, upper = np.array([-2.0, -np.inf, 5.0, 0.0]), np.array([8.0, 3.0, np.inf, 10.0])
+    near = np.array([-2 + 0.9e-5, 3 - 0.9e-6, 5 + 0.9e-6, 10 - 0.9e-5])
     moved, touched = onto_bounds(near, (lower, upper))
-    assert (moved.tolist(), touched) == ([0, 3, 5, 10], [0, 1, 2, 3])
-    far = np.array([1.1e-5, 3 - 1.1e-6, 5 + 1.1e-6, 10 - 1.1e-5])
+    assert (moved.tolist(), touched) == ([-2, 3, 5, 10], [0, 1, 2, 3])
+    far = np.array([-2 + 1.1e-5, 3 - 1.1e-6, 5 + 1.1e-6, 10 - 1.1e-5])
     moved, touched = onto_bounds(far, (lower, upper))
     assert (moved.tolist(), touched) == (far.tolist(), [])
 
@@ -189,6 +189,7 @@ def test_without_nonlinear_parameters_nothing_is_searched(method):
     line = LeastSquares(parse("a*x"), ("a",), (), {"a": parse("x")}, {"x": X}, 3 * X + 1)
     found = method(line)
     assert found.beta == pytest.approx([X @ line.y / (X @ X)])
+    assert len(found.c) == 0
     assert (found.status, found.notes) == ("converged", ())
 
 

@@ -136,14 +136,6 @@ def test_a_sample_that_says_it_is_wrong_does_not_decide(end, n):
     assert rms(fitted(x, y, sigma) - 200 * (1 - PLACES / 0.25) ** 2) < 0.9
 
 
-def test_max_abs_divides_without_offset():
-    (scaling,) = placements("max_abs", [np.array([-4.0, 2.0])], np.array([10.0, -20]), ["x"])
-    np.testing.assert_allclose(
-        [scaling.slope[0], scaling.intercept[0], scaling.y_slope, scaling.y_intercept],
-        [0.25, 0, 20, 0],
-    )
-
-
 @pytest.mark.parametrize("rule", ["unit_square", "max_abs", "none"])
 def test_constant_variables_and_constant_force_divide_by_nothing(rule):
     for scaling in placements(rule, [np.full(10, 3.0)], np.zeros(10), ["x"]):

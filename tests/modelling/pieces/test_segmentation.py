@@ -6,7 +6,7 @@ from itertools import combinations, pairwise
 import numpy as np
 import pytest
 from common import curve_of
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from surfaces import changed, curves, recipe
 
@@ -20,7 +20,6 @@ from mapmore_cli.modelling.pieces.segmentation import (
     optimal_partition,
     segment_curve,
     slope_change,
-    training_curves,
 )
 
 
@@ -63,13 +62,6 @@ def test_each_curve_is_cut_over_its_own_range_and_a_sample_on_a_boundary_belongs
         assert set(first.rows) & set(second.rows) == {30}
 
 
-def test_breakpoints_beyond_a_short_curve_are_left_out():
-    np.testing.assert_allclose(
-        cut(line(0, 0.09), {"strain": Cuts("breakpoints", at=(0.05, 0.1, 0.15))}).boundaries[0],
-        [0, 0.05, 0.09],
-    )
-
-
 def test_a_segment_without_samples_is_refused_with_its_name():
     curve = curves(held_out=())[0]
     strain = np.where(curve.columns["strain"] < 0.05, 0.0, curve.columns["strain"])
@@ -98,13 +90,6 @@ def test_a_grid_of_two_variables():
     assert [s.cell for s in segmented.segments] == [(1, 1), (1, 2), (2, 1), (2, 2), (3, 1), (3, 2)]
     assert segmented.segments[3].id == "pressure=80/strain:2;load:2"
     assert sum(len(s.rows) for s in segmented.segments) >= 400
-
-
-def test_without_levels_all_recordings_are_one_training_curve():
-    pooled = training_curves(curves(), by_level=False)
-    assert [curve.id for curve in pooled] == ["all"]
-    assert pooled[0].size == 480
-    assert len(training_curves(curves(), by_level=True)) == 3
 
 
 @given(
@@ -235,15 +220,6 @@ def test_planted_changes_of_slope_are_found_under_noise_and_spikes(corners, slop
             len(boundaries) and np.abs(boundaries - corner).min() <= 0.1 for corner in corners
         )
     assert hits >= 24
-
-
-@settings(max_examples=40)
-@given(st.integers(0, 1000), st.integers(1, 8))
-def test_boundaries_keep_their_distance(seed, count):
-    boundaries = gradient_boundaries(*bent(seed, [0.5], [2.0, 0.2]), count)
-    assert len(boundaries) <= count - 1
-    # the samples end a little inside of [0, 1]
-    assert (np.diff([0.0, *boundaries, 1.0]) >= 0.1 - 0.02).all()
 
 
 def test_no_segment_of_its_own_for_a_gap():

@@ -98,14 +98,6 @@ def test_rest_at_the_end_of_the_stroke_belongs_to_no_branch():
     )
 
 
-def test_range_is_the_one_that_both_branches_cover():
-    over = np.concatenate([np.linspace(0, 0.2, 300), np.linspace(0.2, 0.05, 300)])
-    branches = split_cycles(over, {"force": over}, 50)
-    first = (over >= 0.05) & (over < 0.053)  # of fifty bins, by both branches
-    means = over[:300][first[:300]].mean(), over[300:][first[300:]].mean()
-    assert branches.over[0] == pytest.approx(max(means))
-
-
 @pytest.mark.parametrize("ripple", [1.0, 3.0])
 def test_rests_end_where_the_noise_is_left(ripple):
     """Noise of +-a bends by 4 a, so its standard deviation is told as 1.4826 4 a/sqrt(6); twice

@@ -98,6 +98,12 @@ def test_segments_of_the_same_titles_whose_time_goes_on_are_one_recording(tmp_pa
     assert [table.element for table in tables] == ([None] if len(tables) == 1 else [0, 1])
 
 
+def test_only_the_last_segment_of_a_file_can_have_a_line_without_its_end(tmp_path):
+    for text, is_open in ((LATER + FIRST, False), ((LATER + FIRST)[:-1], True)):
+        first, last = tables_of("lvm", written(tmp_path / "a.lvm", HEAD + text), "P")
+        assert (first.open_end is None, last.open_end is None) == (True, not is_open)
+
+
 def test_a_file_that_is_cut_off_anywhere_is_refused_or_told(tmp_path):
     whole = HEAD + FIRST
     assert reader_of(written(tmp_path / "b.txt", whole)).name == "lvm"

@@ -1,0 +1,99 @@
+"""Numbers and sentences that the page `explore` is given, by hand."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from common import curve_of
+from report_builder import build
+
+from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.modelling.validation.intervals import left_out_summary
+from mapmore_cli.reporting import explore_data as data
+
+
+@pytest.fixture(scope="module")
+def inputs():
+    return build(samples=20)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "ends", "near"),
+    [(2, 4, [1.7, 4.3], 0.12), (4, 4, [3.4, 4.6], 0), (0, 0, [-0.15, 0.15], 0)],
+)
+def test_an_input_goes_beyond_its_range(low, high, ends, near):
+    reach = data._reach(low, high)
+    assert reach["ends"] == pytest.approx(ends)
+    assert reach["near"] == pytest.approx(near + 1e-12)
+
+
+def test_knobs_have_steps_and_start_somewhere():
+    assert data._knob("a", (1.0, 3.0), 2.12345678) == {
+        "name": "a", "low": 1, "high": 3, "step": 0.004, "value": 2.123457,
+    }  # fmt: skip
+    assert data._knob_of_input("p", (2, 4), 3.0) == data._knob("input:p", [1.7, 4.3], 3.0)
+    swing = data._swing("p", 2.0)
+    assert [swing[key] for key in ("name", "low", "high", "value")] == ["amplitude:p", 0, 1.3, 0.8]
+    assert data._swing("p", 0.0)["high"] == 0.65
+    assert data._numbers(np.array([np.nan, np.inf, 12.3456789])) == [None, None, 12.34568]
+
+
+def test_spans_and_texts_of_quantities():
+    curves = [curve_of({"x": np.array([np.nan, 3.0, -1.0])}), curve_of({"x": np.array([7.0])})]
+    assert data._span(curves, "x") == (-1, 7)
+    assert data._span([curve_of({"x": np.array([np.nan])})], "x") == (0, 1)
+    labels = SimpleNamespace(axis_label=lambda one: {"a_b": "$a$ (N)"}.get(one.name, one.name))
+    first = data._quantity(Quantity("a_b", "N"), labels)
+    assert first == {"name": "a_b", "title": "a b", "unit": "N", "label": "A b (N)"}
+    assert data._quantity(Quantity("c", "1"), labels)["unit"] == ""
+    assert data._quantity(Quantity("c", "1"), labels)["label"] == "c"
+
+
+def test_samples_are_thinned_and_begin_at_the_middle_of_the_first_held_out_curve(
+    inputs, monkeypatch
+):
+    monkeypatch.setattr(data, "MOST_SAMPLES", 7)
+    curves = inputs.dataset.curves
+    found = data._samples(inputs, curves)
+    trained, held = found["samples"]["trained"], found["samples"]["held"]
+    assert (len(trained["force"]), len(held["force"])) == (7, 7)  # every ninth of 60, third of 20
+    (out,) = (curve for curve in curves if curve.held_out.any())
+    assert held["strain"] == pytest.approx(out.columns["strain"][::3], rel=1e-6)
+    assert found["samples"]["all_held"] == 20
+    assert [knobs[0]["value"] for knobs in found["knobs"].values()] == pytest.approx(
+        [out.columns[name][10] for name in found["knobs"]], rel=1e-6
+    )
+    assert [*found["buttons"]] == ["Held-out curve", "Worst held-out sample"]
+
+
+def test_what_a_run_begins_with(inputs, monkeypatch):
+    monkeypatch.setattr(data, "fed_back", lambda model: model in fed)
+    rival = SimpleNamespace()
+    validation = replace(inputs.validation, models={"rival": rival})
+    study = replace(inputs, validation=validation)
+    fed = [inputs.model]
+    assert data._begins(study).startswith("A run begins with as many values of force")
+    fed = [rival]
+    assert "begins at rest, without measured force. A competitor" in data._begins(study)
+    fed = []
+    assert data._begins(study).endswith("begins at rest, without measured force.")
+
+
+def test_intervals_stand_at_even_levels(inputs, monkeypatch):
+    assert data._interval(inputs) is None
+    assert data._no_interval(inputs).endswith("does not ask for one (validate: {intervals: true}).")
+    left_out = left_out_summary("recordings", 3, {"a": [np.ones(3)]})
+    study = SimpleNamespace(
+        left_out=left_out, dataset=inputs.dataset, model=SimpleNamespace(level="pressure")
+    )
+    monkeypatch.setattr(data, "half_widths_of", lambda _model, columns, _level: columns["pressure"])
+    found = data._interval(study)
+    low, high = data._span(inputs.dataset.curves, "pressure")
+    assert (found["of"], found["low"], found["level"]) == ("pressure", low, 0.95)
+    assert found["step"] == pytest.approx((high - low) / 40)
+    assert found["half"] == pytest.approx(low + found["step"] * np.arange(41), rel=1e-6)
+    study.model.level = None
+    monkeypatch.setattr(data, "half_widths_of", lambda _model, columns, _level: columns["row"])
+    found = data._interval(study)
+    assert (found["of"], found["half"]) == (None, [0.0] * 41)
