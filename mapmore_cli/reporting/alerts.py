@@ -125,10 +125,11 @@ def _of_held_out(dataset: Dataset, model: Model, left_out: bool) -> Iterator[tup
         words = f"{100 * share:.3g} % of the held-out samples lie beyond the training range"
         yield "extrapolated", words, "fit"
     if most := max(new_combinations(model, dataset), default=None):
+        combined, first, second = most
         words = (
-            f"{100 * most.share:.3g} % of the held-out samples combine {most.first} and "
-            f"{most.second} as no training sample does, although each of them is inside its "
-            "range: the model extrapolates there, so measure such combinations for training"
+            f"{100 * combined:.3g} % of the held-out samples combine {first} and {second} as no "
+            "training sample does, although each of them is inside its range: the model "
+            "extrapolates there, so measure such combinations for training"
         )
         yield "combined", words, "fit"
 

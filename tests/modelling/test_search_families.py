@@ -364,9 +364,9 @@ def leveled(*levels, held=()):
         (3, [], [[2]], 1 / 2),  # the only inner one
         (5, [], [[2], [3], [4]], 1 / 4),
         (7, [3, 4], [[2, 5], [5, 6]], 2 / 3),
-        (7, [6, 7], [[4, 5]], 1),  # beyond an end: what lies there decides
+        (7, [6, 7], [[4, 5], [3, 4, 5]], 1),  # beyond an end: what lies there decides
         (6, [1, 2, 3], [[4]], 1),  # two stay
-        (7, [1, 4], [[2]], 1),
+        (7, [1, 4], [[2], [2, 3]], 1),
     ],
 )
 def test_levels_are_left_out_as_the_study_holds_them_out(levels, held, out, weight):

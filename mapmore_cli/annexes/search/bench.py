@@ -338,7 +338,7 @@ def _parts(
         fold for fold in folds if all(np.ptp(x[samples.training & ~fold]) > 0 for x in columns)
     ]
     some = [taught[place] for place in even_share(np.arange(len(taught)), MOST_PARTS)]
-    name = "recordings" if of is None else f"{'outermost ' * ends}levels"
+    name = "recordings" if of is None else f"{'groups of outermost ' * ends}levels"
     return name, some, asked, ends and bool(some)
 
 
@@ -379,9 +379,10 @@ def _neighbours(
 ) -> tuple[list[BoolArray], bool]:
     """Return folds, (n,), that leave out training samples at neighbouring values, in the same way
     as the study holds out samples. Also return True if these values lie at an end of the range. If
-    the study holds out values beyond an end of the training values, a fold leaves out as many
-    values at that end. Otherwise, it leaves out as many inner neighbours as the study holds out in
-    a row, or single values. At least two values remain.
+    the study holds out values beyond an end of the training values, one fold leaves out as many
+    values at that end, and another fold one value more, because a choice by a single fold is
+    uncertain. Otherwise, a fold leaves out as many inner neighbours as the study holds out in a
+    row, or single values. At least two values remain.
     """
     at_curves, every = _values(dataset, of), _values(study, of)
     values, trained = np.unique(every), np.unique(at_curves)
@@ -391,8 +392,12 @@ def _neighbours(
     kept = np.isin(values, every[~whole])
     rows = np.split(values, np.flatnonzero(np.diff(kept)) + 1)
     gaps = [row for row in rows if row[0] not in every[~whole]]
-    out = [trained[:most][: len(gap)] for gap in gaps if gap[0] == values[0]]
-    out += [trained[2:][-len(gap) :] for gap in gaps if gap[-1] == values[-1]]
+    out = [
+        trained[:count] if gap[0] == values[0] else trained[-count:]
+        for gap in gaps
+        if gap[0] == values[0] or gap[-1] == values[-1]
+        for count in sorted({min(len(gap) + more, most) for more in (0, 1)})
+    ]
     ends = bool(out)
     if not ends:
         row = min(max(map(len, gaps), default=1), most)

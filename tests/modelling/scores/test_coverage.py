@@ -1,5 +1,7 @@
 """Held-out samples that combine inputs as no training sample does."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from common import dataset_of
@@ -7,6 +9,7 @@ from common import dataset_of
 from mapmore_cli.domain.results import Validation
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Recipe
+from mapmore_cli.modelling.signals.sampling import even_share
 from mapmore_cli.modelling.validation import coverage
 from mapmore_cli.modelling.validation.coverage import new_combinations
 from mapmore_cli.reporting.alerts import alerts_of
@@ -31,16 +34,16 @@ def loop(lag, size=1.0):
 def test_the_corner_beyond_a_trained_triangle_is_a_new_combination():
     corner = GRID[0] / 300 + (GRID[1] + 1) / 2 > 1
     model, dataset = model_and_data(GRID[:, ~corner], GRID[:, corner])
-    (found,) = new_combinations(model, dataset)
-    assert (found.first, found.second) == ("a", "b")
-    assert 0.5 < found.share < 0.9  # samples within a tenth of the diagonal count as known
+    ((share, *pair),) = new_combinations(model, dataset)
+    assert pair == ["a", "b"]
+    assert 0.5 < share < 0.9  # samples within a tenth of the diagonal count as known
     (alert,) = (
         one
         for one in alerts_of(dataset, model, Validation({}, {}, (), {}))
         if one.kind == "combined"
     )
     words = "of the held-out samples combine a and b as no training sample does"
-    assert alert.sentence.startswith(f"{100 * found.share:.3g} % {words}, although each of them")
+    assert alert.sentence.startswith(f"{100 * share:.3g} % {words}, although each of them")
 
 
 @pytest.mark.parametrize(
@@ -62,8 +65,8 @@ def test_points_between_trained_ones_are_no_new_combination(known, asked):
 def test_long_records_are_thinned_and_need_no_held_out_samples(monkeypatch):
     corner = GRID[0] / 300 + (GRID[1] + 1) / 2 > 1
     model, dataset = model_and_data(GRID[:, ~corner], GRID[:, corner])
-    (whole,) = new_combinations(model, dataset)
-    monkeypatch.setattr(coverage, "MANY", 100)
-    (thinned,) = new_combinations(model, dataset)
-    assert thinned.share == pytest.approx(whole.share, abs=0.1)
+    ((whole, *_),) = new_combinations(model, dataset)
+    monkeypatch.setattr(coverage, "even_share", partial(even_share, most=100))
+    ((thinned, *_),) = new_combinations(model, dataset)
+    assert thinned == pytest.approx(whole, abs=0.1)
     assert not [*new_combinations(*model_and_data(GRID, GRID[:, :0]))]
