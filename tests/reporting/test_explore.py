@@ -314,8 +314,10 @@ def test_a_model_with_memory_runs_freely(opened):
     assert shown(page) == pytest.approx(math.sqrt(np.nanmean(errors**2)), rel=1e-3)
 
 
-def test_it_is_readable_with_scripts_off(opened):
-    page = opened[1]("fixed", java_script_enabled=False)
+def test_it_is_readable_with_scripts_off(browser, pages):
+    page = browser.new_page(java_script_enabled=False)
+    page.goto((pages[0] / "fixed" / "index.html").as_uri())
     assert "needs scripts" in page.locator("section.explore").inner_text()
     assert page.locator(".verdict").is_visible()
     assert page.locator("figure svg").first.is_visible()
+    page.context.close()

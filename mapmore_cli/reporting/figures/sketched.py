@@ -77,7 +77,7 @@ def _sketched(drawing: Drawing, style: FigureStyle) -> RenderedFigure:
     }
     attributes = f"style=\"--columns: {plan.columns}\" data-place='{json.dumps(whole)}'"
     svg = f'<div class="panels" {attributes}>{"".join(parts)}</div>'
-    return RenderedFigure(drawing.name, drawing.caption, svg, plan.width)
+    return RenderedFigure(drawing.name, drawing.caption, svg, plan.width, plan.columns)
 
 
 def _legend(
