@@ -23,6 +23,7 @@ from mapmore_cli.modelling.validation.intervals import (
     half_widths_of,
 )
 from mapmore_cli.reporting import explore
+from mapmore_cli.reporting.explore_data import middle_of
 from mapmore_cli.reporting.order import FIGURES
 from mapmore_cli.reporting.report import render_page, write_report
 from mapmore_cli.reporting.scripts import joined, json_text, scripts, text_of
@@ -115,6 +116,12 @@ def test_a_page_of_many_samples_stays_small(tmp_path):
     assert len(samples["trained"]["force"]) <= 2000
     held = int(inputs.pooled_held_out.sum())
     assert len(samples["held"]["force"]) == samples["all_held"] == held
+
+
+def test_a_held_out_loop_is_opened_in_the_middle_of_its_range():
+    there_and_back = np.concatenate([np.arange(0.0, 10.0), np.arange(10.0, 0.0, -1.0)])
+    assert there_and_back[middle_of(np.arange(20), there_and_back)] == 5.0
+    assert middle_of(np.array([4, 7, 9]), np.array([2.0, np.nan, 1.0])) == 4
 
 
 def test_no_text_ends_a_script():
