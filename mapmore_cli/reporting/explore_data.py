@@ -138,7 +138,8 @@ def _samples(inputs: ReportInputs, curves: Sequence[Curve]) -> dict[str, Any]:
 
     numbers = np.repeat(np.arange(len(curves)), [len(one.held_out) for one in curves])
     groups = [parts[1][numbers[parts[1]] == one] for one in np.unique(numbers[parts[1]])]
-    middles = [rows[len(rows) // 2] for rows in groups]
+    places = inputs.pooled(inputs.along.name)
+    middles = [middle_of(rows, places[rows]) for rows in groups]
     shown = parts[1] if middles else parts[0]
     errors = np.nan_to_num(np.abs(inputs.errors_of(inputs.own)[shown]), nan=-1.0)
     worst = "Worst held-out sample" if middles else "Worst sample"
@@ -162,6 +163,13 @@ def _samples(inputs: ReportInputs, curves: Sequence[Curve]) -> dict[str, Any]:
         },
         "knobs": knobs,
     }
+
+
+def middle_of(rows: IntArray, places: Array) -> int:
+    """Return the row with the middle one of the places, (n,). The middle row of a loop will not do:
+    there the motion turns, at an end of its range.
+    """
+    return int(rows[np.argsort(places, kind="stable")[len(rows) // 2]])
 
 
 def _record(inputs: ReportInputs, curves: Sequence[Curve]) -> dict[str, Any]:

@@ -327,5 +327,5 @@ def search_table(search: Search) -> Table:
         *search.notes,
     )
     title = "Structures that were tried on training data"
-    heads = (*columns, "parameters", "seconds .2f", "")
+    heads = (*columns, "parameters", "seconds .2f", "remark")
     return Table.of("search", title, heads, rows, *notes)

@@ -27,6 +27,9 @@ Cell = str | int | float | None
 MISSING = "–"
 EQUATION = r"{{\raggedright\strut ${}$\strut\par}}"
 
+CODE = re.compile("`([^`]+)`")
+"""A command or key within a sentence."""
+
 WRITTEN = re.compile(r"(.*?)(?: \[(.*?)\])?(?: (#?\.\d+\w))?", re.DOTALL)
 
 
@@ -288,14 +291,14 @@ def title_of(text: str) -> str:
 
 @cache
 def environment() -> Environment:
-    """Return the templates of the package, with tables and figures as filters."""
+    """Return the templates of the package, with tables, figures and sentences as filters."""
     # imported here because tables and figures need none of it
     from jinja2 import (
         Environment,
         PackageLoader,
         StrictUndefined,
     )
-    from markupsafe import Markup
+    from markupsafe import Markup, escape
 
     loader = PackageLoader("mapmore_cli.reporting")
     templates = Environment(
@@ -307,4 +310,5 @@ def environment() -> Environment:
     )
     templates.filters["table"] = lambda table: Markup(to_html(table))
     templates.filters["svg"] = lambda figure: Markup(figure.svg)
+    templates.filters["code"] = lambda text: Markup(CODE.sub(r"<code>\1</code>", str(escape(text))))
     return templates

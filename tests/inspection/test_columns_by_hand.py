@@ -190,10 +190,10 @@ def known(*columns):
 @pytest.mark.parametrize(
     ("values", "why"),
     [
-        (np.tile(np.arange(12) * 5.0, 3), "begins anew at 60: where it is the clock"),
+        (np.tile(np.arange(12) * 5.0, 3), "restarts from zero at 60; if it is the clock"),
         (np.append(np.arange(5.0), 0), "its clock is set back"),
         (np.array([0.0, 0, 0, 1, 0]), "its clock is set back"),
-        (np.array([0.0, 0, 0, 0, 1, 0]), "mostly repeats"),
+        (np.array([0.0, 0, 0, 0, 1, 0]), "repeats most of its values"),
     ],
 )
 def test_why_a_time_is_no_clock(values, why):

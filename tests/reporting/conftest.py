@@ -107,24 +107,30 @@ def pages(inputs, tmp_path_factory):
     return folder, studies
 
 
-@pytest.fixture(scope="module")
-def opened(browser, pages):
-    """Opens a page; what it says on the console and asks for is a fault."""
-    folder, studies = pages
-    contexts, faults = [], []
+@pytest.fixture(scope="session")
+def tab(browser):
+    """The tab of all tests, because a window costs a second; and what it says and asks for."""
+    page, heard = browser.new_page(), []
+    page.on("console", lambda message: heard.append(message.text))
+    page.on("pageerror", lambda error: heard.append(str(error)))
+    page.on("request", lambda asked: heard.append(asked.url))
+    return page, heard
 
-    def open_page(name, mark="", **how):
-        contexts.append(browser.new_context(**{"viewport": {"width": 1300, "height": 900}, **how}))
-        page = contexts[-1].new_page()
-        page.on("console", lambda message: faults.append(message.text))
-        page.on("pageerror", lambda error: faults.append(str(error)))
-        address = (folder / name / "index.html").as_uri()
-        known = (address, "blob:", "data:")  # what is saved is asked for from the page itself
-        page.on("request", lambda asked: asked.url.startswith(known) or faults.append(asked.url))
-        page.goto(address + mark)
+
+@pytest.fixture
+def opened(tab, pages):
+    """Opens a page; what it says on the console and asks for is a fault."""
+    (page, heard), (folder, studies) = tab, pages
+
+    def open_page(name, mark="", width=1300):
+        page.goto("about:blank")  # or another mark of the same page would not load it
+        page.set_viewport_size({"width": width, "height": 900})
+        page.emulate_media(color_scheme="light")
+        page.goto((folder / name / "index.html").as_uri() + mark)
         return page
 
+    heard.clear()
     yield studies, open_page
-    for context in contexts:
-        context.close()
-    assert faults == []
+    # what is saved is asked for from the page itself
+    known = ("about:", folder.as_uri(), "blob:", "data:")
+    assert [words for words in heard if not words.startswith(known)] == []

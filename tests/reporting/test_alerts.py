@@ -13,6 +13,7 @@ from mapmore_cli.domain.scores import STRUCTURE_SEEN
 from mapmore_cli.modelling.validation.residuals import residual_tests
 from mapmore_cli.reporting.alerts import FEW_CURVES, WORST_FIRST, unconfirmed_sentence
 from mapmore_cli.reporting.report import render_page
+from mapmore_cli.reporting.table import CODE
 
 
 def test_guesses_are_counted_in_plain_words():
@@ -143,7 +144,8 @@ def test_every_alert_is_on_the_page_with_a_link_to_a_section(inputs):
     worst = replace(with_tests(inputs, **{AUTOCORRELATION: 2.0}), unconfirmed=("N?",))
     page = render_page(worst, {})
     for alert in worst.alerts:
-        assert f'<a href="#{alert.section}">{alert.sentence}' in page.replace("&#39;", "'")
+        words = CODE.sub(r"<code>\1</code>", alert.sentence)
+        assert f'<a href="#{alert.section}">{words}' in page.replace("&#39;", "'")
         assert f'id="{alert.section}"' in page
 
 

@@ -23,6 +23,7 @@ from mapmore_cli.modelling.validation.intervals import (
     half_widths_of,
 )
 from mapmore_cli.reporting import explore
+from mapmore_cli.reporting.explore_data import middle_of
 from mapmore_cli.reporting.order import FIGURES
 from mapmore_cli.reporting.report import render_page, write_report
 from mapmore_cli.reporting.scripts import joined, json_text, scripts, text_of
@@ -124,6 +125,12 @@ def test_a_model_of_many_segments_is_not_computed_on_the_page(inputs, monkeypatc
     assert "the code of its 12 segments" in page
     assert f"mapmore export {inputs.name} --to js" in page
     assert "the code of its" not in render_page(replace(inputs, explore=False), {})
+
+
+def test_a_held_out_loop_is_opened_in_the_middle_of_its_range():
+    there_and_back = np.concatenate([np.arange(0.0, 10.0), np.arange(10.0, 0.0, -1.0)])
+    assert there_and_back[middle_of(np.arange(20), there_and_back)] == 5.0
+    assert middle_of(np.array([4, 7, 9]), np.array([2.0, np.nan, 1.0])) == 4
 
 
 def test_no_text_ends_a_script():
@@ -323,8 +330,10 @@ def test_a_model_with_memory_runs_freely(opened):
     assert shown(page) == pytest.approx(math.sqrt(np.nanmean(errors**2)), rel=1e-3)
 
 
-def test_it_is_readable_with_scripts_off(opened):
-    page = opened[1]("fixed", java_script_enabled=False)
+def test_it_is_readable_with_scripts_off(browser, pages):
+    page = browser.new_page(java_script_enabled=False)
+    page.goto((pages[0] / "fixed" / "index.html").as_uri())
     assert "needs scripts" in page.locator("section.explore").inner_text()
     assert page.locator(".verdict").is_visible()
     assert page.locator("figure svg").first.is_visible()
+    page.context.close()

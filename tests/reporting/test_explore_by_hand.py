@@ -53,6 +53,7 @@ def test_spans_and_texts_of_quantities():
 def test_samples_are_thinned_and_begin_at_the_middle_of_the_first_held_out_curve(
     inputs, monkeypatch
 ):
+    monkeypatch.setattr(data, "MOST_TRAINED", 7)
     monkeypatch.setattr(data, "MOST_SAMPLES", 7)
     curves = inputs.dataset.curves
     found = data._samples(inputs, curves)

@@ -14,6 +14,7 @@ from mapmore_cli.reporting.table import (
     OTHERS,
     Column,
     Table,
+    environment,
     title_of,
     to_csv,
     to_html,
@@ -229,3 +230,11 @@ def test_a_page_has_titles_and_a_file_has_names():
         "<td>plane</td>" in html,
     ) == (True, True, True)
     assert to_csv(table).startswith("model,curve,gaussian_process [%]\nsarosi_hinged,")
+
+
+def test_commands_in_a_sentence_are_code_and_names_stay_text():
+    template = environment().from_string("{{ sentence|code }}")
+    shown = template.render(sentence="<b>: see `mapmore check`, and `a < b` or ` alone")
+    assert shown == (
+        "&lt;b&gt;: see <code>mapmore check</code>, and <code>a &lt; b</code> or ` alone"
+    )

@@ -35,7 +35,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
         if positive and max(positive) > 20 * min(positive):
             plain_logarithm(ax, "y", (1.0, 2.0, 5.0))
         else:
-            ax.set_ylim(bottom=0)
+            ax.set_ylim(0, 1.05 * max(positive, default=1.0))
         ends = [f"{_short(band.low)}\N{EN DASH}{_short(band.high)}" for band in sizes]
         ax.set_xticks(range(len(sizes)), ends)
         ax.set_xlim(-0.3, len(sizes) - 0.7)

@@ -167,17 +167,27 @@ def panel_of(name: str, inputs: ReportInputs, words: str) -> tuple[Drawing, Pane
     )
 
 
+NARROW = 3.5
+"""Inches of a panel that a screen of 400 pixels shows with letters that can be read."""
+
+
 @dataclass(frozen=True)
 class RenderedFigure:
     """A figure as SVG; `width` is in inches, and `numbers` are the data from which it was drawn
-    (CSV).
+    (CSV). On a narrow screen, `columns` of panels are placed below each other.
     """
 
     name: str
     caption: str
     svg: str
     width: float
+    columns: int = 1
     numbers: str = ""
+
+    @property
+    def is_wide(self) -> bool:
+        """Whether a panel is wider than a narrow screen, on which it is scrolled."""
+        return self.width / self.columns > NARROW
 
 
 def render_figure(drawing: Drawing, style: FigureStyle = PLAIN) -> RenderedFigure:

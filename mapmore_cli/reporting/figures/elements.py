@@ -96,8 +96,10 @@ def markers(x: Array, y: Array, marker: str, colour: str, look: dict[str, Any]) 
         return f'<path d="{path(*outlines.T)}" fill="{filled}"{stroke}/>'
     if not edge:  # round ends of steps of length zero; dots at one place are one dot
         left, top = np.unique(np.round(places, 1), axis=0).T
-        look_of_dots = f'stroke="{filled}" stroke-width="{2 * radius:g}" stroke-linecap="round"'
-        return f'<path d="{path(left, top, dots=True)}" {look_of_dots}/>'
+        return (
+            f'<path d="{path(left, top, dots=True)}" stroke="{filled}" '
+            f'stroke-width="{2 * radius:g}" stroke-linecap="round"/>'
+        )
     circles = (f'<circle cx="{a:.1f}" cy="{b:.1f}" r="{radius:g}"/>' for a, b in places.tolist())
     return f'<g fill="{filled}"{stroke}>{"".join(circles)}</g>'
 

@@ -77,7 +77,7 @@ def _sketched(drawing: Drawing, style: FigureStyle) -> RenderedFigure:
     }
     attributes = f"style=\"--columns: {plan.columns}\" data-place='{json.dumps(whole)}'"
     svg = f'<div class="panels" {attributes}>{"".join(parts)}</div>'
-    return RenderedFigure(drawing.name, drawing.caption, svg, plan.width)
+    return RenderedFigure(drawing.name, drawing.caption, svg, plan.width, plan.columns)
 
 
 def _legend(
@@ -99,16 +99,18 @@ def _svg(
     inside: str, place: tuple[float, float, float, float], style: FigureStyle, attributes: str
 ) -> str:
     """Return an `<svg>` element with the given contents, which knows its `place` in the whole
-    figure: left, top, width and height. However narrow the page is, its letters can be read.
+    figure: left, top, width and height. However narrow the page is, its letters can be read, and
+    are not larger than those of other figures.
     """
     family = escape(f"{style.font}, sans-serif" if style.font else "sans-serif")
     where = dict(zip(("x", "y", "width", "height"), (round(one, 1) for one in place), strict=True))
     _, _, width, height = place
-    least = f"min-width: {width * SMALLEST / (style.size - 1):.0f}px"
+    ends = f"min-width: {width * SMALLEST / (style.size - 1):.0f}px; "
+    ends += f"max-width: {width * SCREEN:.0f}px"
     return (
         f'<svg {attributes} xmlns="http://www.w3.org/2000/svg" width="{width * SCREEN:.1f}" '
         f'height="{height * SCREEN:.1f}" viewBox="0 0 {width:.1f} {height:.1f}" '
-        f'font-family="{family}" style="{least}" data-place=\'{json.dumps(where)}\'>{inside}</svg>'
+        f'font-family="{family}" style="{ends}" data-place=\'{json.dumps(where)}\'>{inside}</svg>'
     )
 
 
