@@ -118,8 +118,9 @@ def _uneven(dataset: Dataset) -> tuple[str, ...]:
 
 @dataclass
 class Budget:
-    """Budget of a search: seconds of processor time for structures in each process, so that a busy
-    machine tries the same structures as an idle one; and how many structures were listed and cut.
+    """Budget of a search: seconds of processor time for structures in each process, so that other
+    programs hardly change what is tried; and how many structures were listed and cut. The speed and
+    the number of the processors do change it.
     """
 
     seconds: float
