@@ -315,36 +315,48 @@ def points_by(name: str, runs: Path, way: str, seed: int = 0) -> dict[int, float
 WAYS = ("plan", "equal", "random", "oracle")
 
 
+@cache
+def map_errors(runs: Path) -> Array:
+    """Return the errors of all maps, starts, numbers of points and ways, shape (m, s, n, w)."""
+    return np.array(
+        [
+            [
+                [[errors[size] for errors in ways] for size in SIZES]
+                for seed in range(STARTS)
+                for ways in [[points_by(name, runs, way, seed) for way in WAYS]]
+            ]
+            for name in LEVELS
+        ]
+    )
+
+
 def maps_table(runs: Path) -> Table:
     """Errors over the number of points, medians over the starts."""
-    rows: list[tuple[Cell, ...]] = []
-    logs = np.zeros((len(LEVELS), len(SIZES), len(WAYS)))
-    for number, name in enumerate(LEVELS):
-        found = [[points_by(name, runs, way, seed) for way in WAYS] for seed in range(STARTS)]
-        errors = np.array([[[one[size] for one in ways] for size in SIZES] for ways in found])
-        logs[number] = np.median(np.log(errors / errors[:, :, 1:2]), axis=0)
-        middle = 100 * np.median(errors, axis=0)
-        rows += [
-            (name.split(",")[0], size, *map(float, row))
-            for size, row in zip(SIZES, middle, strict=True)
-        ]
-    columns = ("map", "points", *(f"{one} [%] .2f" for one in WAYS))
-    means = np.exp(logs.mean(axis=0))
-    told = [
-        f"{way} {', '.join(f'{one:.2f}' for one in means[:, WAYS.index(way)])}"
-        for way in ("plan", "random", "oracle")
+    rows: list[tuple[Cell, ...]] = [
+        (name.split(",")[0], size, *map(float, row))
+        for name, errors in zip(LEVELS, 100 * np.median(map_errors(runs), axis=1), strict=True)
+        for size, row in zip(SIZES, errors, strict=True)
     ]
-    note = (
-        "Ratio to equal distances, median over the starts, geometric mean over the maps, at "
-        f"{SIZES} points: {'; '.join(told)}."
+    columns = ("map", "points", *(f"{one} [%] .2f" for one in WAYS))
+    caption = "RMS error over the map, in per cent of the largest force, after so many points"
+    return Table.of("maps", caption, columns, rows)
+
+
+def ratios_table(runs: Path) -> Table:
+    """Errors in the mean over the maps, divided by those of equal distances."""
+    errors = map_errors(runs)
+    equal = WAYS.index("equal")
+    logs = np.median(np.log(errors / errors[..., equal : equal + 1]), axis=1)
+    means = np.delete(np.exp(logs.mean(axis=0)), equal, axis=1)
+    rows: list[tuple[Cell, ...]] = [
+        (size, *map(float, row)) for size, row in zip(SIZES, means, strict=True)
+    ]
+    columns = ("points", *(f"{way} .2f" for way in WAYS if way != "equal"))
+    caption = (
+        "Error divided by that of equal distances: median over the starts, geometric mean over "
+        "the maps"
     )
-    return Table.of(
-        "maps",
-        "RMS error over the map, in per cent of the largest force, after so many points",
-        columns,
-        rows,
-        note,
-    )
+    return Table.of("ratios", caption, columns, rows)
 
 
 def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
@@ -353,6 +365,7 @@ def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
         "levels": lambda: levels_table(runs),
         "stopping": lambda: stopping_table(runs),
         "maps": lambda: maps_table(runs),
+        "ratios": lambda: ratios_table(runs),
     }
 
 

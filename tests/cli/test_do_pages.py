@@ -13,7 +13,7 @@ import pytest
 from page_outputs import FENCE, run_page, steps_of
 
 DOCS = Path(__file__).parents[2] / "docs"
-QUICK = ("messages", "export-c", "controller", "joint", "defaults", "reproduce")
+QUICK = ("messages", "export-c", "controller", "defaults", "reproduce")
 LONG = (
     "plan",
     "data",
@@ -22,6 +22,7 @@ LONG = (
     "keep-rising",
     "tuning",
     "has-it-changed",
+    "joint",
     "figures-for-papers",
     "export-simulink",
     "export-fmu-ros",

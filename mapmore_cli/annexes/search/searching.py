@@ -128,8 +128,8 @@ def _uneven(dataset: Dataset) -> tuple[str, ...]:
 @dataclass
 class Budget:
     """Time for trying structures, the number of structures that were `listed`, and the number that
-    were `cut` because the time was over. The time is processor time of each process, s, so that a
-    busy machine tries as many structures as an idle one.
+    were `cut` because the time was over. The time is processor time of each process, s, so that
+    other programs hardly change what is tried. The speed and the number of processors change it.
     """
 
     seconds: float

@@ -194,8 +194,9 @@ class ModelSettings(Settings):
       Xie 2024).
 
     - `type`: Kind of the model, one of the words above. Example: `literature`
-    - `budget`: Computing time of each process of a search. More time tries more structures.
-      Example: `5 min`
+    - `budget`: Computing time of each process of a search. More time tries more structures. If the
+      budget ends before all structures were tried, a repetition may choose another one. Example:
+      `5 min`
     - `prefer`: With `short`, a search ends after the first list of structures. By default, longer
       structures are tried as well if a black box has an error that is smaller by at least a tenth.
       Example: `short`
