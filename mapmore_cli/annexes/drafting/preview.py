@@ -212,8 +212,8 @@ def _refuse_labelled(path: Path, tops: Sequence[Top]) -> None:
         titles = "1{h;s/ *[:=] *[^,;[:space:]]*//g;p;g;}"
         line = f"sed -E '{titles};s/[A-Za-z_][A-Za-z_0-9]* *[:=] *//g' '{path.name}'"
         raise DataError(
-            f"{path.name}: its cells have the form `name:number`; write the names into the first line only, "
-            f"for example with: {line} > '{path.stem}.csv'"
+            f"{path.name}: its cells have the form `name:number`; write the names into the first "
+            f"line only, for example with: {line} > '{path.stem}.csv'"
         )
 
 
