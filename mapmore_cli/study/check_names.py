@@ -236,7 +236,7 @@ def _state(
     elif isinstance(family, Lags) and spec.target not in DERIVED:
         if isinstance(used, Lagged) and used.quantity == target:
             fault, remedy = (
-                ("is a past value of the target, but `lags` needs the name of a quantity"),
+                "is a past value of the target, but `lags` needs the name of a quantity",
                 "itself, because `lags` delays it",
             )
             at = _word(target, text)

@@ -146,7 +146,9 @@ def test_a_sample_on_even_steps_has_the_row_of_the_one_that_it_follows():
     assert found.columns["force"].tolist() == [0, 1, 2, 4, 6]
     assert (found.size, found.merged) == (5, -2)
     samples = replace(samples, columns={**columns, "time": np.array([0.0, 4.0, 1e9])})
-    with refused("a.csv: `resample` would make 1e+09 samples from 3", "3.33e+08 would keep"):
+    with refused(
+        "a.csv: `resample` would make 1e+09 samples from 3", "a step of 3.33e+08 would keep"
+    ):
         _resampled(samples, 1.0)
     assert MOST_SAMPLES == 10_000_000
     few = _resampled(replace(samples, columns=columns), 5.0)
@@ -349,7 +351,9 @@ def test_a_time_step_that_would_fill_the_memory_is_refused(ingest):
     text = csv_text(t=np.arange(4.0), P=80, eps=0, F=[1, 2, 3, 4])
     (curve,) = ingest({"a.csv": text}, resample=0.005).curves
     assert curve.size == 601
-    with refused("would make 3e+07 samples from 4", "a longer time step; 0.75 would keep"):
+    with refused(
+        "would make 3e+07 samples from 4", "a longer time step; a step of 0.75 would keep"
+    ):
         ingest({"a.csv": text}, resample=1e-7)
 
 

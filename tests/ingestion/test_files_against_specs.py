@@ -206,7 +206,7 @@ def test_a_second_is_what_labview_notes_where_nobody_says(ingest):
     )
     assert warnings == [
         "a.tdms: the file gives one sample every 1 s, but the spec every 0.001 s, which is "
-        "used: LabVIEW writes 1 s if nobody has set a rate"
+        "used, because LabVIEW writes 1 s if nobody has set a rate"
     ]
 
 

@@ -32,5 +32,9 @@ def test_one_far_below_the_others_is_refused(ingest, least):
     if least > 1:
         ingest({"a.csv": text}, uncertainty={"force": "2 %"})
         return
-    with refused("data.uncertainty.force: it is", "(sample 3 of a)", "sqrt(0.25 + (0.02*force)^2)"):
+    with refused(
+        "data.uncertainty.force: the uncertainty is",
+        "(sample 3 of a)",
+        "sqrt(0.25 + (0.02*force)^2)",
+    ):
         ingest({"a.csv": text}, uncertainty={"force": "2 %"})
