@@ -173,11 +173,10 @@ def refuse_mixed(parts: Sequence[Summand]) -> None:
         )
 
 
-_OWN_TYPES = ("mapmore", "literature", "auto")
 if TYPE_CHECKING:
     ModelType = str
 else:  # the types of mapmore itself, and the kinds of models that plugins add
-    ModelType = Literal[(*_OWN_TYPES, *sorted(plugins.entry_points("kinds")))]
+    ModelType = Literal[(*kinds.OWN_TYPES, *sorted(plugins.entry_points("kinds")))]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -223,7 +222,7 @@ class ModelSettings(Settings):
         """Refuse keys that do not belong to the type, and require those that it needs. `family`
         implies `type: literature`.
         """
-        if self.type not in (*_OWN_TYPES, *(kind.name for kind in kinds.kinds())):
+        if self.type not in (*kinds.OWN_TYPES, *(kind.name for kind in kinds.kinds())):
             raise Contradiction(
                 f"type `{self.type}` is not installed",
                 "install the package that adds this type, or choose another type",
@@ -268,7 +267,7 @@ class ModelSettings(Settings):
         """Return True if models of this type always run along recordings, whatever the dictionary
         contains.
         """
-        return self.type in plugins.entry_points("kinds") and kinds.named(self.type).over_time
+        return any(kind.over_time for kind in kinds.kinds() if kind.name == self.type)
 
 
 _TYPE_OF = {
