@@ -23,6 +23,7 @@ BROKEN = """
 f = broken
 [mapmore.readers]
 r = broken
+odd = odd
 late = late
 [mapmore.operators]
 o = broken
@@ -30,20 +31,29 @@ wrong = pathlib
 zz = mapmore_template.operator
 [mapmore.kinds]
 k = broken
+mapmore = pathlib
 [mapmore.figures]
 late = late
 lazy = late:lazy
 [mapmore.exports]
 e = broken
+c = shlex:quote
+named = pathlib:Path
 [mapmore.commands]
 c = broken
 run = broken
 export = broken
 loud = loud:loud
 """
+ODD = """
+import warnings
+warnings.simplefilter("error")
+raise type("Odd", (BaseException,), {})()
+"""
 LOUD = """
-import os, sys
+import atexit, os, sys
 print("printed at import")
+atexit.register(print, "printed at exit")
 os.write(1, b"written at import\\n")
 sys.__stdout__.flush()
 
@@ -51,6 +61,7 @@ def loud(as_json: bool = False):
     "Print a document."
     from mapmore_cli.cli.console import print_document
     print("printed at work")
+    os.system("echo printed by a child")
     print_document({"loud": 1})
 
 loud.__annotations__["as_json"] = __import__("mapmore_cli.cli.console").cli.console.AsJson
@@ -74,7 +85,9 @@ operators  wrong  no Operator
 operators  zz     there is already a `washout`
 formulas   f      ZeroDivisionError
 readers    r      ZeroDivisionError
+readers    odd    Odd
 kinds      k      ZeroDivisionError
+kinds      mapmore  there is already a `mapmore`
 figures    late   ZeroDivisionError
 figures    lazy   ZeroDivisionError
 """
@@ -124,10 +137,13 @@ def folder(tmp_path_factory):
     (place / "path" / "broken.py").write_text("1/0\n")
     (place / "path" / "late.py").write_text(LATE)
     (place / "path" / "loud.py").write_text(LOUD)
-    about = place / "path" / "zbroken-1.0.dist-info"
-    about.mkdir()
-    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: zbroken\nVersion: 1.0\n")
-    (about / "entry_points.txt").write_text(BROKEN)
+    (place / "path" / "odd.py").write_text(ODD)
+    # another package may have our name
+    for name, points in {"zbroken": BROKEN, "mapmore": "[mapmore.commands]\nfit = broken"}.items():
+        about = place / "path" / f"{name}-1.0.dist-info"
+        about.mkdir()
+        (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+        (about / "entry_points.txt").write_text(points)
     write_log(place / "log.jsonl")
     (place / "study.yaml").write_text(STUDY)
     return place
@@ -150,6 +166,11 @@ def test_the_template_is_found_and_what_is_broken_is_named_and_left_out(folder):
     (equation,) = json.loads((folder / "out" / "study.json").read_text()).values()
     assert "0.3*washout(pressure, 0.5)" in equation
     assert run("hello", "--name", "me").stdout == "hello, me\n"
+    in_c = run("export", "runs/study/model.h5", "--to", "c", "-o", "out", "--no-verify")
+    told = "plug-in `c` (exports) of zbroken is left out: ValueError: there is already a `c`"
+    assert (in_c.returncode, told in in_c.stderr) == (0, True)
+    assert "`named` (exports) of zbroken is left out: TypeError: its name is" in in_c.stderr
+    assert "SPDX-License-Identifier" in (folder / "out" / "study.c").read_text()
     broken = run("c")
     assert broken.returncode == 2
     assert "`c` is not installed: broken cannot be imported" in broken.stderr
@@ -164,7 +185,13 @@ def test_a_plug_in_replaces_no_command_and_prints_into_no_document(folder):
     run = partial(mapmore, cwd=folder, env={"PYTHONPATH": str(folder / "path")}, timeout=60)
     loud = run("loud", "--json")
     assert (loud.returncode, json.loads(loud.stdout)) == (0, {"loud": 1})
-    for words in ("printed at import", "written at import", "printed at work"):
+    for words in (
+        "printed at import",
+        "written at import",
+        "printed at work",
+        "by a child",
+        "exit",
+    ):
         assert words in loud.stderr
     for name in ("run", "export"):
         assert loud.stderr.count(f"plug-in `{name}` (commands) of zbroken is left out: ") == 1

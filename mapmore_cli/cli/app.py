@@ -12,7 +12,7 @@ import os
 import sys
 import warnings
 from collections.abc import Callable
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from importlib import import_module
 from typing import TYPE_CHECKING, Annotated, TextIO, cast
 
@@ -159,7 +159,8 @@ class Commands(TyperGroup):
             sys.stdout.flush()
         except typers_own:
             raise
-        except (Exception, KeyboardInterrupt) as error:
+        # a plugin may raise anything, also SystemExit
+        except BaseException as error:
             raise typer.Exit(
                 console.settle(error, debug=ctx.params["debug"], as_json=ctx.meta[AS_JSON])
             ) from error
@@ -252,3 +253,8 @@ def main() -> None:
     # errors outside of commands, for example while --help is printed
     except (OSError, MemoryError) as error:
         sys.exit(console.settle(error, debug=False, as_json=False))
+    finally:
+        # plugins may still print at exit
+        with suppress(OSError, ValueError):
+            sys.stdout.flush()
+            os.dup2(2, 1)

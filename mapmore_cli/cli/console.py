@@ -11,9 +11,10 @@ import os
 import sys
 import traceback
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, fields, is_dataclass
+from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
@@ -147,15 +148,17 @@ _documents: ContextVar[TextIO | None] = ContextVar("_documents", default=None)
 
 @contextmanager
 def documents_alone() -> Iterator[None]:
-    """Keep stdout for JSON documents: everything that a plugin prints within the context goes to
-    stderr.
+    """Keep stdout for JSON documents, which are printed at the end of the context: everything that
+    a plugin prints within it goes to stderr.
     """
-    token = _documents.set(sys.stdout)
+    documents = StringIO()
+    token = _documents.set(documents)
     try:
-        with redirect_stdout(sys.stderr):
+        with plugins.printing_to_stderr():
             yield
     finally:
         _documents.reset(token)
+        print(documents.getvalue(), end="")
 
 
 def _as_json(value: object) -> object:

@@ -14,11 +14,11 @@ from __future__ import annotations
 import os
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager, nullcontext, redirect_stdout
 from functools import cache
 from importlib import import_module
-from importlib.metadata import Distribution, EntryPoint, distribution, distributions
+from importlib.metadata import Distribution, EntryPoint, distributions
 from pkgutil import iter_modules
 from traceback import walk_tb
 from typing import Any, Generic, NamedTuple, TypeVar
@@ -45,14 +45,17 @@ class Added(NamedTuple, Generic[P]):
     source: object
 
 
-def parts(group: str, form: type[P], package: str = "") -> Iterator[Added[P]]:
+def parts(
+    group: str, form: type[P], package: str = "", reserved: Collection[str] = ()
+) -> Iterator[Added[P]]:
     """Yield every part of a group. Parts have the type `form`. Those in the files of mapmore's
     folder `package` come first, in the order of their names, then those of entry points.
 
     The name of a part is its attribute `name`, or the name of its entry point. If two have the same
-    name, the first counts.
+    name, the first counts. Names that are `reserved` have another meaning in mapmore, so that a
+    part with such a name is left out.
     """
-    names = set[str]()
+    names = {*reserved}
     for module in iter_modules(sys.modules[package].__path__) if package else ():
         for part in _parts_in(group, module.name, import_module(f"{package}.{module.name}")):
             if isinstance(part.value, form):
@@ -62,10 +65,12 @@ def parts(group: str, form: type[P], package: str = "") -> Iterator[Added[P]]:
         try:
             added = list[Added[P]]()
             for part in _parts_in(group, name, load(group, name)):
-                if not isinstance(part.value, form):
-                    raise TypeError(f"{type(part.value).__name__} is no {form.__name__}")
+                if not isinstance(part.name, str):
+                    raise TypeError("its name is no text")
                 if part.name in names:
                     raise ValueError(f"there is already a `{part.name}`")
+                if not isinstance(part.value, form):
+                    raise TypeError(f"{type(part.value).__name__} is no {form.__name__}")
                 added.append(Added(part.name, part.value, part.source))
         # a plugin may raise any exception, and the other parts must still work
         except Exception as fault:
@@ -87,7 +92,7 @@ def _leave_out(group: str, point: EntryPoint, why: str) -> None:
 
 def _owner(point: EntryPoint) -> str:
     """Return the name of the package to which an entry point belongs."""
-    return point.dist.name if point.dist else point.module
+    return _name_of(point.dist) if point.dist else point.module
 
 
 def blamed(fault: BaseException) -> str | None:
@@ -111,8 +116,8 @@ def _parts_in(group: str, name: str, source: object) -> Iterator[Added[object]]:
         yield Added(getattr(value, "name", name), value, source)
 
 
-OURS = "mapmore"
-"""The package whose parts no other package can replace."""
+OURS, OUR_MODULE = "mapmore", "mapmore_cli"
+"""Names of our own package, whose parts no other package can replace, and of its module."""
 
 NONE_OF_OTHERS = "MAPMORE_NO_PLUGINS"
 """Environment variable that leaves out the plugins of other packages, also in worker processes."""
@@ -125,37 +130,47 @@ def leave_out_others() -> None:
         remembered.cache_clear()
 
 
+def _is_ours(point: EntryPoint) -> bool:
+    """Return True if an entry point belongs to mapmore itself; another package may have its
+    name.
+    """
+    return point.module.partition(".")[0] == OUR_MODULE and _owner(point) == OURS
+
+
 @cache  # reading the installed packages is the slowest part of the start
 def _installed() -> tuple[EntryPoint, ...]:
     """Return the entry points of mapmore itself, and the entry points that other packages provide
     for it. A package whose list of entry points cannot be read is left out.
     """
-    points, packages = list[EntryPoint](), set[str]()
-    for package in [distribution(OURS)] if os.environ.get(NONE_OF_OTHERS) else distributions():
+    points, packages = list[EntryPoint](), set[tuple[str, bool]]()
+    only_ours = NONE_OF_OTHERS in os.environ
+    for package in distributions(name=OURS) if only_ours else distributions():
         try:
-            ours = [point for point in package.entry_points if point.group.startswith("mapmore.")]
+            found = [point for point in package.entry_points if point.group.startswith("mapmore.")]
+            # an entry point of the wrong form raises an error here
+            is_ours = OUR_MODULE in {point.module.partition(".")[0] for point in found}
+            is_ours = is_ours and _name_of(package) == OURS
             # if a package is installed twice, the first on Python's path is the one that is
             # imported
-            if not ours or package.name in packages:
-                continue
-            packages.add(package.name)
-            # an entry point of the wrong form raises an error here
-            _ = [point.module for point in ours]
+            identity = (_name_of(package), is_ours)
+            if found and identity not in packages and (is_ours or not only_ours):
+                packages.add(identity)
+                points += found
         # a package may raise any exception, and the other packages must still work
         except Exception as fault:
             left_out = f"the plug-ins of {_name_of(package)} are left out"
             why = f"its entry_points.txt cannot be read ({type(fault).__name__}: {fault})"
             warnings.warn(f"{left_out}: {why}", PluginLeftOut, stacklevel=2)
-            continue
-        points += ours
     return tuple(points)
 
 
 def _name_of(package: Distribution) -> str:
+    """Return the name of a package, or its folder if the package has no readable name."""
+    folder = str(package.locate_file(""))
     try:
-        return str(package.name)
+        return str(package.name or folder)
     except Exception:  # the package's other metadata are broken as well
-        return str(package.locate_file(""))
+        return folder
 
 
 @cache
@@ -165,7 +180,7 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
     """
     by_name = dict[str, EntryPoint]()
     of_group = (point for point in _installed() if point.group == f"mapmore.{group}")
-    for point in sorted(of_group, key=lambda point: (_owner(point) != OURS, point.value)):
+    for point in sorted(of_group, key=lambda point: (not _is_ours(point), point.value)):
         if point.name not in by_name:
             by_name[point.name] = point
         elif point.value != by_name[point.name].value:
@@ -176,10 +191,11 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
 
 
 @contextmanager
-def _printing_to_stderr() -> Iterator[None]:
-    """Redirect everything that is printed within the context to stderr, also by libraries in C,
-    because stdout is for results only.
+def printing_to_stderr() -> Iterator[None]:
+    """Redirect everything that is printed within the context to stderr, also by libraries in C and
+    by child processes, because stdout is for results only.
     """
+    sys.stdout.flush()
     with redirect_stdout(sys.stderr):
         kept = os.dup(1)
         os.dup2(2, 1)
@@ -190,14 +206,26 @@ def _printing_to_stderr() -> Iterator[None]:
             os.close(kept)
 
 
+@contextmanager
+def _apart() -> Iterator[None]:
+    """Keep what another package prints or changes while it is imported from stdout and from the
+    rules for warnings.
+    """
+    with printing_to_stderr(), warnings.catch_warnings():
+        yield
+
+
 @cache
 def load(group: str, name: str) -> Any:
     """Return the object that an entry point names. Raises NotInstalled if it cannot be imported."""
     point = entry_points(group)[name]
     try:
-        with nullcontext() if _owner(point) == OURS else _printing_to_stderr():
+        with nullcontext() if _is_ours(point) else _apart():
             return point.load()
-    except (Exception, SystemExit) as fault:
+    except KeyboardInterrupt:
+        raise
+    # an import may raise anything, also SystemExit
+    except BaseException as fault:
         raise NotInstalled(
             f"`{name}` is not installed: {point.value} cannot be imported ({fault})",
             f"install the package that contains {point.module.partition('.')[0]}, with all "

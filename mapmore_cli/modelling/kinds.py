@@ -110,10 +110,14 @@ class Kind:
     settings: type[Settings] = Settings
 
 
+OWN_TYPES = ("mapmore", "literature", "auto")
+"""Words for the `type` of a model that mean no single kind; no kind may have such a name."""
+
+
 @cache
 def kinds() -> tuple[Kind, ...]:
     """Return all kinds in the order of their names."""
-    parts = plugins.parts("kinds", Kind, "mapmore_cli.modelling")
+    parts = plugins.parts("kinds", Kind, "mapmore_cli.modelling", OWN_TYPES)
     return tuple(sorted((part.value for part in parts), key=lambda kind: kind.name))
 
 

@@ -19,7 +19,7 @@ from test_foreign_text import needs_compiler
 
 from mapmore_cli.annexes.exporting.exports import exported, snippet
 from mapmore_cli.annexes.exporting.templates import OWN, identifier
-from mapmore_cli.annexes.exporting.words import FILES, KEYWORDS, LIBRARY, TAKEN
+from mapmore_cli.annexes.exporting.words import FILES, KEYWORDS, LIBRARY, TAKEN, identifiers
 from mapmore_cli.annexes.sums import Part, Sum
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
@@ -68,7 +68,18 @@ FAULTS = [
     ("beyond", ("curve_1", "len"), "derivatives"),
     ("m", ("m_eval", "out"), "invert_out"),
     ("end", ("range", "input"), "range"),
+    ("_Bool", ("_Bool", "__LINE__"), "__func__"),
 ]
+
+
+@pytest.mark.parametrize("name", ["_Bool", "__LINE__", "_", "2bar", "x" * 80])
+def test_a_name_begins_with_a_letter_and_is_short_enough_to_be_distinguished(name):
+    """MATLAB and C distinguish 63 characters, prefixes included."""
+    found = identifiers([name, f"{name}2"])
+    assert len({*found}) == 2
+    assert all(one[0].isalpha() and len(one) < 60 for one in found)
+
+
 NAMES = st.sampled_from(EVERY)
 INPUTS = st.sampled_from([one for one in EVERY if one not in FUNCTIONS])
 """A quantity cannot be called as a function of terms."""

@@ -47,8 +47,8 @@ EXPORTERS: dict[str, Exporter] = {
     "simulink": simulink_files,
 }
 _FUNCTION: type[Exporter] = Callable  # type: ignore[assignment]  # any may be an exporter
-_ADDED = {part.name: part.value for part in plugins.parts("exports", _FUNCTION)}
-EXPORTERS = _ADDED | EXPORTERS
+_ADDED = {part.name: part.value for part in plugins.parts("exports", _FUNCTION, reserved=EXPORTERS)}
+EXPORTERS |= _ADDED
 
 
 SEVERAL = ("c", "tex")

@@ -121,14 +121,8 @@ def names_of_inputs(inputs: Sequence[Quantity], functions: Sequence[str] = ()) -
 
 
 def names_in_matlab(inputs: Sequence[Quantity], functions: Sequence[str]) -> dict[str, str]:
-    """Return the name of each input in MATLAB, in which no name begins with `_`; names of some
-    `functions` are not used.
-    """
-    used = [*words_of("MATLAB", "Octave"), *functions]
-    return {
-        name: in_code if in_code[0].isalpha() else f"u{in_code}"
-        for name, in_code in names_of_inputs(inputs, used).items()
-    }
+    """Return the name of each input in MATLAB; names of some `functions` are not used."""
+    return names_of_inputs(inputs, [*words_of("MATLAB", "Octave"), *functions])
 
 
 def name_of_output(model: Model, names: Iterable[str] | None = None) -> Code:
@@ -139,7 +133,7 @@ def name_of_output(model: Model, names: Iterable[str] | None = None) -> Code:
     functions = [function.name for function in program_of(model).functions]
     reserved = [*TAKEN, *OWN, *functions, identifier(model.name), *input_names]
     reserved += [f"invert_{name}" for name in input_names]
-    return word(identifiers([model.output.name], reserved)[0].lstrip("_") or "output")
+    return word(identifiers([model.output.name], reserved)[0])
 
 
 def notes_of(model: Model, names: Mapping[str, str]) -> list[str]:

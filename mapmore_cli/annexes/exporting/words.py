@@ -194,15 +194,21 @@ FILES = TAKEN | frozenset(
 """Words that no file may have as name: in Octave, a file hides a function of the same name."""
 
 
+LONGEST = 50
+"""Largest number of characters of a name, so that prefixes and numbers can be added."""
+
+
 def identifiers(names: Iterable[str], taken: Collection[str] = ()) -> list[str]:
     """Return an identifier for every name, valid in all languages. All are different, even if
     capitals are ignored, and none is `taken`.
 
     A name stays unchanged if possible, otherwise a number is appended. Characters other than ASCII
-    letters and digits become `_`.
+    letters and digits become `_`. A `u` precedes names that do not begin with a letter: `_Bool` and
+    `__LINE__` are reserved in C, and no name of MATLAB begins with `_`. Long names are cut, because
+    MATLAB and C distinguish 63 characters.
     """
-    wanted = [re.sub(r"[^A-Za-z0-9_]", "_", name) or "_" for name in names]
-    wanted = [f"_{name}" if name[0].isdigit() else name for name in wanted]
+    wanted = [re.sub(r"[^A-Za-z0-9_]", "_", name)[:LONGEST] for name in names]
+    wanted = [name if name[:1].isalpha() else f"u{name}" for name in wanted]
     used = {*WORDS, *(word.lower() for word in taken)}
     kept = {name.lower() for name in wanted}
     unique: list[str] = []

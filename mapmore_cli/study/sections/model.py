@@ -173,11 +173,10 @@ def refuse_mixed(parts: Sequence[Summand]) -> None:
         )
 
 
-_OWN_TYPES = ("mapmore", "literature", "auto")
 if TYPE_CHECKING:
     ModelType = str
 else:  # the types of mapmore itself, and the kinds of models that plugins add
-    ModelType = Literal[(*_OWN_TYPES, *sorted(plugins.entry_points("kinds")))]
+    ModelType = Literal[(*kinds.OWN_TYPES, *sorted(plugins.entry_points("kinds")))]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -224,7 +223,7 @@ class ModelSettings(Settings):
         """Refuse keys that do not belong to the type, and require those that it needs. `family`
         implies `type: literature`.
         """
-        if self.type not in (*_OWN_TYPES, *(kind.name for kind in kinds.kinds())):
+        if self.type not in (*kinds.OWN_TYPES, *(kind.name for kind in kinds.kinds())):
             raise Contradiction(
                 f"no installed package defines the model type `{self.type}`",
                 "install the package that defines it, or choose another `type`",
@@ -269,7 +268,7 @@ class ModelSettings(Settings):
         """Return True if models of this type always run along recordings, whatever the dictionary
         contains.
         """
-        return self.type in plugins.entry_points("kinds") and kinds.named(self.type).over_time
+        return any(kind.over_time for kind in kinds.kinds() if kind.name == self.type)
 
 
 _TYPE_OF = {
