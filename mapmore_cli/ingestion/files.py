@@ -358,12 +358,12 @@ def relative_name(path: Path, folder: Path) -> str:
         inside = path.relative_to(folder)
         if ".." not in inside.parts:
             return inside.as_posix()
-    way = _way_to(str(path.parent), str(folder), os.getcwd())
+    way = _way_to(path.parent, folder, Path.cwd())
     return path.name if way == "." else f"{way}/{path.name}"
 
 
 @lru_cache(maxsize=1000)
-def _way_to(parent: str, folder: str, _current: str) -> str:
+def _way_to(parent: Path, folder: Path, _current: Path) -> str:
     """Return the POSIX path from a folder to another. Both may be relative to the current folder,
     on which the result therefore depends.
     """
