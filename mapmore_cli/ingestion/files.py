@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import lru_cache
 from itertools import count, takewhile
 from pathlib import Path, PurePath, PurePosixPath
 from types import MappingProxyType
@@ -358,7 +359,16 @@ def relative_name(path: Path, folder: Path) -> str:
         inside = path.relative_to(folder)
         if ".." not in inside.parts:
             return inside.as_posix()
-    return Path(os.path.relpath(path, folder)).as_posix()
+    way = _way_to(path.parent, folder, Path.cwd())
+    return path.name if way == "." else f"{way}/{path.name}"
+
+
+@lru_cache(maxsize=1000)
+def _way_to(parent: Path, folder: Path, _current: Path) -> str:
+    """Return the POSIX path from a folder to another. Both may be relative to the current folder,
+    on which the result therefore depends.
+    """
+    return Path(os.path.relpath(parent, folder)).as_posix()
 
 
 def unique_ids(sources: Sequence[str]) -> list[str]:

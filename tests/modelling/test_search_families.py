@@ -217,6 +217,19 @@ def test_a_map_has_at_most_as_many_parameters_as_a_cubic_of_its_inputs(inputs, m
     assert most_parameters(SITUATIONS["many"]) is None
 
 
+@pytest.mark.parametrize("order", [1, -1])
+@pytest.mark.parametrize("measured", ["length", "displacement"])
+def test_the_strain_is_an_input_instead_of_the_length_that_it_was_computed_from(measured, order):
+    """In whatever order the columns stand: formulas of the literature need the strain."""
+    strain = 0.1 + 0.1 * np.sin(0.1 * np.arange(100))
+    columns = {measured: 0.069 * (1 - strain), "strain": strain}
+    columns = dict([*columns.items()][::order])
+    assert situation_of(dataset_of({**columns, "y": strain**2})).inputs == ("strain",)
+    dataset = replace(dataset_of({**columns, "y": strain**2}), level=measured)
+    with pytest.raises(DataError, match=f"{measured} is the only input"):  # a level stays
+        situation_of(dataset)
+
+
 def test_a_level_alone_is_no_input():
     u = np.repeat([1.0, 2.0], 50)
     levels = replace(dataset_of({"u": u[:50], "y": u[:50]}, {"u": u[50:], "y": u[50:]}), level="u")

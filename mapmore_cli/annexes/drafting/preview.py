@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
-from itertools import pairwise, zip_longest
+from itertools import pairwise, takewhile, zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -388,11 +388,11 @@ def _table_in(top: Top) -> _FoundTable | None:
         for place, cells in enumerate(lower)
         if 2 * sum(map(top.is_number, cells)) > len(cells)
     )
-    blank = [place for place, cells in enumerate(lower) if not cells]
+    labelled = _labelled_lines(rows, [row for row in rows[len(rows) // 2 :] if len(row) == wide])
 
     def has_numbers(row: Row) -> bool:
-        if len(row) != wide or _nonempty([row[place] for place in blank]):
-            return False  # a line such as `count:;1500;1500`, with a word that no row has
+        if len(row) != wide or any(row is line for line in labelled):
+            return False
         cells = _nonempty([row[place] for place in numeric])
         count = sum(map(top.is_number, cells))
         # a line of units may contain a number too, for example `kPa;1`
@@ -412,6 +412,18 @@ def _table_in(top: Top) -> _FoundTable | None:
     if len(numeric) < 2 or first is None:
         return None
     return _FoundTable(top, rows, wide, numeric, first)
+
+
+def _labelled_lines(rows: Sequence[Row], lower: Sequence[Row]) -> list[Row]:
+    """Return the lines at the beginning that say in their first cell what they hold, for example
+    `Name:`, `Unit:` and `Count:`, if there are at least three of them; the first cells of the
+    `lower` rows are empty.
+    """
+    if not lower or any(_nonempty(row[:1]) for row in lower):
+        return []
+    filled = [row for row in rows if _nonempty(row)]
+    labelled = [*takewhile(lambda row: _nonempty(row[:1]) and len(row) == len(lower[0]), filled)]
+    return labelled if len(labelled) > 2 else []
 
 
 def _steps_of(cells: Sequence[Any], is_number: Callable[[Any], bool]) -> list[float]:

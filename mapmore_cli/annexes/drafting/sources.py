@@ -82,7 +82,7 @@ class Study:
                     changed[name] = {**entry, "unit": other.unit or one.unit}
         return changed
 
-    @property
+    @cached_property
     def parts(self) -> list[tuple[Path, Section]]:
         """The file of every recording, and the sheet or table of the file that holds the recording.
         The sheet is given if the names of sheets contain information; the table, if there are
@@ -95,7 +95,7 @@ class Study:
             places = [{"sheet": sheet} for sheet in (is_told and self.layout.alike) or ()]
         return [(file, place) for file in self.files for place in places or [{}]]
 
-    @property
+    @cached_property
     def names(self) -> list[str]:
         """The name of each recording: its path in the folder; for a single file, its sheet or the
         text above its table; both if tables are in several files.
@@ -280,10 +280,25 @@ def patterns(files: Sequence[Path], folder: Path, bad: Iterable[Path] = ()) -> l
     steps = [name.split("/") for name in names]
     if len(files) > 1 and len({len(step) for step in steps}) == 1:
         one = "/".join(_glob_of(sorted({*parts})) for parts in zip(*steps, strict=True))
-        found = {*map(Path.resolve, expand(one, folder, may_be_empty=True))}
-        if found - {*map(Path.resolve, bad)} == {*map(Path.resolve, files)}:
+        found = _resolved(expand(one, folder, may_be_empty=True))
+        if found - _resolved(bad) == _resolved(files):
             return [one]
     return names
+
+
+def _resolved(files: Iterable[Path]) -> set[tuple[Path, str]]:
+    """Return the resolved folder and the name of each file, which are the same however the path is
+    written. Only the folders are resolved, because there may be thousands of files.
+    """
+    members: dict[Path, list[str]] = {}
+    for file in files:
+        members.setdefault(file.parent, []).append(file.name)
+    return {
+        (whole, name)
+        for folder, names in members.items()
+        for whole in [folder.resolve()]
+        for name in names
+    }
 
 
 def _glob_of(parts: Sequence[str]) -> str:
@@ -328,8 +343,14 @@ def started(
     entries = _file_entries(study, folder, conditions, is_by_part, columns or {})
     draft = draft.with_data("files", entries)
     named = {one if isinstance(one, str) else one["path"] for one in entries}
-    files = {path for one in named if glob.has_magic(one) for path in expand(one, folder, True)}
-    if bad := {relative_name(one, folder): study.bad[one] for one in files & {*study.bad}}:
+    globs = [one for one in named if glob.has_magic(one)] if study.bad else []
+    matched = {place for one in globs for place in _resolved(expand(one, folder, True))}
+    bad = {
+        relative_name(file, folder): reason
+        for file, reason in study.bad.items()
+        if matched & _resolved([file])
+    }
+    if bad:
         why = "; ".join(f"{name} {reason}" for name, reason in sorted(bad.items()))
         draft = draft.with_data("skip_bad_files", sorted(bad), why)
     reasons = [f"names: {', '.join(one.why for one in conditions)}"] if conditions else []

@@ -4,6 +4,7 @@ samples only.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -12,6 +13,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.memory.records import sampled
 from mapmore_cli.modelling.signals.sampling import correlation
 
@@ -123,10 +125,17 @@ def situation_of(
 
 def _different(names: Sequence[str], pooled: Mapping[str, Array], level: str | None) -> list[str]:
     """Return the names without those of quantities that are a linear function of another. Of two
-    such quantities, the level, one with a canonical name, or the later one is kept.
+    such quantities, the level is kept; otherwise the one that more formulas of the literature use,
+    which is the strain and not a length or a displacement; otherwise the later one.
     """
+    formulas = map(literature.get, literature.names())
+    uses = Counter(name for formula in formulas for name in formula.inputs)
+
+    def rank(name: str) -> tuple[bool, int, int]:
+        return name != level, -uses[name], -names.index(name)
+
     kept: list[str] = []
-    for name in sorted(names, key=lambda one: (one != level, -names.index(one))):
+    for name in sorted(names, key=rank):
         if all(abs(correlation(pooled[name], pooled[other])) < 1 - SAME for other in kept):
             kept.append(name)
     return [name for name in names if name in kept]
