@@ -49,13 +49,6 @@ def test_points_are_not_planned_where_samples_are_held_out(tmp_path, planned):
         assert not (at_sample and min(abs(pressure - level) for level in (0, 300, 600)) < 7.5)
 
 
-def test_the_table_and_the_figure_of_levels(tmp_path, mapmore):
-    result = mapmore("plan", write(tmp_path, LEVELS), "-o", tmp_path / "plan.svg", code=0)
-    assert "gap [kPa]" in result.stdout
-    assert "equal distances" in result.stdout
-    assert "next" in (tmp_path / "plan.svg").read_text()
-
-
 def test_points_of_a_map_and_its_figure(tmp_path, planned):
     spec = write(tmp_path, LEVELS)
     files = [tmp_path / "plan.svg", tmp_path / "plan.csv"]

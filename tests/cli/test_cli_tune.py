@@ -1,11 +1,8 @@
 """`mapmore tune`: settings against each other by training data alone."""
 
-import shlex
-
 import numpy as np
 import pytest
 from cli_samples import (
-    csv_rows,
     write_recording,
     write_study,
 )
@@ -56,20 +53,6 @@ def test_the_simplest_that_is_as_good_as_the_best_is_named(tmp_path, tuned):
     assert trials[4, 1]["above_best"] > trials[4, 1]["standard_error"]  # a polynomial has no kink
     assert found["chosen"]["segment.strain.count"] == 2
     assert found["set"] == [f"{key}={value}" for key, value in found["chosen"].items()]
-
-
-def test_tables_figures_and_the_settings_to_use(tmp_path, mapmore):
-    spec = write_bench(tmp_path)
-    files = [tmp_path / f"tuning.{suffix}" for suffix in ("svg", "csv")]
-    named = [argument for path in files for argument in ("-o", path)]
-    result = mapmore("tune", spec, *OVER, *named, code=0)
-    assert "simplest within one standard error" in files[0].read_text()
-    rows = csv_rows(files[1].read_text())
-    assert len(rows) == 6
-    assert sum("simplest" in row[""] for row in rows) == 1
-    use = shlex.split(result.stdout.splitlines()[-1].partition(": ")[2])
-    assert use[::2] == ["--set", "--set"]
-    mapmore("validate", spec, "-q", *use, code=0)
 
 
 def test_a_combination_that_cannot_be_fitted_is_told_and_the_rest_goes_on(tmp_path, mapmore):

@@ -1,5 +1,6 @@
 """Levels, their parts, and the curves that are made of them, by hand."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,7 +8,16 @@ import pytest
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Recording
-from mapmore_cli.ingestion.curves import LevelPart, LevelSet, cut_by_level, joined_curves, level_set
+from mapmore_cli.ingestion import curves
+from mapmore_cli.ingestion.curves import (
+    LevelPart,
+    LevelSet,
+    cut_by_level,
+    joined_curves,
+    level_set,
+    with_damping,
+    with_plateau,
+)
 
 LEVELS = LevelSet("P", np.array([100.0, 200.0, 400.0]), 5.0)
 
@@ -30,6 +40,11 @@ def test_a_single_level_is_meant_within_a_quarter_of_itself():
     assert [zero.named(value) for value in (0, 1e-6)] == [0, None]
 
 
+def test_of_two_levels_their_distance_counts():
+    two = LevelSet("P", np.array([100.0, 120.0]), 5.0)
+    assert [two.named(value) for value in (105, 106, 114, 115)] == [100, None, None, 120]
+
+
 def test_samples_belong_to_the_level_within_its_reach():
     found = LEVELS.match(np.array([95.0, 105.0, 94.9, 105.1, 200.0, 400.0, 900.0]))
     np.testing.assert_array_equal(found, [100, 100, np.nan, np.nan, 200, 400, np.nan])
@@ -44,6 +59,52 @@ def recording(name, pressure, first_row=2):
 
 ONE, TWO = recording("a", [100.0, 200.0, 150.0]), recording("b", [400.0, 101.0])
 MORE = recording("c", [200.0, 200.0])
+
+
+def step(**columns):
+    """Five samples, 10 ms apart, of a step of the pressure."""
+    whole = {"time": 10.0 * np.arange(5), "pressure": np.array([0.0, 1, 3, 5, 9]), **columns}
+    return Recording("a", "a.csv", whole, 5, {})
+
+
+def test_a_plateau_has_both_its_ends_and_the_mean_pressure(monkeypatch):
+    units = {"time": "ms"}
+    found = with_plateau(step(), (0.01, 0.03), units)
+    assert found.columns["plateau"].tolist() == [0, 1, 1, 1, 0]
+    assert found.columns["step_pressure"].tolist() == [3] * 5
+    with pytest.raises(DataError, match=r"no sample from 0.05 s to 1 s.* 0 s to 0.04 s"):
+        with_plateau(step(), (0.05, 1.0), units)
+    asked = []
+
+    def find(seconds, pressure, others):
+        asked.append((seconds.tolist(), pressure.tolist(), [*others]))
+        return 0.03, 0.04
+
+    monkeypatch.setattr(curves, "find_plateau", find)
+    own = step(strain=np.zeros(5), force=np.zeros(5))
+    assert with_plateau(own, "auto", units).columns["plateau"].tolist() == [0, 0, 0, 1, 1]
+    assert asked == [([0, 0.01, 0.02, 0.03, 0.04], [0, 1, 3, 5, 9], ["strain"])]
+
+
+def test_damping_is_what_the_static_model_leaves_beside_its_mean_on_the_plateau(monkeypatch):
+    warnings, static = [], SimpleNamespace(name="static")
+    outside = np.array([1, 0, 0, 0, 1], dtype=bool)
+    monkeypatch.setattr(curves, "predict", lambda _model, columns: columns["pressure"])
+    monkeypatch.setattr(curves, "outside_range", lambda _model, _columns: outside)
+    force = np.array([9.0, 2, 4, 9, 9])
+    own = step(force=force, plateau=np.array([0, 1, 1, 0, 0.0]))
+    found = with_damping(own, "force", static, warnings.append)
+    assert found.columns["static_force"].tolist() == [0, 1, 3, 5, 9]
+    assert found.columns["damping"].tolist() == [8, 0, 0, 3, -1]
+    assert warnings == []
+    ten = np.arange(20.0)
+    for beyond, told in ((9, False), (10, True)):
+        outside = ten < beyond
+        own = Recording(
+            "a", "a.csv", {"force": ten, "pressure": ten, "plateau": 1.0 * (ten < 10)}, 20, {}
+        )
+        with_damping(own, "force", static, warnings.append)
+        assert bool(warnings) == told
 
 
 def test_parts_know_their_places_in_their_log():
@@ -79,8 +140,9 @@ def test_the_last_part_of_a_log_begins_after_a_share_of_its_samples():
 
 @pytest.mark.parametrize("nominal", [False, True])
 def test_curves_are_joined_from_parts_of_one_level(nominal):
-    levels = LevelSet("P", LEVELS.at, 5.0, nominal)
+    levels = replace(LEVELS, nominal=True) if nominal else LEVELS
     _, parts = cut_by_level([[ONE, TWO], [MORE]], levels)
+    parts = [replace(part, measured={"P": (99.0, 101.0), "F": (0.0, 7.0)}) for part in parts]
     held_out = [np.full(part.size, part.recording.id == "c") for part in parts]
     low, middle, high = joined_curves(parts, held_out, levels)
     assert [one.id for one in (low, middle, high)] == ["P=100", "P=200", "P=400"]
@@ -89,6 +151,7 @@ def test_curves_are_joined_from_parts_of_one_level(nominal):
     assert middle.origin.tolist() == [0, 1, 1]
     assert middle.held_out.tolist() == [False, True, True]
     assert high.origin is None
+    assert [*high.measured] == (["F"] if nominal else ["P", "F"])
     assert high.at_rest is None
     _, parts = cut_by_level([[MORE, ONE]], None)
     curves = joined_curves(parts, [np.zeros(part.size, dtype=bool) for part in parts], None)

@@ -492,6 +492,7 @@ def titled(*titles, units=(), **values):
         *(("F [V]", "", "", "V", "title"), ("pressure", "", "pressure", "", "")),
         *(("ms", "", "", "ms", "title"), ("Angle_deg", "", "", "deg", "title")),
         ("strain [%]", "1", "strain", "1", "the file's units"),
+        *(("x", "", "displacement", "", ""), ("abc", "", "", "", "")),
         ("力（N）", "", "force", "N", "title"),
     ],
 )
@@ -539,6 +540,7 @@ def test_columns_become_quantities_with_reasons():
 def test_columns_are_found_by_name_place_title_then_a_word():
     table = titled("Force left", "Force right", "x", "2")
     asked = {"Force left": 0, "x": 2, 1: 1, "right": 1, "force  RIGHT": 1, "2": 3}
+    asked |= {"left force": 0}  # all words in another order
     assert {wanted: find(table, wanted, "--x").place for wanted in asked} == asked
     with pytest.raises(UsageError, match="--x: several columns are called force") as error:
         find(table, "force", "--x")

@@ -89,7 +89,7 @@ def test_every_combination_has_a_row_with_its_mark():
     )
     assert of_tuning(replace(TUNED, chosen=TWO)).lines[1].startswith("simplest (the best itself): ")
     assert of_tuning(replace(TUNED, chosen=TWO)).tables[0].rows[1][-1] == "best, simplest"
-    assert view.document["set"] == ["order=2", 'stop="bic"']
+    assert [*view.document["set"]] == ["order=2", 'stop="bic"']
     assert (view.document["best"], view.document["chosen"]) == (TWO.settings, ONE.settings)
     trial = view.document["trials"][0]
     assert (trial["set"], trial["above_best"], trial["folds"]) == (ONE.settings, 0.3, (0.2,))

@@ -34,6 +34,7 @@ PACKAGE = PROJECT / "mapmore_cli"
 LIST, ROOMS = HERE / "mutants.yaml", HERE / "rooms.yaml"
 COUNT, SEED, MOST_OF_A_FILE, SECONDS = 100, 20261128, 2, 240
 SOUND = "tests/study"  # tests that pass in a copy without a fault
+FROM_END_TO_END = ("tests/cli/", "tests/fuzz/", "tests/bench/")
 COPIED = ("mapmore_cli", "tests", "docs", "configs", "datasets")
 
 COMPARED = {ast.Lt: ("<", "<="), ast.LtE: ("<=", "<"), ast.Gt: (">", ">="), ast.GtE: (">=", ">")}
@@ -184,19 +185,23 @@ def rooms() -> dict[str, list[str]]:
 
 
 def tests_of(path: Path, table: dict[str, list[str]]) -> list[str]:
-    """Return the test files of the innermost room that has a file, the nearest first: those that
-    import its module; none of a file without a room.
+    """Return the tests of a file: first those that import its module, wherever they stand except
+    among studies from end to end; then the others of its innermost room. There are none for a file
+    without a room.
     """
     at = path.relative_to(PACKAGE).as_posix()
     names = [name for name in table if at == name or at.startswith(f"{name.rstrip('/')}/")]
+    if not names:
+        return []
     module = ".".join(path.relative_to(PROJECT).with_suffix("").parts).removesuffix(".__init__")
-    files = [
+    room = [
         file
-        for test in (table[max(names, key=len)] if names else [])
+        for test in table[max(names, key=len)]
         for file in ([test] if test.endswith(".py") else _test_files(test))
     ]
-    imports = f"from {module} import"
-    return sorted(dict.fromkeys(files), key=lambda file: imports not in _text_of(file))
+    importing = [file for file in _test_files("tests") if f"from {module} import" in _text_of(file)]
+    near = [file for file in importing if file in room or not file.startswith(FROM_END_TO_END)]
+    return list(dict.fromkeys([*near, *room]))
 
 
 def _test_files(folder: str) -> list[str]:

@@ -107,6 +107,16 @@ def test_places_of_courses_are_in_the_unit_of_their_input(inputs):
         assert columns == [f"{inputs.own} at strain {place:.6g} [N]" for place in places]
 
 
+def test_there_are_courses_between_two_levels_at_least(inputs):
+    body = inputs.model.body
+    for count, figures in ((1, 0), (2, 1)):
+        some = replace(body, curves=body.curves[:count])
+        study = replace(inputs, model=replace(inputs.model, body=some))
+        assert len(level_figures(study, some)) == figures
+    pchip = replace(body, fusion=replace(body.fusion, levels="pchip"))
+    assert level_figures(inputs, pchip) == []
+
+
 def test_of_many_levels_some_are_marked_and_the_caption_says_how_many(inputs, monkeypatch):
     monkeypatch.setattr("mapmore_cli.reporting.figures.panels.DOTS", 2)
     _, drawing = courses_of(inputs)

@@ -193,10 +193,13 @@ class TestSegments:
 
 class TestTerms:
     def test_left_over_shares_of_choice_and_runner_up(self, inputs):
-        for fit in inputs.fit.segments:
-            (left, by_runner_up), err = left_unexplained(fit), np.sort(fit.selection.err_all[0])
-            assert left == pytest.approx([100 * (1 - err[-1])])
-            assert by_runner_up == pytest.approx([100 * (1 - err[-2])])
+        fit = inputs.fit.segments[0]
+        err_all = np.array([[0.6, 0.7, 0.1], [0.2, np.nan, 0.1], [0.3, np.nan, 0.05]])
+        steps = {"err": np.array([0.7, 0.2, 0.05]), "runner_up": np.array([0, 2, -1])}
+        selection = replace(fit.selection, err_all=err_all, **steps)
+        left, by_runner_up = left_unexplained(replace(fit, selection=selection))
+        assert left == pytest.approx([30, 10, 5])
+        assert by_runner_up == pytest.approx([40, 20, np.nan], nan_ok=True)
 
     def test_too_many_segments_are_those_of_whole_curves_evenly_spread(self):
         fits = [SimpleNamespace(curve=curve) for curve in "aabbccddee"]

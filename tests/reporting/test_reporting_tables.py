@@ -159,6 +159,7 @@ class TestModel:
 
     def test_limits_are_those_of_each_curve(self, inputs):
         (table,) = limits_tables(inputs.model)
+        assert table.name == "limits"
         inside = [curve.training for curve in inputs.dataset.curves]
         strains = [curve.columns["strain"][rows] for curve, rows in
                    zip(inputs.dataset.curves, inside, strict=True) if rows.any()]  # fmt: skip
@@ -192,6 +193,9 @@ def test_formulas_that_are_one_model_are_named_once_each_pair():
     assert len(same) == 1
     assert "tondu_lopez and chou_hannaford are one model here" in same[0]
     assert same_models([("a", fit("a", 2.0)), ("b", fit("b", 2.001))]) == ()
+    assert (
+        same_models([("a", fit("a", 0.0)), ("b", fit("b", 0.0))]) == ()
+    )  # nothing is left of both
     # one formula, fitted in two ways
     assert same_models([("a", fit("a", 2.0)), ("a again", fit("a", 2.0))]) == ()
 

@@ -163,7 +163,9 @@ def test_violations_of_a_shape_are_shares_of_the_range():
         ("strain", "falling", 0.2, pytest.approx(5), None, 0.7, "strain 0.1 to 0.25"),
     )
     assert "training 1 | 2 N, held out 3 | 4 N" in table.notes[1]
+    assert table.notes[0].startswith("Known from the spec. ")
     inputs.model.shape = None
     table = shape_table(inputs)
     assert table.rows[0][-2:] == (None, None)
-    assert len(table.notes) == 1
+    (note,) = table.notes
+    assert note.startswith("Known from the kind of muscle. ")

@@ -52,6 +52,15 @@ def state_of(name, x, *numbers, step=STEP):
     return along(OPERATORS[name], x, Setting(numbers, step, (0.0, 1.0)))
 
 
+@pytest.mark.parametrize("name", OPERATORS)
+def test_an_operator_whose_values_depend_on_the_step_is_timed(name):
+    x, setting = np.sin(np.arange(40.0)), setting_of(name)
+    values, slower = (
+        along(OPERATORS[name], x, replace(setting, step=step)) for step in (STEP, 2 * STEP)
+    )
+    assert OPERATORS[name].timed or np.allclose(values, slower)
+
+
 @given(PATHS, st.floats(1e-3, 100))
 def test_slow_follows_its_recursion_from_rest(x, tau):
     a, s = np.exp(-STEP / tau), x[0]

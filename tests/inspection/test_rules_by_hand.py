@@ -1,0 +1,294 @@
+"""Thresholds of the rules of `check`, each by samples on either side."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from common import curve_of, dataset_of
+
+from mapmore_cli.checking.evidence import Unequal, spikes, unequal
+from mapmore_cli.checking.rules import Subject, curves, odd_values, pairs, samples
+from mapmore_cli.domain.recording import Recording
+from mapmore_cli.study.experiment import ExperimentSpec
+
+UNITS = {"time": "s", "pressure": "kPa", "strain": "1", "force": "N", "u": "1"}
+BASE = {
+    "name": "rules",
+    "data": {
+        "files": ["*.csv"],
+        "columns": {
+            name: {"column": name, "unit": unit} if unit != "1" else {"column": name}
+            for name, unit in UNITS.items()
+        },
+    },
+    "target": {"column": "force"},
+    "dictionary": [{"terms": ["1", "strain"]}],
+}
+
+
+def subject_of(*recordings, made=None, **data):
+    spec = ExperimentSpec.model_validate({**BASE, "data": {**BASE["data"], **data}})
+    files = [
+        Recording(
+            f"r{number}", f"r{number}.csv",
+            {name: np.asarray(values, dtype=float) for name, values in columns.items()},
+            len(next(iter(columns.values()))), {},
+        )
+        for number, columns in enumerate(recordings)
+    ]  # fmt: skip
+    return Subject(
+        spec, lambda *loc: ".".join(map(str, loc)), tuple(files), UNITS, Path(), "force", made
+    )
+
+
+def found(rule, *recordings, **more):
+    return [
+        (issue.severity, issue.id, issue.place) for issue in rule(subject_of(*recordings, **more))
+    ]
+
+
+ZEROS = {name: np.zeros(4) for name in UNITS}
+
+
+def test_what_never_changes():
+    places = {"force": ("error", "data.columns.force"), "u": ("warning", "data.columns.u")}
+    for name, (severity, place) in places.items():
+        moving = {other: np.arange(4) for other in UNITS if other != name}
+        issue = (severity, "constant", place)
+        assert found(samples.constant, moving | {name: np.ones(4)}) == [issue]
+        assert (
+            found(samples.constant, moving | {name: np.ones(4)}, moving | {name: np.zeros(4)}) == []
+        )
+    assert found(samples.constant, {name: [1.0] for name in UNITS}) == []  # of one sample
+
+
+@pytest.mark.parametrize(("mean", "told"), [(3.05, True), (2.95, False), (-3.05, True)])
+def test_a_target_three_ranges_from_zero(mean, told):
+    issues = found(samples.offset, {"force": [mean - 0.5, mean + 0.5]}, {"force": [mean] * 5})
+    assert issues == [("hint", "offset", "data.columns.force")] * told
+
+
+def test_signals_that_are_one_up_to_a_factor():
+    wave = np.sin(np.arange(60.0))
+    for other, severity in (("force", "error"), ("strain", "hint")):
+        own = {**{name: np.cos(k + np.arange(60) ** 1.5) for k, name in enumerate(UNITS)}}
+        (issue,) = found(samples.same_signal, own | {"u": wave, other: 2 - 3 * wave})
+        assert issue[:2] == (severity, "same-signal")
+
+
+def saturated(at_end, of_another, size=1000, low=0.0, end=9.0):
+    values = np.linspace(low, end - 0.5, size)
+    values[:at_end], values[at_end : at_end + of_another] = end, low
+    return values
+
+
+@pytest.mark.parametrize(
+    ("at_end", "of_another", "told"),
+    [(11, 1, True), (10, 1, False), (31, 3, True), (30, 3, False), (300, 1, True)],
+)
+def test_a_sensor_is_clipped_at_ten_times_as_many_samples_as_elsewhere(at_end, of_another, told):
+    recording = ZEROS | {"force": saturated(at_end, of_another), "time": np.arange(1000)}
+    issues = found(samples.clipped, {name: recording[name] for name in ("time", "force")})
+    assert issues == [("warning", "clipped", "data.columns.force")] * told
+
+
+def test_ends_near_zero_are_no_clipping():
+    for end, told in ((4.4, False), (4.6, True)):
+        values = np.append(np.full(200, -end), np.linspace(-end + 0.1, 9, 800))
+        issues = found(samples.clipped, {"u": values})
+        assert issues == [("hint", "clipped", "data.columns.u")] * told
+
+
+@pytest.mark.parametrize(("above", "told"), [(0.95, True), (1.05, False)])
+def test_a_force_whose_squares_pull_by_less_than_a_hundredth(above, told):
+    force = np.array([np.sqrt(above), 0, -np.sqrt(99)])
+    assert len(found(samples.force_never_pulls, {"force": force})) == told
+    assert found(samples.force_never_pulls, {"force": np.zeros(3)}) == []
+    both = subject_of({"force": 0.2 * force}, {"force": [30.0, -1.0]})
+    messages = [issue.message for issue in samples.force_never_pulls(both)]
+    assert len(messages) == 0  # 2 N are less than a tenth of 30 N
+    both = subject_of({"force": 0.4 * force}, {"force": [30.0, -1.0]})
+    messages = [issue.message for issue in samples.force_never_pulls(both)]
+    assert [message.startswith("r0.csv") for message in messages] == [True] * told
+
+
+CYCLES = {"cycles": {"over": "strain"}}
+
+
+@pytest.mark.parametrize(
+    ("spans", "issue"),
+    [
+        ([1.0, 1.0], None),
+        ([0.04, 0.04], "error"),
+        ([0.06, 0.04], None),
+        ([0.049, 0.04], "error"),
+        ([0.06, None], "warning"),
+        ([None, None], "error"),
+    ],
+)
+def test_cycles_of_what_is_held(spans, issue):
+    """Two recordings about 0 and about 1, which move by so much; None is noise."""
+    ramp, noise = np.linspace(0, 1, 40), np.tile([0.0, 0.9], 20)
+    recordings = [
+        {"strain": place + (noise if span is None else span * ramp)}
+        for place, span in zip((0, 1 - (spans[1] or 0.9)), spans, strict=True)
+    ]
+    issues = found(samples.still_cycles, *recordings, **CYCLES)
+    assert issues == ([] if issue is None else [(issue, "cycles-of-nothing", "data.cycles")])
+
+
+def test_a_copied_file_is_an_error_where_one_is_held_out():
+    one, other = {"u": [1.0, 2.0], "force": [1.0, 3.0]}, {"u": [1.0, 2.0], "force": [1.0, 4.0]}
+    assert found(samples.recorded_twice, one, other) == []
+    assert found(samples.recorded_twice, one, one) == [("warning", "recorded-twice", "r1.csv")]
+    held = curve_of(one, np.ones(2, dtype=bool), "r0"), curve_of(one, None, "r1")
+    made = replace(dataset_of(one, output="force"), curves=held)
+    issues = found(samples.recorded_twice, one, one, made=made)
+    assert issues == [("error", "recorded-twice", "r1.csv")]
+
+
+def test_a_curve_has_five_samples():
+    made = dataset_of({"u": np.arange(5.0)}, {"u": np.arange(4.0)}, {"u": np.zeros(1)}, output="u")
+    issues = [*curves.few_samples(subject_of(made=made))]
+    assert [issue.message for issue in issues] == ["b has 4 samples", "c has 1 sample"]
+
+
+@pytest.mark.parametrize(
+    ("values", "told"),
+    [([0.5, 1.009], False), ([0.5, 1.011], True), ([-0.009], False), ([-0.011, 0.5], True)],
+)
+def test_held_out_values_within_the_training_range(values, told):
+    """A hundredth of the range from 0 to 1 may be chance."""
+    training = {"strain": np.linspace(0, 1, 11), "force": np.zeros(11)}
+    held = {"strain": np.array(values), "force": np.zeros(len(values))}
+    parts = curve_of(training), curve_of(held, np.ones(len(values), dtype=bool), "b")
+    made = replace(dataset_of(training, output="force"), curves=parts)
+    split = {"split": {"validate": {"strain": [0.5]}}}
+    issues = found(curves.beyond_training, ZEROS, made=made, **split)
+    assert issues == [("warning", "validation-outside", "data.split.validate.strain")] * told
+
+
+def test_a_few_samples_of_another_input_may_lie_outside():
+    training = {"strain": np.linspace(0, 1, 11), "u": np.arange(11.0), "force": np.zeros(11)}
+    for outside, told in ((5, False), (6, True)):
+        strain = np.where(np.arange(100) < outside, 1.5, 0.5)
+        held = {"strain": strain, "u": np.full(100, 5.0), "force": np.zeros(100)}
+        parts = curve_of(training), curve_of(held, np.ones(100, dtype=bool), "b")
+        made = replace(dataset_of(training, output="force"), curves=parts)
+        subject = subject_of(ZEROS, made=made, split={"validate": {"u": [5]}})
+        messages = [issue.message for issue in curves.beyond_training(subject)]
+        share = "6% of the validation samples have strain 1.5, outside the training range 0 to 1"
+        assert messages == [share] * told
+
+
+def test_no_gauge_shows_less_than_a_vacuum():
+    for lowest, told in ((-101.3, False), (-101.5, True)):
+        recording = {"pressure": [0.0, 5.0, lowest], "u": [-500.0] * 3}
+        issues = found(odd_values.below_vacuum, recording)
+        assert issues == [("warning", "below-vacuum", "data.columns.pressure")] * told
+    subject = subject_of({"pressure": [0.0, -500.0, -300.0], "time": [0.0, 0.25, 0.5]})
+    (issue,) = odd_values.below_vacuum(subject)
+    assert issue.message.startswith("r0.csv:row 3 (time 0.25 s) and 1 more: pressure is -500 kPa")
+    subject = subject_of({"pressure": [0.0, -500.0]}, every=2)
+    (issue,) = odd_values.below_vacuum(subject)
+    assert issue.message.startswith("r0: sample 2: pressure")
+
+
+@pytest.mark.parametrize(("error", "told"), [(0.9e-4, True), (1.1e-4, False)])
+def test_a_target_that_is_a_line_of_a_column_in_each_recording(error, told):
+    wave = np.sin(np.arange(60.0))
+    odd = np.where(np.arange(60) % 2, 1.0, -1.0)
+    odd -= wave * (odd @ wave) / (wave @ wave)
+    force = [3 * wave + offset + np.ptp(3 * wave) * error * odd for offset in (0, 5)]
+    recordings = [{"u": wave, "force": values} for values in force]
+    issues = found(pairs.computed_from, *recordings)
+    assert issues == [("warning", "computed-from", "data.columns.force")] * told
+    steeper = [recordings[0], {"u": wave, "force": 3.01 * wave}]
+    assert found(pairs.computed_from, *steeper) == []
+    assert pairs._slope_of_line(wave[:29], 3 * wave[:29]) is None
+    assert pairs._slope_of_line(wave[:30], 3 * wave[:30]) == pytest.approx(3)
+    assert pairs._slope_of_line(np.ones(40), wave[:40]) is None
+
+
+@pytest.mark.parametrize(
+    ("gain", "offset", "both", "effects"),
+    [
+        (0.4, 0.6, 0.21, ["gain"]),
+        (0.6, 0.4, 0.21, ["offset"]),
+        (0.4, 0.6, 0.19, ["offset", "gain"]),
+        (0.51, 0.6, 0.26, []),
+        (0.51, 0.6, 0.25, ["offset", "gain"]),
+        (0.49, 0.6, 0.25, ["gain"]),
+        (0.04, 0.6, 0.001, ["gain"]),
+        (0.06, 0.6, 0.001, ["offset", "gain"]),
+    ],
+)
+def test_effects_that_explain_most_of_a_difference(gain, offset, both, effects):
+    one, other = (Recording(name, f"{name}.csv", {}, 0, {}) for name in "ab")
+    for apart in (1.0, 0.04):
+        left = {"gain": gain * apart, "offset": offset * apart, "offset gain": both * apart}
+        found = Unequal(one, other, ("u", "p"), "force", apart, left)
+        assert found.effects == effects
+        assert found.is_large == (apart == 1.0)
+    words = f"explains {1 - gain**2:.0%} of the difference, an offset {1 - offset**2:.0%}, both "
+    assert words in found.words()
+    assert found.words().startswith(
+        "b.csv has the same u, p as a.csv, but force differs by 0.04 of"
+    )
+
+
+def test_the_two_recordings_that_differ_most_are_told():
+    u = np.sin(np.arange(60.0))
+    outputs = [u, u + 0.2, u + 0.5, u + 0.3]
+    subject = subject_of(*({"u": u, "force": y} for y in outputs), {"u": -u, "force": 4 * u})
+    found = unequal(subject.recordings, ["u"], "force")
+    assert (found.one.id, found.other.id) == ("r0", "r2")
+    assert found.apart == pytest.approx(0.5 / np.ptp([4 * u.min(), 4 * u.max()]))
+    assert found.left["offset"] == pytest.approx(0, abs=1e-9)
+    short = subject_of(*({"u": u[:n], "force": u[:n] + n} for n in (29, 60)))
+    assert unequal(short.recordings, ["u"], "force") is None
+    wide = 10 * np.sin(np.arange(300.0)) + 7
+    for off, told in ((0.009, True), (0.011, False)):
+        near = [wide, wide + off * np.ptp(wide) * np.where(np.arange(300) % 2, 1, -1)]
+        equal = subject_of(*({"u": x, "force": wide + k} for k, x in enumerate(near)))
+        assert (unequal(equal.recordings, ["u"], "force") is not None) == told
+    for n, told in ((29, False), (30, True)):
+        parts = subject_of({"u": u[:n], "force": u[:n] + 1}, {"u": u, "force": u})
+        assert (unequal(parts.recordings, ["u"], "force") is not None) == told
+
+
+@pytest.mark.parametrize(
+    ("values", "rows"),
+    [
+        ({15: 4.1}, [15]),  # the steps elsewhere are 1
+        ({15: 3.9}, []),
+        ({15: -4.1}, [15]),
+        ({15: 10.1, 16: 2.0}, [15]),  # its neighbours differ by 2, and it is higher by 8.1
+        ({15: 9.9, 16: 2.0}, []),
+        ({15: 40.0, 20: 11.0}, [15, 20]),  # both are higher than a quarter of the highest
+        ({15: 40.0, 20: 9.0}, [15]),
+        ({0: 40.0}, []),
+        ({28: 40.0}, [28]),
+        ({29: 40.0}, []),
+    ],
+)
+def test_a_spike_is_four_times_as_high_as_any_other_change(values, rows):
+    record = np.arange(400) % 2.0 if len(rows) > 1 else np.arange(30) % 2.0
+    record[[*values]] = [*values.values()]
+    for place in values:
+        if not {place - 1, place + 1} & {*values}:
+            record[place + 1 : place + 2] = record[place - 1]
+    assert spikes(record).tolist() == rows
+    assert not spikes(record[:29]).size
+
+
+def test_a_spike_is_a_quarter_of_the_range_and_seldom():
+    slow = np.linspace(0, 100, 400)
+    for height, rows in ((24, []), (26, [200])):
+        record = slow + height * (np.arange(400) == 200)
+        assert spikes(record).tolist() == rows
+    assert spikes(np.where(np.arange(40) == 7, 5.0, 1.0)).tolist() == []  # no other change
+    for count, found in ((4, 4), (5, 0)):
+        record = np.where(np.isin(np.arange(400), 50 * np.arange(1, count + 1)), 90.0, slow / 100)
+        assert len(spikes(record)) == found
