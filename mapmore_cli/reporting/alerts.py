@@ -14,6 +14,7 @@ from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import AUTOCORRELATION, ResidualTest, Search, Validation
 from mapmore_cli.domain.scores import OWN, REPEATABILITY, STRUCTURE_SEEN, Alert, Score, deciding
 from mapmore_cli.modelling.validation.coverage import new_combinations, share_outside
+from mapmore_cli.reporting.score_tables import EQUAL_WITHIN
 from mapmore_cli.reporting.table import title_of
 
 FEW_CURVES = 3
@@ -135,14 +136,14 @@ def _of_held_out(dataset: Dataset, model: Model, left_out: bool) -> Iterator[tup
 
 
 def _of_competitors(scores: Sequence[Score], unit: str) -> Iterator[tuple[str, str, str]]:
-    """Yield alerts about competitors with a smaller error, or with one that is equal within one
-    standard error.
+    """Yield alerts about competitors with a smaller error, and about those with one that is equal
+    within one standard error. As in the verdict, errors that differ by 1 % or less are equal.
     """
     compared = [s for s in deciding(scores) if math.isfinite(s.rmse) and s.model != REPEATABILITY]
     ours = next((score for score in compared if score.model == OWN), None)
     if ours is None:
         return
-    better = [s for s in compared if s.rmse < ours.rmse]
+    better = [s for s in compared if s.rmse < (1 - EQUAL_WITHIN) * ours.rmse]
     for score in sorted(better, key=lambda one: one.rmse):
         errors = f"RMSE {score.rmse:.3g} against {ours.rmse:.3g} {unit}".rstrip()
         yield "competitor", f"{title_of(score.model)} has a smaller error: {errors}", "nrmse"

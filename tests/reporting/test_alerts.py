@@ -104,6 +104,8 @@ def curve_rows(inputs, model, factors):
     [
         ([0.5, 0.6, 0.7], "competitor"),
         ([0.7, 1.5, 1.1], "near"),
+        ([0.995] * FEW_CURVES, "near"),  # as the verdict, which sees no difference to speak of
+        ([0.995], None),
         ([2.0, 2.1, 2.2], None),
         ([1.01] * (FEW_CURVES - 1), None),
     ],

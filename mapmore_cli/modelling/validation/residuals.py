@@ -198,7 +198,7 @@ def explained_by_inputs(model: Model, dataset: Dataset) -> Iterator[str]:
 TINY = float(np.finfo(np.float64).tiny)
 
 SAME = 1e-9  # relative difference below which two predictions are equal
-# share of held-out samples outside the training range above which scores are for extrapolation
+# share of held-out samples outside the training range above which scores judge extrapolation
 MOSTLY = 0.5
 
 ROWS = {"train": "training data", "validate": "held-out data"}
@@ -225,15 +225,10 @@ def alarms(
         )
     sentences += _bare(model, dataset.curves, predictions)
     outside = share_outside(model, dataset)
-    if outside == 1:
-        sentences.append(
-            "all held-out samples lie outside the training range, so that all their scores "
-            "are scores of extrapolation"
-        )
-    elif outside > MOSTLY:
+    if outside > MOSTLY:
         sentences.append(
             f"{100 * outside:.3g} % of the held-out samples lie outside the training range, so "
-            "that their scores are mostly scores of extrapolation"
+            "that the scores mainly say how well the model extrapolates"
         )
     return tuple(sentences)
 
