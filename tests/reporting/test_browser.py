@@ -5,6 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
+from mapmore_cli.reporting.figures.sketched import sketched
+from mapmore_cli.reporting.figures.style import PLAIN
+
 PAGES = ("fixed", "running", "runs")
 
 
@@ -92,6 +96,29 @@ def test_nothing_is_wider_than_the_window(name, width, opened):
     )
     assert wide == []
     assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+CUT = """() => [...document.querySelectorAll("figure svg text")].filter((text) => {
+    const words = text.getBoundingClientRect();
+    const { left, right } = text.closest(".panel, .key").getBoundingClientRect();
+    return words.left < left - 2 || words.right > right + 2;  // a letter has a margin
+}).map((text) => text.textContent)"""
+
+
+def test_no_words_of_a_figure_are_cut(browser):
+    """Names of a model's parts at an axis, with wide letters."""
+    drawing = Drawing("q", "", (Panel("", named_ticks, "x", ("y",)),), Layout())
+    figure = sketched(drawing, PLAIN)
+    page = browser.new_page()
+    page.set_content(f"<figure>{figure.svg}</figure>")
+    assert page.locator("text", has_text="memory").count() == 1
+    assert page.evaluate(CUT) == []
+    page.context.close()
+
+
+def named_ticks(ax):
+    ax.plot([0.0, 1.0], label="mmmmmmmmm")
+    ax.set_yticks([0.0, 1.0], ["memory", "mwMWmw"])
 
 
 LETTERS = """() => [...document.querySelectorAll("figure text")].map((text) => {

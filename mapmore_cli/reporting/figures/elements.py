@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
+from functools import lru_cache
 from html import escape
 from typing import Any
 
@@ -58,10 +59,15 @@ def path(x: Sequence[float] | Array, y: Sequence[float] | Array, dots: bool = Fa
 
 
 def _step(across: float, up: float) -> str:
-    """Return two numbers of tenths, without a zero before their points."""
-    words = (f"{tenths / 10 + 0.0:.1f}".removesuffix(".0") for tenths in (across, up))
-    left, top = (re.sub(r"^(-?)0\.", r"\1.", word) for word in words)
-    return left + ("" if top.startswith("-") else " ") + top
+    """Return two numbers of tenths; a minus sign parts them too."""
+    top = _tenths(up)
+    return _tenths(across) + ("" if top.startswith("-") else " ") + top
+
+
+@lru_cache(4096)  # most steps are short
+def _tenths(count: float) -> str:
+    """Return a number of tenths without a zero before its point."""
+    return re.sub(r"^(-?)0\.", r"\1.", f"{count / 10 + 0.0:.1f}".removesuffix(".0"))
 
 
 def line_svg(x: Array, y: Array, look: dict[str, Any]) -> str:

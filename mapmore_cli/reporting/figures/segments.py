@@ -161,7 +161,7 @@ def level_figures(inputs: ReportInputs, pieces: Pieces) -> list[Drawing]:
     at = f"{along.name} {', '.join(f'{place:.3g}' for place in places)}"
     at += "" if along.unit == "1" else f" {along.unit}"
     what = f"{inputs.own} over {level.name} at {at}"
-    caption = f"{output.name} of {what}; dots mark the training levels."
+    caption = f"The {output.name} of {what}; dots mark the training levels."
     caption += panels.some_of(len(marked), len(levels), "training levels")
     if pieces.fusion.shrink < 1.0:
         caption += (

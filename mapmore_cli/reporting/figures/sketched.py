@@ -21,8 +21,8 @@ POINTS, SCREEN = 72, 1.8
 paper.
 """
 
-LETTER = 0.62
-"""Width of a letter as a fraction of the font size."""
+LETTER, WIDE = 0.62, 1.0
+"""Widths of a letter, and of one of `mwMW`, as fractions of the font size."""
 
 TICK = 2.5
 
@@ -173,9 +173,14 @@ def _make_equal(axes: Sequence[Any]) -> None:
 def _room_left(panel: list[Sketch], labels: Sequence[str], size: float) -> float:
     """Return the width in points of the labels of a panel's y axes."""
     words = [words for sheet in panel for words in sheet.yaxis.labels().values()]
-    longest = max((len(line) for one in words for line in one.split("\n")), default=0)
+    longest = max((_width(line) for one in words for line in one.split("\n")), default=0.0)
     lines = max((label.count("\n") + 1 for label in labels if label), default=0)
-    return LETTER * size * longest + 6 + lines * (size + 2.5)
+    return size * longest + 6 + lines * (size + 2.5)
+
+
+def _width(words: str) -> float:
+    """Return the width of words as a multiple of their font size."""
+    return sum(WIDE if letter in "mwMW" else LETTER for letter in words)
 
 
 def _axes(
@@ -224,6 +229,6 @@ def _entry(label: str, look: dict[str, Any], style: FigureStyle) -> tuple[str, f
         ends = np.array([1, 1 + 2 * size])
         mark = line_svg(ends, np.full(2, at), line)
         mark += line_svg(np.array([1 + size]), np.full(1, at), look | {"linestyle": "none"})
-    width = (len(label) * LETTER + 4.5) * size
+    width = (_width(label) + 4.5) * size
     inside = mark + text(label, 1 + 2.5 * size, y, size)
     return inside, width
