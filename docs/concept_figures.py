@@ -32,6 +32,7 @@ from concept_numbers import (
     loops,
     outer_level,
 )
+from joint_diagram import joint
 from matplotlib.figure import Figure
 from pages import DOCS, write_rows, write_tables
 
@@ -184,6 +185,7 @@ PICTURES = {
     "which-model": Picture(lambda _: {}, decision_tree),
     "c-caller": Picture(lambda _: {}, c_caller),
     "campaign-page": Picture(campaign, campaign_page),
+    "joint": Picture(lambda _: {}, joint),
     "overfitting": Picture(errors_by_terms, draw_overfitting),
     "beyond-the-data": Picture(beyond, draw_beyond),
     "memory-loops": Picture(loops, draw_loops),
