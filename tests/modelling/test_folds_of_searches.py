@@ -129,22 +129,3 @@ def test_neighbouring_values_are_left_out_as_the_study_does(out, folds, ends):
     values = np.concatenate([curve.columns["p"] for curve in kept])
     assert [np.unique(values[fold]).tolist() for fold in found] == folds
     assert at_ends == ends
-
-
-def test_an_end_of_an_input_is_left_out_as_wide_as_the_study_holds_out():
-    x = np.linspace(0, 12, 13)
-    for beyond, count, width in ((1.5, 1, 1.5), (9.0, 1, 4.0)):
-        held_out = np.array([12 + beyond] * count + [6.0] * 3)
-        whole = np.append(x, held_out)
-        out = np.arange(len(whole)) >= 13
-        study = dataset_of({"x": whole, "y": whole}, held_out=out)
-        data = dataset_of({"x": x, "y": x})
-        situation = Situation("y", ("x",), None, 13, 1)
-        assert rows(bench._beyond(data, situation, study)) == [
-            np.flatnonzero(x >= 12 - width).tolist()
-        ]
-        few = dataset_of({"x": np.append(whole, 6.0), "y": np.append(whole, 6.0)},
-                         held_out=np.append(out, True))  # fmt: skip
-        assert bench._beyond(data, situation, few) == []  # a fifth is less than a quarter
-        timed = Situation("y", ("x",), None, 13, 1, 0.01, 100)
-        assert bench._beyond(data, timed, study) == []
