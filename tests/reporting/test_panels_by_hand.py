@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mapmore_cli.reporting.figures import panels
+from mapmore_cli.reporting.figures import panels, sketched
 
 
 def test_dots_are_evenly_spread_with_the_extremes_among_them():
@@ -89,3 +89,26 @@ def test_names_are_shortened_so_that_they_stay_different(names, length, shown):
 def test_powers_are_raised_and_names_are_in_lines():
     assert panels.raised("x^2*y^13 + z^1.5") == "x²*y¹³ + z^1.5"
     assert panels.titles(["one two", "three"], 4) == ["one\ntwo", "thre\ne"]
+
+
+def test_sheets_of_a_panel_share_its_height_and_its_right_end(monkeypatch):
+    axes, words = [], []
+    monkeypatch.setattr(sketched, "_axes", lambda *asked: axes.append(asked) or "")
+    monkeypatch.setattr(sketched, "text", lambda *asked: words.append(asked) or "")
+    sheets = [SimpleNamespace(right=right, share=share) for right, share in ((0, 2.0), (30, 0.5))]
+    panel = SimpleNamespace(y_labels=("y",), x_label="x")
+    sketched._panel(sheets, panel, "title", (40.0, 20.0, 200.0, 151.7), SimpleNamespace(size=9))
+    # below the axes are 8 + 3 + 1.3 9 points and 4 of margin, and 7 between the sheets
+    height = 151.7 - (8 + 3 + 11.7) - 4 - 20 - 7
+    first = 20 + height * 2 / 2.5
+    assert [one[1] for one in axes] == [
+        (40, 164, 20, pytest.approx(first)),
+        (40, 164, pytest.approx(first + 7), pytest.approx(first + 7 + height / 5)),
+    ]
+    assert [one[2:] for one in axes] == [("y", 40, False), ("", 40, True)]
+    assert words[0] == ("title", 40, 16, 8)
+    assert words[1][:2] == ("x", 102)
+    assert words[1][2] == pytest.approx(151.7 - 4)
+    sketched._panel(sheets[:1], panel, "", (40.0, 20.0, 200.0, 151.7), SimpleNamespace(size=9))
+    assert axes[-1][1] == (40, 194, 20, pytest.approx(20 + height + 7))
+    assert len(words) == 3
