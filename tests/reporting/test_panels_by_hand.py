@@ -112,3 +112,68 @@ def test_sheets_of_a_panel_share_its_height_and_its_right_end(monkeypatch):
     sketched._panel(sheets[:1], panel, "", (40.0, 20.0, 200.0, 151.7), SimpleNamespace(size=9))
     assert axes[-1][1] == (40, 194, 20, pytest.approx(20 + height + 7))
     assert len(words) == 3
+
+
+def test_entries_of_a_legend_fill_lines_from_the_left(monkeypatch):
+    places = []
+    monkeypatch.setattr(sketched, "_svg", lambda _inside, place, *_: places.append(place) or "x")
+    entries = [("a", 100.0), ("b", 176.0), ("c", 300.0), ("d", 10.0)]
+    found, height = sketched._legend(entries, 4.0, SimpleNamespace(size=9))
+    line = 1.4 * 8
+    # a line has 288 points; two entries are 6 points apart
+    assert [place[:3] for place in places] == [
+        (0, 0, 100), (106, 0, 176), (0, line, 300), (0, 2 * line, 10),
+    ]  # fmt: skip
+    assert (found, height) == ("xxxx", 3 * line)
+    assert sketched._legend([], 4.0, SimpleNamespace(size=9)) == ("", 0)
+    _, width = sketched._entry("ab cd", {"color": "#000"}, SimpleNamespace(size=9))
+    assert width == pytest.approx((5 * 0.62 + 4.5) * 8)
+
+
+def test_sheets_share_the_x_axis_and_have_fewer_ticks_beside_each_other():
+    for columns, stack, ticks in ((1, [1.0], (5, 6)), (2, [2.0, 0.5], (4, 4))):
+        sheets = sketched._filled(lambda *_: None, stack, columns, 8.0)
+        assert [sheet.share for sheet in sheets] == stack
+        assert all(sheet.xaxis is sheets[0].xaxis for sheet in sheets)
+        assert {(sheet.xaxis.most, sheet.yaxis.most) for sheet in sheets} == {ticks}
+
+
+def axis_of(labels, scale):
+    return SimpleNamespace(
+        labels=lambda: labels, scale=lambda start, end: lambda at: scale(start, end, at)
+    )
+
+
+def test_room_for_the_labels_of_the_longest_line():
+    sheets = [
+        SimpleNamespace(yaxis=SimpleNamespace(labels=lambda words=words: {0: words}))
+        for words in ("100", "1\n2222")
+    ]
+    assert sketched._room_left(sheets, ["y\nunit", ""], 8.0) == pytest.approx(
+        4 * 0.62 * 8 + 6 + 2 * 10.5
+    )
+    assert sketched._room_left(sheets[:1], [""], 8.0) == pytest.approx(3 * 0.62 * 8 + 6)
+
+
+@pytest.mark.parametrize("last", [True, False])
+def test_axes_have_ticks_at_their_labels(last, monkeypatch):
+    words = []
+    monkeypatch.setattr(sketched, "text", lambda *asked, **look: words.append((asked, look)) or "")
+
+    def straight(start, end, at):
+        return start + (end - start) * at
+
+    marks = [(2, lambda _x, _y: "late"), (1, lambda across, up: f"{across(1):g} {up(1):g};")]
+    sheet = SimpleNamespace(
+        xaxis=axis_of({0.25: "a"}, straight), yaxis=axis_of({0.5: "b\nc"}, straight),
+        marks=marks, beside=[(0, lambda _x, _y: "beside")], size=8.0,
+    )  # fmt: skip
+    svg = sketched._axes(sheet, (40.0, 140.0, 20.0, 100.0), "y\nunit", 35.0, last)
+    assert '<svg x="40.0" y="20.0" width="100.0" height="80.0"' in svg
+    assert 'viewBox="40.0 20.0 100.0 80.0">140 20;late</svg>' in svg
+    assert "M40.0 20.0V100.0H140.0M65.0 100.0v2.5M40.0 60.0h-2.5" in svg
+    assert svg.endswith("beside")
+    below = [(("a", 65, 111, 8, "middle"), {})] * last
+    beside = (("b\nc", 36, pytest.approx(60 + 8 * 0.93), 8, "end"), {})
+    label = (("y\nunit", pytest.approx(40 - 35 + 8 + 9.2), 60, 9, "middle"), {"turned": True})
+    assert words == [*below, beside, label]
