@@ -317,16 +317,6 @@ def test_ends_of_the_only_recording_stand_for_another_one():
     assert bench.weights[bench.blocks :].sum() == pytest.approx(2 / 3)
 
 
-def test_recordings_too_short_to_say_or_too_long_to_miss_are_not_left_out():
-    def left_out(dataset):
-        bench = bench_of(dataset)
-        return [[int(mask.sum()) for mask in fold] for fold in bench.masks[bench.blocks :]]
-
-    assert left_out(recorded(100, 100, 100)) == [[100, 0, 0], [0, 100, 0], [0, 0, 100]]
-    assert left_out(recorded(10, 3000)) == []
-    assert left_out(recorded(2, 2, 2, 100, 100)) == [[0, 0, 0, 100, 0], [0, 0, 0, 0, 100]]
-
-
 @pytest.mark.parametrize(
     ("lengths", "held", "out"),
     [

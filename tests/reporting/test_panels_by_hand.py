@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mapmore_cli.reporting.figures import panels
+from mapmore_cli.reporting.figures import panels, sketched
 
 
 def test_dots_are_evenly_spread_with_the_extremes_among_them():
@@ -89,3 +89,91 @@ def test_names_are_shortened_so_that_they_stay_different(names, length, shown):
 def test_powers_are_raised_and_names_are_in_lines():
     assert panels.raised("x^2*y^13 + z^1.5") == "x²*y¹³ + z^1.5"
     assert panels.titles(["one two", "three"], 4) == ["one\ntwo", "thre\ne"]
+
+
+def test_sheets_of_a_panel_share_its_height_and_its_right_end(monkeypatch):
+    axes, words = [], []
+    monkeypatch.setattr(sketched, "_axes", lambda *asked: axes.append(asked) or "")
+    monkeypatch.setattr(sketched, "text", lambda *asked: words.append(asked) or "")
+    sheets = [SimpleNamespace(right=right, share=share) for right, share in ((0, 2.0), (30, 0.5))]
+    panel = SimpleNamespace(y_labels=("y",), x_label="x")
+    sketched._panel(sheets, panel, "title", (40.0, 20.0, 200.0, 151.7), SimpleNamespace(size=9))
+    # below the axes are 8 + 3 + 1.3 9 points and 4 of margin, and 7 between the sheets
+    height = 151.7 - (8 + 3 + 11.7) - 4 - 20 - 7
+    first = 20 + height * 2 / 2.5
+    assert [one[1] for one in axes] == [
+        (40, 164, 20, pytest.approx(first)),
+        (40, 164, pytest.approx(first + 7), pytest.approx(first + 7 + height / 5)),
+    ]
+    assert [one[2:] for one in axes] == [("y", 40, False), ("", 40, True)]
+    assert words[0] == ("title", 40, 16, 8)
+    assert words[1][:2] == ("x", 102)
+    assert words[1][2] == pytest.approx(151.7 - 4)
+    sketched._panel(sheets[:1], panel, "", (40.0, 20.0, 200.0, 151.7), SimpleNamespace(size=9))
+    assert axes[-1][1] == (40, 194, 20, pytest.approx(20 + height + 7))
+    assert len(words) == 3
+
+
+def test_entries_of_a_legend_fill_lines_from_the_left(monkeypatch):
+    places = []
+    monkeypatch.setattr(sketched, "_svg", lambda _inside, place, *_: places.append(place) or "x")
+    entries = [("a", 100.0), ("b", 176.0), ("c", 300.0), ("d", 10.0)]
+    found, height = sketched._legend(entries, 4.0, SimpleNamespace(size=9))
+    line = 1.4 * 8
+    # a line has 288 points; two entries are 6 points apart
+    assert [place[:3] for place in places] == [
+        (0, 0, 100), (106, 0, 176), (0, line, 300), (0, 2 * line, 10),
+    ]  # fmt: skip
+    assert (found, height) == ("xxxx", 3 * line)
+    assert sketched._legend([], 4.0, SimpleNamespace(size=9)) == ("", 0)
+    _, width = sketched._entry("ab cd", {"color": "#000"}, SimpleNamespace(size=9))
+    assert width == pytest.approx((5 * 0.62 + 4.5) * 8)
+
+
+def test_sheets_share_the_x_axis_and_have_fewer_ticks_beside_each_other():
+    for columns, stack, ticks in ((1, [1.0], (5, 6)), (2, [2.0, 0.5], (4, 4))):
+        sheets = sketched._filled(lambda *_: None, stack, columns, 8.0)
+        assert [sheet.share for sheet in sheets] == stack
+        assert all(sheet.xaxis is sheets[0].xaxis for sheet in sheets)
+        assert {(sheet.xaxis.most, sheet.yaxis.most) for sheet in sheets} == {ticks}
+
+
+def axis_of(labels, scale):
+    return SimpleNamespace(
+        labels=lambda: labels, scale=lambda start, end: lambda at: scale(start, end, at)
+    )
+
+
+def test_room_for_the_labels_of_the_longest_line():
+    sheets = [
+        SimpleNamespace(yaxis=SimpleNamespace(labels=lambda words=words: {0: words}))
+        for words in ("100", "1\n2222")
+    ]
+    assert sketched._room_left(sheets, ["y\nunit", ""], 8.0) == pytest.approx(
+        4 * 0.62 * 8 + 6 + 2 * 10.5
+    )
+    assert sketched._room_left(sheets[:1], [""], 8.0) == pytest.approx(3 * 0.62 * 8 + 6)
+
+
+@pytest.mark.parametrize("last", [True, False])
+def test_axes_have_ticks_at_their_labels(last, monkeypatch):
+    words = []
+    monkeypatch.setattr(sketched, "text", lambda *asked, **look: words.append((asked, look)) or "")
+
+    def straight(start, end, at):
+        return start + (end - start) * at
+
+    marks = [(2, lambda _x, _y: "late"), (1, lambda across, up: f"{across(1):g} {up(1):g};")]
+    sheet = SimpleNamespace(
+        xaxis=axis_of({0.25: "a"}, straight), yaxis=axis_of({0.5: "b\nc"}, straight),
+        marks=marks, beside=[(0, lambda _x, _y: "beside")], size=8.0,
+    )  # fmt: skip
+    svg = sketched._axes(sheet, (40.0, 140.0, 20.0, 100.0), "y\nunit", 35.0, last)
+    assert '<svg x="40.0" y="20.0" width="100.0" height="80.0"' in svg
+    assert 'viewBox="40.0 20.0 100.0 80.0">140 20;late</svg>' in svg
+    assert "M40.0 20.0V100.0H140.0M65.0 100.0v2.5M40.0 60.0h-2.5" in svg
+    assert svg.endswith("beside")
+    below = [(("a", 65, 111, 8, "middle"), {})] * last
+    beside = (("b\nc", 36, pytest.approx(60 + 8 * 0.93), 8, "end"), {})
+    label = (("y\nunit", pytest.approx(40 - 35 + 8 + 9.2), 60, 9, "middle"), {"turned": True})
+    assert words == [*below, beside, label]

@@ -93,6 +93,13 @@ def test_the_anchor_is_on_a_parabola_through_the_weight_of_the_nearest_samples(s
     assert end_of_trend(away[None], y, weights) == pytest.approx(expected, abs=1e-6)
 
 
+def test_weights_that_only_rounding_tells_apart_are_alike():
+    away, y = np.linspace(0, 1, 100)[None], np.random.default_rng(0).normal(0, 1, 100)
+    for unit in (1e-6, 1.0, 1e6):
+        weights = unit * (1 + 4e-13 * (np.arange(100) % 2))
+        assert end_of_trend(away, y, weights) == pytest.approx(y[:5].mean())
+
+
 POWERS = products(["strain"], 4)
 PLACES = np.linspace(0, 0.25, 101)
 

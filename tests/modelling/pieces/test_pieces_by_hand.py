@@ -163,6 +163,9 @@ def test_sizes_by_which_data_are_divided():
     assert (made.slope, made.intercept, made.y_slope, made.y_intercept) == (0.25, 0, 5, 0)
     (made,) = placements("none", [np.array([-4.0, 2.0])], np.array([1.0, -5.0]), ["x"])
     assert (made.slope, made.intercept, made.y_slope, made.y_intercept) == (1, 0, 1, 0)
+    two = [np.array([-4.0, 2.0]), np.array([3.0, 1.0])]
+    (made,) = placements("max_abs", two, np.array([1.0, -5.0]), ["x", "z"])
+    assert (made.slope.tolist(), made.y_slope) == ([0.25, 1 / 3], 5)
     with pytest.raises(ValueError, match="unknown scaling rule"):
         placements("other", [np.ones(2)], np.ones(2), ["x"])
     assert span([0.0, 2.0]).tolist() == [1, 2]

@@ -1,0 +1,131 @@
+"""Folds with which structures are compared, sample by sample."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from common import curve_of, dataset_of
+
+from mapmore_cli.annexes.search import bench
+from mapmore_cli.annexes.search.situation import Situation
+from mapmore_cli.study.sections.data import Between
+
+
+def rows(folds):
+    return [np.flatnonzero(fold).tolist() for fold in folds]
+
+
+def held(pattern):
+    """Samples, `-` of which train and `x` of which are held out."""
+    return np.array([sign == "x" for sign in pattern])
+
+
+def test_windows_are_as_long_as_the_held_out_run():
+    short = rows(bench._windows([np.arange(20)], 22, 2))
+    assert short == [[k, k + 1, k + 10, k + 11] for k in range(0, 10, 2)]
+    once = rows(bench._windows([np.arange(10)], 10, 1))
+    assert once == [[k, k + 5] for k in range(5)]  # each two times
+    long = rows(bench._windows([np.arange(30)], 30, 50))  # a third of the recording
+    assert [(fold[0], len(fold)) for fold in long] == [(k * 5, 10) for k in range(5)]
+    both = rows(bench._windows([np.arange(5), np.arange(5, 10)], 10, 0))
+    assert both == [[k, k + 5] for k in range(5)]
+
+
+@pytest.mark.parametrize(
+    ("patterns", "run"),
+    [
+        (["--"], 0),
+        (["xxx--x--xx"], 2),  # of six samples, three are in runs of up to two
+        (["xxx----x--"], 3),
+        (["xx", "xxxx"], 4),
+        (["xx--", "xx--"], 2),
+    ],
+)
+def test_the_typical_run_of_held_out_samples(patterns, run):
+    curves = tuple(
+        curve_of({"y": np.zeros(len(one))}, held(one), f"{number}")
+        for number, one in enumerate(patterns)
+    )
+    assert bench.held_run(replace(dataset_of({"y": np.zeros(2)}), curves=curves)) == run
+
+
+def test_bands_are_around_quantiles_and_as_wide_as_those_held_out():
+    x = np.arange(13.0)
+    samples = curve_of({"x": x, "y": x}, x == 12)
+    holdout = SimpleNamespace(quantities={"x": Between(between=[(2.0, 4.0), (5, 5.5)])})
+    # quantiles of 0 to 11 at sixths, and half of the median width of 1.25
+    middles = 11 * np.arange(1, 6) / 6
+    expected = [np.flatnonzero((np.abs(x - m) <= 0.625) & (x < 12)).tolist() for m in middles]
+    assert rows(bench._bands(samples, holdout, ["x"])) == expected
+    assert bench._bands(samples, holdout, ["y"]) == bench._bands(samples, None, ["x"]) == []
+    ends = SimpleNamespace(quantities={"x": Between(between=[(0.0, 4.0)])})
+    assert bench._bands(samples, ends, ["x"]) == []
+
+
+def test_inner_stretches_along_each_input():
+    """A seventh at either end is never left out."""
+    x = np.arange(14.0)
+    data = dataset_of({"x": x[::-1], "still": np.zeros(14), "y": x}, held_out=x == 13)
+    situation = Situation("y", ("x", "still"), None, 13, 1)
+    words, folds = bench._stretches(data, situation, None, 0)
+    assert "5 inner stretches" in words
+    assert rows(folds) == [[9, 10], [7, 8], [5, 6], [3, 4], [2]]  # two of thirteen at either end
+    timed = Situation("y", ("x",), None, 13, 1, 0.01, 100)
+    words, folds = bench._stretches(data, timed, None, 4)
+    assert "stretches of the training samples of every recording" in words
+    assert rows(folds) == rows(bench._windows([np.arange(13)], 14, 4))
+
+
+def test_ends_of_recordings_are_counted_from_the_last_training_sample():
+    samples = curve_of({"y": np.zeros(12)}, held("----------xx"))
+    assert rows(bench._ends(samples)) == [[8, 9], [7, 8, 9], [5, 6, 7, 8, 9]]
+
+
+@pytest.mark.parametrize(
+    ("sizes", "left_out"),
+    [
+        ((10, 10), [0, 1]),
+        ((10, 2, 10), [0, 1, 2]),  # the mean size in which a sample lies is 9.3
+        ((10, 1, 10), [0, 2]),
+        ((12, 9, 9), [0, 1, 2]),
+        ((13, 9, 9), [1, 2]),  # 13 is more than 1.2 times 10.7
+        ((30, 2), []),
+    ],
+)
+def test_recordings_of_a_fair_size_are_left_out(sizes, left_out):
+    origin = np.repeat(np.arange(len(sizes)), sizes)
+    curve = curve_of({"y": np.zeros(len(origin))})
+    samples = SimpleNamespace(origin=origin, training=curve.training)
+    folds = bench._fair(samples)
+    assert [int(origin[fold][0]) for fold in folds] == left_out
+    assert all(fold.sum() == sizes[number] for fold, number in zip(folds, left_out, strict=True))
+
+
+def level(value, out=False, size=2):
+    return curve_of(
+        {"p": np.full(size, value), "y": np.zeros(size)}, np.full(size, out), f"{value}"
+    )
+
+
+@pytest.mark.parametrize(
+    ("out", "folds", "ends"),
+    [
+        ((), [[2], [3], [4]], False),
+        ((3,), [[2], [4]], False),
+        ((2, 3), [[4]], False),  # of 1, 4 and 5, one is between two others
+        ((5,), [[3, 4][1:]], True),
+        ((1, 2), [[3]], True),
+        ((1, 5), [[2], [4]], True),
+    ],
+)
+def test_neighbouring_values_are_left_out_as_the_study_does(out, folds, ends):
+    curves = [level(float(value), value in out) for value in range(1, 6)]
+    study = replace(dataset_of({"p": np.zeros(1), "y": np.zeros(1)}), curves=tuple(curves))
+    kept = tuple(curve for curve in curves if curve.training.any())
+    data = replace(study, curves=kept)
+    whole = np.array([curve.held_out.all() for curve in curves])
+    found, at_ends = bench._neighbours(data, study, whole, "p")
+    values = np.concatenate([curve.columns["p"] for curve in kept])
+    assert [np.unique(values[fold]).tolist() for fold in found] == folds
+    assert at_ends == ends
