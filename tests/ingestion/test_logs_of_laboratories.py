@@ -88,30 +88,6 @@ def test_a_timetable_alone_is_refused_with_the_line_that_converts_it(tmp_path):
         drafting.start(tmp_path, tmp_path)
 
 
-def test_several_tables_of_a_text_file_are_recordings_of_one_study(tmp_path):
-    def rows(count):
-        return "\n".join(
-            f"{t:.3f}\t{p:.4f}\t{x:.5f}"
-            for t, p, x in zip(T[:count], PRESSURE, POSITION, strict=False)
-        )
-
-    head = "Time [s]\tPressure [kPa]\tPosition [mm]"
-    text = (
-        f"*TENSILE*\nOperator: me\n\nSpeed\t5 mm/s\n\nTable 1\n{head}\n{rows(300)}\n\nTable "
-        f"2\n{head}\n{rows(700)}\n\n"
-    )
-    (tmp_path / "test.txt").write_text(text)
-    (draft,) = drafting.start(tmp_path, tmp_path).drafts
-    assert {name: unit for name, (_, unit) in taken(draft).items()} == {
-        "time": "s",
-        "pressure": "kPa",
-        "displacement": "mm",
-    }
-    assert [len(one["time"]) for one in recordings(draft, tmp_path)] == pytest.approx(
-        [300, 700], abs=1
-    )
-
-
 def test_notes_in_a_workbook_hide_neither_titles_nor_numbers(tmp_path):
     head = [["Test 12"], [], ["Time [s]", "Pressure [kPa]", "Position [mm]", "Remarks"]]
     numbers = np.column_stack([T, PRESSURE, POSITION])[:300].tolist()

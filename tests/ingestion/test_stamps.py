@@ -140,23 +140,6 @@ STUDY = {
 }
 
 
-@pytest.mark.parametrize(
-    "force",
-    [
-        ["0:03:20", *map(str, range(39))],
-        [True] * 40,
-        np.array(["2026-05-01"] * 40, "M8[s]"),
-    ],
-    ids=["text", "bool", "dates"],
-)
-def test_frames_are_read_by_the_same_rule(force):
-    with pytest.raises(DataError, match="column 'F'"):
-        fit({**FRAME, "F": force}, **STUDY)
-    model = fit(FRAME, **STUDY)
-    with pytest.raises(DataError):
-        model(strain=np.asarray(force))
-
-
 def test_a_frame_with_stamps_in_a_format():
     stamps = [f"03/01/2026 11:59:{i:02d} PM" for i in range(40)]
     time = {"column": "t", "format": "%m/%d/%Y %I:%M:%S %p"}

@@ -399,7 +399,6 @@ def test_columns_of_a_draft_name_only_what_is_unusual():
 def test_a_draft_has_sections_keys_and_notes():
     empty = Draft({"name": "a", "data": {"files": ["x"]}, "target": "static"}, tips=("try b", "c"))
     assert (empty.name, empty.output, empty.open, empty.bad_files) == ("a", "force", {}, "")
-    assert replace(empty, spec={"target": "strain"}).output == "strain"
     draft = empty.with_data("levels", {"of": "P"}, "by name", sure=False)
     draft = draft.with_section("units", {"P": "bar"}, "titles").with_data("skip_bad_files", True)
     assert draft.spec["data"] == {"files": ["x"], "levels": {"of": "P"}, "skip_bad_files": True}
@@ -409,9 +408,12 @@ def test_a_draft_has_sections_keys_and_notes():
     for sure, files in ((False, "b.csv"), (True, "")):
         assert draft.noted(("data", "skip_bad_files"), "b.csv", sure).bad_files == files
     assert draft.noted(("name",), None) is draft
+    outputs = [draft.with_section("target", one).output for one in ("static", "damping", "strain")]
+    assert outputs == ["force", "damping", "strain"]
     nested = draft.noted(("data", "levels", "of"), "why")
     rest = nested.without_data("levels")
     assert (rest.data, [*rest.notes]) == ({"files": ["x"], "skip_bad_files": True}, [("units",)])
+    assert (empty.data, empty.notes) == ({"files": ["x"]}, {})  # each change makes a copy
     modeline, head, *lines = draft.text().splitlines()
     assert modeline.startswith("# yaml-language-server")
     assert head == HEAD
@@ -592,27 +594,3 @@ def test_a_name_without_a_number_means_zero():
     assert (found.values, found.sure) == ((2, 5, 0), False)
     assert "0 for 'empty', which has no number" in found.why
     assert told_by_names(["a", "b"], Hold("none")) == ([], [])
-
-
-def test_a_draft_is_changed_in_a_copy_with_its_notes():
-    draft = Draft({"name": "a", "target": "force", "data": {"files": "x"}})
-    more = draft.with_data("missing", "drop", "seen", sure=False).with_data("step", 2)
-    more = more.with_section("fit", {}, "why").noted(("data", "missing", "x"), "deep")
-    assert more.data == {"files": "x", "missing": "drop", "step": 2}
-    assert (draft.data, draft.notes) == ({"files": "x"}, {})
-    assert [str(note) for note in more.notes.values()] == ["# CHECK: seen", "# why", "# deep"]
-    assert [*more.open] == [("data", "missing")]
-    left = more.without_data("missing")
-    assert (left.data, [*left.notes]) == ({"files": "x", "step": 2}, [("fit",)])
-    assert (draft.output, draft.name) == ("force", "a")
-    outputs = [draft.with_section("target", one).output for one in ("static", "damping", "strain")]
-    assert outputs == ["force", "damping", "strain"]
-    assert draft.bad_files == more.bad_files == ""
-    assert draft.with_data("skip_bad_files", ["b"], "b is bad", False).bad_files == "b is bad"
-    assert draft.with_data("skip_bad_files", ["b"], "b is bad").bad_files == ""
-    tips = replace(draft, tips=("say more",)).text().splitlines()
-    assert tips[1:3] == [HEAD, "# CHECK: say more"]
-    parts = {"h": "%H", "min": "%M"}
-    assert NamedColumn("h", parts=parts).places == {"h", "min"}
-    assert NamedColumn("h", parts=parts).as_spec() == {"columns": ["h", "min"], "format": "%H %M"}
-    assert NamedColumn("P").places == {"P"}

@@ -93,18 +93,3 @@ def test_a_static_response_keeps_the_unit_that_was_told(tmp_path):
 
 # What moves
 # --------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("title", "values", "rule"),
-    [
-        ("L_mm", 88 - 0.1 * K, "(0.088 - length)/0.088"),
-        ("x_mm", -0.1 * K / 6, "-displacement/0.088"),
-    ],
-)
-def test_a_known_length_makes_a_strain(tmp_path, title, values, rule):
-    pressure = np.repeat([100.0, 200.0, 300.0], 200)
-    write(tmp_path / "pull.csv", {"P_kPa": pressure, title: values, "F_N": pressure - 0.1 * values})
-    draft = drafted(tmp_path, answers=Answers(length=0.088))
-    assert draft.data["derive"] == {"strain": rule}
-    assert draft.spec["muscle"]["length"] == 0.088

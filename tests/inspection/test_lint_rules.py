@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from recorded import workbook
 
 from mapmore_cli.domain.errors import DataError, FitError, SpecError
 from mapmore_cli.modelling.validation.repeatability import monotone_floor
@@ -443,13 +444,8 @@ def test_a_rule_is_silent_where_nothing_is_wrong(tmp_path, id_, spoil, spec):
 )
 def test_units_and_numbers_of_columns_are_no_samples(tmp_path, under, swallowed):
     """What stands under the names of all files, where the header has two lines."""
-    inspected(tmp_path)
-    for path in tmp_path.glob("level_*.csv"):
-        names, *rows = path.read_text().splitlines()
-        path.write_text("\n".join([names, under, *rows]) + "\n")
-    spec = tmp_path / "clean.yaml"
-    spec.write_text(dump(merged(SPEC, {"data": {"header": 2}})))
-    assert ("header-of-numbers" in found(inspect(load(spec)))) == bool(swallowed)
+    issues = found(with_unit_line(tmp_path, under))
+    assert ("header-of-numbers" in issues) == bool(swallowed)
 
 
 def test_check_says_of_a_shape_what_the_run_says(tmp_path):
@@ -588,14 +584,9 @@ def test_a_run_that_is_compared_with_is_checked(tmp_path):
     ],
 )
 def test_copied_sheets_are_named(tmp_path, files, names):
-    book = pytest.importorskip("openpyxl").Workbook()
-    book.remove(book.active)
-    for title in ("run A", "run B"):
-        sheet = book.create_sheet(title)
-        sheet.append(["t", "P", "eps", "F"])
-        for row in zip(*table(100.0).values(), strict=True):
-            sheet.append([float(cell) for cell in row])
-    book.save(tmp_path / "rig.xlsx")
+    columns = table(100.0)
+    rows = [[*columns], *np.column_stack([*columns.values()]).tolist()]
+    workbook(tmp_path / "rig.xlsx", {"run A": rows, "run B": rows})
     data = {
         "files": files,
         "reader": "xlsx",

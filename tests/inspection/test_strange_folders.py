@@ -126,16 +126,6 @@ def test_comments_between_the_rows_of_a_serial_log_are_left_out(tmp_path, suffix
     assert len(draft.data["files"]) == 1
 
 
-@pytest.mark.parametrize(("unit", "second"), [("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
-def test_a_clock_that_counts_from_1970_says_its_unit_by_its_numbers(tmp_path, unit, second):
-    u = 50 + 40 * np.sin(T[:600])
-    rows = zip(np.arange(600), u, np.roll(u, 3), strict=True)
-    start, step = int(1_710_150_000 * second), max(1, int(second / 100))
-    lines = [f"{start + step * at},{pressure},{angle}" for at, pressure, angle in rows]
-    (tmp_path / "bag.csv").write_text("\n".join(["time,p [kPa],angle [deg]", *lines]))
-    assert drafted(tmp_path).data["columns"]["time"]["unit"] == unit
-
-
 def test_parts_of_a_clock_are_no_recordings(tmp_path):
     u, whole = 50 + 40 * np.sin(T[:900]), np.arange(900)
     columns = (whole // 100, 10.0 * (whole % 100), u, np.roll(u, 3))

@@ -75,6 +75,7 @@ def test_curves_that_were_asked_for_are_drawn_otherwise_six_evenly():
         (["abcdefgh"], 8, ["abcdefgh"]),
         (["abcdefghi"], 8, ["abc…fghi"]),
         (["abcdefghi"], 7, ["abc…ghi"]),
+        (["abcdefghi"], 2, ["…i"]),
         (["run_a", "run_b"], 5, ["run_a", "run_b"]),
         (["run_a", "run_b"], 4, ["…a", "…b"]),
         (["long_a_end", "long_bb_end"], 6, ["…a_…", "…bb_…"]),
@@ -87,7 +88,7 @@ def test_names_are_shortened_so_that_they_stay_different(names, length, shown):
 
 
 def test_powers_are_raised_and_names_are_in_lines():
-    assert panels.raised("x^2*y^13 + z^1.5") == "x²*y¹³ + z^1.5"
+    assert panels.raised("x^2*y^13 + z^1.5 + x^-1") == "x²*y¹³ + z^1.5 + x^-1"
     assert panels.titles(["one two", "three"], 4) == ["one\ntwo", "thre\ne"]
 
 

@@ -211,13 +211,6 @@ class TestTerms:
         assert drawn(replace(inputs, fit=replace(inputs.fit, body=None)), "terms") == {}
 
 
-@pytest.mark.parametrize(
-    ("length", "short"), [(10, "abcdefghij"), (5, "ab…ij"), (6, "ab…hij"), (2, "…j")]
-)
-def test_a_long_name_keeps_as_much_of_its_beginning_as_of_its_end(length, short):
-    assert panels.shorten("abcdefghij", length) == short
-
-
 def test_lines_of_words_go_down_and_turned_ones_end_at_their_place():
     def heights(**turned):
         made = elements.text("a\nb\nc", 3.0, 50.0, 10.0, **turned)

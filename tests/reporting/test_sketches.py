@@ -17,7 +17,7 @@ from mapmore_cli.modelling.kinds import outside_range
 from mapmore_cli.reporting.figures.axis import Axis, levels_of, nice_ticks
 from mapmore_cli.reporting.figures.contours import outlines_above
 from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel, drawings, render_figure
-from mapmore_cli.reporting.figures.panels import key, raised
+from mapmore_cli.reporting.figures.panels import key
 from mapmore_cli.reporting.figures.sketch import Sketch
 from mapmore_cli.reporting.figures.sketched import _share_axes, sketched
 from mapmore_cli.reporting.figures.style import PLAIN
@@ -97,14 +97,6 @@ def test_places_are_true_to_the_numbers():
 def test_ticks_are_round_numbers(low, high, ticks):
     most = 4 if high == 10.0 else 5
     assert [*Axis(0.0, limits=(low, high), most=most).labels().values()] == ticks
-
-
-@pytest.mark.parametrize(
-    ("term", "words"),
-    [("strain^2*p^10", "strain²*p¹⁰"), ("x^0.5", "x^0.5"), ("x^-1", "x^-1"), ("1", "1")],
-)
-def test_powers_are_raised(term, words):
-    assert raised(term) == words
 
 
 def test_levels_reach_beyond_the_data():

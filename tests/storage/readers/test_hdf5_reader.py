@@ -4,7 +4,7 @@ import h5py
 import numpy as np
 import pytest
 from common import parts
-from reading import refusal, table_of, tables_of
+from reading import refusal, table_of
 
 from mapmore_cli.domain.errors import DataError
 
@@ -54,14 +54,6 @@ def test_addresses(file, line):
     values = read(file, column, root=None if root == "-" else root).columns[column]
     np.testing.assert_array_equal(values, [*map(float, expected)])
     assert values.dtype == np.float64
-
-
-def test_members_of_a_group_come_in_natural_order(file):
-    assert [table.columns["P"][0] for table in tables_of("hdf5", file, "P", root="runs[*]")] == [
-        1,
-        2,
-        10,
-    ]
 
 
 WRONG = """

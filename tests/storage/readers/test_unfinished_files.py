@@ -8,7 +8,6 @@ import pytest
 from reading import csv_table, refused, table_of
 
 from mapmore_cli.storage.readers.csv import peek_csv
-from mapmore_cli.storage.tables import lines
 
 ROWS = b"t,P\n" + b"".join(b"%d,%d.5\n" % (i, i) for i in range(30))
 SEMICOLON = {"delimiter": ";", "decimal": ","}
@@ -31,15 +30,6 @@ def test_what_fills_a_file_behind_its_text_is_told(tmp_path, content, count, req
     np.testing.assert_array_equal(table.columns["P"], np.arange(30) + 0.5)
     assert f"ends with {count} characters of padding" in table.doubts[0]
     assert any(len(top.rows) == 31 for top in peek_csv(tmp_path / "a", 50))
-
-
-def test_padding_longer_than_any_line_is_not_kept(tmp_path, monkeypatch):
-    monkeypatch.setattr(lines, "LONGEST", 1000)
-    monkeypatch.setattr(lines, "CHUNK", 512)
-    table = csv_table(tmp_path / "a", ROWS + b"\0" * 9000, "P")
-    assert (table.size, table.padding) == (30, 9000)
-    with refused("a.csv:row 32: "):
-        csv_table(tmp_path / "a", ROWS + b"\0" * 9000 + b"1,2\n", "P")
 
 
 @pytest.mark.parametrize("line", [b"\0" * 4096 + b"40,1.5,4", b"\0\0,1.5,4", b"1,1.5\0\0,4"])
@@ -83,31 +73,6 @@ def test_numbers_of_microsofts_library(tmp_path):
     for text, request in ((content, {"delimiter": ";"}), (content.replace(".", ","), SEMICOLON)):
         table = csv_table(tmp_path / "a", text.encode(), "P", **request)
         np.testing.assert_array_equal(table.columns["P"], meant)
-
-
-NO_THOUSANDS = ["2 1.125 1.25 0", "1 1.125 1.375 0", "0.5 900 1.010", "1000 1.010", "23.000 1.500"]
-
-
-@pytest.mark.parametrize(
-    "cells", ["950 1.010", "0 950 1.125 1.237", "-950 -1.010", "950 1.000 1.010"]
-)
-def test_points_between_thousands(tmp_path, cells):
-    content = "\n".join(["P,t", *(f"{cell},1" for cell in cells.split()), ""])
-    with refused("may be", "whole numbers up to 950", '`thousands: "."`'):
-        csv_table(tmp_path / "a", content.encode(), "P")
-    other = content.replace(",", ";").replace(".", ",")
-    with refused("may be", '`decimal: "."` and `thousands: ","`'):
-        csv_table(tmp_path / "a", other.encode(), "P", **SEMICOLON)
-    solved = {"decimal": ",", "thousands": "."}
-    table = csv_table(tmp_path / "a", content.encode(), "P", **solved)
-    assert np.abs(table.columns["P"]).max() >= 1000
-
-
-@pytest.mark.parametrize("cells", NO_THOUSANDS)
-def test_points_that_are_decimal_points(tmp_path, cells):
-    content = "\n".join(["P,t", *(f"{cell},1" for cell in cells.split()), ""])
-    table = csv_table(tmp_path / "a", content.encode(), "P")
-    np.testing.assert_array_equal(table.columns["P"], np.array(cells.split(), dtype=float))
 
 
 def written_in_part(file, parts, **how):
