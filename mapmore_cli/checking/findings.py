@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Literal
 from pydantic import TypeAdapter
 
 from mapmore_cli.domain.errors import DataError, SpecError
+from mapmore_cli.storage.atomic import content_of
 
 if TYPE_CHECKING:
     from mapmore_cli.study.loader import LoadedSpec
@@ -114,7 +115,7 @@ def mark_of(loaded: LoadedSpec, ingested: str) -> str:
 def kept(run_dir: Path, mark: str | None = None) -> tuple[Issue, ...] | None:
     """Return the findings of a run; None if it has none with this `mark`."""
     with suppress(OSError, ValueError):
-        stored = _KEPT.validate_json((run_dir / FINDINGS).read_bytes())
+        stored = _KEPT.validate_json(content_of(run_dir / FINDINGS))
         if mark in (None, stored.mark):
             return stored.issues
     return None

@@ -24,6 +24,7 @@ from mapmore_cli.pipeline.staleness import (
 )
 from mapmore_cli.storage.artefacts import read_model
 from mapmore_cli.storage.atomic import (
+    content_of,
     refusals_told,
     refuse_link,
     sync_tree,
@@ -110,7 +111,7 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
 def _entry(path: Path, *keys: str) -> object:
     """Return the value at a path of keys in a JSON file; None if there is no value or no file."""
     try:
-        entry = json.loads(path.read_text(encoding="utf-8"))
+        entry = json.loads(content_of(path))
         for key in keys:
             entry = entry[key]
     except (OSError, ValueError, TypeError, KeyError, IndexError, RecursionError):

@@ -30,7 +30,7 @@ from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.modelling.validation.intervals import INTERVAL, interval
 from mapmore_cli.pipeline.frames import Door, labels_of
 from mapmore_cli.pipeline.records import reading_of
-from mapmore_cli.storage.atomic import make_folder, refusals_told, replacing, write_bytes
+from mapmore_cli.storage.atomic import make_folder, refusals_told, replacing, write_own
 from mapmore_cli.storage.tables import IN_MEMORY, RawTable, known_names
 from mapmore_cli.storage.tables.cells import CellReader
 from mapmore_cli.study.fields import as_target
@@ -158,7 +158,7 @@ class LoadedModel:
         with refusals_told(folder):
             folder.mkdir(parents=True, exist_ok=True)
         for name, content in exported.items():
-            write_bytes(folder / name, content)
+            write_own(folder / name, content)
         return [folder / name for name in exported]
 
     def plot(self, ax: Axes | None = None, interval: float | None = None) -> Axes:

@@ -29,7 +29,7 @@ from mapmore_cli.pipeline.staleness import (
     plans_of,
     refuse_circle,
 )
-from mapmore_cli.storage.atomic import refusals_told, write_text
+from mapmore_cli.storage.atomic import refusals_told, write_own
 from mapmore_cli.storage.ownership import TRASH
 from mapmore_cli.storage.run_folder import (
     RunFiles,
@@ -300,7 +300,7 @@ class _Run:
         path = self.run_dir / name
         if not path.is_file() or path.read_bytes() != text.encode():
             self.tell_taken(make_way(self.run_dir, name, written_files(self.run_dir)))
-            write_text(path, text)
+            write_own(path, text)
         self.written[name] = take_stamp(path)
 
     def tell_taken(self, paths: Sequence[str]) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from mapmore_cli.domain.scores import OWN, REPEATABILITY, deciding
 from mapmore_cli.pipeline.runs_rows import MARK, PAGE, Row, rows_of
-from mapmore_cli.storage.atomic import refusals_told, refuse_link, write_text
+from mapmore_cli.storage.atomic import refusals_told, refuse_link, write_own
 from mapmore_cli.storage.run_folder import RunFiles, run_lock
 from mapmore_cli.storage.run_record import RUN_RECORD
 
@@ -54,7 +54,7 @@ def write_runs_page(
         rows = [row for run, of_one in of_run.items() if run in there for row in of_one]
         rows.sort(key=lambda row: (-row.ended, row.run, row.target))
         if rows != known:
-            write_text(place, _page(runs, rows))
+            write_own(place, _page(runs, rows))
 
 
 def _rows(run: Finished, known: Iterable[Row]) -> list[Row]:

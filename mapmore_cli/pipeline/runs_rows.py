@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from mapmore_cli.domain.scores import OWN, Alert
+from mapmore_cli.storage.atomic import content_of
 
 PAGE = "index.html"
 MARK = '<script type="application/json" id="runs">'
@@ -64,7 +65,7 @@ def rows_of(place: Path) -> list[Row] | None:
     if not place.exists() and not place.is_symlink():
         return []
     with suppress(OSError, ValueError, TypeError):
-        _, mark, rest = place.read_text(encoding="utf-8").partition(MARK)
+        _, mark, rest = content_of(place).decode().partition(MARK)
         if mark:
             return [
                 Row(

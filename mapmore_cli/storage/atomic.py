@@ -63,13 +63,30 @@ def _is_of_system(path: Path) -> bool:
 
 
 def refuse_link(place: Path) -> None:
-    """Raise WriteError if there is a link in place of a file or folder that is to be written."""
+    """Raise WriteError if there is a link, or a pipe or another special file, in place of a file or
+    folder that is to be written.
+    """
     if place.is_symlink():
         raise WriteError(
             f"{place}: is a link, and mapmore does not write through links, because the file "
             "behind it would be overwritten",
             "move the link away, or name the place that it leads to",
         )
+    if is_special(place):
+        raise WriteError(
+            f"{place}: is no file but a pipe, a socket or a device, which mapmore has not made and "
+            "does not replace",
+            "move it away",
+        )
+
+
+def content_of(path: Path) -> bytes:
+    """Return the bytes of a regular file whose name mapmore itself has chosen. Raises
+    FileNotFoundError for everything else, because reading a pipe would wait for its writer.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
+    return path.read_bytes()
 
 
 def make_folder(folder: Path) -> None:
@@ -210,14 +227,22 @@ def written(path: Path) -> Iterator[IO[bytes]]:
         yield stream
 
 
+def write_own(path: Path, content: str | bytes) -> None:
+    """Write a file whose name mapmore itself has chosen, as `replacing` does. Raises WriteError if
+    there is a pipe in its place: writing into it would wait for its reader.
+    """
+    with replacing(path) as file:
+        file.write(content.encode() if isinstance(content, str) else content)
+
+
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file as a whole, as `replacing` does."""
+    """Write a file as a whole that the user has named, as `written` does."""
     with written(path) as file:
         file.write(data)
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a UTF-8 file whole, with the line ends of `text`."""
+    """Write a UTF-8 file as a whole that the user has named, with the line ends of `text`."""
     write_bytes(path, text.encode())
 
 

@@ -22,6 +22,7 @@ from mapmore_cli.domain.errors import DataError, WriteError
 from mapmore_cli.domain.results import Search
 from mapmore_cli.storage.atomic import (
     UNFINISHED,
+    content_of,
     refusals_told,
     refuse_link,
     remove,
@@ -195,7 +196,7 @@ def _is_ours(record: Path) -> bool:
     intact document of another program.
     """
     try:
-        document = json.loads(record.read_bytes())
+        document = json.loads(content_of(record))
     except (OSError, ValueError, RecursionError):
         return record.is_file()
     ours = document.get("creator") == "mapmore" if isinstance(document, dict) else True

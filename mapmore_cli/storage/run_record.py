@@ -30,7 +30,7 @@ from pydantic import AfterValidator, TypeAdapter
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.foreign import csv_cell
 from mapmore_cli.domain.scores import Score, ScoreTable
-from mapmore_cli.storage.atomic import write_text
+from mapmore_cli.storage.atomic import content_of, write_own
 from mapmore_cli.storage.tables.cells import shortened
 
 LONGEST_NAME = 255  # largest number of bytes in the name of a file on common file systems
@@ -176,9 +176,7 @@ _DAMAGE = (OSError, ValueError, TypeError, KeyError, AttributeError, OverflowErr
 
 
 def _read_json(path: Path) -> Any:
-    if not path.is_file():  # reading a pipe would wait for its writer
-        raise FileNotFoundError(path)
-    return _document(path.read_text(encoding="utf-8"))
+    return _document(content_of(path).decode())
 
 
 @lru_cache(maxsize=4)
@@ -282,7 +280,7 @@ def save_records(
         },
         "stages": {stage: asdict(record) for stage, record in records.items()},
     }
-    write_text(
+    write_own(
         run_dir / RUN_RECORD,
         json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
     )
@@ -310,7 +308,7 @@ def write_scores(folder: Path, table: ScoreTable, name: str) -> None:
         "warnings": list(table.warnings),
         "alerts": dict(table.alerts),
     }
-    write_text(
+    write_own(
         folder / "scores.json",
         json.dumps(document, indent=2, allow_nan=False, ensure_ascii=False) + "\n",
     )
@@ -321,7 +319,7 @@ def write_scores(folder: Path, table: ScoreTable, name: str) -> None:
         {name: csv_cell(cell) if isinstance(cell, str) else cell for name, cell in row.items()}
         for row in rows
     )
-    write_text(folder / "scores.csv", cells.getvalue())
+    write_own(folder / "scores.csv", cells.getvalue())
 
 
 def read_scores(path: Path) -> ScoreTable:

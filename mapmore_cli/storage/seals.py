@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TypedDict
 
-from mapmore_cli.storage.atomic import write_text
+from mapmore_cli.storage.atomic import content_of, write_own
 
 SEAL = ".seal"
 """File in the run folder with the seal. If it is lost, the run is only planned again."""
@@ -67,7 +67,7 @@ def state_of(state: os.stat_result) -> list[int]:
 
 def hashes_of(run_dir: Path, paths: Iterable[str]) -> dict[str, str]:
     """Return the SHA-256 of small files. Raises OSError if one cannot be read."""
-    return {path: hashlib.sha256(file_at(run_dir, path).read_bytes()).hexdigest() for path in paths}
+    return {path: hashlib.sha256(content_of(file_at(run_dir, path))).hexdigest() for path in paths}
 
 
 def states_of(run_dir: Path, paths: Iterable[str]) -> dict[str, list[int]]:
@@ -85,13 +85,13 @@ def file_at(run_dir: Path, path: str) -> Path:
 def write_seal(run_dir: Path, sealed: Sealed) -> None:
     """Write the seal of a run."""
     body = json.dumps(sealed)
-    write_text(run_dir / SEAL, f"{hashlib.sha256(body.encode()).hexdigest()}\n{body}")
+    write_own(run_dir / SEAL, f"{hashlib.sha256(body.encode()).hexdigest()}\n{body}")
 
 
 def read_seal(run_dir: Path) -> Sealed | None:
     """Return the seal of a run; None if there is none, or if the seal file was changed."""
     try:
-        digest, _, body = (run_dir / SEAL).read_bytes().partition(b"\n")
+        digest, _, body = content_of(run_dir / SEAL).partition(b"\n")
     except OSError:
         return None
     if hashlib.sha256(body).hexdigest().encode() != digest:

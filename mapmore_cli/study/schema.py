@@ -18,7 +18,7 @@ from pydantic_core.core_schema import DataclassSchema, ModelSchema
 
 from mapmore_cli.domain.declared import prose
 from mapmore_cli.domain.scores import MEASURES, METRICS, OF_TARGET
-from mapmore_cli.storage.atomic import write_text
+from mapmore_cli.storage.atomic import write_own
 from mapmore_cli.study.experiment import ExperimentSpec
 from mapmore_cli.study.loader import SCHEMA
 from mapmore_cli.study.tree import SourceText, quoted, written
@@ -128,7 +128,7 @@ def write_schema_beside(spec: Path) -> Path | None:
     path = spec.with_name(SCHEMA)
     if path.exists():
         return None
-    write_text(path, json.dumps(json_schema(), indent=2) + "\n")
+    write_own(path, json.dumps(json_schema(), indent=2) + "\n")
     return path
 
 

@@ -4,6 +4,7 @@ every file and folder of it is a link in its turn.
 
 import os
 import shutil
+import signal
 from pathlib import Path
 
 import pytest
@@ -134,3 +135,43 @@ def test_no_command_writes_through_a_link(name, start, tmp_path, mapmore, monkey
 @pytest.mark.parametrize("name", SOME)
 def test_no_output_at_all_is_written_through_a_link(name, start, tmp_path, mapmore, monkeypatch):
     walk(name, start, tmp_path / "here", mapmore, monkeypatch)
+
+
+@pytest.fixture
+def patience():
+    """A command that waits for the other end of a pipe would wait for ever."""
+    signal.alarm(60)
+    yield
+    signal.alarm(0)
+
+
+PIPES = {
+    "run.json": "run",
+    "check.json": "run",
+    "experiment.yaml": "run",
+    ".seal": "run",
+    "model.h5": "run",
+    "../index.html": "run",
+    "../../out/bench.tex": "export",
+}
+
+
+@pytest.mark.usefixtures("patience")
+def test_no_command_waits_for_the_other_end_of_a_pipe(copied, mapmore, monkeypatch):
+    """A pipe in place of a file that a command reads or writes, under a name of its own choice."""
+    spec, runs = copied
+    monkeypatch.chdir(spec.parent)
+    shutil.copytree(runs, "kept")
+    lines = {
+        "run": ("run", spec, "--runs", runs),
+        "export": ("export", "kept/bench/model.h5", "--to", "tex", "-o", "out", "--no-verify"),
+    }
+    Path("out").mkdir()
+    for path, line in PIPES.items():
+        shutil.rmtree(runs)
+        shutil.copytree("kept", runs)
+        place = runs / "bench" / path
+        place.unlink(missing_ok=True)
+        os.mkfifo(place)
+        assert mapmore(*lines[line]).exit_code in (0, 7)
+        assert place.is_fifo()

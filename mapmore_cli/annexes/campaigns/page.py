@@ -14,7 +14,7 @@ from mapmore_cli.domain.errors import SpecError, UsageError, error_text
 from mapmore_cli.reporting.order import RUN_PAGE
 from mapmore_cli.reporting.scripts import joined, scripts
 from mapmore_cli.reporting.table import Table, environment, to_csv
-from mapmore_cli.storage.atomic import make_folder, refusals_told, write_text
+from mapmore_cli.storage.atomic import content_of, make_folder, refusals_told, write_own
 from mapmore_cli.storage.ownership import to_trash
 from mapmore_cli.storage.run_folder import refuse_foreign
 from mapmore_cli.storage.run_record import CAMPAIGN_RECORD
@@ -67,9 +67,9 @@ def write_page(
         folder.mkdir(parents=True, exist_ok=True)
         make_folder(folder / "tables")
         files = _ways_made(folder, texts, warn)
-        write_text(folder / CAMPAIGN_RECORD, json.dumps({**record, "files": files}) + "\n")
+        write_own(folder / CAMPAIGN_RECORD, json.dumps({**record, "files": files}) + "\n")
         for name, text in texts.items():
-            write_text(folder / name, text)
+            write_own(folder / name, text)
     return folder / "index.html", tables
 
 
@@ -85,7 +85,7 @@ def _ways_made(
     """
     known: object = None
     with suppress(OSError, ValueError, AttributeError):
-        known = json.loads((folder / CAMPAIGN_RECORD).read_bytes()).get("files")
+        known = json.loads(content_of(folder / CAMPAIGN_RECORD)).get("files")
     files = dict[str, list[str]]()
     for name, text in texts.items():
         files[name] = [sha256(text.encode()).hexdigest()]

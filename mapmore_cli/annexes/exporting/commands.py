@@ -10,7 +10,7 @@ import typer
 from mapmore_cli.cli import console
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import UsageError
-from mapmore_cli.storage.atomic import refusals_told, write_bytes
+from mapmore_cli.storage.atomic import refusals_told, write_own
 
 
 def export(
@@ -92,7 +92,7 @@ def export(
         with refusals_told(output):
             output.mkdir(parents=True, exist_ok=True)
         for name, data in files.items():
-            write_bytes(output / name, data)
+            write_own(output / name, data)
             if not quiet:
                 typer.echo(str(output / name))
         if not quiet and (lines := snippet(model, to, list(files))):

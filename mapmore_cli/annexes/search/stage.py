@@ -18,7 +18,7 @@ from mapmore_cli.domain.results import Search
 from mapmore_cli.fitting.kinds.choices import ModelChoices
 from mapmore_cli.fitting.stage import Stage, Workspace
 from mapmore_cli.modelling.expressions import parse
-from mapmore_cli.storage.atomic import write_text
+from mapmore_cli.storage.atomic import write_own
 from mapmore_cli.storage.run_folder import SEARCH, RunFiles
 from mapmore_cli.storage.run_record import load_records
 from mapmore_cli.study.experiment import ExperimentSpec
@@ -72,7 +72,7 @@ def run_search(part: Slice, workspace: Workspace) -> None:
     result = search(dataset, part, workspace.progress)
     for note in result.notes:
         workspace.warn(note)
-    write_text(
+    write_own(
         workspace.out / SEARCH, to_json(result, indent=1, inf_nan_mode="strings").decode() + "\n"
     )
 
