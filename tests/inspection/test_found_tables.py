@@ -11,8 +11,9 @@ from recorded import drafted, tree, workbook
 from scipy.io import savemat
 from test_lvm_reader import FIRST, HEAD
 
-from mapmore_cli.annexes.drafting.preview import preview, unread
-from mapmore_cli.annexes.drafting.recordings import read_draft
+from mapmore_cli.annexes.drafting.first_lines import unread
+from mapmore_cli.annexes.drafting.preview import preview
+from mapmore_cli.annexes.drafting.reading import read_draft
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import READERS, TableRequest
 

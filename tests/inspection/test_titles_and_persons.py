@@ -19,8 +19,8 @@ from mapmore_cli.annexes.drafting.answers import (
 from mapmore_cli.annexes.drafting.by_titles import kind_to_predict, known_by_titles, target_of
 from mapmore_cli.annexes.drafting.columns import read_titles
 from mapmore_cli.annexes.drafting.draft import NamedColumn
+from mapmore_cli.annexes.drafting.layout import Layout
 from mapmore_cli.annexes.drafting.names import numbers_in, told_by_names
-from mapmore_cli.annexes.drafting.preview import Preview
 from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.checking.names import read_label
 from mapmore_cli.domain.errors import UsageError
@@ -71,7 +71,7 @@ def table_of(titles):
 
 def laid_out(columns, titles):
     """The layout of a file with these columns."""
-    return Preview("csv", tuple(columns), tuple(titles), {}, (), ())
+    return Layout("csv", tuple(columns), tuple(titles), {}, (), ())
 
 
 @pytest.mark.parametrize(
@@ -308,6 +308,6 @@ def test_a_held_quantity_that_nothing_answers_is_refused(hold):
     ],
 )
 def test_indices_and_prepositions_are_no_units(title, name, unit):
-    layout = Preview("csv", (title,), (title,), {}, (), ())
+    layout = Layout("csv", (title,), (title,), {}, (), ())
     (column,) = read_titles(layout, {}).values()
     assert (column.name, column.unit) == (name, unit)

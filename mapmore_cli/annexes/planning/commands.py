@@ -73,7 +73,9 @@ def tune(
     Held-out data are not used. The recommended combination is the simplest that is as good as the
     best.
     """
-    from mapmore_cli.annexes.planning import planning, views
+    from mapmore_cli.annexes.planning import views
+    from mapmore_cli.annexes.planning.searched import searched
+    from mapmore_cli.annexes.planning.tuning import tune as compared
     from mapmore_cli.study.loader import load
 
     refuse_endings(output)
@@ -88,10 +90,10 @@ def tune(
     with Reporter(quiet) as reporter:
         loaded = load(*spec_of(config, overrides, runs))
         if over:
-            tuning = planning.tune(loaded, wanted, runs, **reporter.listeners)
+            tuning = compared(loaded, wanted, runs, **reporter.listeners)
             view = views.of_tuning(tuning)
         else:
-            search, spec = planning.searched(loaded, runs, budget, **reporter.listeners)
+            search, spec = searched(loaded, runs, budget, **reporter.listeners)
             view = views.of_search(search, str(spec))
     write_results(output, view.tables[0], tuning)
     print_view(view, as_json)
