@@ -73,9 +73,7 @@ def tune(
     Held-out data are not used. The recommended combination is the simplest that is as good as the
     best.
     """
-    from mapmore_cli.annexes.planning import views
-    from mapmore_cli.annexes.planning.searched import searched
-    from mapmore_cli.annexes.planning.tuning import tune as compared
+    from mapmore_cli.annexes.planning import tuning, views
     from mapmore_cli.study.loader import load
 
     refuse_endings(output)
@@ -86,16 +84,16 @@ def tune(
         )
     if not over:
         refuse_endings(output, TABLE_FILES, "a search has no figure")
-    wanted, tuning = _values_of(over), None
+    wanted, compared = _values_of(over), None
     with Reporter(quiet) as reporter:
         loaded = load(*spec_of(config, overrides, runs))
         if over:
-            tuning = compared(loaded, wanted, runs, **reporter.listeners)
-            view = views.of_tuning(tuning)
+            compared = tuning.tune(loaded, wanted, runs, **reporter.listeners)
+            view = views.of_tuning(compared)
         else:
-            search, spec = searched(loaded, runs, budget, **reporter.listeners)
+            search, spec = tuning.searched(loaded, runs, budget, **reporter.listeners)
             view = views.of_search(search, str(spec))
-    write_results(output, view.tables[0], tuning)
+    write_results(output, view.tables[0], compared)
     print_view(view, as_json)
 
 
