@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from pages import CONFIGS, DOCS, asked, write_tables
 
-from mapmore_cli.annexes.planning.planning import formulas_of
+from mapmore_cli.annexes.planning.of_points import formulas_of
 from mapmore_cli.annexes.planning.points import Committee, MeasuredMap
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Dataset

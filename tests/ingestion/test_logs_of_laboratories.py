@@ -12,7 +12,7 @@ from reading import opaque_mat, refused, timetable_of_73, workbook
 from mapmore_cli.annexes.drafting import start as drafting
 from mapmore_cli.annexes.drafting.answers import Answers, read_names
 from mapmore_cli.annexes.drafting.draft import Draft
-from mapmore_cli.annexes.drafting.recordings import read_draft
+from mapmore_cli.annexes.drafting.reading import read_draft
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.ingestion.samples import unwrapped
 from mapmore_cli.modelling.signals.sampling import longest_ascent

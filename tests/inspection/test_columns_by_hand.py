@@ -28,6 +28,7 @@ from mapmore_cli.annexes.drafting.draft import (
     scaled,
     yaml_text,
 )
+from mapmore_cli.annexes.drafting.layout import Layout
 from mapmore_cli.annexes.drafting.names import (
     Condition,
     Number,
@@ -40,9 +41,8 @@ from mapmore_cli.annexes.drafting.names import (
     told_by_names,
 )
 from mapmore_cli.annexes.drafting.page import drawing
-from mapmore_cli.annexes.drafting.preview import Preview
-from mapmore_cli.annexes.drafting.recordings import with_strain
 from mapmore_cli.annexes.drafting.spelling import spelt, words
+from mapmore_cli.annexes.drafting.written_columns import with_strain
 from mapmore_cli.domain.errors import UsageError
 
 
@@ -481,7 +481,7 @@ def test_a_displacement_contracts_where_it_mostly_moves(values, scale, offset, r
 
 def titled(*titles, units=(), **values):
     """Columns as they are read from files whose titles are these."""
-    layout = Preview("csv", titles, titles, {}, tuple(units), ())
+    layout = Layout("csv", titles, titles, {}, tuple(units), ())
     raw = {title: [np.array([0.0, 1.0, 2.0])] for title in titles} | values
     return read_titles(layout, raw)
 

@@ -11,8 +11,9 @@ from recorded import drafted, tree, workbook
 from scipy.io import savemat
 from test_lvm_reader import FIRST, HEAD
 
-from mapmore_cli.annexes.drafting.preview import preview, unread
-from mapmore_cli.annexes.drafting.recordings import read_draft
+from mapmore_cli.annexes.drafting.first_lines import unread
+from mapmore_cli.annexes.drafting.preview import preview
+from mapmore_cli.annexes.drafting.reading import read_draft
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import READERS, TableRequest
 
@@ -373,3 +374,18 @@ def test_the_name_and_the_unit_in_a_struct_are_those_of_its_data(tmp_path, units
     )
     recordings = read_draft(draft, tmp_path, "Angle").recordings
     assert [one.columns["Angle"][0] for one in recordings] == [0, 2, 4]
+
+
+def test_texts_of_matlab_7_3_are_read(tmp_path):
+    """They are numbers of characters there."""
+    with h5py.File(tmp_path / "a.mat", "w", userblock_size=512) as file:
+        for name, x in zip(NAMES, SIGNALS.T, strict=True):
+            group = file.create_group(name[:1])
+            group.attrs["MATLAB_class"] = np.bytes_("struct")
+            for key, values, kind in (
+                ("Data", x[None, :], "double"),
+                ("Name", np.array([[ord(sign)] for sign in name], np.uint16), "char"),
+            ):
+                group[key] = values
+                group[key].attrs["MATLAB_class"] = np.bytes_(kind)
+    assert sorted(preview(tmp_path / "a.mat").titles) == sorted(NAMES)

@@ -12,7 +12,7 @@ from recorded import drafted, drafts, write
 
 from mapmore_cli.annexes.drafting.answers import answers_of
 from mapmore_cli.annexes.drafting.preview import preview
-from mapmore_cli.annexes.drafting.sources import find_studies
+from mapmore_cli.annexes.drafting.studies import find_studies
 from mapmore_cli.domain.errors import DataError
 
 STRAIN = np.linspace(0.0, 0.15, 40)

@@ -16,8 +16,8 @@ from mapmore_cli.annexes.drafting.answers import (
 )
 from mapmore_cli.annexes.drafting.by_titles import kind_to_predict, known_by_titles, target_of
 from mapmore_cli.annexes.drafting.columns import read_titles
+from mapmore_cli.annexes.drafting.layout import Layout
 from mapmore_cli.annexes.drafting.names import numbers_in, told_by_names
-from mapmore_cli.annexes.drafting.preview import Preview
 from mapmore_cli.checking.names import read_label
 from mapmore_cli.domain.errors import UsageError
 
@@ -67,7 +67,7 @@ def table_of(titles):
 
 def laid_out(columns, titles):
     """The layout of a file with these columns."""
-    return Preview("csv", tuple(columns), tuple(titles), {}, (), ())
+    return Layout("csv", tuple(columns), tuple(titles), {}, (), ())
 
 
 @pytest.mark.parametrize(
@@ -237,6 +237,6 @@ def test_names_tell_what_varies(names, hold, told):
     ],
 )
 def test_indices_and_prepositions_are_no_units(title, name, unit):
-    layout = Preview("csv", (title,), (title,), {}, (), ())
+    layout = Layout("csv", (title,), (title,), {}, (), ())
     (column,) = read_titles(layout, {}).values()
     assert (column.name, column.unit) == (name, unit)

@@ -12,6 +12,7 @@ from sklearn.gaussian_process import GaussianProcessRegressor, kernels
 from surfaces import QUANTITIES, curves
 
 from mapmore_cli.annexes.planning import planning, points
+from mapmore_cli.annexes.planning.of_points import formulas_of
 from mapmore_cli.annexes.search.black_boxes import smooth
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.recording import Dataset
@@ -187,7 +188,7 @@ def test_formulas_that_stay_within_twice_the_measured_range_are_members():
     columns = {name: np.concatenate([c.columns[name] for c in given.curves]) for name in QUANTITIES}
     x, y = np.column_stack([columns["pressure"], columns["strain"]]), columns["force"]
     measured, places = points.MeasuredMap(("pressure", "strain"), x, y), x[::7] * [1.0, 0.9]
-    said = planning.formulas_of(given, measured, places)
+    said = formulas_of(given, measured, places)
     assert list(said) == ["none", "sarosi_hinged", "sarosi"]
     assert [(not one.any(), len(one)) for one in said["none"]] == [(True, 60), (True, 9)]
     fit = fit_formula("sarosi", given.curves, "force")
@@ -201,11 +202,11 @@ def test_formulas_that_stay_within_twice_the_measured_range_are_members():
         reached = literature.of(fit).predict(fit.parameters, inputs)
         out = far[[int(np.argmin(np.abs(reached - high)))]]
         assert low < high
-        assert ("sarosi" in planning.formulas_of(given, measured, out)) == members
+        assert ("sarosi" in formulas_of(given, measured, out)) == members
     other = replace(given, target="strain")
-    assert list(planning.formulas_of(other, measured, places)) == ["none"]
+    assert list(formulas_of(other, measured, places)) == ["none"]
     turned = replace(measured, names=("pressure", "load"))
-    assert list(planning.formulas_of(given, turned, places)) == ["none"]
+    assert list(formulas_of(given, turned, places)) == ["none"]
 
 
 def test_places_lie_within_what_was_measured():

@@ -11,7 +11,7 @@ import numpy as np
 
 from mapmore_cli.annexes.drafting.answers import Hold
 from mapmore_cli.annexes.drafting.draft import Conditions, Draft, Section
-from mapmore_cli.annexes.drafting.recordings import BREAK
+from mapmore_cli.annexes.drafting.second_log import BREAK
 from mapmore_cli.checking.evidence import MUCH, settling, two_digits
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.domain.recording import Recording

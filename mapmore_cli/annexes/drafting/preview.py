@@ -2,118 +2,23 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, field, fields, replace
-from itertools import pairwise, takewhile, zip_longest
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
 
-from mapmore_cli.domain.errors import DataError, SpecError
+from mapmore_cli.annexes.drafting.first_lines import LINES, comment_among, refuse_labelled, unread
+from mapmore_cli.annexes.drafting.found_table import FoundTable, _nonempty, table_in
+from mapmore_cli.annexes.drafting.layout import Layout
+from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import reader_of, suffix_of
-from mapmore_cli.storage.tables import Reader, SourceColumn, TableRequest, Top
-from mapmore_cli.storage.tables.below import MAP_COLUMNS, Below
-from mapmore_cli.storage.tables.cells import stamp_of
-from mapmore_cli.study.units import check_unit
+from mapmore_cli.storage.tables import Reader, TableRequest
+from mapmore_cli.storage.tables.below import Below
 
-WIDEST, LINES = 2000, 200  # largest number of columns, and of lines of a table, that `init` reads
-REMARKS = ("#", "%", "//", "!")  # beginnings of lines that are remarks instead of data
-LETTERS = "smNVAKgh1%°-"  # single characters that are common units
-# a line of labelled values, as microcontrollers print them: `t:12,p:3.4`
-_LABELLED = re.compile(r"\s*[A-Za-z_]\w*\s*[:=]\s*[-+]?[.\d]\S*")
-HEAD = 1 << 16  # number of bytes at the beginning of a text that are examined
-_NUMBERS = re.compile(rb"[\s\"']*[-+.\d]")
-_COMMENT = re.compile(rb"[ \t]*(#|%|//)")
-_DIGITS = re.compile(rb"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
-UNREAD = {
-    "zip 7z rar tar tgz zst": "unpack it",
-    "mf4 mdf": "export it as CSV, for example with `asammdf.MDF(path).export('csv')`",
-    "json ndjson jsonl": "save a table, for example with "
-    "`pandas.json_normalize(records).to_csv(...)`",
-    "npy": "save each array with a name, for example with `numpy.savez('log.npz', force=force)`",
-    "pkl pickle joblib": "it is never opened, because it could run code; save its arrays as CSV "
-    "or .npz",
-    "bag db3 mcap": "export its topics as CSV with the tools of ROS",
-    "feather arrow orc": "save it as Parquet, for example with "
-    "`pandas.read_feather(path).to_parquet(...)`",
-    "db sqlite mdb accdb numbers wav c3d bin raw": "export its table as CSV",
-}
-"""Suffixes of files that may contain data but that no reader can read, and the remedy for each."""
-
-Row = Sequence[Any]
+WIDEST = 2000  # largest number of columns that `init` reads
 
 
-@dataclass(frozen=True)
-class Preview:
-    """Layout of a file: its `reader`, and the `settings` of `data` with which it is read.
-
-    - `columns`: names of the columns in a spec: addresses if the file is a tree, otherwise unique
-      titles, otherwise 0-based indices.
-    - `titles`, `units`: titles and units of the columns as written in the file; an empty text for a
-      column that has none.
-    - `alike`: the sheets of a workbook that have this layout, if there are several. `left` are the
-      other sheets of the workbook.
-    - `tables`: numbers and titles of the tables in the file that have this layout, if the file has
-      several tables below each other or side by side. `left` are the other tables.
-    - `numeric`: indices of columns of numbers.
-    """
-
-    reader: str
-    columns: tuple[SourceColumn, ...]
-    titles: tuple[str, ...]
-    settings: dict[str, Any]
-    units: tuple[str, ...]
-    numeric: tuple[int, ...] = field(compare=False)
-    alike: tuple[str, ...] = ()
-    left: tuple[str, ...] = ()
-    tables: tuple[tuple[int, str], ...] = ()
-
-    @property
-    def is_map(self) -> bool:
-        """Return True for a map of cells, which is read as a table with a row for each cell."""
-        return self.settings.get("table") == "map"
-
-
-def unread(path: Path) -> str | None:
-    """Return why a file that may hold data is not read, and what to do; None for other files."""
-    suffix = suffix_of(path)
-    remedy = next((how for which, how in UNREAD.items() if suffix[1:] in which.split()), None)
-    if remedy is None or reader_of(path) is not None:
-        return None
-    return f"{path.name}: no reader takes {suffix}; {remedy}"
-
-
-def kinds_of_lines(path: Path) -> tuple[bytes, ...]:
-    """Return the kinds of lines at the beginning of a text: lines of words unchanged, lines of
-    numbers with 0 for each number. Texts of the same kinds have the same layout, so only one of
-    them is examined. Empty for a file that is no text.
-    """
-    with path.open("rb") as file:
-        head = file.read(HEAD)
-    if b"\0" in head or not head:
-        return ()
-    lines = head.splitlines()[: LINES + 1]
-    lines = lines if len(head) < HEAD else lines[:-1]
-    kinds = (_DIGITS.sub(b"0", line) if _NUMBERS.match(line) else line for line in lines)
-    return tuple(dict.fromkeys(kinds))
-
-
-def comment_among(path: Path, layout: Preview) -> str | None:
-    """Return the mark of comment lines between the rows of a text; None if there are none. If the
-    line of titles begins with the mark too, return None as well, because the titles would be
-    skipped as a comment.
-    """
-    titled = layout.settings.get("skip_rows", 0)
-    with path.open("rb") as lines:
-        for number, line in enumerate(lines):
-            if number >= titled and (found := _COMMENT.match(line)):
-                return found[1].decode() if number > titled else None
-    return None
-
-
-def preview(path: Path) -> Preview:
+def preview(path: Path) -> Layout:
     """Return the layout of a file from its beginning. Raises DataError if it holds no table of
     numbers with at least two columns that `init` can read.
     """
@@ -123,9 +28,8 @@ def preview(path: Path) -> Preview:
         raise DataError(unread(path) or f"{problem}; save the table as CSV")
     if path.stat().st_size == 0:
         raise DataError(f"{path.name}: is empty")
-    remedy = (
-        f"write `columns` by hand, for example `pressure: {{column: {reader.column}, unit: kPa}}`"
-    )
+    column = f"{{column: {reader.column}, unit: kPa}}"
+    remedy = f"write `columns` by hand, for example `pressure: {column}`"
     if reader.peek is None:
         raise DataError(
             f"{path.name}: it cannot be determined which of its arrays are columns", remedy
@@ -136,8 +40,8 @@ def preview(path: Path) -> Preview:
         raise DataError(": ".join(filter(None, [fault.message, fault.remedy]))) from fault
     if (width := max((len(row) for top in tops for row in top.rows), default=0)) > WIDEST:
         raise DataError(f"{path.name}: has {width} columns, more than {WIDEST}", remedy)
-    _refuse_labelled(path, tops)
-    tables = [table for top in tops if (table := _table_in(top)) is not None]
+    refuse_labelled(path, tops)
+    tables = [table for top in tops if (table := table_in(top)) is not None]
     if not tables:
         lines = f" in its first {len(tops[0].rows)} lines" if tops and tops[0].rows else ""
         raise DataError(
@@ -153,7 +57,7 @@ def preview(path: Path) -> Preview:
     return layout if is_single else _with_tables_below(path, best, layout, reader)
 
 
-def _with_tables_below(path: Path, best: _FoundTable, layout: Preview, reader: Reader) -> Preview:
+def _with_tables_below(path: Path, best: FoundTable, layout: Layout, reader: Reader) -> Layout:
     """Return the layout, extended if the file or sheet has several tables. Tables with the same
     header are read together; the header with the most rows is used, and tables with other headers
     are left out.
@@ -170,9 +74,7 @@ def _with_tables_below(path: Path, best: _FoundTable, layout: Preview, reader: R
     headers = [tuple(_titles_of(table)) for table in tables]
     mark = comment_among(path, layout) if layout.titles else None
     if mark is not None and all(titles[0].startswith(mark) for titles in headers[1:]):
-        # only the first table has titles, so the other headers are comments between the rows of one
-        # table
-        return layout
+        return layout  # comments between the rows of one table, which alone has titles
     rows = Counter[tuple[str, ...]]()
     for header, table in zip(headers, tables, strict=True):
         rows[header] += len(table.rows)
@@ -180,7 +82,7 @@ def _with_tables_below(path: Path, best: _FoundTable, layout: Preview, reader: R
     alike = [(at, one) for at, one in enumerate(tables, start=1) if headers[at - 1] == wanted]
     first = alike[0][1]
     cells = [row for _, row in (*first.header, *first.rows[:LINES])]
-    found = _table_in(replace(best.top, rows=cells))
+    found = table_in(replace(best.top, rows=cells))
     if found is None:
         return layout
     left = (f"table {at} ({', '.join(x)})" for at, x in enumerate(headers, start=1) if x != wanted)
@@ -203,23 +105,9 @@ def _titles_of(table: Below) -> list[str]:
     return [str(cell).strip() for cell in _nonempty(table.header[0][1])]
 
 
-def _refuse_labelled(path: Path, tops: Sequence[Top]) -> None:
-    """Raise DataError for a text whose cells are labelled values. The remedy is a command that
-    writes the labels as titles.
-    """
-    rows = (top.rows[len(top.rows) // 2] for top in tops if top.rows)
-    if any(len(row) > 1 and all(_LABELLED.fullmatch(str(cell)) for cell in row) for row in rows):
-        titles = "1{h;s/ *[:=] *[^,;[:space:]]*//g;p;g;}"
-        line = f"sed -E '{titles};s/[A-Za-z_][A-Za-z_0-9]* *[:=] *//g' '{path.name}'"
-        raise DataError(
-            f"{path.name}: its cells have the form `name:number`; write the names into the first "
-            f"line only, for example with: {line} > '{path.stem}.csv'"
-        )
-
-
 def _of_all_sheets(
-    best: str, layouts: Mapping[str | None, Preview], sheets: Sequence[str | None]
-) -> Preview:
+    best: str, layouts: Mapping[str | None, Layout], sheets: Sequence[str | None]
+) -> Layout:
     """Return the layout of one sheet for all sheets with the same layout."""
     shapes = {
         sheet: replace(layout, settings={**layout.settings, "sheet": ""})
@@ -232,238 +120,3 @@ def _of_all_sheets(
         return layout
     settings = {**layout.settings, "sheet": alike[0] if left else "*"}
     return replace(layout, settings=settings, alike=alike)
-
-
-@dataclass(frozen=True)
-class _FoundTable:
-    """A table in the first rows of a file. From the row with index `first` on, `rows` have `wide`
-    cells, with numbers in the columns `numeric`.
-    """
-
-    top: Top
-    rows: Sequence[Row]
-    wide: int
-    numeric: tuple[int, ...]
-    first: int
-
-    @property
-    def columns(self) -> list[list[Any]]:
-        """The filled cells below the header, one list for each column."""
-        return _filled_by_column(self.rows[self.first :], self.wide)
-
-    @property
-    def top_of_map(self) -> int | None:
-        """The index of the first line of a map: it holds ordered values of one quantity, the first
-        column ordered values of another, and the corner no number. None if the table is no map.
-        Consecutive numbers in the first line are titles instead.
-        """
-        above = [at for at in range(self.first) if _nonempty(self.rows[at])]
-        top = self.first if self._is_without_corner(self.first) or not above else above[-1]
-        if not self._is_without_corner(top):
-            return None
-        across = self.rows[top][1:]
-        down = [row[0] for row in self.rows[top + 1 :] if len(row) == self.wide]
-        steps = [_steps_of(cells, self.top.is_number) for cells in (across, down)]
-        is_ordered = all(len(one) > 1 and (min(one) > 0 or max(one) < 0) for one in steps)
-        return top if is_ordered and {*steps[0]} != {1.0} else None
-
-    def _is_without_corner(self, at: int) -> bool:
-        """Return True if a row is as wide as the others and does not begin with a number."""
-        row = self.rows[at]
-        return len(row) == self.wide and not self.top.is_number(row[0])
-
-    @property
-    def rank(self) -> tuple[int, int]:
-        """Sort key for the ways to read a table: the best way has the fewest columns in which texts
-        look like numbers, and then the most rows.
-        """
-        texts = (cells for place, cells in enumerate(self.columns) if place not in self.numeric)
-        doubtful = sum(any(map(str.isdigit, str(cells[0]))) for cells in texts if cells)
-        return -doubtful, len(self.rows) - self.first
-
-    def layout(self, reader: str) -> Preview:
-        """Return the layout, in which one line above the numbers has the titles, and another the
-        units; or that of a map.
-        """
-        if (top := self.top_of_map) is not None:
-            as_map = {**self.top.settings, **({"skip_rows": top} if top else {}), "table": "map"}
-            return Preview(reader, MAP_COLUMNS, MAP_COLUMNS, as_map, (), (0, 1, 2))
-        lines = self.header_lines()
-        titled = self.line_of_titles(lines)
-        titles = [] if titled is None else lines[titled]
-        others = [lines[line] for line in sorted(lines) if line != titled]
-        units = next(filter(self.holds_units, others), [])
-        width = 1 + max([*self.numeric, *(place for place, title in enumerate(titles) if title)])
-        titles = [*titles, *[""] * width][:width]
-        pairs = [*zip_longest(self.top.units, units, fillvalue=""), *[("", "")] * width][:width]
-        spelt = [_without_brackets(own or unit) for own, unit in pairs]
-        for place in self.numeric:
-            if stamp_of(str(self.columns[place][0]).strip()) is not None:
-                spelt[place] = "s"  # time stamps are read in seconds, whatever stands above them
-        header, skipped = 0, self.first
-        if titled is not None and len(self.rows[titled]) <= self.wide:
-            filled = [at for at in range(titled, self.first) if _nonempty(self.rows[at])]
-            header, skipped = filled[-1] - titled + 1, titled
-        settings = dict(self.top.settings)
-        if not self.top.addresses:
-            settings |= {} if header == 1 else {"header": header or False}
-            settings |= {"skip_rows": skipped} if skipped else {}
-        counts = Counter(filter(None, titles)) if header else Counter[str]()
-        columns = [title if counts[title] == 1 else at for at, title in enumerate(titles)]
-        return Preview(
-            reader,
-            self.top.addresses or tuple(columns),
-            tuple(titles) if titled is not None else (),
-            settings,
-            tuple(spelt) if any(spelt) else (),
-            self.numeric,
-        )
-
-    def holds_units(self, line: Sequence[str]) -> bool:
-        """Return True for a line of units. Cells above empty columns are ignored, because they may
-        say what the line holds, for example `Unit:`.
-        """
-        return _are_units([cell for cell, below in zip(line, self.columns, strict=False) if below])
-
-    def header_lines(self) -> dict[int, list[str]]:
-        """Return the lines directly above the numbers that may be titles or units, by their index.
-        They are as wide as the rows of numbers, and no cell to the right of these is filled.
-
-        Blank lines may stand below titles and above a line of units. A cell that contains only the
-        mark of a remark counts as empty. Remarks of another form are passed over. A line with
-        numbers is none of these lines, unless a column that is empty below says what the numbers
-        are, for example `Count:`.
-        """
-        lines: dict[int, list[str]] = {}
-        last = max(place for place, cells in enumerate(self.columns) if cells)
-        labels = [place for place, cells in enumerate(self.columns) if not cells]
-        for place in reversed(range(self.first)):
-            filled = _nonempty(self.rows[place])
-            if not filled and all(map(_are_units, lines.values())):
-                continue
-            cells = ["" if cell is None else str(cell).strip() for cell in self.rows[place]]
-            if len(cells) == self.wide + 1 and cells[0] in REMARKS:
-                cells = cells[1:]
-            has_number = any(map(self.top.is_number, filled)) and not _are_units(cells)
-            has_number &= not any(cells[place] for place in labels if place < len(cells))
-            if filled and not has_number and len(cells) > last and not any(cells[self.wide :]):
-                lines[place] = cells
-            elif not filled or not str(filled[0]).strip().startswith(REMARKS):
-                break
-        return lines
-
-    def line_of_titles(self, lines: Mapping[int, list[str]]) -> int | None:
-        """Return the line with the most texts that names at least half of the columns of numbers
-        and is not a line of units. If several have as many texts, return the first; if all are
-        remarks, the last.
-        """
-
-        def rank(line: int) -> tuple[bool, int, int]:
-            is_remark = str(self.rows[line][0]).strip().startswith(REMARKS)
-            return not is_remark, len(_nonempty(lines[line])), line if is_remark else -line
-
-        names = {
-            line: _nonempty([cells[at] for at in self.numeric]) for line, cells in lines.items()
-        }
-        naming = [line for line in sorted(lines) if 2 * len(names[line]) >= len(self.numeric)]
-        titles = [line for line in naming if len(lines) == 1 or not _are_units(lines[line])]
-        return max(titles or naming[:1], key=rank, default=None)
-
-
-def _table_in(top: Top) -> _FoundTable | None:
-    """Return the table to which the last rows belong; None if too few of their columns hold
-    numbers.
-
-    Cells may be empty, a word may stand for a missing number, and whole columns may hold words. The
-    very last row may be incomplete; remarks below the table are left out.
-    """
-    rows = top.rows[:-1] if len(top.rows) > 1 else top.rows
-    widths = Counter(len(row) for row in rows[len(rows) // 2 :] if _nonempty(row))
-    wide = widths.most_common(1)[0][0] if widths else 0
-    end = max((i for i, row in enumerate(rows) if len(row) == wide and _nonempty(row)), default=-1)
-    rows = rows[: end + 1]
-    lower = _filled_by_column(rows[len(rows) // 2 :], wide)
-    numeric = tuple(
-        place
-        for place, cells in enumerate(lower)
-        if 2 * sum(map(top.is_number, cells)) > len(cells)
-    )
-    labelled = _labelled_lines(rows, [row for row in rows[len(rows) // 2 :] if len(row) == wide])
-
-    def has_numbers(row: Row) -> bool:
-        if len(row) != wide or any(row is line for line in labelled):
-            return False
-        cells = _nonempty([row[place] for place in numeric])
-        count = sum(map(top.is_number, cells))
-        # a line of units may contain a number too, for example `kPa;1`
-        return count > 0 and (count == len(cells) or not _are_units([*map(str, cells)]))
-
-    def is_between(place: int) -> bool:
-        """Return True for a comment between two rows of the table."""
-        around = rows[max(place - 1, 0)], rows[min(place + 1, len(rows) - 1)]
-        return _COMMENT.match(str(rows[place][0]).encode()) is not None and all(
-            map(has_numbers, around)
-        )
-
-    filled = [place for place, row in enumerate(rows) if _nonempty(row)]
-    words = (place for place in filled if not has_numbers(rows[place]))
-    above = max((place for place in words if not is_between(place)), default=-1)
-    first = next((place for place in filled if place > above), None)
-    if len(numeric) < 2 or first is None:
-        return None
-    return _FoundTable(top, rows, wide, numeric, first)
-
-
-def _labelled_lines(rows: Sequence[Row], lower: Sequence[Row]) -> list[Row]:
-    """Return the lines at the beginning that say in their first cell what they hold, for example
-    `Name:`, `Unit:` and `Count:`, if there are at least three of them; the first cells of the
-    `lower` rows are empty.
-    """
-    if not lower or any(_nonempty(row[:1]) for row in lower):
-        return []
-    filled = [row for row in rows if _nonempty(row)]
-    labelled = [*takewhile(lambda row: _nonempty(row[:1]) and len(row) == len(lower[0]), filled)]
-    return labelled if len(labelled) > 2 else []
-
-
-def _steps_of(cells: Sequence[Any], is_number: Callable[[Any], bool]) -> list[float]:
-    """Return the differences between consecutive numbers in cells; an empty list if a cell holds no
-    number.
-    """
-    if not all(map(is_number, cells)):
-        return []
-    with suppress(ValueError):
-        numbers = [float(str(cell).replace(",", ".")) for cell in cells]
-        return [after - before for before, after in pairwise(numbers)]
-    return []
-
-
-def _filled_by_column(rows: Sequence[Row], wide: int) -> list[list[Any]]:
-    return [*map(_nonempty, zip(*(row for row in rows if len(row) == wide), strict=True))]
-
-
-def _are_units(cells: Sequence[str]) -> bool:
-    filled = _nonempty(cells)
-    return 2 * sum(map(_reads_as_unit, filled)) > len(filled)
-
-
-def _reads_as_unit(cell: str) -> bool:
-    """Return True if a cell is a unit. A single letter may also be a title, so it counts as a unit
-    only if the unit is common.
-    """
-    unit = _without_brackets(cell)
-    if len(unit) == 1:
-        return unit in LETTERS
-    with suppress(SpecError):
-        check_unit(unit)
-        return True
-    return False
-
-
-def _without_brackets(unit: str) -> str:
-    """Return a unit without the mark of a remark before it and the brackets around it."""
-    return re.sub(r"^[(\[{<]\s*(.*?)\s*[)\]}>]$", r"\1", unit.lstrip("# "))
-
-
-def _nonempty(row: Row) -> list[Any]:
-    return [cell for cell in row if cell is not None and str(cell).strip()]

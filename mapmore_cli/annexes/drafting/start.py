@@ -14,6 +14,7 @@ from pathlib import Path
 from mapmore_cli.annexes.drafting.answers import Answers
 from mapmore_cli.annexes.drafting.by_titles import known_by_titles
 from mapmore_cli.annexes.drafting.checked import checked
+from mapmore_cli.annexes.drafting.cleaning import cleaned
 from mapmore_cli.annexes.drafting.columns import Table, find
 from mapmore_cli.annexes.drafting.draft import Draft, Named
 from mapmore_cli.annexes.drafting.experiment import (
@@ -26,23 +27,12 @@ from mapmore_cli.annexes.drafting.experiment import (
 from mapmore_cli.annexes.drafting.like import with_paper
 from mapmore_cli.annexes.drafting.names import numbered_groups, offers_of, tests_of
 from mapmore_cli.annexes.drafting.questions import Ask, interview
-from mapmore_cli.annexes.drafting.recordings import (
-    cleaned,
-    described,
-    read_draft,
-    split_by,
-    table_of,
-    with_columns,
-    with_second_log,
-    with_strain,
-)
-from mapmore_cli.annexes.drafting.sources import (
-    Study,
-    find_studies,
-    second_of,
-    started,
-)
+from mapmore_cli.annexes.drafting.reading import described, read_draft, split_by, table_of
+from mapmore_cli.annexes.drafting.second_log import second_of, with_second_log
+from mapmore_cli.annexes.drafting.sources import started
+from mapmore_cli.annexes.drafting.studies import Study, find_studies
 from mapmore_cli.annexes.drafting.understanding import Understood, understood
+from mapmore_cli.annexes.drafting.written_columns import with_columns, with_strain
 from mapmore_cli.checking.evidence import Unequal, unequal
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError
 from mapmore_cli.storage.readers import READERS

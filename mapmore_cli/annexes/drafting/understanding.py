@@ -14,7 +14,7 @@ from mapmore_cli.annexes.drafting.by_titles import kind_to_predict, known_by_tit
 from mapmore_cli.annexes.drafting.columns import Table, TitledColumn, find
 from mapmore_cli.annexes.drafting.draft import Column, Named
 from mapmore_cli.annexes.drafting.names import Condition, told_by_names
-from mapmore_cli.annexes.drafting.sources import Study
+from mapmore_cli.annexes.drafting.studies import Study
 from mapmore_cli.checking.evidence import FEWEST, ROUNDING, same_signals
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError

@@ -72,7 +72,7 @@ def tune(
     training data, on which its error is then measured. Held-out data are not used. The recommended
     combination is the simplest that is as good as the best.
     """
-    from mapmore_cli.annexes.planning import planning, views
+    from mapmore_cli.annexes.planning import tuning, views
     from mapmore_cli.study.loader import load
 
     refuse_endings(output)
@@ -83,16 +83,16 @@ def tune(
         )
     if not over:
         refuse_endings(output, TABLE_FILES, "a search has no figure")
-    wanted, tuning = _values_of(over), None
+    wanted, compared = _values_of(over), None
     with Reporter(quiet) as reporter:
         loaded = load(*spec_of(config, overrides, runs))
         if over:
-            tuning = planning.tune(loaded, wanted, runs, **reporter.listeners)
-            view = views.of_tuning(tuning)
+            compared = tuning.tune(loaded, wanted, runs, **reporter.listeners)
+            view = views.of_tuning(compared)
         else:
-            search, spec = planning.searched(loaded, runs, budget, **reporter.listeners)
+            search, spec = tuning.searched(loaded, runs, budget, **reporter.listeners)
             view = views.of_search(search, str(spec))
-    write_results(output, view.tables[0], tuning)
+    write_results(output, view.tables[0], compared)
     print_view(view, as_json)
 
 

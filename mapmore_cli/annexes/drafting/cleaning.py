@@ -1,0 +1,117 @@
+"""Add the settings to a draft that its recordings need: for words that mean missing values, for odd
+time stamps, and for files that cannot be read.
+"""
+
+from __future__ import annotations
+
+import re
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+from mapmore_cli.annexes.drafting.draft import Draft
+from mapmore_cli.annexes.drafting.reading import read_draft, with_words
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.ingestion.clock import REPEATS
+from mapmore_cli.ingestion.dataset import BAD
+from mapmore_cli.ingestion.files import find_sources
+from mapmore_cli.study.sections.data import Data
+
+# rule that cuts a recording at a place where its clock was set back
+RESET = {"longer_than": 60.0, "action": "split"}
+
+
+def lenient(draft: Draft) -> Draft:
+    """Return the draft with settings that leave out samples with faulty cells or faulty time
+    stamps, if there are only a few.
+    """
+    for key, value in (("missing", "drop"), ("repeated_time", "spread"), ("glitches", "drop")):
+        draft = draft.with_data(key, draft.data.get(key, value))
+    return draft
+
+
+def cleaned(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset]:
+    """Return the draft with all settings that its recordings need, and the recordings.
+
+    A recording is cut where its clock is set back. Unreadable files are left out by name. A clock
+    for which most files would be left out is itself left out. Raises DataError if no recording can
+    be read, or if another log is joined by such a clock.
+    """
+    draft = lenient(draft)
+    try:
+        return _read_tolerantly(draft, folder, target)[:2]
+    except DataError as fault:
+        first = fault
+    ways = [draft.with_data("skip_bad_files", True)]
+    columns = draft.data["columns"]
+    if "time" in columns:
+        why = f"s: the recording is cut where its clock is set back: {first.message}"
+        cut = draft.with_data("gaps", RESET, why)
+        ways = [cut, *ways, cut.with_data("skip_bad_files", True)]
+        if "join" not in draft.data:
+            others = {key: one for key, one in columns.items() if key != "time"}
+            why = f"time is left out: {first.message}"
+            bare = draft.with_data("columns", others, why, False)
+            ways += [bare, bare.with_data("skip_bad_files", True)]
+    for way in ways:
+        with suppress(DataError):
+            found, dataset, is_most = _read_tolerantly(way, folder, target)
+            if is_most or way is ways[-1]:
+                return found, dataset
+    raise first
+
+
+def _read_tolerantly(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset, bool]:
+    """Return a draft that can be read, its dataset, and True if at least half of the files are in
+    the dataset. The draft gets the words for missing values and the names of files that cannot be
+    read.
+    """
+    warnings: list[str] = []
+    rule = draft.data["missing"]
+    missing, dataset = with_words(
+        lambda rule: read_draft(draft.with_data("missing", rule), folder, target, warnings.append),
+        rule["tokens"] if isinstance(rule, dict) else (),
+    )
+    draft, is_most = draft.with_data("missing", missing), True
+    if draft.data.get("skip_bad_files") is True:
+        sources = find_sources(Data.model_validate(draft.data).files, folder, bad=True)
+        names = dict.fromkeys(source.name for source in sources)
+        read = {one.source for one in dataset.recordings}
+        bad = [name for name in names if name not in read]
+        told = [warning for warning in dict.fromkeys(warnings) if BAD in warning]
+        why = "; ".join(told)
+        draft = draft.with_data("skip_bad_files", bad or True, why, False)
+        is_most = 2 * len(read) >= len(names)
+    hidden = tuple(one for one in dict.fromkeys(warnings) if " hidden " in one)
+    return _with_losses_told(replace(draft, tips=hidden), dataset), dataset, is_most
+
+
+def _with_losses_told(draft: Draft, dataset: Dataset) -> Draft:
+    """Return the draft with notes on empty cells and odd time stamps, if there are any; cells and
+    time stamps of a joined log are not counted.
+    """
+    rules = {
+        "missing": ("missing value", "samples have an empty cell"),
+        "repeated_time": ("", f"{REPEATS}: the logger rounds them"),
+        "glitches": ("glitch of the clock", "time stamps lie before an earlier one"),
+    }
+    for key, (reason, words) in rules.items():
+        count = sum(one.dropped.get(reason, 0) for one in dataset.recordings)
+        if not reason:
+            told = (re.search(rf": (\d+) {REPEATS}", note) for note in dataset.notes)
+            count = sum(int(match[1]) for match in told if match is not None)
+        rule = draft.data[key]
+        if isinstance(rule, dict):
+            tokens = ", ".join(map(repr, rule["tokens"]))
+            draft = draft.noted(
+                ("data", key),
+                f"{count} samples have a cell that is empty or holds {tokens}; it is read as a "
+                "missing value",
+                False,
+            )
+        elif count:
+            draft = draft.noted(("data", key), f"{count} {words}")
+        elif "join" not in draft.data:
+            draft = draft.without_data(key)
+    return draft

@@ -1,0 +1,100 @@
+"""Look at the first lines of a file: which reader reads it, which lines are alike, and whether
+comments or labels stand among its numbers.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from mapmore_cli.annexes.drafting.layout import Layout
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.storage.readers import reader_of, suffix_of
+from mapmore_cli.storage.tables import Top
+
+# a line of labelled values, as microcontrollers print them: `t:12,p:3.4`
+_LABELLED = re.compile(r"\s*[A-Za-z_]\w*\s*[:=]\s*[-+]?[.\d]\S*")
+
+
+LINES = 200  # largest number of lines of a table that `init` reads
+HEAD = 1 << 16  # number of bytes at the beginning of a text that are examined
+
+
+_NUMBERS = re.compile(rb"[\s\"']*[-+.\d]")
+
+
+_COMMENT = re.compile(rb"[ \t]*(#|%|//)")
+
+
+_DIGITS = re.compile(rb"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
+
+
+UNREAD = {
+    "zip 7z rar tar tgz zst": "unpack it",
+    "mf4 mdf": "export it as CSV, for example with `asammdf.MDF(path).export('csv')`",
+    "json ndjson jsonl": (
+        "save a table, for example with `pandas.json_normalize(records).to_csv(...)`"
+    ),
+    "npy": "save each array with a name, for example with `numpy.savez('log.npz', force=force)`",
+    "pkl pickle joblib": (
+        "it is never opened, because it could run code; save its arrays as CSV or .npz"
+    ),
+    "bag db3 mcap": "export its topics as CSV with the tools of ROS",
+    "feather arrow orc": (
+        "save it as Parquet, for example with `pandas.read_feather(path).to_parquet(...)`"
+    ),
+    "db sqlite mdb accdb numbers wav c3d bin raw": "export its table as CSV",
+}
+"""Suffixes of files that may contain data but that no reader can read, and the remedy for each."""
+
+
+def unread(path: Path) -> str | None:
+    """Return why a file that may hold data is not read, and what to do; None for other files."""
+    suffix = suffix_of(path)
+    remedy = next((how for which, how in UNREAD.items() if suffix[1:] in which.split()), None)
+    if remedy is None or reader_of(path) is not None:
+        return None
+    return f"{path.name}: no reader takes {suffix}; {remedy}"
+
+
+def kinds_of_lines(path: Path) -> tuple[bytes, ...]:
+    """Return the kinds of lines at the beginning of a text: lines of words unchanged, lines of
+    numbers with 0 for each number. Texts of the same kinds have the same layout, so only one of
+    them is examined. Empty for a file that is no text.
+    """
+    with path.open("rb") as file:
+        head = file.read(HEAD)
+    if b"\0" in head or not head:
+        return ()
+    lines = head.splitlines()[: LINES + 1]
+    lines = lines if len(head) < HEAD else lines[:-1]
+    kinds = (_DIGITS.sub(b"0", line) if _NUMBERS.match(line) else line for line in lines)
+    return tuple(dict.fromkeys(kinds))
+
+
+def comment_among(path: Path, layout: Layout) -> str | None:
+    """Return the mark of comment lines between the rows of a text; None if there are none. If the
+    line of titles begins with the mark too, return None as well, because the titles would be
+    skipped as a comment.
+    """
+    titled = layout.settings.get("skip_rows", 0)
+    with path.open("rb") as lines:
+        for number, line in enumerate(lines):
+            if number >= titled and (found := _COMMENT.match(line)):
+                return found[1].decode() if number > titled else None
+    return None
+
+
+def refuse_labelled(path: Path, tops: Sequence[Top]) -> None:
+    """Raise DataError for a text whose cells are labelled values. The remedy is a command that
+    writes the labels as titles.
+    """
+    rows = (top.rows[len(top.rows) // 2] for top in tops if top.rows)
+    if any(len(row) > 1 and all(_LABELLED.fullmatch(str(cell)) for cell in row) for row in rows):
+        titles = "1{h;s/ *[:=] *[^,;[:space:]]*//g;p;g;}"
+        line = f"sed -E '{titles};s/[A-Za-z_][A-Za-z_0-9]* *[:=] *//g' '{path.name}'"
+        raise DataError(
+            f"{path.name}: its cells have the form `name:number`; write the names into the first "
+            f"line only, for example with: {line} > '{path.stem}.csv'"
+        )

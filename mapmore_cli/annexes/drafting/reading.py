@@ -1,0 +1,233 @@
+"""Read the recordings of a draft, and a few files of a study before the meaning of their columns is
+known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from mapmore_cli.annexes.drafting.columns import Table, Texts, find, read_titles
+from mapmore_cli.annexes.drafting.draft import Column, Draft
+from mapmore_cli.annexes.drafting.names import told_by_names
+from mapmore_cli.annexes.drafting.sources import started
+from mapmore_cli.annexes.drafting.studies import Study
+from mapmore_cli.checking.evidence import MUCH
+from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.errors import DataError, SpecError
+from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.ingestion.dataset import build_dataset
+from mapmore_cli.ingestion.files import IngestSlice, Meter, Source, find_sources
+from mapmore_cli.ingestion.samples import Samples, read_tables
+from mapmore_cli.storage.tables.cells import NotANumber
+from mapmore_cli.study.sections.data import Data
+from mapmore_cli.study.units import default_unit
+
+MOST_FILES = 5  # largest number of files that are read
+
+
+MOST_SHOWN = 12  # largest number of columns that a line names
+
+
+# largest number of words that may mean missing numbers in one column; a column with more is a
+# column of words
+MOST_WORDS = 3
+
+
+T = TypeVar("T")
+
+
+class _Columns(Data):
+    """The columns of a file before their meaning is known; any of them may hold time stamps."""
+
+    def clocks(self) -> frozenset[Column]:
+        return frozenset(column.column for column in self.columns.values())
+
+
+def read_draft(
+    draft: Draft, folder: Path, measured: str, warn: Callable[[str], None] = lambda _: None
+) -> Dataset:
+    """Return the dataset of a draft, in its units. Raises DataError if it cannot be made."""
+    data = Data.model_validate(draft.data)
+    units = {name: default_unit(name) for name in data.quantities} | draft.spec.get("units", {})
+    try:
+        return build_dataset(IngestSlice(data, measured, "static", units), folder, warn=warn)
+    except SpecError as fault:
+        raise DataError(fault.message, fault.remedy) from fault
+
+
+def with_words(read: Callable[[object], T], known: Sequence[str] = ()) -> tuple[object, T]:
+    """Return the rule for missing values that was needed to read something, and the result. Cells
+    with a few different words, for example `---`, are taken as missing values, in addition to the
+    `known` words.
+
+    Raises DataError if there are too many different words, or if a cell holds something else than a
+    word, for example a date.
+    """
+    words = [*known]
+    while True:
+        rule: object = {"tokens": words} if words else "drop"
+        try:
+            return rule, read(rule)
+        except NotANumber as fault:
+            if len(words) == MOST_WORDS + len(known) or fault.known:
+                raise
+            words = [*words, fault.cell]
+
+
+def table_of(study: Study, folder: Path) -> Table:
+    """Return the columns of a few files of a study. Columns of text and empty columns have no
+    values.
+
+    If the files cannot be read as a whole, every column is read separately. Raises DataError if no
+    column is left.
+    """
+    layout, section = study.layout, started(study.of_layout, folder).data
+    last = DataError(f"{study.files[0].name}: no column has numbers", "fill its cells")
+    try:
+        raw = _read_columns(section, folder, layout.columns)
+    except DataError:
+        raw = {}
+        for place, column in enumerate(layout.columns):
+            try:
+                raw |= _read_columns(section, folder, (column,))
+            except DataError as fault:
+                if isinstance(fault, NotANumber) and fault.known and place in layout.numeric:
+                    raise
+                last = fault
+    if not raw:
+        raise last
+    texts: dict[Column, Texts] = {}
+    for column in [one for one in layout.columns if one not in raw]:
+        with suppress(DataError, SpecError):
+            texts |= _read_texts(section, folder, column)
+    return read_titles(layout, raw, texts)
+
+
+def _read_texts(section: Mapping[str, Any], folder: Path, column: Column) -> dict[Column, Texts]:
+    """Return the different texts of a column, and the numbers of its cells' texts; an empty mapping
+    if texts seldom occur more than once.
+    """
+    entry = {"column": column, "texts": True}
+    data = Data.model_validate(
+        {**section, "columns": {"label": entry}, "recordings": {"of": "label"}}
+    )
+    some = _some_of(find_sources(data.files, folder, bad=data.skip_bad_files))
+    meter = Meter(some, lambda *_: None)
+    tables = [
+        one for source in some for one in read_tables(source, data, data, {"label": "1"}, meter)
+    ]
+    numbers = [x[np.isfinite(x)] for x in (np.asarray(one.columns["label"]) for one in tables)]
+    words = [*meter.texts["label"]]
+    is_again = 2 * len(words) <= sum(map(len, numbers)) and all(map(len, numbers))
+    return {column: (words, numbers)} if is_again else {}
+
+
+def _some_of(sources: Sequence[Source]) -> Sequence[Source]:
+    """Return a few of the files, which are enough to know the columns, because all files have the
+    same columns.
+    """
+    return sources[:: -(-len(sources) // MOST_FILES)]
+
+
+def described(study: Study, folder: Path) -> str:
+    """Return a layout in words: numbers of files, rows and columns, and the information in
+    names.
+    """
+    try:
+        table = table_of(study, folder)
+    except (DataError, SpecError) as fault:
+        return f"{study}, which cannot be read: {fault.message}"
+    values = [one.values for one in table.values() if one.values]
+    sizes = [max(map(len, x)) for x in zip(*values, strict=True)]
+    looked_at = "" if len(study.files) <= MOST_FILES else f" in {len(sizes)} of them"
+    columns = ", ".join(one.called for one in [*table.values()][:MOST_SHOWN])
+    more = ", ..." if len(table) > MOST_SHOWN else ""
+    conditions, _ = told_by_names(study.names)
+    names = "".join(f"; names say {one.why}" for one in conditions)
+    return f"{study}, {sum(sizes)} rows{looked_at}, {len(table)} columns ({columns}{more}){names}"
+
+
+def split_by(table: Table, said: Sequence[str]) -> Table:
+    """Return a table with one array of values for each recording. The columns that a person names
+    distinguish the recordings. The table is unchanged if one of them lacks values. Raises
+    UsageError for an unknown column.
+    """
+    keys = [
+        find(table, int(one) if one.isdecimal() else one, "--recordings", texts=True)
+        for one in said
+    ]
+    series = {name: x for name, one in table.items() if (x := one.values or one.numbered)}
+    sizes = {name: [*map(len, x)] for name, x in series.items()}
+    if not keys or any(sizes[key.column] != sizes[keys[0].column] for key in keys):
+        return table
+    usual = sizes[keys[0].column]
+    pieces: list[list[IntArray]] = []
+    for file in range(len(usual)):
+        rows = np.column_stack([series[key.column][file] for key in keys])
+        member = np.unique(rows, axis=0, return_inverse=True)[1].ravel()
+        pieces.append([np.flatnonzero(member == kind) for kind in range(member.max() + 1)])
+    return {
+        name: replace(
+            one,
+            values=[x[rows] for x, parts in zip(one.values, pieces, strict=True) for rows in parts],
+        )
+        if one.values and sizes[name] == usual
+        else one
+        for name, one in table.items()
+    }
+
+
+def _read_columns(
+    section: Mapping[str, Any], folder: Path, columns: Sequence[Column]
+) -> dict[Column, list[Array]]:
+    """Return the numbers of every column, except columns that are empty in a file, or that hold
+    mostly words.
+    """
+    names = {f"column_{place}": column for place, column in enumerate(columns)}
+    entries = {name: {"column": column} for name, column in names.items()}
+    units = {**dict.fromkeys(names, "1"), "time": "s"}
+
+    def read(missing: object) -> list[Samples]:
+        data = _Columns.model_validate({**section, "columns": entries, "missing": missing})
+        some = _some_of(find_sources(data.files, folder, bad=data.skip_bad_files))
+        meter = Meter(some, lambda *_: None)
+        tables: list[Samples] = []
+        faults: list[DataError] = []
+        for source in some:
+            try:
+                tables += read_tables(source, data, data, units, meter)
+            except NotANumber:
+                raise
+            except DataError as fault:
+                faults.append(fault)
+        if faults and 2 * len(faults) >= len(some):
+            raise faults[0]
+        return _without_bad(tables)
+
+    missing, tables = with_words(read)
+    raw: dict[Column, list[Array]] = {}
+    for name, column in names.items():
+        cells = [np.asarray(table.columns[name]) for table in tables]
+        values = [numbers[np.isfinite(numbers)] for numbers in cells]
+        least = 0.0 if missing == "drop" else MUCH * sum(map(len, cells))
+        if all(map(len, values)) and sum(map(len, values)) >= least:
+            raw[column] = values
+    return raw
+
+
+def _without_bad(tables: Sequence[Samples]) -> list[Samples]:
+    """Return the tables without the bad ones. A table is bad if a column in it is empty, although
+    it has values in most other tables.
+    """
+    empty = [
+        {name for name, x in table.columns.items() if not np.isfinite(x).any()} for table in tables
+    ]
+    often = [name for names in empty for name in names]
+    usual = {name for name in often if 2 * often.count(name) >= len(tables)}
+    return [table for table, names in zip(tables, empty, strict=True) if names <= usual]

@@ -1,0 +1,76 @@
+"""Join the log of a second device, which recorded the pressure of the same tests."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from mapmore_cli.annexes.drafting.by_person import named_by_person
+from mapmore_cli.annexes.drafting.by_titles import known_by_titles
+from mapmore_cli.annexes.drafting.cleaning import lenient
+from mapmore_cli.annexes.drafting.draft import Draft, Named, Section
+from mapmore_cli.annexes.drafting.reading import read_draft, table_of
+from mapmore_cli.annexes.drafting.sources import started
+from mapmore_cli.annexes.drafting.studies import Study
+from mapmore_cli.checking.evidence import two_digits
+from mapmore_cli.checking.names import POSITIONS
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.study.units import convert
+
+# a step longer than this multiple of the usual step is a gap
+BREAK = 5
+
+
+def second_of(study: Study, studies: Sequence[Study]) -> Study | None:
+    """Return the log with the pressure of the same tests: the only other layout in the folder whose
+    titles name the pressure and that has as many files.
+
+    None if the study has its own pressure, or if more than one other is possible.
+    """
+    beside = [
+        one
+        for one in studies
+        if (one.folder, len(one.files)) == (study.folder, len(study.files))
+        and {"time", "pressure"} <= one.quantities
+        and one.quantities.isdisjoint({"force", *POSITIONS})
+    ]
+    is_lacking = "time" in study.quantities and "pressure" not in study.quantities
+    return beside[0] if is_lacking and len(beside) == 1 else None
+
+
+def with_second_log(draft: Draft, second: Study, folder: Path, target: str, said: Named) -> Draft:
+    """Return the draft with the pressure of a second log, shifted so that its changes match those
+    of the target, if a shift can be found.
+    """
+    table = table_of(second, folder)
+    columns, _ = known_by_titles(table)
+    columns |= named_by_person(said, table, "--columns", columns)
+    if not {"time", "pressure"} <= columns.keys() or "time" not in draft.data["columns"]:
+        raise DataError(
+            f"{second.files[0].name}: contains the pressure, but the two logs have no common clock",
+            "write `join` by hand",
+        )
+    steps = np.diff(table[columns["time"].column].values[0])
+    usual = convert(float(np.median(steps[steps > 0])), columns["time"].unit, "s")
+    entry: Section = {
+        **started(second, folder).data,
+        "columns": {name: columns[name].as_spec() for name in ("time", "pressure")},
+        "shift": "auto",
+        "match": {"first": target, "second": "pressure"},
+        "max_gap": two_digits(BREAK * usual),
+    }
+    sure = columns["pressure"].sure
+    try:
+        notes = read_draft(lenient(draft.with_data("join", [entry])), folder, target).notes
+        how_shifted = next((note for note in notes if ": shift " in note), "").partition(": ")[2]
+    except DataError:  # nothing changes in a log, or several shifts are possible
+        entry = {key: value for key, value in entry.items() if key != "match"} | {"shift": 0.0}
+        how_shifted, sure = "do both logs have the same clock?", False
+    return draft.with_data(
+        "join",
+        [entry],
+        f"the pressure is in a second log; {how_shifted}; {columns['pressure'].why}",
+        sure,
+    )

@@ -1,0 +1,244 @@
+"""Find out which files form a study: all files of one layout, in whatever folders they lie."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+
+from mapmore_cli.annexes.drafting.columns import read_titles
+from mapmore_cli.annexes.drafting.draft import Column, Named, Section
+from mapmore_cli.annexes.drafting.first_lines import comment_among, kinds_of_lines, unread
+from mapmore_cli.annexes.drafting.layout import Layout
+from mapmore_cli.annexes.drafting.names import stem_of
+from mapmore_cli.annexes.drafting.preview import preview
+from mapmore_cli.checking.names import read_label
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.ingestion.files import relative_name
+from mapmore_cli.storage.readers import READERS, reader_of
+from mapmore_cli.study.units import CANONICAL
+
+
+@dataclass(frozen=True)
+class Study:
+    """Files of one layout, and a name for them. `bad` are the files of the folder that belong to no
+    study, with the reasons.
+
+    `variants` are the layouts of files with other units, for example bar if most files have kPa.
+    """
+
+    files: tuple[Path, ...]
+    layout: Layout
+    name: str = ""
+    bad: Mapping[Path, str] = field(default_factory=dict)
+    variants: Mapping[Path, Layout] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        return f"{len(self.files)} file{'s' if len(self.files) > 1 else ''}"
+
+    @cached_property
+    def folder(self) -> Path:
+        """The folder that contains all files."""
+        return Path(os.path.commonpath([file.parent for file in self.files]))
+
+    @property
+    def of_layout(self) -> Study:
+        """The study with only the files whose layout is exactly `layout`, without the variants."""
+        files = tuple(file for file in self.files if file not in self.variants)
+        return replace(self, files=files, variants={})
+
+    def changed_columns(self, columns: Named) -> dict[Path, Section]:
+        """Return, for each file whose titles or units differ from those of the other files, its own
+        entries of `columns`. Files in which columns only stand in another order have none.
+        """
+        of_layouts = {id(one): self._columns_of(one, columns) for one in self.variants.values()}
+        changed = {file: of_layouts[id(layout)] for file, layout in self.variants.items()}
+        return {file: entries for file, entries in changed.items() if entries}
+
+    def _columns_of(self, layout: Layout, columns: Named) -> Section:
+        """Return the entries of `columns` that differ in another layout."""
+        usual, titled = _identities(self.layout), read_titles(self.layout, {})
+        there = {identity: column for column, identity in _identities(layout).items()}
+        titled_there = read_titles(layout, {})
+        changed: Section = {}
+        for name, one in columns.items():
+            if (identity := usual.get(one.column)) is not None and not one.parts:
+                other = titled_there[there[identity]]
+                if (other.column, other.unit) != (one.column, titled[one.column].unit):
+                    entry = replace(one, column=other.column).as_spec()
+                    changed[name] = {**entry, "unit": other.unit or one.unit}
+        return changed
+
+    @cached_property
+    def parts(self) -> list[tuple[Path, Section]]:
+        """The file of every recording, and the sheet or table of the file that holds the recording.
+        The sheet is given if the names of sheets contain information; the table, if there are
+        several.
+        """
+        if self.layout.tables:
+            places: list[Section] = [{"table": at} for at, _ in self.layout.tables]
+        else:
+            is_told = len(self.files) == 1 or self.layout.left
+            places = [{"sheet": sheet} for sheet in (is_told and self.layout.alike) or ()]
+        return [(file, place) for file in self.files for place in places or [{}]]
+
+    @cached_property
+    def names(self) -> list[str]:
+        """The name of each recording: its path in the folder; for a single file, its sheet or the
+        text above its table; both if tables are in several files.
+        """
+        titles, is_one = dict(self.layout.tables), len(self.files) == 1
+        stems = {file: stem_of(relative_name(file, self.folder)) for file in self.files}
+        names = []
+        for file, place in self.parts:
+            title = titles.get(place.get("table", 0), "") if is_one or titles else ""
+            title = title or (place.get("sheet", "") if is_one else "")
+            names.append(title if is_one and title else f"{stems[file]} {title}".strip())
+        return names
+
+    @property
+    def quantities(self) -> set[str]:
+        """Names of the quantities that titles of the study's columns identify."""
+        labels = map(read_label, self.layout.titles)
+        return {label.quantity for label in labels if label is not None}
+
+
+def find_studies(path: Path) -> tuple[list[Study], list[str]]:
+    """Return the studies under a path, the one with the most files first, and for every other file
+    the reason why it is left out, with the remedy.
+
+    Raises DataError if the path does not exist.
+    """
+    if not path.exists():
+        raise DataError(
+            f"{path}: no such file or folder", "give a recording, or a folder of recordings"
+        )
+    every = [path] if path.is_file() else [one for one in sorted(path.rglob("*")) if one.is_file()]
+    left_out: list[str] = []
+    bad: dict[Path, str] = {}
+    copies = _copies(every)
+    seen: dict[tuple[str, tuple[bytes, ...]], Layout] = {}
+    layouts: dict[str, tuple[Layout, list[Path]]] = {}
+    for file in (one for one in every if one == path or _is_own(one, path)):
+        if file != path and reader_of(file) is None:
+            left_out += filter(None, [unread(file)])
+            continue
+        if file in copies:
+            left_out.append(f"{file.name}: has the same contents as {copies[file].name}")
+            bad[file] = "has the same contents as another file"
+            continue
+        try:
+            like = (file.suffix, kinds_of_lines(file))
+            layout = seen[like] if like in seen and like[1] else preview(file)
+        except DataError as fault:
+            left_out.append(fault.message)
+            bad[file] = "holds no table that could be read"
+            continue
+        seen[like] = layout
+        kind = repr(replace(layout, numeric=()))
+        layouts.setdefault(kind, (layout, []))[1].append(file)
+    commented = [(_with_comments(layout, files), files) for layout, files in layouts.values()]
+    studies = [replace(one, bad=bad) for one in _joined(commented)]
+    studies.sort(key=lambda study: (-len(study.files), study.files[0]))
+    folders = [study.folder for study in studies]
+    named = (replace(one, name=_name(one, folders.count(one.folder) == 1)) for one in studies)
+    return [*named], left_out
+
+
+def _copies(files: Sequence[Path]) -> dict[Path, Path]:
+    """Return the files that have the same contents as another file, with that file, which has the
+    shorter name. Empty files are no copies.
+    """
+    by_size: dict[int, list[Path]] = {}
+    for file in sorted(files, key=lambda file: (len(file.name), file)):
+        by_size.setdefault(file.stat().st_size, []).append(file)
+    first: dict[bytes, Path] = {}
+    copies: dict[Path, Path] = {}
+    for size, alike in by_size.items():
+        for file in alike if size and len(alike) > 1 else ():
+            with file.open("rb") as contents:
+                digest = hashlib.file_digest(contents, "blake2b").digest()
+            if digest in first:
+                copies[file] = first[digest]
+            first.setdefault(digest, file)
+    return copies
+
+
+def _with_comments(layout: Layout, files: Sequence[Path]) -> Layout:
+    """Return the layout with the mark of comment lines, if a text has such lines between its
+    rows.
+    """
+    if "comment" not in READERS[layout.reader].keys or layout.tables:
+        return layout
+    marks = (comment_among(file, layout) for file in files)
+    mark = next((mark for mark in marks if mark is not None), None)
+    return replace(layout, settings=layout.settings | ({"comment": mark} if mark else {}))
+
+
+Identity = tuple[str | int, ...]
+"""What is equal in the titles of a column in all files of a study."""
+
+
+def _identities(layout: Layout) -> dict[Column, Identity]:
+    """Return what identifies each column of numbers in files with other units or another order of
+    columns: its quantity, its name, and its unit unless all units of the quantity can be converted.
+    The place of a column is added if some titles are missing or equal.
+    """
+    columns = [one for one in read_titles(layout, {}).values() if one.place in layout.numeric]
+    identities: list[Identity] = [
+        (
+            one.title_as_name,
+            one.quantity,
+            one.unit if one.quantity not in CANONICAL else bool(one.unit),
+        )
+        for one in columns
+    ]
+    is_by_title = all(isinstance(one.column, str) for one in columns)
+    if not is_by_title or len({*identities}) < len(identities):
+        identities = [(*one, place) for place, one in enumerate(identities)]
+    return dict(zip([one.column for one in columns], identities, strict=True))
+
+
+def _joined(layouts: Sequence[tuple[Layout, list[Path]]]) -> list[Study]:
+    """Return a study for each layout, with its files. Layouts that differ only in the units of
+    their titles, or in the order of the columns, form one study, for which the layout of the most
+    files is used.
+    """
+    families: dict[str, list[tuple[Layout, list[Path]]]] = {}
+    for layout, files in layouts:
+        identities = sorted(_identities(layout).values(), key=repr)
+        bare = replace(layout, columns=(), titles=(), units=(), numeric=())
+        families.setdefault(repr((bare, identities)), []).append((layout, files))
+    studies = []
+    for family in families.values():
+        (layout, _), *others = sorted(family, key=lambda one: -len(one[1]))
+        variants = {file: other for other, files in others for file in files}
+        files = sorted(file for _, some in family for file in some)
+        studies.append(Study(tuple(files), layout, variants=variants))
+    return studies
+
+
+def _is_own(file: Path, folder: Path) -> bool:
+    """Return True for a file that is neither hidden, nor left by an office program or a file
+    manager, nor the result of a run.
+    """
+    inside = file.relative_to(folder)
+    ours = any((folder / parent / "run.json").is_file() for parent in inside.parents)
+    hidden = any(part.startswith((".", "~$")) for part in inside.parts)
+    return not (ours or hidden or file.name.casefold() in ("thumbs.db", "desktop.ini"))
+
+
+def _name(study: Study, alone: bool) -> str:
+    """Return a name for a study: the name of the folder if it contains no other study, otherwise
+    the words that all names of its files share.
+    """
+    stems = [re.split(r"[_\s/]+", stem_of(file.name)) for file in study.files]
+    common = [words[0] for words in zip(*stems, strict=False) if len(set(words)) == 1]
+    is_whole = (alone and len(study.files) > 1) or not common
+    return re.sub(
+        r"[^A-Za-z0-9._-]+", "-", study.folder.resolve().name if is_whole else "_".join(common)
+    ).strip("._-")[:80]

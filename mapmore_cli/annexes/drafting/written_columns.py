@@ -1,0 +1,79 @@
+"""Write the columns of a study into its draft, and the strain that follows from a length."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mapmore_cli.annexes.drafting.columns import Table
+from mapmore_cli.annexes.drafting.draft import Conditions, Draft
+from mapmore_cli.annexes.drafting.understanding import Understood
+from mapmore_cli.study.units import can_convert, is_canonical
+
+
+def with_columns(draft: Draft, known: Understood, target: str, table: Table) -> Draft:
+    """Return the draft with the columns for one target, the units of those that are no canonical
+    quantities, and a remark on columns that are not used.
+    """
+    used = {place for one in known.columns.values() for place in one.places}
+    left = ", ".join(
+        f"{one.called} ({known.left_out[column]})" if column in known.left_out else one.called
+        for column, one in table.items()
+        if column not in used
+    )
+    columns = known.without_others(target)
+    entries = {name: one.as_spec() for name, one in columns.items()}
+    draft = draft.with_data("columns", entries, f"left out: {left}" if left else None)
+    units = {
+        name: "kPa" if can_convert(one.unit, "kPa") else one.unit
+        for name, one in columns.items()
+        if not is_canonical(name) and one.unit != "1"
+    }
+    units_in_names = {one.quantity: one.unit for one in known.conditions if one.unit}
+    if units := units | {
+        name: unit for name, unit in units_in_names.items() if not is_canonical(name)
+    }:
+        draft = draft.with_section("units", units)
+    if known.apart:
+        of = known.apart if len(known.apart) > 1 else known.apart[0]
+        draft = draft.with_data("recordings", {"of": of}, "you; lags stay within a recording")
+    if computed := [text for one in table.values() if one.column in used for text in one.summaries]:
+        draft = draft.with_data("missing", {"tokens": computed})
+    if "time" in columns:
+        draft = draft.without_data("sample_time")
+    for name, one in columns.items():
+        draft = draft.noted(("data", "columns", name), one.why, one.sure)
+    return replace(draft, raw={one.column: one.values for one in table.values() if one.values})
+
+
+def with_strain(draft: Draft, length: float, conditions: Conditions) -> tuple[Draft, str]:
+    """Return the draft with the strain computed from a length or a displacement and the muscle's
+    own length in m, and the name of that column; empty if a column holds the strain, or if there is
+    no such column.
+
+    A displacement counts as contraction in the direction in which it mostly moves. `conditions` are
+    values from names.
+    """
+    draft = draft.with_section("muscle", {"length": length})
+    columns = draft.data["columns"]
+    known = {*columns, *conditions}
+    measured = next((one for one in ("length", "displacement") if one in known), None)
+    if "strain" in known or measured is None:
+        return draft, ""
+    turned = ""
+    if measured == "displacement":
+        entry = columns.get(measured, {})
+        pooled = np.concatenate(draft.raw[entry["column"]] if entry else [conditions[measured]])
+        pooled = pooled * entry.get("scale", 1.0) + entry.get("offset", 0.0)
+        turned = "-" if abs(pooled.min()) > abs(pooled.max()) else ""
+    rules = {
+        "length": f"({length:g} - length)/{length:g}",
+        "displacement": f"{turned}displacement/{length:g}",
+    }
+    return draft.with_data(
+        "derive",
+        {"strain": rules[measured]},
+        "computed with the length that was given; contraction is positive",
+        False,
+    ), measured
