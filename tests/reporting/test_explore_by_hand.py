@@ -1,5 +1,6 @@
 """Numbers and sentences that the page `explore` is given, by hand."""
 
+import json
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -65,6 +66,38 @@ def test_samples_are_thinned_and_begin_at_the_middle_of_the_first_held_out_curve
         [out.columns[name][10] for name in found["knobs"]], rel=1e-6
     )
     assert [*found["buttons"]] == ["Held-out curve", "Worst held-out sample"]
+
+
+def test_buttons_lead_to_the_middles_of_held_out_curves_and_to_the_worst_sample():
+    study = build(samples=20, held_out=lambda level, strain: np.full(len(strain), level != 150))
+    curves = study.dataset.curves
+    found = data._samples(study, curves)
+    (trains,) = (curve for curve in curves if curve.training.any())
+    assert found["samples"]["trained"]["strain"] == pytest.approx(
+        trains.columns["strain"], rel=1e-6
+    )
+    middles = [
+        [curve.columns[name][10] for name in found["knobs"]]
+        for curve in curves
+        if curve is not trains
+    ]
+    places = json.loads(found["buttons"]["Held-out curve"])
+    assert places == [pytest.approx(place, rel=1e-6) for place in (*middles[1:], middles[0])]
+    errors = [
+        np.abs(values - curve.columns["force"])
+        for values, curve in zip(study.validation.predictions["mapmore"], curves, strict=True)
+        if curve is not trains
+    ]
+    held = [curve for curve in curves if curve is not trains]
+    worst = int(np.argmax([each.max() for each in errors]))
+    at = [held[worst].columns[name][errors[worst].argmax()] for name in found["knobs"]]
+    (place,) = json.loads(found["buttons"]["Worst held-out sample"])
+    assert place == pytest.approx(at, rel=1e-6)
+    alone = build(samples=20, held_out=lambda _level, strain: np.zeros(len(strain), dtype=bool))
+    found = data._samples(alone, alone.dataset.curves)
+    assert [*found["buttons"]] == ["Worst sample"]
+    ends = data._span(alone.dataset.curves, "strain")
+    assert found["knobs"]["strain"][0]["value"] == pytest.approx(sum(ends) / 2)
 
 
 def test_what_a_run_begins_with(inputs, monkeypatch):
