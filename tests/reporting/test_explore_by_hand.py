@@ -100,6 +100,36 @@ def test_buttons_lead_to_the_middles_of_held_out_curves_and_to_the_worst_sample(
     assert found["knobs"]["strain"][0]["value"] == pytest.approx(sum(ends) / 2)
 
 
+@pytest.mark.parametrize(
+    ("held", "step", "u", "name", "begins", "rest"),
+    [
+        ([0, 0, 1, 1], 0.5, [4, 6.5], "a, held out", 30, 60),
+        ([0, 0, 0, 0], 1.0, [0, 4, 7], "a", 10, 30),
+        ([0, 0, 0, 0], 0.001, None, "a", 10, 20_000),
+    ],
+)
+def test_a_record_begins_at_its_held_out_part_in_even_steps(
+    held, step, u, name, begins, rest, monkeypatch
+):
+    monkeypatch.setattr(data, "program_of", lambda _model: SimpleNamespace(step=step))
+    monkeypatch.setattr(data, "_begins", lambda _inputs: "begins")
+    columns = {
+        "time": np.array([0.0, 0.4, 1.0, 1.6]),
+        "u": np.array([0.0, 2.0, 4.0, 7.0]),
+        "y": np.array([10.0, np.nan, 30.0, 40.0]),
+    }
+    model = SimpleNamespace(inputs=[Quantity("u", "1")], output=Quantity("y", "1"))
+    curves = [curve_of(columns), curve_of(columns, np.array(held, dtype=bool))]
+    found = data._record(SimpleNamespace(model=model), curves)
+    assert (found["name"], found["start"], found["rest"]) == (name, begins, rest)
+    if u is None:
+        assert len(found["columns"]["u"]) == 1601
+        assert found["at_rest"] == "at rest after 20 s at the offset"
+    else:
+        assert found["columns"]["u"] == pytest.approx(u)
+        assert found["at_rest"] == "at rest after 30 s at the offset"
+
+
 def test_what_a_run_begins_with(inputs, monkeypatch):
     monkeypatch.setattr(data, "fed_back", lambda model: model in fed)
     rival = SimpleNamespace()
