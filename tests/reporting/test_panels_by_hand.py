@@ -1,6 +1,7 @@
 """Which samples, curves and words a panel has, by hand."""
 
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from common import curve_of
 
 from mapmore_cli.reporting.figures import fit, panels, sketched, style
+from mapmore_cli.reporting.inputs import ReportInputs
 
 
 def test_dots_are_evenly_spread_with_the_extremes_among_them():
@@ -179,6 +181,22 @@ def test_axes_have_ticks_at_their_labels(last, monkeypatch):
     beside = (("b\nc", 36, pytest.approx(60 + 8 * 0.93), 8, "end"), {})
     label = (("y\nunit", pytest.approx(40 - 35 + 8 + 9.2), 60, 9, "middle"), {"turned": True})
     assert words == [*below, beside, label]
+
+
+def test_the_models_of_a_figure():
+    models = ("own", "mean", *"abcdefgh", "cubic", "arx")
+    errors = {"own": 1.0, **{name: 2.0 + k for k, name in enumerate("abcdefgh")}, "cubic": 1.5}
+    inputs = SimpleNamespace(
+        models=models, own="own", pooled_errors=errors | {"h": 10.0, "g": 10.1}
+    )
+    assert ReportInputs.far_off.fget(inputs) == ("g",)
+    inputs.shown = ReportInputs.shown.fget(inputs)
+    assert inputs.shown == ("own", "mean", *"abcdefgh", "cubic")  # the best of the simple ones
+    inputs.best = partial(ReportInputs.best, inputs)
+    assert inputs.best(3) == ("own", "a", "cubic")
+    assert ReportInputs.lines.fget(inputs) == ("own", *"abcde", "cubic")
+    inputs.pooled_errors = {"own": 0.0, "a": 1.0}
+    assert ReportInputs.far_off.fget(inputs) == ()
 
 
 @pytest.mark.parametrize(("runs", "spans"), [(6, 6), (7, 0)])
