@@ -8,6 +8,7 @@ import pytest
 
 from mapmore_cli.cli import progress
 from mapmore_cli.cli.progress import Reporter
+from mapmore_cli.domain.errors import RunWarning
 
 
 class Clock:
@@ -99,6 +100,23 @@ def test_ten_warnings_of_a_kind_are_printed_and_then_their_number(capsys):
 
 
 @pytest.mark.usefixtures("terminal")
+@pytest.mark.parametrize(
+    ("runs", "told"),
+    [
+        ([""], "warning: odd"),
+        (["a"], "warning: a: odd"),
+        (["a", "b"], "warning: odd (the same in 2 runs: a, b)"),
+        (["a", "b", "a", "c"], "warning: odd (the same in 3 runs: a, b, c)"),
+        (["a", "b", "c", "d"], "warning: odd (the same in 4 runs: a, b, c, ...)"),
+    ],
+)
+def test_a_warning_of_several_runs_names_three_of_them(runs, told, capsys):
+    with Reporter(quiet=False) as reporter:
+        for run in runs:
+            reporter.warn(RunWarning.of(run, "odd") if run else "odd")
+    assert capsys.readouterr().err.splitlines() == [told]
+
+
 def test_no_bar_has_a_colour_if_none_is_wanted(clock, capsys, monkeypatch):
     monkeypatch.setenv("NO_COLOR", "1")
     with Reporter() as reporter:

@@ -2,6 +2,8 @@
 those of stages that run one by one.
 """
 
+import pytest
+
 from mapmore_cli.pipeline.report import collected, report_slice
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.storage import artefacts
@@ -10,6 +12,7 @@ from mapmore_cli.study.loader import load
 
 SPEC = """schema_version: 1
 name: levels
+muscle: {diameter: 20 mm}
 data:
   files: [d.csv]
   columns: {pressure: {column: P, unit: kPa}, strain: {column: eps}, force: {column: F, unit: N}}
@@ -31,7 +34,9 @@ def test_files_are_those_of_stages_one_by_one(tmp_path, monkeypatch):
         artefacts._latest.clear()
         bring_up_to_date(loaded, one, stage)
     (inputs,) = collected(report_slice(loaded.spec), one / "levels")
+    assert inputs.muscle["diameter"] == "20 mm"
     assert inputs.prefix == ""  # the only output needs no name
+    assert inputs.style.width * 0.0254 == pytest.approx(loaded.spec.report.style.width)  # inches
 
     def read(kind, path, *_):
         raise AssertionError(f"{path} was read back")

@@ -1,5 +1,6 @@
 """Numbers and sentences that the page `explore` is given, by hand."""
 
+import json
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -66,6 +67,68 @@ def test_samples_are_thinned_and_begin_at_the_middle_of_the_first_held_out_curve
         [out.columns[name][10] for name in found["knobs"]], rel=1e-6
     )
     assert [*found["buttons"]] == ["Held-out curve", "Worst held-out sample"]
+
+
+def test_buttons_lead_to_the_middles_of_held_out_curves_and_to_the_worst_sample():
+    study = build(samples=20, held_out=lambda level, strain: np.full(len(strain), level != 150))
+    curves = study.dataset.curves
+    found = data._samples(study, curves)
+    (trains,) = (curve for curve in curves if curve.training.any())
+    assert found["samples"]["trained"]["strain"] == pytest.approx(
+        trains.columns["strain"], rel=1e-6
+    )
+    middles = [
+        [curve.columns[name][10] for name in found["knobs"]]
+        for curve in curves
+        if curve is not trains
+    ]
+    places = json.loads(found["buttons"]["Held-out curve"])
+    assert places == [pytest.approx(place, rel=1e-6) for place in (*middles[1:], middles[0])]
+    errors = [
+        np.abs(values - curve.columns["force"])
+        for values, curve in zip(study.validation.predictions["mapmore"], curves, strict=True)
+        if curve is not trains
+    ]
+    held = [curve for curve in curves if curve is not trains]
+    worst = int(np.argmax([each.max() for each in errors]))
+    at = [held[worst].columns[name][errors[worst].argmax()] for name in found["knobs"]]
+    (place,) = json.loads(found["buttons"]["Worst held-out sample"])
+    assert place == pytest.approx(at, rel=1e-6)
+    alone = build(samples=20, held_out=lambda _level, strain: np.zeros(len(strain), dtype=bool))
+    found = data._samples(alone, alone.dataset.curves)
+    assert [*found["buttons"]] == ["Worst sample"]
+    ends = data._span(alone.dataset.curves, "strain")
+    assert found["knobs"]["strain"][0]["value"] == pytest.approx(sum(ends) / 2)
+
+
+@pytest.mark.parametrize(
+    ("held", "step", "u", "name", "begins", "rest"),
+    [
+        ([0, 0, 1, 1], 0.5, [4, 6.5], "a, held out", 30, 60),
+        ([0, 0, 0, 0], 1.0, [0, 4, 7], "a", 10, 30),
+        ([0, 0, 0, 0], 0.001, None, "a", 10, 20_000),
+    ],
+)
+def test_a_record_begins_at_its_held_out_part_in_even_steps(
+    held, step, u, name, begins, rest, monkeypatch
+):
+    monkeypatch.setattr(data, "program_of", lambda _model: SimpleNamespace(step=step))
+    monkeypatch.setattr(data, "_begins", lambda _inputs: "begins")
+    columns = {
+        "time": np.array([0.0, 0.4, 1.0, 1.6]),
+        "u": np.array([0.0, 2.0, 4.0, 7.0]),
+        "y": np.array([10.0, np.nan, 30.0, 40.0]),
+    }
+    model = SimpleNamespace(inputs=[Quantity("u", "1")], output=Quantity("y", "1"))
+    curves = [curve_of(columns), curve_of(columns, np.array(held, dtype=bool))]
+    found = data._record(SimpleNamespace(model=model), curves)
+    assert (found["name"], found["start"], found["rest"]) == (name, begins, rest)
+    if u is None:
+        assert len(found["columns"]["u"]) == 1601
+        assert found["at_rest"] == "at rest after 20 s at the offset"
+    else:
+        assert found["columns"]["u"] == pytest.approx(u)
+        assert found["at_rest"] == "at rest after 30 s at the offset"
 
 
 def test_what_a_run_begins_with(inputs, monkeypatch):

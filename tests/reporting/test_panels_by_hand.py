@@ -1,11 +1,15 @@
 """Which samples, curves and words a panel has, by hand."""
 
+from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from common import curve_of
 
-from mapmore_cli.reporting.figures import panels, sketched
+from mapmore_cli.reporting.figures import fit, panels, sketched, style
+from mapmore_cli.reporting.inputs import ReportInputs
 
 
 def test_dots_are_evenly_spread_with_the_extremes_among_them():
@@ -178,3 +182,107 @@ def test_axes_have_ticks_at_their_labels(last, monkeypatch):
     beside = (("b\nc", 36, pytest.approx(60 + 8 * 0.93), 8, "end"), {})
     label = (("y\nunit", pytest.approx(40 - 35 + 8 + 9.2), 60, 9, "middle"), {"turned": True})
     assert words == [*below, beside, label]
+
+
+def test_the_models_of_a_figure():
+    models = ("own", "mean", *"abcdefgh", "cubic", "arx")
+    errors = {"own": 1.0, **{name: 2.0 + k for k, name in enumerate("abcdefgh")}, "cubic": 1.5}
+    inputs = SimpleNamespace(
+        models=models, own="own", pooled_errors=errors | {"h": 10.0, "g": 10.1}
+    )
+    assert ReportInputs.far_off.fget(inputs) == ("g",)
+    inputs.shown = ReportInputs.shown.fget(inputs)
+    assert inputs.shown == ("own", "mean", *"abcdefgh", "cubic")  # the best of the simple ones
+    inputs.best = partial(ReportInputs.best, inputs)
+    assert inputs.best(3) == ("own", "a", "cubic")
+    assert ReportInputs.lines.fget(inputs) == ("own", *"abcde", "cubic")
+    inputs.pooled_errors = {"own": 0.0, "a": 1.0}
+    assert ReportInputs.far_off.fget(inputs) == ()
+
+
+@pytest.mark.parametrize(("runs", "spans"), [(6, 6), (7, 0)])
+def test_at_most_six_runs_of_held_out_samples_are_shaded(runs, spans):
+    held_out = np.arange(16) % 2 == 1
+    held_out[2 * runs :] = False
+    assert len(fit.held_out_spans(np.arange(16.0), held_out)) == spans
+    assert fit.held_out_spans(np.arange(3.0), np.ones(3, dtype=bool)) == []
+
+
+def test_plateaus_reach_from_the_first_to_the_last_sample_at_rest():
+    curve = replace(
+        curve_of({"time": np.array([0.0, 1, 2, 3, 0, 1])}),
+        at_rest=np.array([0, 1, 1, 1, 0, 0], dtype=bool),
+        origin=np.array([0, 0, 0, 0, 1, 1]),
+        recordings=("a", "b"),
+    )
+    assert fit._plateaus(curve) == [(1, 3)]
+    assert fit._plateaus(replace(curve, at_rest=None)) == []
+
+
+class Recorder:
+    """Axes that remember what is drawn on them."""
+
+    def __init__(self):
+        self.drawn = []
+
+    def axvspan(self, low, high, label, **_):
+        self.drawn.append(("span", low, high, label))
+
+    def axhline(self, y, **_):
+        self.drawn.append(("zero", y))
+
+    def plot(self, x, y, *_, label, **_look):
+        self.drawn.append(("none", x, y, label))
+
+
+@pytest.mark.parametrize("timed", [False, True])
+def test_a_fit_has_measured_samples_and_lines_above_and_errors_below(timed, monkeypatch):
+    for name in ("draw_line", "draw_trace", "draw_band", "draw_dots"):
+        monkeypatch.setattr(
+            panels, name,
+            lambda ax, x, y, *, label, name=name, sets_scale=True, **look: ax.drawn.append(
+                (name, x.tolist(), np.nan_to_num(y, nan=-1).tolist(), label, sets_scale,
+                 look.get("markerfacecolor"))
+            ),
+        )  # fmt: skip
+    monkeypatch.setattr(
+        panels, "shade_between",
+        lambda ax, _x, ends, _colour, label: ax.drawn.append(("band", *map(list, ends), label)),
+    )  # fmt: skip
+    x, y, own = np.array([0.0, 1, 2]), np.array([5.0, 6, 7]), np.array([5.5, 6, 6])
+    models = {"mapmore": own, "far": 9 * y, "failed": np.full(3, np.nan)}
+    drawn = fit.CurveFit(
+        "title", x, y, np.array([False, True, False]), models, style.model_styles([*models], ()),
+        ["far"], (own - 1, own + 2), [np.arange(3)] if timed else (), [(0.5, 1.5)],
+    )  # fmt: skip
+    top, bottom = Recorder(), Recorder()
+    drawn.draw(top, bottom, ("held out", "training"))
+    line = "draw_trace" if timed else "draw_band"
+    if timed:
+        measured = [
+            ("draw_trace", [0, 1, 2], [-1, 6, -1], "held out", True, None),
+            ("draw_trace", [0, 1, 2], [5, -1, 7], "training", True, None),
+        ]
+    else:
+        measured = [
+            ("draw_dots", [1], [6], "held out", True, style.BLACK),
+            ("draw_dots", [0, 2], [5, 7], "training", True, "none"),
+        ]
+    span = ("span", 0.5, 1.5, "plateau" if timed else "")
+    failed = ("none", [], [], "failed (failed)")
+    assert top.drawn == [
+        *measured,
+        (line, [0, 1, 2], [5.5, 6, 6], "mapmore", True, None),
+        (line, [0, 1, 2], [45, 54, 63], "far", False, None),
+        failed,
+        ("band", [4.5, 5, 5], [7.5, 8, 8], "95% interval"),
+        span,
+    ]
+    assert bottom.drawn == [
+        ("zero", 0),
+        (line, [0, 1, 2], [0.5, 0, -1], "mapmore", True, None),
+        (line, [0, 1, 2], [40, 48, 56], "far", False, None),
+        failed,
+        ("band", [-1, -1, -1], [2, 2, 2], "95% interval"),
+        span,
+    ]

@@ -98,18 +98,6 @@ def test_the_own_model_always_looks_the_same_and_no_two_models_do():
 
 
 class TestFit:
-    def test_lines_are_the_predictions_in_order_of_strain_and_errors_stand_below(self, inputs):
-        top, bottom = drawn(inputs, "fit")["fit"].axes
-        curve = inputs.dataset.curves[2]
-        dots = top.lines[0].get_ydata()
-        assert set(dots) <= set(curve.columns["force"])
-        assert dots.max() == curve.columns["force"].max()
-        for model in inputs.models:
-            strain, force = named(top, model)
-            np.testing.assert_array_equal(strain, curve.columns["strain"])
-            np.testing.assert_array_equal(force, inputs.validation.predictions[model][2])
-            np.testing.assert_array_equal(named(bottom, model)[1], force - curve.columns["force"])
-
     def test_samples_are_put_in_order(self, inputs):
         shuffle = np.random.default_rng(1).permutation(200)
         curves = tuple(curve.at(shuffle) for curve in inputs.dataset.curves)
@@ -140,21 +128,6 @@ class TestFit:
         held_out = np.array([True, False, False, True, True])
         assert held_out_spans(x, held_out) == [(0.0, 0.5), (2.5, 4.0)]
         assert held_out_spans(x, np.zeros(5, dtype=bool)) == []
-
-    def test_scattered_samples_are_told_by_dots_alone(self):
-        scattered = build(held_out=lambda _level, strain: np.arange(len(strain)) % 3 == 0)
-        panel, top = curve_fit(scattered, 0), drawn(scattered, "fit")["fit"].axes[0]
-        assert len(top.patches) == 0
-        held_out, training = top.lines[:2]
-        assert training.get_markerfacecolor() == "none"
-        assert set(held_out.get_ydata()) <= set(panel.y[panel.held_out])
-        assert set(training.get_ydata()) <= set(panel.y[~panel.held_out])
-
-    def test_a_failed_formula_draws_nothing_and_is_called_failed(self, failed):
-        figure = drawn(failed, "fit")["fit"]
-        shown = [line.get_label() for line in figure.axes[0].lines if len(line.get_xdata())]
-        assert shown == ["measured", "mapmore", "flat"]
-        assert "Sárosi (failed)" in legend_of(figure)
 
     def test_without_held_out_samples_there_are_training_curves_only(self, alone):
         assert list(drawn(alone, "fit")) == ["fit_training"]

@@ -10,7 +10,14 @@ import pytest
 from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import Equation
 from mapmore_cli.domain.recording import Dataset, Quantity
-from mapmore_cli.domain.results import ErrorBand, Outlier
+from mapmore_cli.domain.results import ErrorBand, Outlier, Search, Tried
+from mapmore_cli.domain.scores import Score
+from mapmore_cli.reporting.score_tables import (
+    changes_table,
+    drift_table,
+    score_table,
+    search_table,
+)
 from mapmore_cli.reporting.tables import (
     bands_table,
     coefficients_table,
@@ -169,3 +176,66 @@ def test_violations_of_a_shape_are_shares_of_the_range():
     assert table.rows[0][-2:] == (None, None)
     (note,) = table.notes
     assert note.startswith("Known from the kind of muscle. ")
+
+
+def test_structures_are_in_the_order_of_their_errors_with_failures_last():
+    tried = (
+        Tried("map", "long", {}, 9, (0.3,), 0.3, 0.4, excess=0.2, spread=0.1, seconds=2.0),
+        Tried("map", "none", {}, failure="too few", excess=0.0),
+        Tried("map", "short", {}, 3, (0.2,), 0.2, math.nan, excess=0.0, spread=0.0),
+        Tried("black box", "process", {}, 0, (0.1,), 0.1, excess=-0.5),
+    )
+    search = Search("s", "y", "levels", "inner levels", 12.0, tried, 2, 2, "the best", notes=("n",))
+    table = search_table(search)
+    assert [(row[0], row[-1]) for row in table.rows] == [
+        *(("process", "to compare with"), ("short", "best, taken"), ("long", "")),
+        ("none", "failed: too few"),
+    ]
+    assert table.rows[2][1:-1] == (*map(pytest.approx, (30, 40, 20, 10)), 9, 2)
+    assert [row[5] for row in table.rows] == [None, 3, 9, None]
+    assert "= 12." in table.notes[0]
+    assert table.notes[1:] == (
+        "Levels left out: the same for inner levels.",
+        "Taken: the best. Held-out data were not used.",
+        "n",
+    )
+    assert len(search_table(replace(search, parts="")).notes) == 3
+
+
+def test_later_models_are_compared_with_the_first():
+    results = [SimpleNamespace(ratio=k, interval=(k - 1, k + 1), answer=f"{k}") for k in (2, 5)]
+    table = drift_table(["a", "b", "c"], results)
+    assert table.rows == (("b", 2, 1, 3, "2"), ("c", 5, 4, 6, "5"))
+    assert table.title == "Every model against a"
+
+
+def score(model, rmse):
+    return Score(model, "y", "validate", "all", 9, rmse, rmse, 1.0, "range", rmse, rmse, 0.5)
+
+
+def test_changes_of_curves_and_of_all():
+    change = SimpleNamespace(
+        curve="p=1", ratio=1.1, weight=0.25, difference=2.0, rms=3.0, largest=-4.0,
+        place={"strain": 0.12345, "u": 2.0},
+    )  # fmt: skip
+    comparison = SimpleNamespace(
+        unit="N", by_effect=[change], curves=[1, 2, 3], ratio=1.05, interval=(1.0, 1.1), p=0.04,
+        p_permutation=None, before="old", after="new",
+    )  # fmt: skip
+    table = changes_table(comparison)
+    assert table.rows == (
+        ("p=1", 1.1, 25, 2, 3, -4, "strain 0.1235, u 2"),
+        ("all", 1.05, 100, None, None, None, None),
+    )
+    assert table.title == "new against old"
+    assert "(Student's t, 2 degrees of freedom; the unit is the curve), p = 0.04." in table.notes[0]
+    comparison.p_permutation = 0.25
+    assert "permutation of the curves' signs p = 0.25." in changes_table(comparison).notes[0]
+
+
+def test_a_column_of_scores_is_shown_if_any_row_has_it():
+    rows = [score("a", 1.0), replace(score("b", 2.0), chi2_dof=0.5)]
+    table = score_table(rows, {"y": "N"})
+    assert "RMSE [N]" in table.headings
+    assert {len(row) for row in table.rows} == {len(table.headings)}
+    assert len(table.headings) > len(score_table(rows[:1], {"y": "N"}).headings)

@@ -19,7 +19,7 @@ from mapmore_cli.storage.tables.cells import (
     stamp_of,
 )
 from mapmore_cli.storage.tables.gate import _cut_in
-from mapmore_cli.storage.tables.rows import table_of_records, values_of_rows
+from mapmore_cli.storage.tables.rows import table_of_records, table_of_rows, values_of_rows
 from mapmore_cli.storage.tables.thousands import may_be_grouped, refuse_grouped
 
 
@@ -220,6 +220,23 @@ def test_cells_that_a_row_or_a_record_lacks_are_missing():
     assert [*table.columns] == ["x", "y"]
     assert table.rows.tolist() == [1, 4]
     np.testing.assert_array_equal([*table.columns.values()], [[1, np.nan], [np.nan, 5]])
+
+
+def test_columns_of_rows_are_called_by_their_titles_or_their_places():
+    cells = [(3, ["950", "1"]), (5, ["1.050"]), (6, ["1.060", "2"])]
+    with pytest.raises(NotANumber, match=r"a:row 5, column F: .*may be 1050"):
+        table_of_rows(cells, {"force": 0}, ["F", "x"], TableRequest("a", ("force",)), "a")
+    with pytest.raises(NotANumber, match=r"a:row 5, column force: .*may be 1050"):
+        table_of_rows(cells, {"force": 0}, None, TableRequest("a", ("force",)), "a")
+    table = table_of_rows(cells, {"n": 1}, ["F", "x"], TableRequest("a", ("n",)), "a")
+    assert table.rows.tolist() == [3, 5, 6]
+    np.testing.assert_array_equal(table.columns["n"], [1, np.nan, 2])
+    short = [(3, ["x", "950"]), (4, ["x"]), (5, ["x", "1.050"])]
+    with pytest.raises(NotANumber, match=r"a:row 5, column F"):
+        table_of_rows(short, {"force": 1}, ["x", "F"], TableRequest("a", ("force",)), "a")
+    said = TableRequest("a", ("force",), thousands_of={"force": "."})
+    table = table_of_rows(cells, {"force": 0}, None, said, "a")
+    assert table.columns["force"].tolist() == [950, 1050, 1060]
 
 
 @pytest.mark.parametrize(

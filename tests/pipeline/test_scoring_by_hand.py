@@ -1,0 +1,104 @@
+"""What `validate` says beside its numbers, for two recordings of six samples."""
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from common import curve_of, dataset_of
+
+from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.domain.results import Forecast
+from mapmore_cli.domain.scores import Score
+from mapmore_cli.pipeline import scoring
+
+TIMED = {"time": 0.5 * np.arange(6), "y": np.zeros(6)}
+PIECES = replace(
+    curve_of(TIMED, np.arange(6) >= 3), recordings=("a", "b"), origin=np.array([0, 0, 0, 1, 1, 1])
+)
+
+
+def test_where_a_free_run_diverges():
+    dataset = dataset_of(TIMED)
+    said = scoring._diverged("arx", PIECES, 4, dataset)
+    assert said.startswith("arx: its free run diverges on b at sample 1 (2 1), so that")
+    untimed = replace(PIECES, columns={"y": np.zeros(6)})
+    assert "diverges on a at sample 2, so" in scoring._diverged("arx", untimed, 2, dataset)
+    warnings = []
+    rival = SimpleNamespace(diverged=[1, 5])
+    fine = SimpleNamespace(diverged=[])
+    study = replace(dataset, curves=(PIECES, PIECES))
+    scoring._warn_of_fits(warnings.append, {}, {"arx": (fine, rival), "own": (fine, fine)}, study)
+    first, second = warnings
+    assert "arx: its free run diverges on a at sample 1 (0.5 1), so" in first
+    assert "arx: its free run diverges on b at sample 2 (2.5 1), so" in second
+
+
+def test_rows_of_models_that_saw_held_out_samples_are_marked(monkeypatch):
+    saw = {Path("old")}
+    monkeypatch.setattr(scoring, "trained_on", lambda run, _dataset: run in saw)
+    rivals = [
+        SimpleNamespace(name=name, run=run)
+        for name, run in (("old", Path("old")), ("new", Path("new")), ("cubic", None))
+    ]
+    rows = [
+        Score(name, "y", split, "all", 9, 1.0, 1.0, 1.0, "range", 1.0, 1.0, 0.5)
+        for name in ("old", "new", "cubic", "mapmore")
+        for split in ("validate", "train")
+    ]
+    marked = scoring._with_seen(rows, rivals, dataset_of(TIMED))
+    assert [row.split for row in marked] == ["seen", "train", *["validate", "train"] * 3]
+
+
+def test_intervals_are_those_of_held_out_samples_within_the_range(monkeypatch):
+    monkeypatch.setattr(scoring, "half_widths_of", lambda _model, columns, _: 1 + columns["time"])
+    monkeypatch.setattr(scoring, "outside_range", lambda _model, columns: columns["time"] > 2)
+    output = Forecast.of(np.zeros(6))
+    monkeypatch.setattr(scoring, "forecast_each", lambda *_: (output,))
+    model, part = SimpleNamespace(left_out=1), SimpleNamespace(seen_as=None)
+    dataset = replace(dataset_of(TIMED), curves=(PIECES,))
+    (found,) = scoring._own_forecasts(part, model, dataset)
+    np.testing.assert_array_equal(found.half, [np.nan] * 3 + [2.5, 3, np.nan])
+    for other, of in (
+        (model, SimpleNamespace(seen_as="x")),
+        (SimpleNamespace(left_out=None), part),
+    ):
+        assert scoring._own_forecasts(of, other, dataset) == (output,)
+
+
+def test_an_input_can_be_scored_instead_of_the_output():
+    model = SimpleNamespace(input_names=("p", "x"), output=SimpleNamespace(name="y"))
+    assert scoring.scored_as("x", dataset_of(TIMED), model).target == "x"
+    with pytest.raises(SpecError, match="the model of y cannot be inverted for `z`"):
+        scoring.scored_as("z", dataset_of(TIMED), model)
+
+
+def test_competitors_are_those_of_the_spec_and_the_simple_ones():
+    named, steps, warnings = [], [], []
+    formula = SimpleNamespace(notes=("overflow",))
+    rivals = {
+        "sarosi": SimpleNamespace(
+            name="sarosi", failed=True, formulas={"a": formula, "b": formula}
+        ),
+        "cubic": SimpleNamespace(name="cubic", failed=False, formulas={}),
+    }
+    labelled = SimpleNamespace(label="cubic")
+    contest = SimpleNamespace(
+        simple_beside=lambda known: named.append(known) or ["cubic"],
+        rival=lambda asked: rivals[getattr(asked, "label", asked)],
+    )
+    for simple, against, found in (
+        (True, ["sarosi"], ["sarosi", "cubic"]),
+        (False, ["sarosi", labelled], ["sarosi", "cubic"]),
+        (False, [], []),
+    ):
+        part = SimpleNamespace(against=against, simple=simple)
+        fitted = scoring._fit_rivals(
+            contest, part, lambda *step: steps.append(step), warnings.append
+        )
+        assert [rival.name for rival in fitted] == found
+    assert named == [{"sarosi"}]
+    assert steps == [("competitors", 1, 2), ("competitors", 2, 2)] * 2
+    reason = "sarosi: the fit failed, so that its rows are left out: overflow; overflow"
+    assert warnings == [reason] * 2
