@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from mapmore_cli.domain.foreign import csv_cell
 from mapmore_cli.domain.scores import deciding
 from mapmore_cli.reporting.competitors import printed_competitors
 from mapmore_cli.reporting.explore import explored
@@ -189,7 +190,7 @@ def data_csv(data: Mapping[str, Values], digits: int = 12) -> str:
     """
     columns = (np.asarray(values, dtype=object) for values in data.values())
     cells = ([number_text(cell, digits) for cell in column] for column in columns)
-    return rows_to_csv(data, zip(*cells, strict=True))
+    return rows_to_csv(map(csv_cell, data), zip(*cells, strict=True))
 
 
 MOST_NUMBERS = 400
