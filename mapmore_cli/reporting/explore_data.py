@@ -4,7 +4,7 @@ controls, samples, a recording, and intervals.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -57,7 +57,7 @@ def study_of(inputs: ReportInputs, key: str) -> dict[str, Any]:
         "no_interval": _no_interval(inputs),
     }
     if not inputs.has_memory:
-        return study | _samples(inputs, curves)
+        return study | _samples(inputs, spans)
     driven = {name: spans[name] for name in spans if name not in signals and name != "time"}
     record = _record(inputs, curves)
     knobs = {
@@ -121,13 +121,13 @@ def _numbers(values: Array) -> list[float | None]:
     return [float(f"{one:.7g}") if np.isfinite(one) else None for one in values.tolist()]
 
 
-def _samples(inputs: ReportInputs, curves: Sequence[Curve]) -> dict[str, Any]:
+def _samples(inputs: ReportInputs, spans: Mapping[str, tuple[float, float]]) -> dict[str, Any]:
     """Return the samples of the page, evenly thinned to `MOST_TRAINED` samples of training data and
-    `MOST_SAMPLES` held-out ones; the samples of each button; and the sliders, which start at the
-    middle sample of the first held-out curve, or in the middle of all ranges.
+    `MOST_SAMPLES` held-out ones; the samples of each button; and the sliders of the inputs in
+    `spans`, which start at the middle sample of the first held-out curve, or in the middle of all
+    ranges.
     """
-    names = [one.name for one in inputs.model.inputs]
-    kept = [*names, inputs.model.output.name]
+    kept = [*spans, inputs.model.output.name]
     pooled = np.array([inputs.pooled(name) for name in kept])
     known, held = np.isfinite(pooled).all(axis=0), inputs.pooled_held_out
     parts = [np.flatnonzero(known & (held == part)) for part in (False, True)]
@@ -136,19 +136,18 @@ def _samples(inputs: ReportInputs, curves: Sequence[Curve]) -> dict[str, Any]:
         columns = pooled[:, rows[:: max(1, -(-len(rows) // most))]]
         return dict(zip(kept, map(_numbers, columns), strict=True))
 
-    numbers = np.repeat(np.arange(len(curves)), [len(one.held_out) for one in curves])
-    groups = [parts[1][numbers[parts[1]] == one] for one in np.unique(numbers[parts[1]])]
+    ends = np.cumsum([curve.size for curve in inputs.dataset.curves])
+    groups = np.split(parts[1], np.searchsorted(parts[1], ends))
     places = inputs.pooled(inputs.along.name)
-    middles = [middle_of(rows, places[rows]) for rows in groups]
+    middles = [middle_of(rows, places[rows]) for rows in groups if len(rows)]
     shown = parts[1] if middles else parts[0]
     errors = np.nan_to_num(np.abs(inputs.errors_of(inputs.own)[shown]), nan=-1.0)
     worst = "Worst held-out sample" if middles else "Worst sample"
     buttons = {"Held-out curve": middles[1:] + middles[:1], worst: [shown[np.argmax(errors)]]}
-    spans = [_span(curves, name) for name in names]
-    start = pooled[:-1, middles[0]] if middles else [(low + high) / 2 for low, high in spans]
+    start = pooled[:-1, middles[0]] if middles else map(np.mean, spans.values())
     knobs = {
-        name: [_knob_of_input(name, span, value)]
-        for name, span, value in zip(names, spans, start, strict=True)
+        name: [_knob_of_input(name, spans[name], value)]
+        for name, value in zip(spans, start, strict=True)
     }
     return {
         "samples": {

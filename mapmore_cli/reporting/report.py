@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from mapmore_cli.domain.foreign import csv_cell
 from mapmore_cli.domain.scores import deciding
 from mapmore_cli.reporting.competitors import printed_competitors
 from mapmore_cli.reporting.explore import explored, uncomputed_segments
@@ -184,12 +185,13 @@ def _write_panels(
                 (folder / f"{stem}.{suffix}").write_bytes(data)
 
 
-def data_csv(data: Mapping[str, Values]) -> str:
-    """Return the data from which a panel was drawn, with a column for each heading; 12 significant
-    digits, and an empty field for a missing number.
+def data_csv(data: Mapping[str, Values], digits: int = 12) -> str:
+    """Return the data from which a panel was drawn, with a column for each heading; with so many
+    significant digits, and an empty field for a missing number.
     """
     columns = (np.asarray(values, dtype=object) for values in data.values())
-    return rows_to_csv(data, zip(*(map(number_text, cells) for cells in columns), strict=True))
+    cells = ([number_text(cell, digits) for cell in column] for column in columns)
+    return rows_to_csv(map(csv_cell, data), zip(*cells, strict=True))
 
 
 MOST_NUMBERS = 400
@@ -202,16 +204,10 @@ def numbers_of(drawing: Drawing) -> str:
     """
     blocks = []
     for panel in (one for one in drawing.panels if one.data):
-        columns = [np.asarray(values) for values in panel.data.values()]
-        rows = evenly(len(columns[0]), MOST_NUMBERS)
-        cells = (
-            (format(cell, ".6g") if np.isfinite(cell) else "" for cell in column[rows].tolist())
-            if column.dtype.kind == "f"
-            else column[rows].astype(str).tolist()
-            for column in columns
-        )
-        lines = ((panel.key, *row) for row in zip(*cells, strict=True))
-        blocks.append(rows_to_csv(("panel", *panel.data), lines))
+        columns = {name: np.asarray(values) for name, values in panel.data.items()}
+        rows = evenly(len(next(iter(columns.values()))), MOST_NUMBERS)
+        data: dict[str, Values] = {"panel": np.full(len(rows), panel.key, dtype=object)}
+        blocks.append(data_csv(data | {name: columns[name][rows] for name in columns}, 6))
     return "\n".join(blocks)
 
 

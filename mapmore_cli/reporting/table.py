@@ -180,15 +180,15 @@ def rows_to_csv(headings: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     return text.getvalue()
 
 
-def number_text(cell: Cell) -> str:
-    """Return a cell for CSV: numbers with 12 significant digits, an empty text for a missing
+def number_text(cell: Cell, digits: int = 12) -> str:
+    """Return a cell for CSV: numbers with so many significant digits, an empty text for a missing
     one.
     """
     if is_missing(cell):
         return ""
     if isinstance(cell, str):
         return csv_cell(cell)
-    return format(cell, ".12g") if isinstance(cell, float) else str(cell)
+    return format(cell, f".{digits}g") if isinstance(cell, float) else str(cell)
 
 
 def to_text(table: Table) -> str:

@@ -11,8 +11,8 @@ import pytest
 from common import curve_of, dataset_of
 from surfaces import QUANTITIES
 
-from mapmore_cli.annexes.search.bench import MOST_SAMPLES
 from mapmore_cli.annexes.search.black_boxes import black_boxes
+from mapmore_cli.annexes.search.samples import MOST_SAMPLES
 from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.models import Memory, Model

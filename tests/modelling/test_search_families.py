@@ -10,9 +10,10 @@ import yaml
 from common import curve_of, dataset_of
 
 from mapmore_cli.annexes.search import choosing
-from mapmore_cli.annexes.search.bench import Bench, Slice, cut_short, searchable
+from mapmore_cli.annexes.search.bench import Bench, Slice
 from mapmore_cli.annexes.search.candidate import offered_structures
 from mapmore_cli.annexes.search.further import ROUNDS
+from mapmore_cli.annexes.search.samples import cut_short, searchable
 from mapmore_cli.annexes.search.searching import FAMILIES, family, most_parameters
 from mapmore_cli.annexes.search.situation import Situation, situation_of
 from mapmore_cli.annexes.search.trying import choices_of

@@ -4,10 +4,13 @@ import csv
 from pathlib import Path
 
 import pytest
+from report_builder import all_named
 
 from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
 from mapmore_cli.reporting.figures.sketched import sketched
 from mapmore_cli.reporting.figures.style import PLAIN
+from mapmore_cli.reporting.order import FIGURES
+from mapmore_cli.reporting.report import write_report
 
 PAGES = ("fixed", "running", "runs")
 
@@ -137,6 +140,25 @@ def test_letters_of_figures_can_be_read_on_a_narrow_screen(name, opened):
     assert len(letters) > 10
     assert min(letters) >= 9
     assert max(letters) < 15
+
+
+def test_hostile_names_run_nothing_and_ask_for_nothing(tab, tmp_path):
+    """A name is text. If its markup got into a page, the policy of the page would stop it; without
+    the policy it does what it says, or this test would find nothing anywhere.
+    """
+    (page, heard), file = tab, tmp_path / "index.html"
+    change = "document.title='owned'"
+    name = f"<script>{change}</script><img src='http://127.0.0.1:9/a' onerror=\"{change}\">"
+    write_report(all_named(name), tmp_path, tuple(FIGURES), ("html",))
+    clean = file.read_text(encoding="utf-8")
+    injected = clean.replace("<body>", f"<body>{name}")
+    free = injected.replace("Content-Security-Policy", "X-No-Policy")
+    for text, harmed in ((clean, False), (injected, False), (free, True)):
+        file.write_text(text, encoding="utf-8")
+        heard.clear()
+        page.goto(file.as_uri())
+        assert (page.title() == "owned") is harmed
+        assert text != clean or not any(words.startswith("http:") for words in heard)
 
 
 # axe looks at every element; those within drawings and formulas have no keys and no colours of

@@ -24,6 +24,7 @@ from mapmore_cli.reporting.figures.style import PLAIN
 from mapmore_cli.reporting.figures.surface import sheet_of
 from mapmore_cli.reporting.inputs import FigureStyle
 from mapmore_cli.reporting.order import FIGURES, FILES_ALONE
+from mapmore_cli.reporting.report import numbers_of
 
 
 @pytest.fixture(scope="module")
@@ -195,3 +196,11 @@ def test_errors_by_size_have_room_above_the_largest(inputs):
     ax = Sketch(7.0)
     drawing.panels[0].draw(ax)
     assert ax.yaxis.ends == (0.0, pytest.approx(3.15))
+
+
+def test_names_in_the_numbers_of_a_figure_are_no_formulas():
+    """Of a spreadsheet; numbers have six digits, and a missing one is empty."""
+    data = {"=x": np.array([1 / 3, np.nan]), "data": np.array(["train", "=1+1"])}
+    panel = Panel("=a", lambda _ax: None, "x", ("y",), data)
+    text = numbers_of(Drawing("q", "", (panel,), Layout()))
+    assert text == "panel,'=x,data\n'=a,0.333333,train\n'=a,,'=1+1\n"

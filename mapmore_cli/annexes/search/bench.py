@@ -4,7 +4,6 @@ folds that are left out.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,23 +11,18 @@ from functools import cached_property
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from mapmore_cli.annexes.search.samples import MOST_SAMPLES, cut_short, ends_of, pooled_samples
 from mapmore_cli.annexes.search.situation import Situation
-from mapmore_cli.domain.arrays import Array, BoolArray, IntArray, extremes
+from mapmore_cli.annexes.search.stretches import held_run, stretches
+from mapmore_cli.domain.arrays import Array, BoolArray, extremes
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve, Dataset
-from mapmore_cli.fitting.refitting import contiguous
 from mapmore_cli.modelling.literature.backbone import pooled_training
-from mapmore_cli.modelling.pieces.cross_validation import BLOCKS
 from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.modelling.signals.sampling import even_share
 from mapmore_cli.modelling.simple import polynomial_fit
-from mapmore_cli.study.sections.data import Between, Holdout, Levels
+from mapmore_cli.study.sections.data import Holdout, Levels
 from mapmore_cli.study.sections.model import ModelChoice
-
-LONGEST_FOLD = 1 / 3
-"""Largest fraction of a recording that a fold leaves out, even if the study holds out longer runs
-of samples.
-"""
 
 BEHIND = (0.2, 0.35, 0.5)
 """Shares of every recording, at its end, that the folds leave out if the study holds out ends of
@@ -45,11 +39,6 @@ FAIR = (0.2, 1.2)
 which a training sample lies. If a larger recording is left out, too few samples remain for
 training; the errors on a smaller one say little. (A mean over recordings, instead of over samples,
 would be dominated by fragments.)
-"""
-
-MOST_SAMPLES = 12_000
-"""Largest number of training samples with which structures are compared. More are thinned evenly
-along every curve; for models that use the past, long pieces of recordings are used instead.
 """
 
 
@@ -104,7 +93,7 @@ class Bench:
         """
         run = held_run(study)
         training = cut_short(training, run, situation.timed)
-        left_out, blocks = _stretches(training, situation, part.held_out, run)
+        left_out, blocks = stretches(training, situation, part.held_out, run)
         name, parts, asked, ends = _parts(training, situation, study)
         if beyond := [] if ends else _beyond(training, situation, study):
             name, parts, ends = "ends of an input, as the study holds one out", beyond, True
@@ -141,7 +130,7 @@ class Bench:
     @property
     def masks(self) -> list[list[BoolArray]]:
         """Masks of the samples that each fold leaves out, one for every curve."""
-        return [np.split(fold, _ends_of(self.dataset)) for fold in self.folds]
+        return [np.split(fold, ends_of(self.dataset)) for fold in self.folds]
 
     @cached_property
     def range(self) -> tuple[float, float]:
@@ -152,162 +141,6 @@ class Bench:
         plane = polynomial_fit(1, self.study, self.situation.inputs)
         measured = pooled_training(self.study.curves)[target]
         return extremes(np.concatenate([measured, *(plane.of_curves(self.study) if plane else ())]))
-
-
-def searchable(dataset: Dataset) -> Dataset:
-    """Return the training samples with the inputs between them, which states need, but without the
-    held-out outputs.
-
-    Without these inputs, slow states would restart after every held-out piece, and models with them
-    would look worse than they are.
-    """
-    curves = []
-    for curve in dataset.curves:
-        between = np.zeros(curve.size, dtype=np.bool_)
-        for log in curve.logs:
-            rows = np.flatnonzero(curve.training[log])
-            if len(rows):
-                between[log[rows[0] : rows[-1] + 1]] = True
-        output = np.where(curve.held_out, np.nan, curve.columns[dataset.target])
-        if between.any():
-            columns = {**curve.columns, dataset.target: output}
-            curves.append(replace(curve, columns=columns).at(between))
-    return replace(dataset, curves=tuple(curves))
-
-
-def cut_short(dataset: Dataset, run: int, timed: bool) -> Dataset:
-    """Return at most `MOST_SAMPLES` samples: evenly thinned along every curve, or for recordings in
-    time, some pieces with equal steps that are no shorter than a held-out `run`.
-
-    Each piece begins with measured outputs, so shorter pieces would flatter models that feed their
-    output back.
-    """
-    most = max(MOST_SAMPLES // len(dataset.curves), 1)
-    share = min(MOST_SAMPLES / sum(curve.size for curve in dataset.curves), 1.0)
-
-    def kept(curve: Curve) -> IntArray:
-        if not timed:
-            return even_share(np.flatnonzero(curve.training), most)
-        pieces = [
-            piece[: math.ceil(share * len(piece))]
-            for log in curve.logs
-            for piece in np.array_split(
-                log, int(np.clip(share * len(log) // max(run, 1), 1, BLOCKS))
-            )
-        ]
-        return np.sort(np.concatenate(pieces))
-
-    return replace(dataset, curves=tuple(curve.at(kept(curve)) for curve in dataset.curves))
-
-
-def pooled_samples(dataset: Dataset) -> Curve:
-    """Return the samples of all curves as one curve. Its recordings are the logs at each level. The
-    pieces into which a log was cut count as one recording.
-    """
-    curves, log_of, numbers = dataset.curves, dataset.logs, dict[tuple[float | None, str], int]()
-    logs = list[IntArray]()
-    for curve in curves:
-        keys = [(curve.level, log_of.get(name, name)) for name in curve.recordings]
-        own = np.array([numbers.setdefault(key, len(numbers)) for key in keys])
-        logs.append(np.broadcast_to(own[0 if curve.origin is None else curve.origin], curve.size))
-    return Curve(
-        "",
-        None,
-        {name: np.concatenate([c.columns[name] for c in curves]) for name in curves[0].columns},
-        np.concatenate([curve.held_out for curve in curves]),
-        (),
-        np.concatenate([~curve.training for curve in curves]),
-        np.concatenate(logs),
-    )
-
-
-def _ends_of(dataset: Dataset) -> IntArray:
-    """Return the indices, among the samples of all curves, at which every curve except the last
-    ends.
-    """
-    return np.cumsum([curve.size for curve in dataset.curves])[:-1]
-
-
-def _stretches(
-    dataset: Dataset, situation: Situation, held_out: Holdout | None, run: int
-) -> tuple[str, list[BoolArray]]:
-    """Return the folds that leave out a part of every curve, as a description and as masks. For
-    recordings at equal steps, these are stretches of time as long as the held-out run. Otherwise,
-    they are bands of an input as wide as the held-out bands, or stretches along each input.
-
-    For a model without a past, time says nothing. Data at the end of an input's range can only be
-    extrapolated, which would dominate the comparison although it is not the question.
-    """
-    samples = pooled_samples(dataset)
-    training = samples.training
-    if situation.timed:
-        words = f"each of {BLOCKS} stretches of the training samples of every recording"
-        return words, _windows([log[training[log]] for log in samples.logs], samples.size, run)
-    inputs = situation.moving or situation.inputs
-    if bands := _bands(samples, held_out, inputs):
-        return f"each of {len(bands)} bands of an input, as wide as those held out", bands
-    folds: list[BoolArray] = []
-    for name in inputs:
-        x, inner = samples.columns[name], list[IntArray]()
-        for rows in np.split(np.arange(samples.size), _ends_of(dataset)):
-            if np.ptp(x[rows]) > 0:
-                rows = rows[np.argsort(x[rows], kind="stable")]
-                rows = rows[training[rows]]
-                end = math.ceil(len(rows) / (BLOCKS + 2))
-                inner.append(rows[end : len(rows) - end])
-        folds += contiguous(inner, BLOCKS, len(x)) if inner else []
-    words = f"each of {BLOCKS} inner stretches of the training samples of every curve"
-    return words, folds
-
-
-def _windows(logs: Sequence[IntArray], size: int, run: int) -> list[BoolArray]:
-    """Return masks, (size,), of five folds. Each leaves out short runs several times in each
-    recording, or one long run, which may overlap with the runs of other folds.
-    """
-    masks = np.zeros((BLOCKS, size), dtype=np.bool_)
-    for rows in logs:
-        times = int(np.clip(len(rows) / (BLOCKS * max(run, 1)), 1, BLOCKS))
-        share = max(1 / (BLOCKS * times), min(run / max(len(rows), 1), LONGEST_FOLD))
-        first = np.linspace(0, (1 - share) * len(rows), BLOCKS * times)
-        ends = np.rint([first, first + share * len(rows)]).astype(int)
-        for number, (start, stop) in enumerate(ends.T):
-            masks[number % BLOCKS, rows[start:stop]] = True
-    return list(masks)
-
-
-def held_run(study: Dataset) -> int:
-    """Return the typical length of a run of held-out samples: half of the samples are in runs that
-    are longer.
-    """
-    samples = pooled_samples(study)
-    out = [0]
-    for log in samples.logs:
-        out += [*samples.held_out[log].astype(int), 0]
-    edges = np.flatnonzero(np.diff(out))
-    runs = np.sort(edges[1::2] - edges[::2])
-    return int(runs[np.searchsorted(np.cumsum(runs), runs.sum() / 2)]) if len(runs) else 0
-
-
-def _bands(samples: Curve, held_out: Holdout | None, inputs: Sequence[str]) -> list[BoolArray]:
-    """Return bands of an input, around evenly spaced quantiles of the training data, that are as
-    wide as the bands that the study holds out.
-
-    Blocks in the order of time would contain every value of an input that was swept more than once,
-    so that leaving them out would not test interpolation.
-    """
-    folds: list[BoolArray] = []
-    for name, held in ({} if held_out is None else held_out.quantities).items():
-        if name not in inputs or not isinstance(held, Between):
-            continue
-        low, high = np.array(held.between).T
-        half = float(np.median(high - low)) / 2
-        values = samples.columns[name]
-        trained = values[samples.training]
-        least, largest = extremes(trained)
-        inner = ((low > least) & (high < largest)).any()
-        middles = np.quantile(trained, np.linspace(0, 1, BLOCKS + 2)[1:-1]) if inner else ()
-        folds += [samples.training & (np.abs(values - middle) <= half) for middle in middles]
-    return folds if len(folds) > 1 else []
 
 
 def _parts(
@@ -426,8 +259,8 @@ def _beyond(dataset: Dataset, situation: Situation, study: Dataset) -> list[Bool
             width = min(np.max(low, initial=0.0), WIDEST * (largest - least))
             if width > 0 and np.count_nonzero(low > 0) >= BEYOND * len(held):
                 fold = samples.training & (above >= -width)
-                # The remaining samples must cover at least half of the range. A quantity with two
-                # values therefore gets no fold, because only one value would remain.
+                # the rest must cover at least half of the range, so that of two values neither is
+                # left alone
                 if 2 * np.ptp(values[samples.training & ~fold]) >= largest - least:
                     folds.append(fold)
     return folds

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mapmore_cli.annexes.search.bench import pooled_samples
+from mapmore_cli.annexes.search.samples import pooled_samples
 from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.recording import Dataset

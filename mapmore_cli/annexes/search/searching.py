@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from mapmore_cli.annexes.search.bench import Bench, Slice, searchable
+from mapmore_cli.annexes.search.bench import Bench, Slice
 from mapmore_cli.annexes.search.black_boxes import Outcome, black_boxes
 from mapmore_cli.annexes.search.candidate import (
     MOST_PARAMETERS,
@@ -25,6 +25,7 @@ from mapmore_cli.annexes.search.candidate import (
 )
 from mapmore_cli.annexes.search.choosing import PLAIN, choose_structure
 from mapmore_cli.annexes.search.further import go_on, note_of, outdone_note
+from mapmore_cli.annexes.search.samples import searchable
 from mapmore_cli.annexes.search.situation import Situation, situation_of
 from mapmore_cli.annexes.search.trying import tried_ways
 from mapmore_cli.domain import plugins

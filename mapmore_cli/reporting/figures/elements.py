@@ -20,17 +20,16 @@ from mapmore_cli.reporting.figures.colours import hex_of
 DASHES = {"-": (), "--": (3.7, 1.6), "-.": (6.4, 1.6, 1, 1.6), ":": (1, 1.65)}
 """Lengths of dashes and gaps, in widths of their line."""
 
-GAP = (math.nan, math.nan)
-TRIANGLE, CROSS = ((0, -1), (1, 1), (-1, 1), (0, -1)), ((-1, -1), (1, 1), GAP, (-1, 1), (1, -1))
-SHAPES: dict[str, tuple[tuple[float, float], ...]] = {
-    "o": (),
-    "s": ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)),
-    "^": TRIANGLE,
-    "v": tuple((across, -up) for across, up in TRIANGLE),
-    "D": ((0, -1.3), (1.3, 0), (0, 1.3), (-1.3, 0), (0, -1.3)),
+CROSS = "-1,-1 1,1 nan,nan -1,1 1,-1"
+SHAPES = {
+    "o": "",
+    "s": "-1,-1 1,-1 1,1 -1,1 -1,-1",
+    "^": "0,-1 1,1 -1,1 0,-1",
+    "v": "0,1 1,-1 -1,-1 0,1",
+    "D": "0,-1.3 1.3,0 0,1.3 -1.3,0 0,-1.3",
     "x": CROSS,
     "X": CROSS,
-    "P": ((-1, 0), (1, 0), GAP, (0, -1), (0, 1)),
+    "P": "-1,0 1,0 nan,nan 0,-1 0,1",
 }
 """Corners of markers with a radius of one, with gaps between strokes; a circle has none."""
 
@@ -91,15 +90,16 @@ def line_svg(x: Array, y: Array, look: dict[str, Any]) -> str:
 
 def markers(x: Array, y: Array, marker: str, colour: str, look: dict[str, Any]) -> str:
     """Return SVG elements that draw a marker at each place: circles, or one path for all."""
-    radius, corners = look.get("markersize", 6) / 2, SHAPES[marker]
+    radius, shape = look.get("markersize", 6) / 2, SHAPES[marker]
     filled = hex_of(look.get("markerfacecolor", colour))
     edge = look.get("markeredgewidth", 1.0) or (0.6 if marker in "xXP" else 0.0)
     stroke = f' stroke="{colour}" stroke-width="{edge:g}"' if edge else ""
     places = np.column_stack([x, y])
     places = places[np.isfinite(places).all(axis=1)]
-    if corners:
-        outlines = (places[:, None] + radius * np.array([*corners, GAP])).reshape(-1, 2)
-        return f'<path d="{path(*outlines.T)}" fill="{filled}"{stroke}/>'
+    if shape:
+        corners = [corner.split(",") for corner in f"{shape} nan,nan".split()]
+        outlines = places[:, None] + radius * np.array(corners, dtype=np.float64)
+        return f'<path d="{path(*outlines.reshape(-1, 2).T)}" fill="{filled}"{stroke}/>'
     if not edge:  # round ends of steps of length zero; dots at one place are one dot
         left, top = np.unique(np.round(places, 1), axis=0).T
         return (

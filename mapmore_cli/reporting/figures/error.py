@@ -16,6 +16,8 @@ from mapmore_cli.reporting.inputs import ReportInputs
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+SHARE = ("axes fraction", "axes fraction")
+
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
     """Return one panel for each model, all with the same axes: all samples together, training
@@ -37,7 +39,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
                 ax, x[rows], error[rows], 2 * panels.DOTS, sets_scale=not words, **dots
             )
         if words:
-            ax.text(0.98, 0.98, words, transform=ax.transAxes, ha="right", va="top")
+            panels.write_at(ax, words, (0.98, 0.98), (0, 0), xycoords=SHARE, ha="right", va="top")
 
     drawn = []
     for model in inputs.shown:

@@ -56,11 +56,6 @@ class Sketch:
     share: float = 1.0
 
     @property
-    def transAxes(self) -> str:  # noqa: N802  # as Matplotlib calls it
-        """Name of the coordinates that are fractions of the axes."""
-        return "axes"
-
-    @property
     def figure(self) -> Sketch:
         """The sketch itself, because Matplotlib's figure draws colour bars."""
         return self
@@ -250,17 +245,6 @@ class Sketch:
 
         self.beside.append((0.0, svg))
 
-    def text(self, x: float, y: float, words: str, *, ha: str, va: str, **_look: Any) -> None:
-        """Write a text at a position that is given in fractions of the axes."""
-
-        def svg(across: Place, up: Place) -> str:
-            (start, stop), (bottom, end) = across(self.xaxis.ends), up(self.yaxis.ends)
-            left, top = start + x * (stop - start), bottom + y * (end - bottom)
-            below = self.size * {"top": 0.8, "center": 0.35}.get(va, 0.0)
-            return text(words, left, top + below, self.size, ANCHORS[ha])
-
-        self.beside.append((0.0, svg))
-
     def annotate(
         self,
         words: str,
@@ -271,19 +255,23 @@ class Sketch:
         ha: str = "left",
         va: str = "baseline",
     ) -> None:
-        """Write a text at an offset in points from a place, whose first coordinate may be a
-        fraction of the axes.
+        """Write a text at an offset in points from a place, whose coordinates are data, or
+        fractions of the axes. There is room for words that begin at the right end of the axes.
         """
-        share = xycoords[0] != "data"
-        if share:
+        shares = [coordinates != "data" for coordinates in xycoords]
+        if shares[0] and place[0] == 1.0:
             self.right = max(self.right, offset[0] + 0.55 * self.size * len(words))
 
         def svg(across: Place, up: Place) -> str:
-            ends = across(self.xaxis.ends)
-            left = ends[0] + place[0] * (ends[1] - ends[0]) if share else float(across(place[0]))
+            points = []
+            for axis, scale, at, share in zip(
+                (self.xaxis, self.yaxis), (across, up), place, shares, strict=True
+            ):
+                start, stop = scale(axis.ends)
+                points.append(start + at * (stop - start) if share else float(scale(at)))
             below = self.size * {"top": 0.8, "center": 0.35}.get(va, 0.0)
-            top = float(up(place[1])) - offset[1] + below
-            return text(words, left + offset[0], top, self.size, ANCHORS[ha])
+            top = points[1] - offset[1] + below
+            return text(words, points[0] + offset[0], top, self.size, ANCHORS[ha])
 
         self.beside.append((0.0, svg))
 

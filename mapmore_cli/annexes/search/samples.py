@@ -1,0 +1,92 @@
+"""Choose the samples with which the structures of a search are compared, and pool them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import IntArray
+from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.modelling.pieces.cross_validation import BLOCKS
+from mapmore_cli.modelling.signals.sampling import even_share
+
+MOST_SAMPLES = 12_000
+"""Largest number of training samples with which structures are compared. More are thinned evenly
+along every curve; for models that use the past, long pieces of recordings are used instead.
+"""
+
+
+def searchable(dataset: Dataset) -> Dataset:
+    """Return the training samples with the inputs between them, which states need, but without the
+    held-out outputs.
+
+    Without these inputs, slow states would restart after every held-out piece, and models with them
+    would look worse than they are.
+    """
+    curves = []
+    for curve in dataset.curves:
+        between = np.zeros(curve.size, dtype=np.bool_)
+        for log in curve.logs:
+            rows = np.flatnonzero(curve.training[log])
+            if len(rows):
+                between[log[rows[0] : rows[-1] + 1]] = True
+        output = np.where(curve.held_out, np.nan, curve.columns[dataset.target])
+        if between.any():
+            columns = {**curve.columns, dataset.target: output}
+            curves.append(replace(curve, columns=columns).at(between))
+    return replace(dataset, curves=tuple(curves))
+
+
+def cut_short(dataset: Dataset, run: int, timed: bool) -> Dataset:
+    """Return at most `MOST_SAMPLES` samples: evenly thinned along every curve, or for recordings in
+    time, some pieces with equal steps that are no shorter than a held-out `run`.
+
+    Each piece begins with measured outputs, so shorter pieces would flatter models that feed their
+    output back.
+    """
+    most = max(MOST_SAMPLES // len(dataset.curves), 1)
+    share = min(MOST_SAMPLES / sum(curve.size for curve in dataset.curves), 1.0)
+
+    def kept(curve: Curve) -> IntArray:
+        if not timed:
+            return even_share(np.flatnonzero(curve.training), most)
+        pieces = [
+            piece[: math.ceil(share * len(piece))]
+            for log in curve.logs
+            for piece in np.array_split(
+                log, int(np.clip(share * len(log) // max(run, 1), 1, BLOCKS))
+            )
+        ]
+        return np.sort(np.concatenate(pieces))
+
+    return replace(dataset, curves=tuple(curve.at(kept(curve)) for curve in dataset.curves))
+
+
+def pooled_samples(dataset: Dataset) -> Curve:
+    """Return the samples of all curves as one curve. Its recordings are the logs at each level. The
+    pieces into which a log was cut count as one recording.
+    """
+    curves, log_of, numbers = dataset.curves, dataset.logs, dict[tuple[float | None, str], int]()
+    logs = list[IntArray]()
+    for curve in curves:
+        keys = [(curve.level, log_of.get(name, name)) for name in curve.recordings]
+        own = np.array([numbers.setdefault(key, len(numbers)) for key in keys])
+        logs.append(np.broadcast_to(own[0 if curve.origin is None else curve.origin], curve.size))
+    return Curve(
+        "",
+        None,
+        {name: np.concatenate([c.columns[name] for c in curves]) for name in curves[0].columns},
+        np.concatenate([curve.held_out for curve in curves]),
+        (),
+        np.concatenate([~curve.training for curve in curves]),
+        np.concatenate(logs),
+    )
+
+
+def ends_of(dataset: Dataset) -> IntArray:
+    """Return the indices, among the samples of all curves, at which every curve except the last
+    ends.
+    """
+    return np.cumsum([curve.size for curve in dataset.curves])[:-1]

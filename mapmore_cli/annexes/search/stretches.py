@@ -1,0 +1,103 @@
+"""Leave out stretches of curves, as long as those that a study holds out: folds of a search."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from mapmore_cli.annexes.search.samples import ends_of, pooled_samples
+from mapmore_cli.annexes.search.situation import Situation
+from mapmore_cli.domain.arrays import BoolArray, IntArray, extremes
+from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.fitting.refitting import contiguous
+from mapmore_cli.modelling.pieces.cross_validation import BLOCKS
+from mapmore_cli.study.sections.data import Between, Holdout
+
+LONGEST_FOLD = 1 / 3
+"""Largest fraction of a recording that a fold leaves out, even if the study holds out longer runs
+of samples.
+"""
+
+
+def stretches(
+    dataset: Dataset, situation: Situation, held_out: Holdout | None, run: int
+) -> tuple[str, list[BoolArray]]:
+    """Return the folds that leave out a part of every curve, as a description and as masks. For
+    recordings at equal steps, these are stretches of time as long as the held-out run. Otherwise,
+    they are bands of an input as wide as the held-out bands, or stretches along each input.
+
+    For a model without a past, time says nothing. Data at the end of an input's range can only be
+    extrapolated, which would dominate the comparison although it is not the question.
+    """
+    samples = pooled_samples(dataset)
+    training = samples.training
+    if situation.timed:
+        words = f"each of {BLOCKS} stretches of the training samples of every recording"
+        return words, _windows([log[training[log]] for log in samples.logs], samples.size, run)
+    inputs = situation.moving or situation.inputs
+    if bands := _bands(samples, held_out, inputs):
+        return f"each of {len(bands)} bands of an input, as wide as those held out", bands
+    folds: list[BoolArray] = []
+    for name in inputs:
+        x, inner = samples.columns[name], list[IntArray]()
+        for rows in np.split(np.arange(samples.size), ends_of(dataset)):
+            if np.ptp(x[rows]) > 0:
+                rows = rows[np.argsort(x[rows], kind="stable")]
+                rows = rows[training[rows]]
+                end = math.ceil(len(rows) / (BLOCKS + 2))
+                inner.append(rows[end : len(rows) - end])
+        folds += contiguous(inner, BLOCKS, len(x)) if inner else []
+    words = f"each of {BLOCKS} inner stretches of the training samples of every curve"
+    return words, folds
+
+
+def _windows(logs: Sequence[IntArray], size: int, run: int) -> list[BoolArray]:
+    """Return masks, (size,), of five folds. Each leaves out short runs several times in each
+    recording, or one long run, which may overlap with the runs of other folds.
+    """
+    masks = np.zeros((BLOCKS, size), dtype=np.bool_)
+    for rows in logs:
+        times = int(np.clip(len(rows) / (BLOCKS * max(run, 1)), 1, BLOCKS))
+        share = max(1 / (BLOCKS * times), min(run / max(len(rows), 1), LONGEST_FOLD))
+        first = np.linspace(0, (1 - share) * len(rows), BLOCKS * times)
+        ends = np.rint([first, first + share * len(rows)]).astype(int)
+        for number, (start, stop) in enumerate(ends.T):
+            masks[number % BLOCKS, rows[start:stop]] = True
+    return list(masks)
+
+
+def held_run(study: Dataset) -> int:
+    """Return the typical length of a run of held-out samples: half of the samples are in runs that
+    are longer.
+    """
+    samples = pooled_samples(study)
+    out = [0]
+    for log in samples.logs:
+        out += [*samples.held_out[log].astype(int), 0]
+    edges = np.flatnonzero(np.diff(out))
+    runs = np.sort(edges[1::2] - edges[::2])
+    return int(runs[np.searchsorted(np.cumsum(runs), runs.sum() / 2)]) if len(runs) else 0
+
+
+def _bands(samples: Curve, held_out: Holdout | None, inputs: Sequence[str]) -> list[BoolArray]:
+    """Return bands of an input, around evenly spaced quantiles of the training data, that are as
+    wide as the bands that the study holds out.
+
+    Blocks in the order of time would contain every value of an input that was swept more than once,
+    so that leaving them out would not test interpolation.
+    """
+    folds: list[BoolArray] = []
+    for name, held in ({} if held_out is None else held_out.quantities).items():
+        if name not in inputs or not isinstance(held, Between):
+            continue
+        low, high = np.array(held.between).T
+        half = float(np.median(high - low)) / 2
+        values = samples.columns[name]
+        trained = values[samples.training]
+        least, largest = extremes(trained)
+        inner = ((low > least) & (high < largest)).any()
+        middles = np.quantile(trained, np.linspace(0, 1, BLOCKS + 2)[1:-1]) if inner else ()
+        folds += [samples.training & (np.abs(values - middle) <= half) for middle in middles]
+    return folds if len(folds) > 1 else []
