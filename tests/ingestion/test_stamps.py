@@ -79,9 +79,7 @@ def test_thousands_of_a_whole_file(ingest, mark, delimiter):
     assert dataset.recordings[0].columns["pressure"].tolist() == [1080.5, 1080.5]
 
 
-@pytest.mark.parametrize(
-    "cell", ["0:03:20", '"20"1.2', "01.05.2026 00:00:00", "TRUE", "\u0661\u0662", "1_5", "5 N"]
-)
+@pytest.mark.parametrize("cell", ["0:03:20", '"20"1.2', "1_5"])
 def test_a_force_that_is_no_number_ends_the_study(ingest, cell):
     content = log(*map(str, range(9))).replace(",4\n", f",{cell}\n", 1)
     for missing in ("error", "drop"):
