@@ -21,7 +21,6 @@ BEGINS = (["example", "muscle"], ["run", "muscle/study.yaml", "-q"])
 """Commands with which most pages begin: they are done once for all tests."""
 
 
-
 SPEC = """\
 schema_version: 1
 name: {name}
