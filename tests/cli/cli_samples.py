@@ -17,6 +17,9 @@ from mapmore_cli.domain.recording import Quantity
 
 PROJECT = Path(__file__).resolve().parents[2]
 CONFIGS = PROJECT / "configs"
+BEGINS = (["example", "muscle"], ["run", "muscle/study.yaml", "-q"])
+"""Commands with which most pages begin: they are done once for all tests."""
+
 
 SPEC = """\
 schema_version: 1

@@ -7,7 +7,7 @@ from functools import cache
 import common
 import pytest
 import typer.testing
-from cli_samples import hand_model, write_study
+from cli_samples import BEGINS, hand_model, write_study
 from typer.main import get_command
 from typer.testing import CliRunner
 from workers_here import in_turn
@@ -103,6 +103,18 @@ def copied(finished, tmp_path):
     spec, runs = finished
     shutil.copytree(spec.parent, tmp_path, dirs_exist_ok=True)
     return tmp_path / spec.name, tmp_path / runs.name
+
+
+@pytest.fixture(scope="session")
+def begun(tmp_path_factory, mapmore):
+    """The folder in which the example study has run, and what the two commands printed."""
+    folder = tmp_path_factory.mktemp("begun")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        return folder, [
+            mapmore(*words, *["--set", "report.figures=[fit]"] * number, code=0)
+            for number, words in enumerate(BEGINS)
+        ]
 
 
 @pytest.fixture(scope="session")

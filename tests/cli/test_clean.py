@@ -134,10 +134,9 @@ def test_what_is_not_ours_keeps_the_run_and_is_named(make, runs, cleaned):
     (runs.parent / "victim").write_text("mine")
     name = make(run)
     before = everything(runs.parent)
-    for options in ((), ("--yes",), ("--yes", "--now")):
-        found = cleaned(*options)
-        assert (found["files"], found["kept"]) == ([], {str(run): [name]})
-        assert everything(runs.parent) == before
+    found = cleaned("--yes", "--now")
+    assert (found["files"], found["kept"]) == ([], {str(run): [name]})
+    assert everything(runs.parent) == before
     assert (runs.parent / "victim").read_text() == "mine"
 
 

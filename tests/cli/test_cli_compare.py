@@ -184,9 +184,7 @@ def test_a_campaign_is_frozen_and_compared_run_by_run(campaigns, mapmore, tmp_pa
     )
 
 
-@pytest.mark.parametrize(
-    "name", [None, "", 3, "..", "../elsewhere", "{tmp}/elsewhere", ".hidden", "a\nb"]
-)
+@pytest.mark.parametrize("name", [None, 3, "../elsewhere", "{tmp}/elsewhere", "a\nb"])
 def test_a_run_whose_record_has_no_name_of_a_run_is_not_frozen(campaigns, mapmore, tmp_path, name):
     """Found by fuzzing: without a name it was an internal fault, and a stranger's name led out of
     the archive.

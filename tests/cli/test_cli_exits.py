@@ -211,3 +211,11 @@ def test_a_terminal_with_few_letters(finished, shell):
     for arguments in ([], ["--json"]):
         done = shell("show", runs / "bench", *arguments, env=environment)
         assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_run_path_that_is_a_file(study, tmp_path, mapmore):
+    (tmp_path / "runs").mkdir()
+    (tmp_path / "runs" / "bench").write_text("precious")
+    for runs in ((), ("--runs", tmp_path / "runs" / "bench")):
+        mapmore("run", study, *runs, code=7, says="bench")
+    assert (tmp_path / "runs" / "bench").read_text() == "precious"

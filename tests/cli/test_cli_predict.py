@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.pipeline.predict import predicted_lines
-from mapmore_cli.storage.tables.lines import lines_of
 
 MODEL = hand_model()
 TABLE = "pressure,note,strain\n150,first,0.05\n100,second,0.2\n"
@@ -173,19 +172,6 @@ def test_gzip_in_and_out(model_file, tmp_path, mapmore):
         mapmore("predict", model_file, table, "-o", out, code=0)
     assert gzip.decompress(outs[0].read_bytes()).splitlines()[1] == b"150,first,0.05,127.5,false"
     assert outs[0].read_bytes() == outs[1].read_bytes()
-
-
-@pytest.mark.parametrize("name", ["table.csv", "table.csv.gz"])
-def test_progress_is_told_in_bytes_of_the_file(name, tmp_path):
-    text = "pressure,strain\n" + "".join(f"{number},0.{number}\n" for number in range(50_000))
-    path = tmp_path / name
-    path.write_bytes(gzip.compress(text.encode()) if path.suffix == ".gz" else text.encode())
-    told = []
-    assert "".join(lines_of(path, lambda read, size: told.append((read, size)))) == text
-    read = [read for read, _ in told]
-    assert {size for _, size in told} == {path.stat().st_size}
-    assert read == sorted(read)
-    assert 0.6 * path.stat().st_size < read[-1] <= path.stat().st_size
 
 
 def test_damaged_gzip(model_file, tmp_path, mapmore):

@@ -107,38 +107,28 @@ def test_load_model_refuses_other_inputs(columns, model_file):
         mapmore_cli.load_model(model_file)(**columns)
 
 
-@pytest.fixture(scope="module")
-def example(tmp_path_factory, mapmore):
-    """The folder of the example, with its run; `test_shipped_studies` makes the page of the same
-    study.
-    """
-    folder = tmp_path_factory.mktemp("new") / "muscle"
-    result = mapmore("example", folder, code=0)
-    assert f"Next: mapmore run {folder / 'study.yaml'}" in result.stdout
-    mapmore("validate", folder / "study.yaml", "--runs", folder / "runs", "-q", code=0)
-    return folder
-
-
-def test_the_example_is_the_static_study_that_is_shipped(example):
+def test_the_example_is_the_static_study_that_is_shipped(begun):
     """The same recordings byte for byte, and so the same scores."""
-    for recording in sorted(example.glob("*.csv")):
-        assert (
-            recording.read_bytes() == (PROJECT / "datasets" / "peano" / recording.name).read_bytes()
-        )
+    folder, (printed, _) = begun
+    assert "Next: mapmore run muscle/study.yaml" in printed.stdout
+    for copy in sorted((folder / "muscle").glob("*.csv")):
+        assert copy.read_bytes() == (PROJECT / "datasets" / "peano" / copy.name).read_bytes()
 
 
 @pytest.fixture
-def model(example):
-    return mapmore_cli.load_model(example / "runs" / "muscle" / "model.h5")
+def run(begun):
+    return begun[0] / "runs" / "muscle"
 
 
-def test_a_notebook_shows_what_a_model_is(model, example):
+@pytest.fixture
+def model(run):
+    return mapmore_cli.load_model(run / "model.h5")
+
+
+def test_a_notebook_shows_what_a_model_is(model, run):
     assert repr(model) == "<model muscle: force [N] of pressure [kPa], strain [1]>"
     assert model.units == {"pressure": "kPa", "strain": "1", "force": "N"}
-    assert (
-        list(model.scores)
-        == json.loads((example / "runs" / "muscle" / "scores.json").read_text())["scores"]
-    )
+    assert list(model.scores) == json.loads((run / "scores.json").read_text())["scores"]
 
 
 def test_points_outside_of_the_training_range_are_told(model):

@@ -10,6 +10,7 @@ import types
 from pathlib import Path
 
 import pytest
+from cli_samples import BEGINS
 from page_outputs import FENCE, run_page, steps_of
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -28,20 +29,6 @@ LONG = (
     "export-fmu-ros",
     "many",
 )
-BEGINS = (["example", "muscle"], ["run", "muscle/study.yaml", "-q"])
-"""Commands with which most pages begin: they are done once for all pages."""
-
-
-@pytest.fixture(scope="module")
-def begun(tmp_path_factory, mapmore):
-    """The folder in which the example study has run, and what the two commands printed."""
-    folder = tmp_path_factory.mktemp("begun")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        return folder, [
-            mapmore(*words, *["--set", "report.figures=[fit]"] * number, code=0)
-            for number, words in enumerate(BEGINS)
-        ]
 
 
 @pytest.fixture

@@ -78,17 +78,6 @@ def test_each_group_is_scored_and_predicted_as_by_a_run_without_it(campaign, doc
     assert left_out["validate", "all"]["n"] == 9 * 40
 
 
-def test_contradictions_are_refused(campaign, mapmore):
-    spec = campaign / "specimens.yaml"
-    for other in ("leave_one_level_out: true", "validate: {specimen: [1]}"):
-        spec.write_text(SPEC.replace("SPLIT", f"  split: {{leave_one_group_out: true, {other}}}"))
-        mapmore("check", spec, code=3, says="choose one")
-    spec.write_text(
-        SPEC.replace("SPLIT", "").replace("groups: {of: specimen}", "groups: {of: session}")
-    )
-    mapmore("check", spec, code=3, says="no recording has the quantity `session`")
-
-
 def of_sessions(folder, split, groups):
     spec = folder / "sessions.yaml"
     files = '[{path: "a_*.csv", set: {specimen: 1}}, {path: "b_*.csv", set: {specimen: 2}}]'
@@ -99,9 +88,7 @@ def of_sessions(folder, split, groups):
 
 def test_a_group_without_training_samples_has_no_offset(sessions, mapmore):
     groups, runs = "groups: {of: specimen, offset: true}", sessions / "runs"
-    spec = of_sessions(sessions, "  split: {leave_one_group_out: true}", groups)
-    mapmore("validate", spec, "--runs", runs, "-q", code=3, says="left-out group is not known")
-    of_sessions(sessions, "  split: {validate: {specimen: [2]}}", groups)
+    spec = of_sessions(sessions, "  split: {validate: {specimen: [2]}}", groups)
     mapmore("validate", spec, "--runs", runs, "-q", code=0)
     assert any(
         "for 2, which is held out completely, the offset is not known" in note

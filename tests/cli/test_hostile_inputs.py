@@ -3,11 +3,9 @@ says where.
 """
 
 import os
-import re
 import resource
 import sys
 import threading
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -15,7 +13,7 @@ import h5py
 import numpy as np
 import pytest
 import scipy.io
-from cli_samples import write_lines, write_study
+from cli_samples import write_study
 from common import process
 
 import mapmore_cli
@@ -28,34 +26,9 @@ from mapmore_cli.storage.tables import reading
 from mapmore_cli.storage.tables.lines import lines_of, replaced
 
 
-def read(path, *columns, **keys):
-    request = TableRequest(path.name, columns, **keys)
-    return READERS["csv"].read(path, request)
-
-
-def test_two_quotes_that_swallow_rows_between_them_are_told(tmp_path):
-    path = tmp_path / "a.csv"
-    lines = ["strain,force,remark", *(f"{i / 100},{i},fine" for i in range(40))]
-    lines[5], lines[30] = '0.04,4,"odd', '0.29,29,"odd'
-    write_lines(path, *lines)
-    with pytest.raises(DataError, match="row 6: a quotation mark opens here"):
-        read(path, "strain", "force")
-    lines[5], lines[30] = '0.04,4,"two\nlines of text"', "0.29,29,fine"
-    write_lines(path, *lines)
-    (table,) = read(path, "strain", "force")
-    assert len(table.rows) == 40
-
-
-def test_a_very_long_line_is_refused(tmp_path):
-    path = tmp_path / "a.csv"
-    path.write_text("strain,force\n0,1\n" + "9" * 12_000_000)
-    with pytest.raises(DataError, match="row 3: is longer than 10 million"):
-        read(path, "strain")
+def test_a_file_without_an_end_is_refused():
     with pytest.raises(DataError, match="row 1: is longer"):
         list(lines_of(Path("/dev/zero")))
-    path.write_bytes(bytes(12_000_000))  # room that a logger made, and never used
-    with pytest.raises(DataError, match="the file is empty"):
-        read(path, "strain")
 
 
 def test_links_in_a_circle_give_each_recording_once(tmp_path):
@@ -113,20 +86,16 @@ def test_devices_are_written_into_and_links_are_refused(tmp_path):
     assert (tmp_path / "real.csv").read_text() == "old"
 
 
-@pytest.mark.parametrize(
-    "line", [["schema"], ["--version"], ["--help"], ["fit", "--help"]], ids=" ".join
-)
-def test_what_a_closed_stdout_loses_is_told(line, tmp_path, shell):
-    done = shell(*line, cwd=tmp_path, preexec_fn=lambda: os.close(1))
+@pytest.mark.parametrize("word", ["schema", "--help"])
+def test_what_a_closed_stdout_loses_is_told(word, tmp_path, shell):
+    done = shell(word, cwd=tmp_path, preexec_fn=lambda: os.close(1))
     assert done.returncode == 7
     assert "it is closed" in done.stderr
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize("command", [["predict"], ["invert"]], ids=" ".join)
-def test_a_closed_stdin_has_no_table(command, model_file, tmp_path, shell):
-    rest = [model_file, "-", *(["--for", "pressure"] if command == ["invert"] else [])]
-    done = shell(*command, *rest, cwd=tmp_path, preexec_fn=lambda: os.close(0))
+def test_a_closed_stdin_has_no_table(model_file, tmp_path, shell):
+    done = shell("predict", model_file, "-", cwd=tmp_path, preexec_fn=lambda: os.close(0))
     assert done.returncode == 2
     assert done.stderr.startswith("error: stdin: cannot be read (Bad file descriptor)")
 
@@ -174,49 +143,6 @@ def test_what_may_not_be_read_is_no_internal_fault(dark, command, tmp_path):
     assert done.returncode == 4, done.stderr
     assert "error: " in done.stderr
     assert str(Path(dark)) in done.stderr
-
-
-def cut_log(end, decimal="."):
-    rows = [f"{i};{(20 * i % 113 + 101.25):.2f}".replace(".", decimal) for i in range(30)]
-    return "\n".join(["n;F", *rows, f"30;{end}"])
-
-
-@pytest.mark.parametrize(
-    ("text", "decimal", "doubt"),
-    [
-        (cut_log("254.1"), ".", "fewer digits in its last number, 254.1,"),
-        (cut_log("2"), ".", "fewer digits in its last number, 2,"),
-        (cut_log("2,1", ","), ",", "fewer digits in its last number, 2,1,"),
-        (cut_log("254.12"), ".", None),
-        (cut_log("2\n"), ".", None),
-        ("n;F\n" + "".join(f"{i};{119 - i}\n" for i in range(20)) + "20;99", ".", None),
-        ("n;F\n1;2.55\n2;3.55\n3;4", ".", None),
-        (
-            "n;F\n"
-            + "".join(f"{i};{(i + 3) ** 0.3!r}\n" for i in range(20))
-            + "20;0.12345678901234",
-            ".",
-            None,
-        ),
-    ],
-    ids=str,
-)
-def test_a_file_that_was_cut_within_its_last_number_is_refused(text, decimal, doubt, tmp_path):
-    (tmp_path / "a.csv").write_text(text)
-    request = TableRequest("a.csv", ("F",), delimiter=";", decimal=decimal)
-    (table,) = READERS["csv"].read(tmp_path / "a.csv", replace(request, incomplete=True))
-    assert (
-        len(table.rows)
-        == len(table.columns["F"])
-        == len(text.splitlines()) - 1 - (doubt is not None)
-    )
-    if doubt is None:
-        assert not table.doubts
-        assert len(READERS["csv"].read(tmp_path / "a.csv", request)[0].rows) == len(table.rows)
-        return
-    assert doubt in table.doubts[0]
-    with pytest.raises(DataError, match=re.escape(doubt)):
-        READERS["csv"].read(tmp_path / "a.csv", request)
 
 
 def test_commands_to_a_terminal_in_names_are_shown_and_not_obeyed():
@@ -343,9 +269,7 @@ def test_a_table_of_thousands_of_columns_is_refused_by_init(tmp_path, limited):
     )
 
 
-@pytest.mark.parametrize(
-    "text", ["report: {figures: [[LONG]]}", "report: {figures: [LONG]}", "fit: {KEYS}"]
-)
+@pytest.mark.parametrize("text", ["report: {figures: [LONG]}", "fit: {KEYS}"])
 def test_long_lists_in_a_spec_are_one_mistake(text, tmp_path, limited):
     numbers = range(6000)
     text = text.replace("LONG", ", ".join(map(str, numbers))).replace(

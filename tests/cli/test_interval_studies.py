@@ -14,19 +14,13 @@ from mapmore_cli.modelling.validation.intervals import half_widths, many_curves
 from mapmore_cli.storage.artefacts import read_dataset, read_model
 
 HELD = "  split: {validate: {pressure: [200]}}\n"
-KINDS = {
-    "pieces": "",
-    "backbone": "model: {backbone: polynomial_2}\n",
-    "formula": "model: {type: literature, name: sarosi}\n",
-}
 
 
-def asked(spec, *changes, more=""):
+def asked(spec, *changes):
     """The study, asked for intervals."""
     edit(spec, "validate: {against: [polynomial_2]}", "validate: {intervals: true}")
     for change in changes:
         edit(spec, *change)
-    spec.write_text(spec.read_text() + more)
     return spec
 
 
@@ -36,9 +30,9 @@ def fused(mapmore, spec):
     return read_model(Path("runs", spec.stem, "model.h5"))
 
 
-@pytest.mark.parametrize("more", KINDS.values(), ids=KINDS)
-def test_an_inner_level_is_missed_as_by_a_run_that_holds_it_out(more, study, mapmore):
-    asked(study, more=more)
+def test_an_inner_level_is_missed_as_by_a_run_that_holds_it_out(study, mapmore):
+    """Of models of other kinds, `test_left_out_levels.py` says the same of scores."""
+    asked(study)
     held = study.with_name("held.yaml")
     text = study.read_text()
     held.write_text(text.replace("name: bench", "name: held").replace("{intervals: true}", "{}"))
@@ -54,24 +48,6 @@ def test_an_inner_level_is_missed_as_by_a_run_that_holds_it_out(more, study, map
             [errors.mean(), errors.std(), *np.quantile(np.abs(errors), [0, 0.5, 1])], rel=1e-9
         )
     )
-
-
-def test_recordings_are_left_out_where_there_are_no_levels(tmp_path, mapmore):
-    levels = "  levels: {of: pressure, at: [100, 200, 300]}\n"
-    polynomial = (
-        "{polynomial: {of: [strain], order: 3}}",
-        "{polynomial: {of: [strain, pressure], order: 2}}",
-    )
-    spec = asked(
-        write_study(tmp_path),
-        (HELD, ""),
-        (levels, ""),
-        ("target: static", "target: {column: force}"),
-        polynomial,
-    )
-    left_out = fused(mapmore, spec).left_out
-    assert (left_out.kind, left_out.curves) == ("recordings", 3)
-    assert ["bench_100" in part for part in left_out.parts] == [True, False, False]
 
 
 def test_a_model_with_memory_is_told_by_free_runs_over_blocks(tmp_path, mapmore):

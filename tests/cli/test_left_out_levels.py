@@ -5,7 +5,7 @@ backbone is chosen.
 from pathlib import Path
 
 import pytest
-from cli_samples import OWN, by_place, edit, options
+from cli_samples import OWN, by_place, edit
 
 from mapmore_cli.cli.views import verdict_lines
 
@@ -47,23 +47,6 @@ def test_models_over_time_have_no_levels_to_leave_out(study, mapmore):
         text.split("dictionary:")[0] + "dictionary: [{lags: {of: [strain], steps: [1]}}]\n"
     )
     mapmore("run", study, code=3, says="a model with memory or a sum cannot be fitted")
-
-
-@pytest.mark.parametrize(
-    ("settings", "words"),
-    [
-        (
-            ["segment={strain: {method: optimal, count: 2}}"],
-            "`optimal` segments depend on the backbone",
-        ),
-        (
-            ["dictionary=[{lags: {of: [force], steps: [1], order: 1}}]", "segment={}"],
-            "not possible with memory",
-        ),
-    ],
-)
-def test_a_choice_that_cannot_be_made_is_refused(settings, words, study, mapmore):
-    mapmore("fit", study, *options("model.backbone=auto", *settings), code=3, says=words)
 
 
 def test_a_competitor_that_was_trained_on_what_is_held_out_is_named_and_not_compared(

@@ -91,30 +91,6 @@ def test_a_changed_file_makes_the_fits_stale(tmp_path):
     assert "formulas:\n- name: our_sarosi" in resolved
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"expression": "a1*pressure +"}, "the expression ends"),
-        ({"expression": "__import__('os').system('x')"}, "unexpected character"),
-        ({"expression": "a1*pressure[k-1] + a2 + a3 + a4 + a5 + a6"}, "has memory"),
-        ({"parameters": {**SAROSI["parameters"], "a3": {}}}, "nonlinear"),
-        ({"parameters": {**SAROSI["parameters"], "b": {}}}, "names in the text"),
-        (
-            {"parameters": {**SAROSI["parameters"], "a3": {"bounds": [3, 1]}}},
-            "put the lower bound first",
-        ),
-        ({"name": "sarosi"}, "already"),
-        ({"name": "a b"}, "name"),
-        ({"units": {"pressure": "m"}}, "m"),
-        ({"author": "me"}, "unknown key"),
-    ],
-)
-def test_what_is_wrong_is_told(change, message):
-    own = {**SAROSI, **change}
-    with pytest.raises(SpecError, match=message):
-        fitted(own, validate={"against": [own["name"]]})
-
-
 def test_a_file_that_is_not_there():
     with pytest.raises(SpecError, match="there is no file"):
         fitted("nowhere.yaml")

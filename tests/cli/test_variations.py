@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 from cli_samples import OWN, by_place, change_forces, edit, options, scored_run, write_study
-from common import parts, rows_of
 
 VARIATION = "{set: {fit.max_terms: 2, fuse: {z_s: 0.4}}, as: two}"
 
@@ -142,27 +141,20 @@ def test_runs_that_are_built_on_each_other_are_refused(pair, tmp_path, mapmore):
 
 
 @pytest.mark.parametrize(
-    ("entry", "words"),
-    rows_of(
-        """
-{set: {fit.max_terms: 2}}                                   needs a name | as: one_term
-{set: {fit.max_terms: 2}, as: two, method: levenberg_marquardt}  method
-{set: {fit.max_terms: 2}, as: two, model: sarosi}           `set` (this spec with other settings)
-{set: {fit.max_terms: 2}, as: repeatability}                the name `repeatability`
-{set: {fit.max_term: 2}, as: two}  \
-    competitor `two` | max_term | did you mean `max_terms`?
-{set: {segment.strain.count: 500}, as: two}                 bench.two: ingest
-{run: nowhere.yaml}                                         nowhere.yaml
-{run: rival_base.yaml, model: sarosi}                       `model`, `run`
-{as: nothing}                                               `model`, `run`
-{run: rival_base.yaml, method: levenberg_marquardt}         method
-""",
-        parts,
-    ),
+    ("entry", "code", "words"),
+    [
+        ("{set: {fit.max_term: 2}, as: two}", 3, ["competitor `two`", "did you mean `max_terms`?"]),
+        ("{set: {segment.strain.count: 500}, as: two}", 4, "bench.two: ingest"),
+        ("{run: nowhere.yaml}", 3, "nowhere.yaml"),
+    ],
 )
-def test_wrong_entries(pair, entry, words, tmp_path, mapmore):
+def test_what_is_wrong_with_another_run_is_told_by_its_name(pair, entry, code, words, mapmore):
+    """Entries that cannot be are in `study/slips.txt`."""
     bench, _ = pair
     bench.write_text(bench.read_text().replace("{run: rival_base.yaml, as: line}", entry))
-    mapmore("run", bench, code=4 if "500" in entry else 3, says=words)
-    if "max_term:" in entry:
-        mapmore("check", bench, code=3, says=words)
+    mapmore("run", bench, code=code, says=words)
+
+
+def test_a_variation_that_cannot_be_is_checked(varied, mapmore):
+    edit(varied, "fit.max_terms: 2", "fit.max_term: 2")
+    mapmore("check", varied, code=3, says="did you mean `max_terms`?")

@@ -72,38 +72,6 @@ def test_a_clock_that_was_set_back_is_none_that_begins_anew(ingest, cells):
         assert "unwrap" not in str(told.value)
 
 
-@pytest.mark.parametrize(
-    ("changes", "part"),
-    [
-        (
-            {"columns": {**COLUMNS, "force": {"column": "F", "format": "%H:%M:%S"}}},
-            "for `time` only",
-        ),
-        ({"columns": {**COLUMNS, "force": {"column": "F", "unwrap": True}}}, "for `time` only"),
-        *(
-            ({"columns": {**COLUMNS, "time": {"column": "t", "format": text}}}, told)
-            for text, told in (
-                ("%Q", "not a format of time stamps"),
-                ("%I:%M:%S", "AM or PM"),
-                ("%H:%M:%S %p", "AM or PM"),
-                ("%d.%m. %H:%M:%S", "a day its year"),
-                ("", "needs codes"),
-            )
-        ),
-        ({"thousands": ","}, "separator of thousands"),
-        ({"thousands": ".", "delimiter": ";"}, "separator of thousands"),
-        ({"thousands": " ", "delimiter": "whitespace"}, "separator of thousands"),
-        ({"thousands": "x"}, "thousands"),
-        ({"thousands": "'", "reader": "lvm"}, "cannot use `thousands`"),
-    ],
-)
-def test_keys_that_cannot_be_meant(changes, part):
-    from mapmore_cli.study.sections.data import Data
-
-    with pytest.raises(ValueError, match="(?s)" + part):
-        Data.model_validate({"files": ["a.csv"], "columns": COLUMNS, **changes})
-
-
 @pytest.mark.parametrize(("mark", "delimiter"), [(";", ";"), ("  ", "whitespace"), ("\t", "tab")])
 def test_thousands_of_a_whole_file(ingest, mark, delimiter):
     content = log("0", "1", mark=mark).replace(f"{mark}80{mark}", f"{mark}1,080.5{mark}")
@@ -111,9 +79,7 @@ def test_thousands_of_a_whole_file(ingest, mark, delimiter):
     assert dataset.recordings[0].columns["pressure"].tolist() == [1080.5, 1080.5]
 
 
-@pytest.mark.parametrize(
-    "cell", ["0:03:20", '"20"1.2', "01.05.2026 00:00:00", "TRUE", "\u0661\u0662", "1_5", "5 N"]
-)
+@pytest.mark.parametrize("cell", ["0:03:20", '"20"1.2', "1_5"])
 def test_a_force_that_is_no_number_ends_the_study(ingest, cell):
     content = log(*map(str, range(9))).replace(",4\n", f",{cell}\n", 1)
     for missing in ("error", "drop"):

@@ -13,7 +13,6 @@ from mapmore_cli.domain.errors import DataError
 
 K = np.arange(600)
 DRIVE = 3 + 2 * np.sin(0.031 * K) * np.cos(0.012 * K)
-NOISE = np.random.default_rng(0).normal(size=len(K))
 
 
 @pytest.fixture
@@ -26,10 +25,6 @@ def untried(tmp_path):
         return drafts(tmp_path, answers=Answers(hold=hold))
 
     return of
-
-
-def has_memory(draft):
-    return "resample" in draft.data  # even steps, without which a search tries no memory
 
 
 # The pressure
@@ -72,13 +67,6 @@ def test_a_log_whose_clock_is_none_cannot_be_joined(untried, log, stamps, told):
     with pytest.raises(DataError) as caught:
         untried(**logs | {log: logs[log] | {stamps: -logs[log][stamps]}})
     assert told in (caught.value.remedy or "")
-
-
-def test_a_force_without_a_pressure_follows_the_position(untried):
-    (draft,) = untried(spring={"x_mm": 10 * DRIVE, "F_N": 30 - 4 * DRIVE + 0.01 * NOISE})
-    assert list(draft.data["columns"]) == ["displacement", "force"]
-    assert draft.output == "force"
-    assert not has_memory(draft)
 
 
 def test_a_static_response_keeps_the_unit_that_was_told(tmp_path):

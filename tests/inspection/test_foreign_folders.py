@@ -168,15 +168,6 @@ def test_levels_in_names_without_a_unit_are_proposed(tmp_path, names, tip):
     assert bool(tip) == bool(told)
 
 
-def test_samples_are_groups_by_their_first_letter(tmp_path):
-    for number, name in enumerate(["P100_s1", "P100_s2", "P200_s1", "P200_s2"]):
-        write(tmp_path / f"{name}.csv", {"strain [%]": ROWS, "F [N]": (number + 1) * ROWS**2})
-    draft = drafted(tmp_path, answers=answers_of(hold="pressure=P:kPa", group="sample"))
-    assert [entry["set"] for entry in draft.data["files"]] == [
-        {"pressure": pressure, "sample": sample} for pressure in (100, 200) for sample in (1, 2)
-    ]
-
-
 @pytest.mark.parametrize(
     ("corner", "mark", "point"), [("", ",", "."), ("eps/P", ";", ","), ("eps/P", "\t", ".")]
 )

@@ -97,25 +97,6 @@ def test_a_clock_in_parts_is_added_up(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("clock", "why"),
-    [
-        ({"columns": ["h", "m"], "format": "h"}, "has 1 parts"),
-        ({"columns": ["h"], "format": "h", "column": "t"}, "one `column`"),
-        ({"columns": ["h", "f"], "format": "h %f"}, "a format needs codes such as %H"),
-        ({"columns": ["h"], "format": "kPa"}, "a format needs codes such as %H"),
-        ({"columns": ["h"], "format": "h", "unit": "s"}, "already have their units in `format`"),
-        ({}, "one `column`"),
-    ],
-)
-def test_a_clock_in_parts_needs_a_unit_for_each(tmp_path, clock, why):
-    recordings(tmp_path, "ab")
-    draft = drafted(tmp_path, answers=answers_of(**SAID))
-    draft = draft.with_data("columns", draft.data["columns"] | {"time": clock})
-    with pytest.raises(SpecError, match=why):
-        loaded(draft, tmp_path)
-
-
-@pytest.mark.parametrize(
     ("stamps", "title", "why"),
     [
         (np.floor(LONG), "t [s]", "repeats most of its values"),

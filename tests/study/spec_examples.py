@@ -189,6 +189,47 @@ fit: {max_terms: 1, train_level: highest}
 validate: {against: [none, linear_viscous, reynolds, peternel, {static: sarosi, damping: reynolds}]}
 """
 
+SEVERAL = """\
+name: lever
+data:
+  files: ["*.csv"]
+  columns: {pressure: {column: P}, force: {column: F}, tip_x: {column: x}, tip_y: {column: y}}
+  levels: {of: pressure, at: [100, 200, 300]}
+  split: {validate: {pressure: [200]}}
+target: [tip_x, tip_y]
+segment: {force: {method: even, count: 2}}
+dictionary: [{polynomial: {of: [force], order: 3}}]
+fit: {max_terms: 2}
+validate: {simple: true}
+"""
+
+MOVING = """\
+name: moving
+units: {displacement: cm}
+data:
+  files: ["*.csv"]
+  columns: {time: {column: t, unit: s}, input: {column: U, unit: V},
+      displacement: {column: x, unit: mm}}
+  split: {validate: {last: 0.5}}
+target: {column: displacement}
+model: {type: state_space, input: input, sections: [2350 mV, 3.95], direction: true, start: rest}
+"""
+
+JOINT = """\
+name: joint
+data:
+  files: [joint.csv]
+  columns: {p1: {column: P1, unit: kPa}, p2: {column: P2, unit: kPa}, s: {column: s},
+      force: {column: F, unit: N}}
+  split: {validate: {last: 0.5}}
+units: {p1: kPa, p2: kPa}
+target: {column: force}
+model:
+  sum:
+    - {formula: chou_hannaford, inputs: {pressure: p1, strain: s}}
+    - {formula: chou_hannaford, sign: -1, inputs: {pressure: p2, strain: '0.1 - s'}}
+"""
+
 FED_BACK = MOTION.replace(
     "{slow: {of: [pressure]",
     '{play: {of: ["displacement[k-1]"], count: 2}}, {slow: {of: ["stop(displacement[k-2], 0.1)"]',
@@ -208,6 +249,7 @@ GOOD = {
         "record": RECORD,
     },
     **{"fed back": FED_BACK, "in free run": IN_FREE_RUN, "force": FORCE, "past force": PAST_FORCE},
+    **{"several": SEVERAL, "moving": MOVING, "joint": JOINT},
 }
 
 PROJECT = Path(__file__).resolve().parents[2]

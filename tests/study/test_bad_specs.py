@@ -6,16 +6,34 @@ from time import process_time
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from spec_examples import DAMPING, FORCE, FORMULA, LOGS, MEASURED, MOTION, RECORD, STATIC, refusal
+from spec_examples import (
+    DAMPING,
+    FORCE,
+    FORMULA,
+    JOINT,
+    LOGS,
+    MEASURED,
+    MOTION,
+    MOVING,
+    RECORD,
+    SEVERAL,
+    STATIC,
+    refusal,
+)
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.study.loader import load
 from mapmore_cli.study.units import is_quantity, split_quantity
 
 EVEN = "{method: even, count: 4}"
+OWN = """{name: own, source: me, expression: "a1*pressure*exp(a3*strain)",
+    parameters: {a1: {unit: N}, a3: {bounds: [-250, 250]}}}"""
 BASES = {
     **{"STATIC": STATIC, "MEASURED": MEASURED, "LOGS": LOGS, "FORMULA": FORMULA, "FORCE": FORCE},
     **{"MOTION": MOTION, "DAMPING": DAMPING, "ALONE": "name: a\n"},
+    **{"SEVERAL": SEVERAL, "MOVING": MOVING, "JOINT": JOINT},
+    "JOINT_OF_RUNS": JOINT.replace("formula: chou_hannaford", "model: muscle.yaml"),
+    "OWN": f"{FORMULA.replace('sarosi', 'own')}formulas: [{OWN}]\n",
     "OPTIMAL": STATIC.replace(EVEN, "{method: optimal, count: 4}"),
     "DERIVED": FORCE.replace("target: static", "target: damping\nneeds: {static: s.yaml}").replace(
         "3}}", "3}}, plateau: auto"

@@ -252,3 +252,8 @@ def test_a_last_line_without_end_that_was_cut(before, last, cut):
     found = _cut_in(OpenEnd([line.split(",") for line in [*before, last]]))
     assert (found is not None) is cut
     assert found is None or found.rows == 1
+
+
+def test_digits_that_were_cut_stand_behind_the_decimal_mark_of_the_file():
+    lines = [["1", "20,5"]] * 10 + [["1", "2"]]
+    assert [_cut_in(OpenEnd(lines, mark)) is not None for mark in ",."] == [True, False]
