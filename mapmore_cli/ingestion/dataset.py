@@ -393,7 +393,7 @@ def _within(parts: Sequence[LevelPart], name: str, choice: Sequence[float] | Bet
     else:
         reach = [1e-12 + 1e-9 * abs(value) for value in choice]
         wanted = [
-            (value - r, value + r, f"no sample has {name} = {value:g}")
+            (value - r, value + r, f"{name} is never {value:g}")
             for value, r in zip(choice, reach, strict=True)
         ]
     masks = []

@@ -57,7 +57,7 @@ def _positive_deviation(
     if len(faulty):
         row = int(faulty[0])
         raise DataError(
-            f"data.uncertainty.{name}: the uncertainty is {sigma[row]:.3g} at {name} = "
+            f"data.uncertainty.{name}: the uncertainty is {sigma[row]:.3g} at the value "
             f"{curve.columns[name][row]:g} (sample {row + 1} of {curve.id}), but its median in "
             f"this curve is {median:.3g}",
             "give each group an uncertainty; if it is a fraction of the value, add a minimum "

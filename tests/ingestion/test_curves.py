@@ -134,7 +134,7 @@ BROKEN = {
         ["no level pressure=171"],
     ),  # though a sample of it goes to the nearest level
     "between levels": (held(pressure=[115.0]), ["no level pressure=115"]),
-    "no such value": (held(force=[7.0]), ["no sample has force = 7", "8001 to 25002", "between"]),
+    "no such value": (held(force=[7.0]), ["force is never 7", "8001 to 25002", "between"]),
     "no such interval": (
         held(time={"between": [(5.0, 6.0)]}),
         ["time between 5 and 6", "0 to 1.9"],

@@ -103,7 +103,7 @@ def test_loops_are_drawn_in_the_order_of_time_over_what_drives_them(fed_back):
     curve = fed_back.dataset.curves[0]
     assert measured.get_xdata()[0] == curve.columns["pressure"][curve.held_out][0]
     np.testing.assert_allclose(own.get_ydata(), measured.get_ydata(), atol=0.1)
-    assert "grey where samples train" in found["fit"].caption
+    assert "grey where samples are used for training" in found["fit"].caption
 
 
 def test_free_run_stands_beside_one_step_where_they_differ(fed_back, driven):

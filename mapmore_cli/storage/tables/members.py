@@ -325,7 +325,8 @@ def _column(
     if sum(length > 1 for length in values.shape) > 1:
         name = address[: address.rindex("[")] if selection else address
         raise DataError(
-            f"{label}: '{address}' is an array of {size_in_words(values.shape)}, not one column",
+            f"{label}: '{address}' is not one column, but an array of "
+            f"{size_in_words(values.shape)}",
             f"Name the column, for example `{name}[:,0]`.",
         )
     return as_numbers(values.reshape(-1), f"{label}: '{address}'", read), member.noted

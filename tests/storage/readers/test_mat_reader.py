@@ -166,7 +166,7 @@ run |  | 'run' is a struct, not an array | has: P,
 runs.P |  | no 'P' on the way to 'runs.P' | a struct array of 2 | [*]
 train |  | 'train' is a cell array of | [*]
 train[3].t |  | no element 3 on the way | 0 to 2
-y |  | 'y' is an array of 5 x 3 | `y[:,0]`
+y |  | 'y' is not one column, but an array of 5 x 3 | `y[:,0]`
 y[:,3] |  | 'y[:,3]' reaches beyond an array of 5 x 3
 3 | y | reaches beyond an array of 5 x 3
 y[:,0,0] |  | reaches beyond

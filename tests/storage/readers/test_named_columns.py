@@ -23,7 +23,7 @@ parquet  exact        0 1 2 3 4
 REFUSED = """
 npz      o            'o' is an array of Python objects, which are not read
 npz      z            'z' holds complex numbers
-npz      cube         'cube' is an array of 2 x 2 x 2
+npz      cube         'cube' is not one column, but an array of 2 x 2 x 2
 npz      s            's' holds text
 npz      pairs        'pairs' is a table of 5, not an array of numbers
 npz      T            there is no 'T'
