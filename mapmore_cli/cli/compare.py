@@ -116,7 +116,7 @@ def compare(
         if result.changed if limit is None and fail_on else result.moved(limit):
             raise LimitMissed(
                 f"{name}: force is {result.ratio:.4g} times that of {models[0]}",
-                "the tables show where; --fail-on sets the limit",
+                "the tables show the curves that changed; --fail-on sets the allowed change",
             )
 
 

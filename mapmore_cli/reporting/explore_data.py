@@ -165,7 +165,7 @@ def _samples(inputs: ReportInputs, curves: Sequence[Curve]) -> dict[str, Any]:
 
 def _record(inputs: ReportInputs, curves: Sequence[Curve]) -> dict[str, Any]:
     """Return the beginning of a recording (a held-out one, if there is one), linearly interpolated
-    to the time steps of the model; and the data about the beginning of a run.
+    to the time steps of the model; and a sentence about the values with which a run begins.
     """
     model, output = inputs.model, inputs.model.output.name
     curve = next((one for one in curves if one.held_out.any()), curves[0])

@@ -145,8 +145,9 @@ def is_missing(cell: Cell) -> bool:
 
 
 def cells_of(record: object, columns: Mapping[str, str]) -> tuple[Any, ...]:
-    """Return attributes of a record by the headings of their columns: `{"weight [%]": "weight"}`. A
-    fraction is converted to per cent if the heading says so.
+    """Return the values of attributes of a record. `columns` holds the names of the attributes by
+    their headings, for example `{"weight [%]": "weight"}`. A fraction is converted to per cent if
+    the heading says so.
     """
     numbers = attrgetter(*columns.values())(record)
     return tuple(

@@ -315,8 +315,9 @@ def cleaned(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset]:
 
 
 def _read_tolerantly(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset, bool]:
-    """Return the draft with words for missing values, and with the names of files that cannot be
-    read; its dataset; and True if at least half of the files are in it.
+    """Return a draft that can be read, its dataset, and True if at least half of the files are in
+    the dataset. The draft gets the words for missing values and the names of files that cannot be
+    read.
     """
     warnings: list[str] = []
     rule = draft.data["missing"]
