@@ -37,7 +37,7 @@ def settings(paper: str, swept: str) -> Settings:
         ),
         "fit": (
             {"scaling": "unit_square", **terms},
-            "inputs scaled to 0..1; `max_terms` is the largest number of terms in each segment",
+            "inputs scaled to 0..1; `max_terms` limits the terms of each segment",
         ),
         "fuse": (
             {"transition": "linear", "z_s": 0.25, "hold": "none", "extrapolation": "continue"},
