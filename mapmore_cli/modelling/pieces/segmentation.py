@@ -116,8 +116,7 @@ def optimal_partition(
     for i in range(cells):
         for j in range(i + 1, cells + 1):
             table[i, j] = cost(i, j)
-    finite = table[np.isfinite(table)]
-    tie = TIE_TOLERANCE * float(finite.max()) if len(finite) else 0.0
+    tie = TIE_TOLERANCE * float(table[np.isfinite(table)].max(initial=0.0))
     best, came_from = table[0], []
     for _ in range(count - 1):
         sums = best[:, None] + table
@@ -223,12 +222,9 @@ def _optimal_points(
 
     places = optimal_partition(interval, CELLS, cut.segments)
     if places is None:
-        what = (
-            f"curve {curve.id}: cannot be cut into {cut.count} segments of at least "
-            f"{cut.least} samples along {name}"
-        )
         raise DataError(
-            what,
+            f"curve {curve.id}: cannot be cut into {cut.count} segments of at least "
+            f"{cut.least} samples along {name}",
             f"use fewer segments, or lower segment.{name}.min_samples",
         )
     return np.array([grid[0], *grid[list(places)], grid[-1]])
