@@ -234,7 +234,7 @@ def test_the_strain_is_an_input_instead_of_the_length_that_it_was_computed_from(
 def test_a_level_alone_is_no_input():
     u = np.repeat([1.0, 2.0], 50)
     levels = replace(dataset_of({"u": u[:50], "y": u[:50]}, {"u": u[50:], "y": u[50:]}), level="u")
-    with pytest.raises(DataError, match="u is the only input that changes"):
+    with pytest.raises(DataError, match="u is the only input that varies"):
         situation_of(levels)
 
 

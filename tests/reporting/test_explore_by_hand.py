@@ -51,13 +51,18 @@ def test_spans_and_texts_of_quantities():
     assert data._quantity(Quantity("c", "1"), labels)["label"] == "c"
 
 
+def spans_of(study):
+    curves = study.dataset.curves
+    return {one.name: data._span(curves, one.name) for one in study.model.inputs}
+
+
 def test_samples_are_thinned_and_begin_at_the_middle_of_the_first_held_out_curve(
     inputs, monkeypatch
 ):
     monkeypatch.setattr(data, "MOST_TRAINED", 7)
     monkeypatch.setattr(data, "MOST_SAMPLES", 7)
     curves = inputs.dataset.curves
-    found = data._samples(inputs, curves)
+    found = data._samples(inputs, spans_of(inputs))
     trained, held = found["samples"]["trained"], found["samples"]["held"]
     assert (len(trained["force"]), len(held["force"])) == (7, 7)  # every ninth of 60, third of 20
     (out,) = (curve for curve in curves if curve.held_out.any())
@@ -72,7 +77,7 @@ def test_samples_are_thinned_and_begin_at_the_middle_of_the_first_held_out_curve
 def test_buttons_lead_to_the_middles_of_held_out_curves_and_to_the_worst_sample():
     study = build(samples=20, held_out=lambda level, strain: np.full(len(strain), level != 150))
     curves = study.dataset.curves
-    found = data._samples(study, curves)
+    found = data._samples(study, spans_of(study))
     (trains,) = (curve for curve in curves if curve.training.any())
     assert found["samples"]["trained"]["strain"] == pytest.approx(
         trains.columns["strain"], rel=1e-6
@@ -95,7 +100,7 @@ def test_buttons_lead_to_the_middles_of_held_out_curves_and_to_the_worst_sample(
     (place,) = json.loads(found["buttons"]["Worst held-out sample"])
     assert place == pytest.approx(at, rel=1e-6)
     alone = build(samples=20, held_out=lambda _level, strain: np.zeros(len(strain), dtype=bool))
-    found = data._samples(alone, alone.dataset.curves)
+    found = data._samples(alone, spans_of(alone))
     assert [*found["buttons"]] == ["Worst sample"]
     ends = data._span(alone.dataset.curves, "strain")
     assert found["knobs"]["strain"][0]["value"] == pytest.approx(sum(ends) / 2)
