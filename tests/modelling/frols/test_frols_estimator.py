@@ -91,3 +91,16 @@ def test_noise_is_not_explained_where_no_tolerance_is_given():
         counts.append(len(found.coef_))
         assert {"1", "x0", "x0*x1"} <= set(found.terms_)
     assert counts.count(3) >= 19
+
+
+@pytest.mark.parametrize(
+    ("order", "limit"), [(0, 4.5036e5), (1, 4.5036e5), (2, 671.09), (3, 76.65)]
+)
+def test_a_column_is_centred_where_its_powers_would_differ_by_rounding_alone(order, limit):
+    """Rounding removes 1e-10 of a power at `(1e-10/eps)^(1/order)` standard deviations."""
+    for mean, is_far in ((0.999 * limit, 0), (1.001 * limit, 1), (-1.001 * limit, 1)):
+        column = np.array([[mean - 1], [mean + 1]])
+        wanted = mean * is_far
+        assert mm.FROLS(order=order)._centre_of(column) == pytest.approx([wanted])
+        assert mm.FROLS(order=order, constant=False)._centre_of(column).tolist() == [0]
+    assert mm.FROLS(order=order)._centre_of(np.full((3, 1), 1e9)).tolist() == [0]
