@@ -243,3 +243,13 @@ def test_labelled_values_are_refused_with_a_command_that_keeps_their_names(tmp_p
     command = refused.value.remedy.split("for example with: ")[1]
     subprocess.run(command, shell=True, cwd=tmp_path, check=True)
     assert preview(tmp_path / "serial.csv").titles == ("t", "p", "F")
+
+
+@pytest.mark.parametrize("said", [{}, {"sample_time": "10ms"}, {"no_clock": True}])
+def test_rows_without_a_clock_are_asked_for_their_step(tmp_path, said):
+    u = 50 + 40 * np.sin(T[:600])
+    for number in range(2):
+        columns = (np.arange(600), u + number, np.roll(u, 3))
+        write(tmp_path / f"enc{number}.csv", columns, "n,p [kPa],angle [deg]\n")
+    tips = drafted(tmp_path, answers=answers_of(**said)).tips
+    assert any("--sample-time 10ms" in tip for tip in tips) == (not said)

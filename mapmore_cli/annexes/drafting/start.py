@@ -18,6 +18,7 @@ from mapmore_cli.annexes.drafting.cleaning import cleaned
 from mapmore_cli.annexes.drafting.columns import Table, find
 from mapmore_cli.annexes.drafting.draft import Draft, Named
 from mapmore_cli.annexes.drafting.experiment import (
+    FEWEST,
     LAST_SAMPLES,
     WHOLE,
     Experiment,
@@ -105,7 +106,22 @@ def propose(
             draft = with_second_log(draft, second, folder, target, beside)
         drafts.append(_with_experiment(draft, study, folder, known, target, answers))
     tips = (*_tips(table, known, answers), *(offers_of(study.names) if not answers.hold else ()))
-    return [replace(draft, tips=(*tips, *draft.tips)) for draft in drafts]
+    return [
+        replace(draft, tips=(*tips, *_tip_on_clock(draft, table, answers), *draft.tips))
+        for draft in drafts
+    ]
+
+
+def _tip_on_clock(draft: Draft, table: Table, answers: Answers) -> Iterator[str]:
+    """Yield a tip on the time between samples, for long recordings without a clock at no levels."""
+    has_clock = "time" in draft.data["columns"] or "sample_time" in draft.data
+    rows = max((len(x) for one in table.values() for x in one.values), default=0)
+    if not has_clock and not answers.no_clock and "levels" not in draft.data and rows >= FEWEST:
+        yield (
+            "no column is a clock, so the order of the rows is not used; if they follow each other "
+            "at equal times, say for example `--sample-time 10ms`, and the model may have memory; "
+            "if they do not, say `--no-clock`"
+        )
 
 
 def _tips(table: Table, known: Understood, answers: Answers) -> Iterator[str]:

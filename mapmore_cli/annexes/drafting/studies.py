@@ -199,7 +199,9 @@ def _identities(layout: Layout) -> dict[Column, Identity]:
     ]
     is_by_title = all(isinstance(one.column, str) for one in columns)
     if not is_by_title or len({*identities}) < len(identities):
-        identities = [(*one, place) for place, one in enumerate(identities)]
+        identities = [
+            (*identity, one.place) for one, identity in zip(columns, identities, strict=True)
+        ]
     return dict(zip([one.column for one in columns], identities, strict=True))
 
 
