@@ -230,7 +230,8 @@ class Fitted(LoadedModel):
     fit
         The result of the fit, with every step of the selection of terms.
     held_out
-        The held-out samples, curve by curve; of long recordings, those that figures show.
+        The held-out samples, curve by curve. Of a long recording, it contains only the samples
+        that the figures show.
     warnings
         All warnings that the command would print. A warning that makes the model useless is also
         a Python warning.

@@ -198,8 +198,9 @@ class LoadedModel:
         """Return the lower and the upper end of the interval that contains a sample of a new curve
         with the probability `level`, in the shape of the output.
 
-        They are NaN outside the training range. If the spec has no `validate: {intervals: true}`, a
-        `Fitted` model makes the fits that it needs; a model that was loaded raises `DataError`.
+        They are NaN outside the training range. They need fits without each part of the training
+        data, which a spec with `validate: {intervals: true}` makes. Without this key, a model from
+        `fit` makes these fits now, which takes time, and a model from a file raises `DataError`.
         """
         flat, shape = self._flattened(columns)
         low, high = interval(self._with_intervals, flat, level)
@@ -215,8 +216,11 @@ class LoadedModel:
     def invert(
         self, name: str, wanted: ArrayLike | None = None, rule: str = LOWEST, **given: ArrayLike
     ) -> Inverse:
-        """Return every value of the input `name`, within its training range, that gives the
-        `wanted` output at the other inputs, row by row.
+        """Return every value of the input `name` that gives the `wanted` output at the other
+        inputs, row by row.
+
+        Values are searched between the smallest and the largest one of the training data. At the
+        other inputs, such a value can be outside of the measured data: see `outside_range`.
 
         The wanted output may be passed by its name: `invert("pressure", force=100, strain=0.1)`.
         The rule `lowest` picks the lowest solution, `nearest` the one nearest to the solution of
