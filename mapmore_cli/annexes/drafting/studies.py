@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
+import filecmp
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -12,7 +12,7 @@ from pathlib import Path
 
 from mapmore_cli.annexes.drafting.columns import read_titles
 from mapmore_cli.annexes.drafting.draft import Column, Named, Section
-from mapmore_cli.annexes.drafting.first_lines import comment_among, kinds_of_lines, unread
+from mapmore_cli.annexes.drafting.first_lines import HEAD, comment_among, kinds_of_lines, unread
 from mapmore_cli.annexes.drafting.layout import Layout
 from mapmore_cli.annexes.drafting.names import stem_of
 from mapmore_cli.annexes.drafting.preview import preview
@@ -156,15 +156,14 @@ def _copies(files: Sequence[Path]) -> dict[Path, Path]:
     by_size: dict[int, list[Path]] = {}
     for file in sorted(files, key=lambda file: (len(file.name), file)):
         by_size.setdefault(file.stat().st_size, []).append(file)
-    first: dict[bytes, Path] = {}
+    first: dict[tuple[int, int], Path] = {}
     copies: dict[Path, Path] = {}
     for size, alike in by_size.items():
         for file in alike if size and len(alike) > 1 else ():
             with file.open("rb") as contents:
-                digest = hashlib.file_digest(contents, "blake2b").digest()
-            if digest in first:
-                copies[file] = first[digest]
-            first.setdefault(digest, file)
+                other = first.setdefault((size, hash(contents.read(HEAD))), file)
+            if other is not file and filecmp.cmp(file, other, shallow=False):
+                copies[file] = other
     return copies
 
 
