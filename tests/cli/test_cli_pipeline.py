@@ -117,13 +117,11 @@ def test_stage_commands_print_their_stage(stage, key, finished, document, mapmor
     assert ("index.html" if stage == "report" else "---") in for_people.stdout
 
 
-@pytest.mark.parametrize(("names", "drawn"), [("none", 0), ("nrmse,error", 2)])
-def test_the_figures_that_are_asked_for_are_drawn_alone(names, drawn, study, mapmore):
-    mapmore("report", study, "--figures", names, code=0)
+def test_the_figures_that_are_asked_for_are_drawn_alone(study, mapmore):
     page = study.parent / "runs" / "bench" / "report" / "index.html"
-    assert page.read_text().count("<figcaption>") == drawn
-    mapmore("report", study, "--figures", "all", code=0)
-    assert page.read_text().count("<figcaption>") > 5
+    for names, least, most in (("none", 0, 0), ("nrmse,error", 2, 2), ("all", 6, 99)):
+        mapmore("report", study, "--figures", names, code=0)
+        assert least <= page.read_text().count("<figcaption>") <= most
 
 
 def test_a_figure_that_there_is_not_is_refused(study, mapmore):

@@ -18,7 +18,7 @@ def test_options_become_what_a_reader_is_asked():
 
 @pytest.mark.parametrize("text", ["pressure", "=bar", "pressure=", " = "])
 def test_a_pair_has_a_name_and_a_value(text):
-    with pytest.raises(UsageError, match="is no NAME=") as error:
+    with pytest.raises(UsageError, match="is not of the form NAME=") as error:
         table_options(None, None, None, None, [], [text])
     assert error.value.remedy == "write `--units pressure=bar`"
     with pytest.raises(UsageError) as error:
@@ -30,7 +30,11 @@ def test_a_pair_has_a_name_and_a_value(text):
     ("message", "remedy", "by_options"),
     [
         ("a", "say `decimal: ,`", "say `--decimal ,`"),
-        ("two sheets", "say which by `sheet`", "say which by `--sheet TITLE`"),
+        (
+            "two sheets",
+            "name the sheet to read with `sheet`",
+            "name the sheet to read with `--sheet TITLE`",
+        ),
         ("read as force", "say `unit: kN`", "say `--units force=kN`"),
         ("column 'force'", "say `unit: kN`", "say `--units force=kN`"),
         ("column F [N]", "say `unit: kN`", "say `--units load=kN`"),
@@ -42,12 +46,14 @@ def test_a_pair_has_a_name_and_a_value(text):
         (
             "there is no column P",
             "Did you mean 'p'?",
-            "Did you mean 'p'? Say which it is, as `--columns P='p' --units P=UNIT`.",
+            "Did you mean 'p'? "
+            "Name the right column, for example with `--columns P='p' --units P=UNIT`.",
         ),
         (
             "read as load: there is no column P",
             "It has x.",
-            "It has x. Say which it is, as `--columns load='TITLE' --units load=UNIT`.",
+            "It has x. "
+            "Name the right column, for example with `--columns load='TITLE' --units load=UNIT`.",
         ),
         ("there is no column P", "use `decimal: ,`", "use `--decimal ,`"),
     ],

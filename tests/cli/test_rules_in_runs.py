@@ -16,6 +16,7 @@ SIGN = "its sign seems to be inverted"
 TURNED = ("--set", "data.columns.force.scale=-1")
 
 
+@pytest.mark.usefixtures("batch_here")
 def test_an_error_of_check_ends_a_run_with_its_place_and_its_code(
     study, tmp_path, mapmore, document
 ):
@@ -57,6 +58,7 @@ def test_warnings_are_told_each_time_and_data_are_not_read_again(
         bring_up_to_date(load(study, TURNED[1::2]), runs)
 
 
+@pytest.mark.usefixtures("batch_here")
 def test_a_batch_warns_of_every_run_once(study, mapmore):
     again = study.with_name("again.yaml")
     again.write_text(study.read_text().replace("name: bench", "name: again"))

@@ -256,7 +256,7 @@ def test_a_measured_study_runs(path, runs, document, measured_data):
         )
 
 
-QUICK = ("festo_10mm_10cm_pressure", "bellows_strain", "coiled_steps_motion")
+QUICK = ("bellows_strain", "coiled_steps_motion")
 """Of the short ones those that `make test` runs."""
 
 
