@@ -37,7 +37,7 @@ ALERTS = (
     "reporting/alerts.py: unconfirmed_sentence",
     "modelling/validation/residuals.py: alarms _of_scores _bare",
     "pipeline/scoring.py: _scored",
-    "domain/scores.py: STRUCTURE_SEEN",
+    "domain/scores.py: STRUCTURE_SEEN EFFECTS_SEEN",
 )
 
 KINDS = "reporting/alerts.py: _of_residuals _of_held_out _of_competitors"

@@ -14,7 +14,7 @@ from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.results import Forecast, Validation
-from mapmore_cli.domain.scores import OWN, REPEATABILITY, STRUCTURE_SEEN, Score
+from mapmore_cli.domain.scores import EFFECTS_SEEN, OWN, REPEATABILITY, STRUCTURE_SEEN, Score
 from mapmore_cli.fitting.competitors import Contest, Forecasts, Rival
 from mapmore_cli.fitting.kinds.choices import ModelChoices
 from mapmore_cli.fitting.left_out import Said, left_out, trained_on, was_searched
@@ -79,11 +79,17 @@ def _scored(part: ScoresSlice, workspace: Workspace, measured: Dataset, model: M
         name: tuple(forecast.values for forecast in every) for name, every in forecasts.items()
     }
     warnings = alarms(model, dataset, predictions[OWN], scores)
-    if part.structure_seen and not (part.folds and was_searched(workspace.run_dir)):
-        chosen = (
-            f"{STRUCTURE_SEEN}{part.structure_seen}, so that errors on new ones are probably larger"
-        )
-        warnings = (chosen, *warnings)
+    searched_again = part.folds and was_searched(workspace.run_dir)
+    seen = {
+        STRUCTURE_SEEN: "" if searched_again else part.structure_seen,
+        EFFECTS_SEEN: part.effects_seen,
+    }
+    with_all = [
+        f"{what}{of}, so that errors on new ones are probably larger"
+        for what, of in seen.items()
+        if of
+    ]
+    warnings = (*with_all, *warnings)
     far = () if part.robust is None else outliers(dataset, forecasts[OWN], part.robust)
     if far:
         worst = f"the farthest is {far[0].file}:{far[0].place}"

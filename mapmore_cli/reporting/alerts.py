@@ -12,7 +12,7 @@ import numpy as np
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import AUTOCORRELATION, ResidualTest, Search, Validation
-from mapmore_cli.domain.scores import OWN, REPEATABILITY, STRUCTURE_SEEN, Alert, Score, deciding
+from mapmore_cli.domain.scores import OWN, REPEATABILITY, SEEN, Alert, Score, deciding
 from mapmore_cli.modelling.validation.coverage import new_combinations, share_outside
 from mapmore_cli.reporting.score_tables import EQUAL_WITHIN
 from mapmore_cli.reporting.table import title_of
@@ -85,7 +85,7 @@ def _of_output(
 ) -> Iterator[tuple[str, str, str]]:
     """Yield kind, sentence and section of the alerts of one output."""
     for warning in validation.warnings:
-        yield "structure" if warning.startswith(STRUCTURE_SEEN) else "warning", warning, "fit"
+        yield "structure" if warning.startswith(SEEN) else "warning", warning, "fit"
     yield from _of_competitors(validation.scores, next(iter(validation.units.values()), ""))
     for test in validation.residual_tests:
         if test.fails:

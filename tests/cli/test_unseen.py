@@ -1,10 +1,17 @@
 """What is held out has no say: turned round, it changes no byte of what is fitted or chosen."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import unseen_tables
 from page_tables import DOCS, rows_of
-from unseen_tables import COLUMNS, KINDS, SAME, cell, splits_of
+from unseen_tables import COLUMNS, KINDS, PRESSURES, SAME, cell, force_map, splits_of
+
+from mapmore_cli.domain.scores import EFFECTS_SEEN
+from mapmore_cli.fitting.left_out import left_out
+from mapmore_cli.pipeline import scoring
+from mapmore_cli.storage.run_folder import MODEL, RunFiles
 
 SLOW = ("search", "optimal", "auto", "hinged")
 QUICK = [kind for kind in KINDS if not any(word in kind for word in SLOW)]
@@ -43,3 +50,129 @@ def test_what_has_seen_held_out_data_is_noticed(monkeypatch):
 
     monkeypatch.setattr(unseen_tables, "made", everything)
     assert cell("pieces", "last") == unseen_tables.SEEN
+
+
+STUDY = """
+schema_version: 1
+name: map
+data:
+  files: ["*.csv"]
+  columns:
+    pressure: {{column: P, unit: kPa}}
+    strain: {{column: eps}}
+    diameter: {{column: d, unit: mm}}
+    force: {{column: F, unit: N}}
+  levels: {{of: pressure, at: auto}}
+  groups: {groups}
+  split: {split}
+target: force
+segment: {{strain: {{method: even, count: 2}}}}
+dictionary: [{{polynomial: {{of: [strain], order: 3}}}}]
+fit: {{max_terms: 2}}
+model: {{backbone: {backbone}}}
+validate: {{intervals: {intervals}, against: {against}}}
+"""
+
+
+def measured(folder, turned, **words):
+    """A study of two specimens; the forces at one pressure may be turned round."""
+    folder.mkdir()
+    for specimen in (0, 1):
+        for pressure, curve in zip(PRESSURES, force_map().curves, strict=True):
+            force = (1 + 0.1 * specimen) * curve.columns["force"] + 5 * specimen
+            if turned and pressure == 300:
+                force = 2 * force[::-1] + 1
+            columns = {name: curve.columns[name] for name in ("pressure", "strain")}
+            rows = zip(*columns.values(), force, strict=True)
+            text = "".join(f"{p:.4f},{s:.5f},{10 + specimen},{f:.5f}\n" for p, s, f in rows)
+            (folder / f"{specimen}_{pressure:g}.csv").write_text(f"P,eps,d,F\n{text}")
+    spec = folder / "map.yaml"
+    spec.write_text(STUDY.format(**words))
+    return spec
+
+
+@pytest.fixture
+def both(tmp_path, mapmore, monkeypatch):
+    """Two validated runs of which one has other forces at 300 kPa, and what commands print."""
+
+    def make(*lines, **words):
+        found = []
+        for turned in (False, True):
+            spec = measured(tmp_path / str(turned), turned, **words)
+            monkeypatch.chdir(spec.parent)
+            mapmore("validate", spec.name, "--no-check", code=0)
+            printed = [mapmore(*line, code=0).stdout for line in lines]
+            found.append((RunFiles(Path("runs/map").resolve()), printed))
+        return found
+
+    return make
+
+
+PAIR = (
+    "{as: pair, sum: [{formula: sarosi, inputs: {pressure: pressure, strain: strain}}, "
+    "{formula: chou_hannaford, inputs: {pressure: pressure, strain: strain}}]}"
+)
+GRID = "pressure=100:500:100,strain=0:0.1:0.02"
+LINES = [
+    ("predict", "runs/map/model.h5", "--grid", GRID, "--interval", "0.95"),
+    ("tune", "map.yaml", "--over", "fit.max_terms=1,2", "--json"),
+    ("plan", "map.yaml", "--json"),
+]
+
+
+def test_held_out_data_have_no_say_in_competitors_intervals_groups_tune_and_plan(both):
+    """Beside the model: offsets of groups, competitors, intervals, `tune` and `plan`."""
+    (one, printed), (other, turned) = both(
+        *LINES,
+        split="{validate: {pressure: [300]}}",
+        groups="{of: diameter, offset: true, gain: true}",
+        intervals="true",
+        backbone="sarosi",
+        against=f"[polynomial_2, gradient_boosting, {PAIR}]",
+    )
+    assert (one.folder / MODEL).read_bytes() == (other.folder / MODEL).read_bytes()
+    assert printed == turned
+    said, again = one.validation(), other.validation()
+    assert "gradient_boosting" in said.predictions
+    np.testing.assert_equal(said.predictions, again.predictions)
+
+
+FOLDS = {"split": "{leave_one_level_out: true}", "intervals": "false"}
+
+
+@pytest.mark.parametrize(
+    ("backbone", "against"),
+    [
+        ("null", "[polynomial_2]"),
+        pytest.param("auto", f"[gradient_boosting, {PAIR}]", marks=pytest.mark.long),
+    ],
+)
+def test_a_fold_has_not_seen_what_it_is_scored_on(both, monkeypatch, backbone, against):
+    """Every level is left out once: its own forces change nothing of what is said of it."""
+    said = []
+
+    def kept(*args):
+        found = left_out(*args)
+        said.append(found[1])
+        return found
+
+    monkeypatch.setattr(scoring, "left_out", kept)
+    (one, _), _ = both(**FOLDS, groups="{of: diameter}", backbone=backbone, against=against)
+    assert not [text for text in one.validation().warnings if text.startswith(EFFECTS_SEEN)]
+    curves = one.dataset().curves
+    for name, forecasts in said[0].items():
+        changed = [
+            round(curve.level, -1)
+            for before, after, curve in zip(forecasts, said[1][name], curves, strict=True)
+            if not np.array_equal(before.values, after.values)
+        ]
+        assert changed, name
+        assert 300 not in changed, name
+
+
+def test_the_verdict_says_that_effects_of_groups_have_seen_the_folds(tmp_path, mapmore):
+    """They are estimated once, before the folds, and are taken off what the folds are scored on."""
+    words = {"groups": "{of: diameter, offset: true}", "backbone": "null", "against": "[]"}
+    spec = measured(tmp_path / "one", False, **FOLDS, **words)
+    run = mapmore("run", spec, "--runs", tmp_path / "runs", "--no-check", code=0)
+    assert "gains and offsets of groups were estimated with all levels" in run.stdout

@@ -112,14 +112,14 @@ def contents(folder):
 
 
 def content_of(path):
-    """The bytes of a file. The page of runs says when they ended, so that two of the same results
-    differ: in its place stand its rows without that, and the page's own end.
+    """The bytes of a file. The page of runs says when they ended and how long they took, so that
+    two of the same results differ: in its place stand its rows without that, and its own end.
     """
     text = path.read_bytes()
     rows = rows_of(path) if path.name == PAGE else None
     if not rows:
         return text
-    rows = sorted((replace(row, ended=0.0) for row in rows), key=lambda row: row.run)
+    rows = sorted((replace(row, ended=0.0, seconds={}) for row in rows), key=lambda row: row.run)
     return repr(rows).encode() + text[-20:]
 
 
