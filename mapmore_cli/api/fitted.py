@@ -17,15 +17,15 @@ from mapmore_cli.checking.findings import sentences
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.domain.scores import ScoreTable
-from mapmore_cli.pipeline.notebooks import (
+from mapmore_cli.pipeline.notebooks import LoadedModel
+from mapmore_cli.pipeline.runner import Options, bring_up_to_date
+from mapmore_cli.pipeline.tables_in_memory import (
     Frame,
-    LoadedModel,
     section_of,
     source_of,
     tables_of,
     write_tables,
 )
-from mapmore_cli.pipeline.runner import Options, bring_up_to_date
 from mapmore_cli.reporting.score_tables import score_table
 from mapmore_cli.reporting.summary import summary_table
 from mapmore_cli.reporting.table import Table
@@ -37,7 +37,8 @@ from mapmore_cli.study.experiment import ExperimentSpec
 from mapmore_cli.study.loader import MODELINE, SCHEMA, LoadedSpec, load_text
 from mapmore_cli.study.schema import write_schema_beside
 from mapmore_cli.study.sections.logs import SourceColumn
-from mapmore_cli.study.yaml_loader import as_overrides, dump, escaped
+from mapmore_cli.study.variables import escaped
+from mapmore_cli.study.yaml_dumper import as_overrides, dump
 
 if TYPE_CHECKING:
     from rich.progress import Progress

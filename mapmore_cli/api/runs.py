@@ -13,13 +13,14 @@ from typing import Any
 from mapmore_cli.api.fitted import Scores
 from mapmore_cli.checking.findings import sentences
 from mapmore_cli.pipeline.jobs import Finished, Job, run_one
-from mapmore_cli.pipeline.notebooks import LoadedModel, plain_values
+from mapmore_cli.pipeline.notebooks import LoadedModel
 from mapmore_cli.pipeline.runner import Options
+from mapmore_cli.pipeline.tables_in_memory import plain_values
 from mapmore_cli.reporting.order import RUN_PAGE
 from mapmore_cli.storage.artefacts import read_model
 from mapmore_cli.storage.run_folder import RunFiles
 from mapmore_cli.storage.run_record import scores_beside
-from mapmore_cli.study.yaml_loader import as_overrides
+from mapmore_cli.study.yaml_dumper import as_overrides
 
 
 @dataclass(frozen=True, repr=False)

@@ -12,7 +12,11 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.pipeline.example import example_recordings
 from mapmore_cli.pipeline.frames import labels_of
-from mapmore_cli.pipeline.notebooks import canonical_columns, plain_values, with_canonical_columns
+from mapmore_cli.pipeline.tables_in_memory import (
+    canonical_columns,
+    plain_values,
+    with_canonical_columns,
+)
 from mapmore_cli.storage.readers import reader_of
 from mapmore_cli.study.diagnostics import did_you_mean
 from mapmore_cli.study.sections.data import Data

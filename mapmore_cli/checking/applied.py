@@ -24,7 +24,7 @@ from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import slice_of
 from mapmore_cli.study.loader import LoadedSpec
-from mapmore_cli.study.sections.data import Split
+from mapmore_cli.study.sections.split import Split
 
 OF_RECORDINGS: tuple[Rule, ...] = (
     *(units.strain_in_per_cent, units.unit_in_the_name, units.unit_line, units.formulas_in_labels),

@@ -27,7 +27,7 @@ from mapmore_cli.modelling.literature.formulas.sarosi_hysteresis_loss import Hys
 from mapmore_cli.modelling.signals.plateau import damping_component
 from mapmore_cli.storage.artefacts import read_model
 from mapmore_cli.storage.run_folder import RunFiles
-from mapmore_cli.study.experiment import Competitor
+from mapmore_cli.study.sections.results import Competitor
 
 Forecasts = tuple[Forecast, ...]
 """Forecasts of one model for every curve of the dataset."""

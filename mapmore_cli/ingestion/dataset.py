@@ -53,8 +53,9 @@ from mapmore_cli.ingestion.samples import (
 )
 from mapmore_cli.ingestion.uncertainty import with_uncertainty
 from mapmore_cli.modelling.signals.cycles import last_cycles
-from mapmore_cli.study.sections.data import Between, Data, Holdout
+from mapmore_cli.study.sections.data import Data
 from mapmore_cli.study.sections.logs import FileEntry
+from mapmore_cli.study.sections.split import Between, Holdout
 
 BAD = "is left out as a bad file"
 FEW = 10  # a recording with fewer remaining samples is worth a warning

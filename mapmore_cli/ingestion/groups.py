@@ -12,7 +12,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.signals.sampling import even_share
-from mapmore_cli.study.sections.data import Groups
+from mapmore_cli.study.sections.split import Groups
 
 ORDER = 3
 """Order of the polynomial of all inputs that all groups share."""

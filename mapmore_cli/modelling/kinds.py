@@ -98,7 +98,7 @@ class Kind:
     - `settings`: the keys of `model: {type: NAME}` in a spec, if the kind has keys of its own.
 
     A kind of a plugin derives from this class and defines what higher layers ask for: `maker`
-    (`fitting.kinds.Fitted`), `findings` (`study.check_study.Checked`), `section` and `show_fit`
+    (`fitting.kinds.Fitted`), `findings` (`study.checks.target.Checked`), `section` and `show_fit`
     (`reporting.sections.Paged`), `show` (`cli.views.Shown`).
     """
 

@@ -5,21 +5,18 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import prod
-from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-import h5py
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import TypeAdapter
 
 from mapmore_cli.domain import plugins
 from mapmore_cli.domain.arrays import Array, BoolArray
-from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.models import Equation, Model
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling.inverse import LOWEST, Inverse, invert
@@ -28,14 +25,17 @@ from mapmore_cli.modelling.kinds import equations as model_equations
 from mapmore_cli.modelling.programs import slopes
 from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.modelling.validation.intervals import INTERVAL, interval
-from mapmore_cli.pipeline.frames import Door, labels_of
+from mapmore_cli.pipeline.frames import labels_of
 from mapmore_cli.pipeline.records import reading_of
-from mapmore_cli.storage.atomic import make_folder, refusals_told, replacing, write_own
-from mapmore_cli.storage.tables import IN_MEMORY, RawTable, known_names
-from mapmore_cli.storage.tables.cells import CellReader
-from mapmore_cli.study.fields import as_target
+from mapmore_cli.pipeline.tables_in_memory import (
+    columns_in,
+    given_numbers,
+    quantities_of,
+    source_of,
+)
+from mapmore_cli.storage.atomic import refusals_told, write_own
 from mapmore_cli.study.sections.logs import SourceColumn
-from mapmore_cli.study.units import convert, default_unit, is_canonical
+from mapmore_cli.study.units import default_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -261,228 +261,3 @@ class LoadedModel:
 
 
 _SOURCES = TypeAdapter(dict[str, SourceColumn])
-
-
-# Tables
-# --------------------------------------------------------------------------------------------------
-
-Column = str | int
-
-Frame = Any
-"""Any table: a mapping of arrays, or a data frame of pandas, polars or pyarrow."""
-
-Entry = Column | Mapping[str, Any]
-"""Entry of `columns` for a quantity, as in YAML."""
-
-
-def columns_in(frame: object, column: Column) -> list[Hashable]:
-    """Return the labels that a column of the spec means: none if there is no such column, several
-    if it is ambiguous.
-
-    The identical label is preferred. A text also means a label that is written like it. A number
-    means an index, counted from 0, if no label is a number.
-    """
-    labels = labels_of(frame) or ()
-    exact: list[Hashable] = [
-        label for label in labels if type(label) is not bool and label == column
-    ]
-    if isinstance(column, str):
-        return exact or [label for label in labels if str(label) == column]
-    numbered = any(isinstance(label, Integral) for label in labels)
-    return exact if numbered or not 0 <= column < len(labels) else [labels[column]]
-
-
-def canonical_columns(frame: object, target: object) -> dict[str, dict[str, str]]:
-    """Return the section `columns` for a frame: its columns with canonical names; or, if the
-    `target` is the label of a column, all columns whose labels can be names of quantities. Raises
-    SpecError if there are none.
-    """
-    names = tuple(map(str, labels_of(frame) or ()))
-    section = as_target(target)
-    is_own = isinstance(section, dict) and section.get("column") in names
-    usable = filter(str.isidentifier if is_own else is_canonical, names)
-    columns = {name: {"column": name} for name in usable}
-    if not columns:
-        known = known_names("", names, "The frame has")
-        raise SpecError(
-            "columns: no column of the frame has a canonical name",
-            f'assign the columns: columns={{"force": {{"column": "F"}}}}. {known}',
-        )
-    return columns
-
-
-def with_canonical_columns(
-    frames: Sequence[object], columns: Mapping[str, Any], made: Collection[str]
-) -> dict[str, Any]:
-    """Return the section `columns`, extended by unused columns of all frames whose labels are
-    canonical names, except quantities that are already in the section, or that are `made` from
-    others (derived).
-    """
-    frame, *others = frames
-    used = {label for entry in columns.values() for label in columns_in(frame, source_of(entry))}
-    added = {
-        str(label): {"column": str(label)}
-        for label in labels_of(frame) or ()
-        if label not in used
-        and str(label) not in made
-        and is_canonical(str(label))
-        and all(label in (labels_of(other) or ()) for other in others)
-    }
-    return {**added, **columns}
-
-
-def column_of(
-    frame: Frame, column: Column, label: str, name: str, unit: str, layout: str | None = None
-) -> Array:
-    """Return one column as numbers of the quantity `name` in a `unit`, (n,). Raises DataError."""
-    labels, matches, label_of_column = (
-        labels_of(frame) or (),
-        columns_in(frame, column),
-        f"{label}: column '{column}'",
-    )
-    if not matches:
-        known = known_names(str(column), tuple(map(str, labels)), "The frame has")
-        raise DataError(f"{label}: there is no column '{column}'", known)
-    if len(matches) > 1 or labels.count(matches[0]) > 1:
-        raise DataError(
-            f"{label_of_column} exists more than once", "give each column a name of its own"
-        )
-    values = given_numbers(frame[matches[0]], label_of_column, name, unit, layout)
-    if values.ndim != 1:
-        raise DataError(
-            f"{label_of_column} has the shape {values.shape}",
-            "give one-dimensional arrays of one length",
-        )
-    return values
-
-
-def given_numbers(
-    values: object, what: str, name: str, unit: str, layout: str | None = None
-) -> Array:
-    """Return the values that a user passed for the quantity `name` as numbers in a `unit`; `layout`
-    is the format of time stamps.
-
-    Raises DataError with a message that begins with `what`, a name for the values.
-    """
-    clock = name == "time"
-    read = CellReader(clock=clock, format=layout, second=convert(1.0, "s", unit) if clock else 1.0)
-    return Door(
-        lambda numbers, unit_of_column: convert(numbers, unit_of_column, unit), read, clock
-    ).numbers(values, what)
-
-
-def tables_of(
-    frames: Sequence[Frame], columns: Mapping[str, Entry], units: Mapping[str, str]
-) -> dict[str, RawTable]:
-    """Return every frame as a recording in memory: one unscaled array, (n,), for each quantity of
-    `columns`. `columns` and `units` are sections of the spec.
-
-    Raises `DataError` for columns that do not exist, are no numbers, or differ in length.
-    """
-    tables = {}
-    titles = {name: repr(source_of(entry)) for name, entry in columns.items()}
-    for number, frame in enumerate(frames, start=1):
-        label = f"frame {number}" if len(frames) > 1 else "the frame"
-        arrays = {}
-        for name, entry in columns.items():
-            settings = entry if isinstance(entry, Mapping) else {}
-            unit = str(settings.get("unit") or default_unit(name, units))
-            own = column_of(
-                frame, source_of(entry), label, name, unit, settings.get("format")
-            ).view()
-            # the array may belong to the caller, so it must not be changed
-            own.flags.writeable = False
-            arrays[name] = own
-        lengths = {name: len(values) for name, values in arrays.items()}
-        if len(set(lengths.values())) > 1:
-            raise DataError(
-                f"{label}: columns of different length: {lengths}",
-                "give columns of one recording, which all have the same length",
-            )
-        rows = range(max(lengths.values(), default=0))
-        tables[f"recording_{number}"] = RawTable(arrays, rows, label, IN_MEMORY, titles=titles)
-    return tables
-
-
-def section_of(tables: Iterable[str], columns: Mapping[str, Entry]) -> dict[str, object]:
-    """Return the keys of `data` for tables in memory, whose columns have the names of their
-    quantities; `columns` is the section for the frames.
-    """
-    read = {}
-    for name, entry in columns.items():
-        read[name] = {**(entry if isinstance(entry, Mapping) else {}), "column": name}
-        if name == "time":
-            # the arrays already contain numbers instead of time stamps
-            read[name].pop("format", None)
-    return {"files": [*tables], "reader": "hdf5", "columns": read}
-
-
-def write_tables(tables: Mapping[str, RawTable], folder: Path) -> list[Path]:
-    """Write every table in memory to a separate HDF5 file in `folder`, and return their paths."""
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    make_folder(folder)
-    paths = [folder / f"{name}.h5" for name in tables]
-    for path, table in zip(paths, tables.values(), strict=True):
-        with replacing(path) as raw, h5py.File(raw, "w") as file:
-            for name, values in table.columns.items():
-                file.create_dataset(name, data=values, track_times=False)
-    return paths
-
-
-def source_of(entry: object) -> Column:
-    """Return the column that an entry of `columns` names. Raises SpecError for an entry of another
-    form.
-    """
-    source = entry.get("column") if isinstance(entry, Mapping) else entry
-    if not isinstance(source, str | int):
-        raise SpecError(
-            "columns: an entry does not name its column",
-            'write columns={"force": {"column": "F", "unit": "N"}}',
-        )
-    return source
-
-
-def quantities_of(
-    frame: object,
-    wanted: Sequence[str],
-    columns: Mapping[str, SourceColumn],
-    units: Mapping[str, str],
-) -> dict[str, Array]:
-    """Return the `wanted` quantities of a frame in the model's `units`, (n,) each.
-
-    A column is found by its name in `columns`, with unit, scale and offset; otherwise by its
-    canonical name, in the model's unit; otherwise by its index in `columns`.
-    """
-    values_of = {}
-    for name in wanted:
-        column, unit = columns.get(name), units.get(name) or default_unit(name)
-        numbered = (
-            column is not None and isinstance(column.column, int) and not columns_in(frame, name)
-        )
-        if column is not None and (numbered or columns_in(frame, str(column.column))):
-            own = column.unit or unit
-            values = column_of(
-                frame, column.column, "the frame", name, own, column.formats.get(column.column)
-            )
-            values = values * column.scale + column.offset
-            values_of[name] = convert(values, own, unit)
-        else:
-            values_of[name] = column_of(frame, name, "the frame", name, unit)
-    return values_of
-
-
-def plain_values(section: Mapping[str, object]) -> dict[str, Any]:
-    """Return a section in the types of YAML: lists for tuples and arrays, numbers for NumPy
-    scalars, text for paths.
-    """
-    return {str(key): _plain_value(value) for key, value in section.items()}
-
-
-def _plain_value(value: object) -> object:
-    if isinstance(value, Mapping):
-        return plain_values(value)
-    if isinstance(value, list | tuple):
-        return [_plain_value(item) for item in value]
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    return str(value) if isinstance(value, Path) else value

@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, Any
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError
 from mapmore_cli.fitting.stage import Stage, Workspace
 from mapmore_cli.storage.run_folder import VALIDATION, RunFiles
-from mapmore_cli.study.experiment import ExperimentSpec, Muscle, Report, Validate
+from mapmore_cli.study.experiment import ExperimentSpec, Muscle
+from mapmore_cli.study.sections.report import Report
+from mapmore_cli.study.sections.results import Validate
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.fits import SegmentedCurve

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices, with_definitions
 from mapmore_cli.modelling.selection import Fit
-from mapmore_cli.study.experiment import Competitor, ExperimentSpec
+from mapmore_cli.study.experiment import ExperimentSpec
+from mapmore_cli.study.sections.results import Competitor
 
 
 @dataclass(frozen=True)

@@ -20,9 +20,10 @@ from mapmore_cli.fitting.stage import Need, Stage
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.storage.run_record import SEARCH_STAGE, StageRecord, Stamp, load_records
 from mapmore_cli.storage.stamps import take_stamp
-from mapmore_cli.study.experiment import Competitor, ExperimentSpec
+from mapmore_cli.study.experiment import ExperimentSpec
 from mapmore_cli.study.loader import LoadedSpec, changed, load
-from mapmore_cli.study.yaml_loader import as_overrides
+from mapmore_cli.study.sections.results import Competitor
+from mapmore_cli.study.yaml_dumper import as_overrides
 
 MODEL_STAGE = "fuse"
 """Stage after which a run has the model that others read."""

@@ -11,8 +11,9 @@ from mapmore_cli.domain.scores import OWN, Limit, deciding
 from mapmore_cli.fitting.stage import Need, Stage, Workspace
 from mapmore_cli.pipeline.scores_slice import ScoresSlice, scores_slice
 from mapmore_cli.storage.run_folder import VALIDATION
-from mapmore_cli.study.experiment import Competitor, ExperimentSpec
-from mapmore_cli.study.yaml_loader import as_overrides
+from mapmore_cli.study.experiment import ExperimentSpec
+from mapmore_cli.study.sections.results import Competitor
+from mapmore_cli.study.yaml_dumper import as_overrides
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.scores import Score

@@ -15,10 +15,11 @@ from pydantic import Field
 
 from mapmore_cli.domain.declared import Name
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.study.experiment import OtherSettings
 from mapmore_cli.study.fields import Row, Section, SpecPath
 from mapmore_cli.study.loader import load_as
-from mapmore_cli.study.yaml_loader import as_overrides, read_source
+from mapmore_cli.study.sections.results import OtherSettings
+from mapmore_cli.study.yaml_dumper import as_overrides
+from mapmore_cli.study.yaml_loader import read_source
 
 
 class Variant(Section):

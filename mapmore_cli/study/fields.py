@@ -35,7 +35,7 @@ from mapmore_cli.study.units import (
     parse_quantity,
     split_quantity,
 )
-from mapmore_cli.study.yaml_loader import VARIABLES, expand, variable_in
+from mapmore_cli.study.variables import VARIABLES, expand, variable_in
 
 TargetKind = Literal["static", "hysteresis", "damping", "dynamic"]
 """The part of the force that is modelled, if the target is no measured quantity."""

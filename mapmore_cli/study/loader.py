@@ -20,7 +20,7 @@ from pydantic import BaseModel, ValidationError
 
 from mapmore_cli.domain.errors import SpecError, UsageError
 from mapmore_cli.storage.tables import RawTable
-from mapmore_cli.study import check_names, check_study
+from mapmore_cli.study import checks
 from mapmore_cli.study.diagnostics import (
     MOST_ERRORS,
     Finding,
@@ -46,16 +46,20 @@ from mapmore_cli.study.tree import (
     written,
 )
 from mapmore_cli.study.units import default_unit, is_kept
-from mapmore_cli.study.yaml_loader import VARIABLES, dump, escaped, expand, parse, read_source
+from mapmore_cli.study.variables import VARIABLES, escaped, expand
+from mapmore_cli.study.yaml_dumper import dump
+from mapmore_cli.study.yaml_loader import parse, read_source
 
 
 def findings(spec: ExperimentSpec) -> Iterator[Finding]:
     """Yield every mistake of an experiment whose form is valid."""
     mistakes = list[Finding]()
     for each in spec.each:
-        for check in (*check_names.CHECKS, *check_study.CHECKS):
+        for check in checks.OF_EACH_TARGET:
             mistakes += [finding for finding in check(each) if finding not in mistakes]
-    yield from (*check_study.several(spec), *check_study.metrics(spec), *mistakes)
+    for check in checks.OF_WHOLE_STUDY:
+        yield from check(spec)
+    yield from mistakes
 
 
 MODELINE, SCHEMA = "# yaml-language-server: $schema=", "mapmore.schema.json"

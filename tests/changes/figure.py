@@ -13,7 +13,7 @@ PATCH = {**DRAWN, **PLACED}
 WORKS = """
 from mapmore_cli.reporting.order import FIGURES
 from mapmore_cli.reporting.figures import scatter
-from mapmore_cli.study.experiment import Report
+from mapmore_cli.study.sections.report import Report
 assert "scatter" in Report().figures and callable(scatter.draw)
 """
 TEST = "reporting/test_reporting_page.py::test_every_figure_has_a_file_and_a_place"

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import mapmore_cli as mm
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.pipeline.notebooks import given_numbers
+from mapmore_cli.pipeline.tables_in_memory import given_numbers
 
 UNITS = pint.UnitRegistry()
 NA = type("NAType", (), {})()  # as pandas has it: no number, and no truth value

@@ -12,7 +12,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.ingestion.groups import GroupEffects, _require_apart, group_effects
 from mapmore_cli.storage.run_folder import RunFiles
-from mapmore_cli.study.sections.data import Groups
+from mapmore_cli.study.sections.split import Groups
 
 SPEC = """\
 name: specimens

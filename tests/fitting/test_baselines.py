@@ -110,7 +110,7 @@ def test_missing_inputs_give_no_prediction():
 def test_without_scikit_learn_a_spec_says_what_to_install(tmp_path, monkeypatch):
     spec = tmp_path / "bench.yaml"
     spec.write_text(SPEC.format(against="mlp"))
-    monkeypatch.setattr("mapmore_cli.study.check_study.find_spec", lambda _name: None)
+    monkeypatch.setattr("mapmore_cli.study.checks.competitors.find_spec", lambda _name: None)
     with pytest.raises(SpecError, match=r"bench\.yaml:\d+:\d+: `mlp` needs scikit-learn") as told:
         load(spec)
     assert "pip install 'mapmore[baselines]'" in str(told.value)

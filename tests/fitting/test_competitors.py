@@ -17,7 +17,7 @@ from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.storage.artefacts import write_fit, write_model
-from mapmore_cli.study.experiment import Competitor
+from mapmore_cli.study.sections.results import Competitor
 
 
 def curve(level, *, held):

@@ -24,8 +24,8 @@ from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.kinds import rules
 from mapmore_cli.modelling.pieces.recipe import Fuse
-from mapmore_cli.study.sections.data import Holdout
 from mapmore_cli.study.sections.model import ModelChoice
+from mapmore_cli.study.sections.split import Holdout
 
 Columns = dict[str, np.ndarray]
 STEP = 0.02

@@ -16,7 +16,7 @@ from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.pipeline.inspection import inspect
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.study.loader import load, load_text
-from mapmore_cli.study.yaml_loader import dump
+from mapmore_cli.study.yaml_dumper import dump
 
 NAMES = (
     *(

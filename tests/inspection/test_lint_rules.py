@@ -19,7 +19,7 @@ from mapmore_cli.modelling.validation.repeatability import monotone_floor
 from mapmore_cli.pipeline.inspection import inspect
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.study.loader import load
-from mapmore_cli.study.yaml_loader import dump
+from mapmore_cli.study.yaml_dumper import dump
 
 LEVELS = (100.0, 200.0, 300.0, 400.0)
 SPEC: dict[str, Any] = {

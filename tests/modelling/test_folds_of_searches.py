@@ -9,7 +9,7 @@ from common import curve_of, dataset_of
 
 from mapmore_cli.annexes.search import bench
 from mapmore_cli.annexes.search.situation import Situation
-from mapmore_cli.study.sections.data import Between
+from mapmore_cli.study.sections.split import Between
 
 
 def rows(folds):

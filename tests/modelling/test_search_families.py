@@ -24,8 +24,9 @@ from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.study.experiment import ExperimentSpec
 from mapmore_cli.study.loader import findings
-from mapmore_cli.study.sections.data import Holdout, Levels
+from mapmore_cli.study.sections.data import Levels
 from mapmore_cli.study.sections.model import ModelChoice
+from mapmore_cli.study.sections.split import Holdout
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 WHOLE = Slice(None, ModelChoice(type="auto"), Fuse(), {}, None, (), False)

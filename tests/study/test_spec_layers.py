@@ -10,7 +10,8 @@ from spec_examples import FORMULA, STATIC, assert_says, load_text, refusal
 
 from mapmore_cli.domain.errors import SpecError, UsageError
 from mapmore_cli.study.loader import load
-from mapmore_cli.study.yaml_loader import as_overrides, expand
+from mapmore_cli.study.variables import expand
+from mapmore_cli.study.yaml_dumper import as_overrides
 
 # Environment
 # --------------------------------------------------------------------------------------------------

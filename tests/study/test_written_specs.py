@@ -5,7 +5,7 @@ editors.
 from spec_examples import STATIC
 
 from mapmore_cli.study.loader import load
-from mapmore_cli.study.yaml_loader import dump
+from mapmore_cli.study.yaml_dumper import dump
 
 MODELINE = "# yaml-language-server: $schema="
 

@@ -17,7 +17,8 @@ from spec_examples import STATIC, refusal
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.study.loader import load
 from mapmore_cli.study.tree import SourceText, nearest, written
-from mapmore_cli.study.yaml_loader import _CoreDumper, dump, parse
+from mapmore_cli.study.yaml_dumper import _CoreDumper, dump
+from mapmore_cli.study.yaml_loader import parse
 
 
 def tree(text):

@@ -19,8 +19,8 @@ from mapmore_cli.storage.ownership import to_trash
 from mapmore_cli.storage.run_folder import refuse_foreign
 from mapmore_cli.storage.run_record import CAMPAIGN_RECORD
 from mapmore_cli.study.campaign import Campaign, Entry, Expanded
-from mapmore_cli.study.experiment import Competitor
 from mapmore_cli.study.loader import load
+from mapmore_cli.study.sections.results import Competitor
 
 if TYPE_CHECKING:
     from mapmore_cli.annexes.campaigns.tables import CampaignScores

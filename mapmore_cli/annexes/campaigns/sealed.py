@@ -38,7 +38,8 @@ from mapmore_cli.storage.seals import (
 )
 from mapmore_cli.storage.stamps import take_stamp
 from mapmore_cli.study.loader import load
-from mapmore_cli.study.yaml_loader import files_read, readable_variables
+from mapmore_cli.study.variables import readable_variables
+from mapmore_cli.study.yaml_loader import files_read
 
 if TYPE_CHECKING:
     from mapmore_cli.study.loader import LoadedSpec

@@ -18,7 +18,7 @@ from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import find_sources, slice_of
 from mapmore_cli.study.loader import load_text
 from mapmore_cli.study.sections.data import Data
-from mapmore_cli.study.yaml_loader import dump
+from mapmore_cli.study.yaml_dumper import dump
 
 
 def checked(draft: Draft, plainer: Sequence[Draft], folder: Path) -> Draft:

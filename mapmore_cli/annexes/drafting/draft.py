@@ -14,7 +14,8 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.foreign import printable
 from mapmore_cli.study.loader import MODELINE, SCHEMA
-from mapmore_cli.study.yaml_loader import dump, escaped
+from mapmore_cli.study.variables import escaped
+from mapmore_cli.study.yaml_dumper import dump
 
 HEAD = (
     "# Started by `mapmore init`. Look first at what is marked CHECK, "

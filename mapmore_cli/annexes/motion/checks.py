@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import cast
 
 from mapmore_cli.annexes.motion.problem import MotionSettings
-from mapmore_cli.study.check_names import unknown_quantity
+from mapmore_cli.study.checks.remedies import unknown_quantity
 from mapmore_cli.study.diagnostics import Finding
 from mapmore_cli.study.experiment import ExperimentSpec, TargetColumn
 

@@ -40,7 +40,7 @@ from mapmore_cli.storage.atomic import write_text
 from mapmore_cli.storage.run_folder import RunFiles
 from mapmore_cli.storage.run_record import SEARCH_STAGE
 from mapmore_cli.study.loader import LoadedSpec, load
-from mapmore_cli.study.yaml_loader import as_overrides
+from mapmore_cli.study.yaml_dumper import as_overrides
 
 
 def tune(

@@ -10,7 +10,7 @@ from mapmore_cli.cli.console import Document, View, members
 from mapmore_cli.domain.results import Search
 from mapmore_cli.reporting.score_tables import search_table
 from mapmore_cli.reporting.table import Cell, Column, Columns, Table, cells_of
-from mapmore_cli.study.yaml_loader import as_overrides
+from mapmore_cli.study.yaml_dumper import as_overrides
 
 
 def of_tuning(tuning: Tuning) -> View:

@@ -21,8 +21,9 @@ from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.modelling.signals.sampling import even_share
 from mapmore_cli.modelling.simple import polynomial_fit
-from mapmore_cli.study.sections.data import Holdout, Levels
+from mapmore_cli.study.sections.data import Levels
 from mapmore_cli.study.sections.model import ModelChoice
+from mapmore_cli.study.sections.split import Holdout
 
 BEHIND = (0.2, 0.35, 0.5)
 """Shares of every recording, at its end, that the folds leave out if the study holds out ends of

@@ -107,7 +107,7 @@ def with_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
     the structure was chosen with all data, in case it is run without the search.
     """
     from mapmore_cli.study.loader import changed
-    from mapmore_cli.study.yaml_loader import as_overrides
+    from mapmore_cli.study.yaml_dumper import as_overrides
 
     result = RunFiles(run_dir).search()
     if result is None:

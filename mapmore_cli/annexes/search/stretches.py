@@ -13,7 +13,7 @@ from mapmore_cli.domain.arrays import BoolArray, IntArray, extremes
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.fitting.refitting import contiguous
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS
-from mapmore_cli.study.sections.data import Between, Holdout
+from mapmore_cli.study.sections.split import Between, Holdout
 
 LONGEST_FOLD = 1 / 3
 """Largest fraction of a recording that a fold leaves out, even if the study holds out longer runs

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from mapmore_cli.annexes.sums.joint import refuse_shared_names
-from mapmore_cli.study.check_names import expression_findings
-from mapmore_cli.study.check_study import formula_called, rivals_of, unknown_formula
+from mapmore_cli.study.checks.competitors import formula_called, rivals_of, unknown_formula
+from mapmore_cli.study.checks.terms import expression_findings
 from mapmore_cli.study.diagnostics import Finding, did_you_mean, refused
 from mapmore_cli.study.experiment import ExperimentSpec
 from mapmore_cli.study.sections.model import Summand

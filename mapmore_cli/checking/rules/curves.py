@@ -18,7 +18,7 @@ from mapmore_cli.fitting.refitting import folds_by_value
 from mapmore_cli.modelling.memory.records import sampled
 from mapmore_cli.modelling.signals.sampling import MANY, even_share
 from mapmore_cli.modelling.validation.repeatability import WORTH, floors
-from mapmore_cli.study.check_study import formula_called
+from mapmore_cli.study.checks.competitors import formula_called
 from mapmore_cli.study.sections.dictionary import entries_of, goes_by_order, texts_in
 
 FEWEST = 5  # smallest number of samples that show the shape of a curve

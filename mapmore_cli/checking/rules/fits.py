@@ -15,7 +15,7 @@ from mapmore_cli.fitting.kinds.pieces import cuts_of
 from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.pieces.segmentation import cut_by_course
 from mapmore_cli.modelling.shape.support import refuse_unsupported
-from mapmore_cli.study.check_study import formula_called, rivals_of
+from mapmore_cli.study.checks.competitors import formula_called, rivals_of
 from mapmore_cli.study.sections.dictionary import remembers
 
 FEWER = "use fewer segments, lower `fit.max_terms`, or keep more samples of this curve"

@@ -10,10 +10,11 @@ from mapmore_cli.fitting.kinds.dictionary import signals_of, units_of
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.pieces.recipe import Cuts, Fuse, Segmented
 from mapmore_cli.modelling.selection import AUTO, Fit
-from mapmore_cli.study.experiment import Competitor, ExperimentSpec
+from mapmore_cli.study.experiment import ExperimentSpec
 from mapmore_cli.study.sections.data import STEP_OF, STEP_PRESSURE, Levels
 from mapmore_cli.study.sections.dictionary import DictionaryEntry, remembers
 from mapmore_cli.study.sections.model import ModelChoice, Summand
+from mapmore_cli.study.sections.results import Competitor
 from mapmore_cli.study.units import base_units
 
 SegmentSection = Mapping[str, Segmented]

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from reading import csv_table, refusal, table_of, workbook
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.pipeline.notebooks import column_of
 from mapmore_cli.pipeline.records import Sheet
+from mapmore_cli.pipeline.tables_in_memory import column_of
 from mapmore_cli.storage.tables.cells import CellReader, NotANumber
 
 h5py = pytest.importorskip("h5py")
