@@ -79,4 +79,5 @@ def test_the_constants_of_the_program_stand_on_the_page():
 def test_the_constants_are_calibrated_anew(tmp_path, measured_data):
     found = interval_tables.scales(tmp_path)["none"]
     shown = numbers(page_table("constants", PAGE)["none"])
-    assert [*found.values()] == pytest.approx([*shown.values()], rel=0.02)
+    named = {f"{count} levels": scale for count, scale in found.items()}
+    assert named == pytest.approx(shown, rel=0.02)
