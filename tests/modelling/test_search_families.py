@@ -412,6 +412,19 @@ def test_a_long_record_is_shortened_to_pieces_as_long_as_the_run_that_is_held_ou
     assert pieces(30_000) == [12_000]
 
 
+def test_behind_gaps_a_recording_begins_where_its_output_is_known():
+    """A model that feeds its output back begins with measured outputs, which are not held out."""
+    time = np.arange(1000.0)
+    held_out = (time >= 300) & (time < 350) | (time >= 600) & (time < 700)
+    columns = {"time": time, "u": np.sin(time), "y": np.cos(time)}
+    whole = dataset_of(columns, held_out=held_out)
+    gaps = np.isin(time, [650, 680])
+    cut = replace(whole, curves=(whole.curves[0].at(~gaps),))
+    (curve,) = bench_of(cut).dataset.curves
+    expected = np.concatenate([time[:650], time[700:]])  # inputs between training samples stay
+    np.testing.assert_array_equal(curve.columns["time"], expected)
+
+
 @pytest.mark.parametrize(
     ("held", "ends"),
     [

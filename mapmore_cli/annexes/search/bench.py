@@ -18,6 +18,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.fitting.refitting import contiguous
 from mapmore_cli.modelling.literature.backbone import pooled_training
+from mapmore_cli.modelling.memory.records import begun
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS
 from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.modelling.signals.sampling import even_share
@@ -48,6 +49,11 @@ would be dominated by fragments.)
 MOST_SAMPLES = 12_000
 """Largest number of training samples with which structures are compared. More are thinned evenly
 along every curve; for models that use the past, long pieces of recordings are used instead.
+"""
+
+MOST_DELAYS = 4
+"""Largest delay of a fed-back output in the lists of candidates. Every piece of a recording begins
+with as many known outputs.
 """
 
 
@@ -102,6 +108,9 @@ class Bench:
         """
         run = held_run(study)
         training = cut_short(training, run, situation.timed)
+        if situation.step is not None:
+            known = (begun(curve, MOST_DELAYS, situation.step) for curve in training.curves)
+            training = replace(training, curves=tuple(known))
         left_out, blocks = _stretches(training, situation, part.held_out, run)
         name, parts, asked, ends = _parts(training, situation, study)
         if beyond := [] if ends else _beyond(training, situation, study):
