@@ -401,7 +401,7 @@ def test_a_long_record_is_shortened_to_pieces_as_long_as_the_run_that_is_held_ou
     def pieces(run):
         time = np.arange(40_000) * 0.01
         (curve,) = cut_short(
-            dataset_of({"time": time, "u": time, "y": time}), run, timed=True
+            dataset_of({"time": time, "u": time, "y": time}), run, step=0.01
         ).curves
         return np.diff(
             np.flatnonzero(np.diff(curve.columns["time"], prepend=-9, append=1e9) > 0.02)

@@ -107,10 +107,7 @@ class Bench:
         recordings are shortened first. Raises DataError if no sample can be left out.
         """
         run = held_run(study)
-        training = cut_short(training, run, situation.timed)
-        if situation.step is not None:
-            known = (begun(curve, MOST_DELAYS, situation.step) for curve in training.curves)
-            training = replace(training, curves=tuple(known))
+        training = cut_short(training, run, situation.step)
         left_out, blocks = _stretches(training, situation, part.held_out, run)
         name, parts, asked, ends = _parts(training, situation, study)
         if beyond := [] if ends else _beyond(training, situation, study):
@@ -181,18 +178,18 @@ def searchable(dataset: Dataset) -> Dataset:
     return replace(dataset, curves=tuple(curves))
 
 
-def cut_short(dataset: Dataset, run: int, timed: bool) -> Dataset:
-    """Return at most this many samples: evenly thinned along every curve, or for recordings in
-    time, some pieces with equal steps that are no shorter than a held-out `run`.
+def cut_short(dataset: Dataset, run: int, step: float | None) -> Dataset:
+    """Return at most this many samples: evenly thinned along every curve, or for recordings in time
+    with equal steps of `step` (s), some pieces that are no shorter than a held-out `run`.
 
-    Each piece begins with measured outputs, so shorter pieces would flatter models that feed their
+    Each piece begins with known outputs, so shorter pieces would flatter models that feed their
     output back.
     """
     most = max(MOST_SAMPLES // len(dataset.curves), 1)
     share = min(MOST_SAMPLES / sum(curve.size for curve in dataset.curves), 1.0)
 
     def kept(curve: Curve) -> IntArray:
-        if not timed:
+        if step is None:
             return even_share(np.flatnonzero(curve.training), most)
         pieces = [
             piece[: math.ceil(share * len(piece))]
@@ -203,7 +200,10 @@ def cut_short(dataset: Dataset, run: int, timed: bool) -> Dataset:
         ]
         return np.sort(np.concatenate(pieces))
 
-    return replace(dataset, curves=tuple(curve.at(kept(curve)) for curve in dataset.curves))
+    short = [curve.at(kept(curve)) for curve in dataset.curves]
+    if step is not None:
+        short = [begun(curve, MOST_DELAYS, step) for curve in short]
+    return replace(dataset, curves=tuple(short))
 
 
 def pooled_samples(dataset: Dataset) -> Curve:
