@@ -115,6 +115,26 @@ def test_recordings_that_no_memory_fits_are_searched_without_one(
     assert "resample: 0.02 s" in result.notes[0]
 
 
+def test_behind_a_gap_a_free_run_begins_where_its_output_is_known():
+    """The gap lies among held-out samples, whose outputs no fit may use."""
+    columns = autoregression(np.random.default_rng(0))
+    time = columns["time"] / STEP
+    gap = np.round(time) != 350
+    cut = dataset_of({name: x[gap] for name, x in columns.items()})
+    held_out = (time[gap] >= 300) & (time[gap] < 400)
+    dataset = replace(cut, curves=(replace(cut.curves[0], held_out=held_out),))
+    sections = {
+        "dictionary": [{"terms": ["y[k-1]", "y[k-2]", "u[k-1]", "u[k-1]*y[k-1]"]}],
+        "fit": {"max_terms": 4, "criterion": "free_run"},
+    }
+    model = refit(choices_of(sections, WHOLE), dataset)
+    (curve,) = dataset.curves
+    predicted = forecast(model, curve)
+    missed = (predicted.values - curve.columns["y"])[predicted.ready]
+    assert missed.size > 500
+    np.testing.assert_allclose(missed, 0, atol=1e-6)
+
+
 def piston(seed):
     """A piston at uneven steps of time, whose friction changes its sign with the direction of
     motion, and grows with the pressure.

@@ -133,28 +133,18 @@ def test_no_structure_of_a_table_has_more_bends_along_the_level_than_levels_dete
     assert [one.words for one in pooled if order_along_level(one, "pressure") >= levels] == []
 
 
-def test_terms_grow_with_the_inputs():
-    two, six = (
-        replace(SITUATIONS["map"], inputs=tuple(names), level=None) for names in ("ab", "abcdef")
-    )
-    terms = [
-        {one.words: one.sections["fit"]["max_terms"] for one in offered(of)} for of in (two, six)
-    ]
-    assert [each["quadratic"] for each in terms] == [6, 28]
-    assert [each["cubic splines of a"] for each in terms] == [12, 28]
+def test_terms_grow_with_the_inputs_and_those_of_long_structures_with_the_samples():
+    def most_terms(words, **changes):
+        of = replace(SITUATIONS["map"], **changes)
+        (one,) = (one for one in offered(of) if one.words == words)
+        return one.sections["fit"]["max_terms"]
 
-
-def test_a_long_structure_may_have_a_parameter_for_every_forty_samples():
-    few, many = (replace(SITUATIONS["map"], curves=6, samples=size) for size in (60, 4000))
-    terms = [
-        {
-            one.words: one.sections["fit"]["max_terms"]
-            for one in offered(of)
-            if one.family == "longer"
-        }
-        for of in (few, many)
-    ]
-    assert [each["order 5 of the inputs"] for each in terms] == [28, 100]
+    for inputs, quadratic, splines in (("ab", 6, 12), ("abcdef", 28, 28)):
+        changes = {"inputs": tuple(inputs), "level": None}
+        assert most_terms("quadratic", **changes) == quadratic
+        assert most_terms("cubic splines of a", **changes) == splines
+    for samples, terms in ((60, 28), (4000, 100)):  # one for every forty samples
+        assert most_terms("order 5 of the inputs", curves=6, samples=samples) == terms
 
 
 def test_recordings_whose_levels_are_left_out_in_turn_get_no_delays():
@@ -422,7 +412,7 @@ def test_a_long_record_is_shortened_to_pieces_as_long_as_the_run_that_is_held_ou
     def pieces(run):
         time = np.arange(40_000) * 0.01
         (curve,) = cut_short(
-            dataset_of({"time": time, "u": time, "y": time}), run, timed=True
+            dataset_of({"time": time, "u": time, "y": time}), run, step=0.01
         ).curves
         return np.diff(
             np.flatnonzero(np.diff(curve.columns["time"], prepend=-9, append=1e9) > 0.02)
@@ -431,6 +421,19 @@ def test_a_long_record_is_shortened_to_pieces_as_long_as_the_run_that_is_held_ou
     assert pieces(100) == [2400] * 5
     assert pieces(5000) == [6000] * 2
     assert pieces(30_000) == [12_000]
+
+
+def test_behind_gaps_a_recording_begins_where_its_output_is_known():
+    """A model that feeds its output back begins with measured outputs, which are not held out."""
+    time = np.arange(1000.0)
+    held_out = (time >= 300) & (time < 350) | (time >= 600) & (time < 700)
+    columns = {"time": time, "u": np.sin(time), "y": np.cos(time)}
+    whole = dataset_of(columns, held_out=held_out)
+    gaps = np.isin(time, [650, 680])
+    cut = replace(whole, curves=(whole.curves[0].at(~gaps),))
+    (curve,) = bench_of(cut).dataset.curves
+    expected = np.concatenate([time[:650], time[700:]])  # inputs between training samples stay
+    np.testing.assert_array_equal(curve.columns["time"], expected)
 
 
 @pytest.mark.parametrize(

@@ -93,7 +93,7 @@ class Bench:
         recordings are shortened first. Raises DataError if no sample can be left out.
         """
         run = held_run(study)
-        training = cut_short(training, run, situation.timed)
+        training = cut_short(training, run, situation.step)
         left_out, blocks = stretches(training, situation, part.held_out, run)
         name, parts, asked, ends = _parts(training, situation, study)
         if beyond := [] if ends else _beyond(training, situation, study):

@@ -9,12 +9,18 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import IntArray
 from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.modelling.memory.records import begun
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS
 from mapmore_cli.modelling.signals.sampling import even_share
 
 MOST_SAMPLES = 12_000
 """Largest number of training samples with which structures are compared. More are thinned evenly
 along every curve; for models that use the past, long pieces of recordings are used instead.
+"""
+
+MOST_DELAYS = 4
+"""Largest delay of a fed-back output in the lists of candidates. Every piece of a recording begins
+with as many known outputs.
 """
 
 
@@ -39,18 +45,18 @@ def searchable(dataset: Dataset) -> Dataset:
     return replace(dataset, curves=tuple(curves))
 
 
-def cut_short(dataset: Dataset, run: int, timed: bool) -> Dataset:
+def cut_short(dataset: Dataset, run: int, step: float | None) -> Dataset:
     """Return at most `MOST_SAMPLES` samples: evenly thinned along every curve, or for recordings in
-    time, some pieces with equal steps that are no shorter than a held-out `run`.
+    time with equal steps of `step` (s), some pieces that are no shorter than a held-out `run`.
 
-    Each piece begins with measured outputs, so shorter pieces would flatter models that feed their
+    Each piece begins with known outputs, so shorter pieces would flatter models that feed their
     output back.
     """
     most = max(MOST_SAMPLES // len(dataset.curves), 1)
     share = min(MOST_SAMPLES / sum(curve.size for curve in dataset.curves), 1.0)
 
     def kept(curve: Curve) -> IntArray:
-        if not timed:
+        if step is None:
             return even_share(np.flatnonzero(curve.training), most)
         pieces = [
             piece[: math.ceil(share * len(piece))]
@@ -61,7 +67,10 @@ def cut_short(dataset: Dataset, run: int, timed: bool) -> Dataset:
         ]
         return np.sort(np.concatenate(pieces))
 
-    return replace(dataset, curves=tuple(curve.at(kept(curve)) for curve in dataset.curves))
+    short = [curve.at(kept(curve)) for curve in dataset.curves]
+    if step is not None:
+        short = [begun(curve, MOST_DELAYS, step) for curve in short]
+    return replace(dataset, curves=tuple(short))
 
 
 def pooled_samples(dataset: Dataset) -> Curve:

@@ -103,8 +103,8 @@ def search(
         "structures were tried"
     )
     outdone = outdone_note(result, bench)
-    notes = (*[ended] * bool(budget.cut), *uneven, *_notes_of(result), *[outdone] * bool(outdone))
-    return replace(result, cut=budget.cut, notes=notes, outdone=outdone)
+    notes = (ended if budget.cut else "", *uneven, *_notes_of(result), outdone)
+    return replace(result, cut=budget.cut, notes=tuple(filter(None, notes)), outdone=outdone)
 
 
 def most_parameters(situation: Situation) -> int | None:
@@ -138,11 +138,6 @@ class Budget:
     listed: int = 0
     cut: int = 0
 
-    @property
-    def over(self) -> bool:
-        """Return True if this process has used up its time."""
-        return self.worked > self.seconds
-
 
 Work = Callable[[], list[Outcome]]
 
@@ -171,7 +166,7 @@ def _try_structure(candidate: Tried, bench: Bench, budget: Budget) -> list[Outco
     """Fit a structure to all samples and, if that succeeds, again without each fold; return nothing
     if the time is used up.
     """
-    if budget.over:
+    if budget.worked > budget.seconds:
         return []
     started = time.process_time()
     try:

@@ -22,28 +22,21 @@ from mapmore_cli.modelling.expressions.states import state
 from mapmore_cli.modelling.literature.backbone import residual_of
 from mapmore_cli.modelling.memory import model as memory
 from mapmore_cli.modelling.memory.fitting import fit_outputs, fit_with_memory
-from mapmore_cli.modelling.memory.records import Record, records_of, sampled
+from mapmore_cli.modelling.memory.records import Record, begun, records_of, sampled
 from mapmore_cli.modelling.memory.states import with_ranges
 from mapmore_cli.modelling.selection import MemoryRecipe
 from mapmore_cli.study.sections.dictionary import goes_by_order
 
 
-def _unseen(curve: Curve, outputs: Sequence[str], lag: int) -> Curve:
+def _unseen(curve: Curve, outputs: Sequence[str], lag: int, step: float) -> Curve:
     """Return a curve with its held-out outputs replaced by NaN. If outputs are fed back, each
-    recording is cut so that it begins with `lag` consecutive samples that are not held out, because
-    a free run starts from them.
+    uninterrupted piece begins with `lag` known outputs.
     """
     if not curve.held_out.any():
         return curve
     blank = {name: np.where(curve.held_out, np.nan, curve.columns[name]) for name in outputs}
     curve = replace(curve, columns={**curve.columns, **blank})
-    if lag == 0 or curve.held_out.all():
-        return curve
-    begun = []
-    for log in curve.logs:
-        known = np.convolve(~curve.held_out[log], np.ones(lag), "valid") == lag
-        begun.append(log[np.argmax(known) :] if known.any() else log)
-    return curve.at(np.sort(np.concatenate(begun)))
+    return curve if lag == 0 or not curve.training.any() else begun(curve, lag, step)
 
 
 def _asked(
@@ -60,12 +53,10 @@ def _asked(
     outputs = [output.target for output in dataset.each]
     names = {name for text in terms for name in candidate(text).names}
     lag = max((state(name).lag for name in names if state(name).quantity in outputs), default=0)
+    longest_step = math.inf if uneven else step
+    unseen = (_unseen(curve, outputs, lag, longest_step) for curve in dataset.curves)
     records = records_of(
-        [
-            residual_of(_unseen(curve, outputs, lag), dataset.target, backbone)
-            for curve in dataset.curves
-        ],
-        math.inf if uneven else step,
+        [residual_of(curve, dataset.target, backbone) for curve in unseen], longest_step
     )
     asked = from_fields(
         MemoryRecipe,

@@ -125,6 +125,23 @@ def sampled(
     return float(np.median(typical)), True, records_of(curves, math.inf)
 
 
+def begun(curve: Curve, lag: int, step: float) -> Curve:
+    """Return a curve of which each uninterrupted piece begins with `lag` consecutive samples that
+    are not held out, because a free run starts from them. A piece without them stays as it is, and
+    one without any training sample is left out.
+
+    Raises AtSample like `uninterrupted`.
+    """
+    kept = []
+    for log in curve.logs:
+        for piece in uninterrupted(curve.columns["time"][log], step):
+            rows = log[piece]
+            known = np.convolve(~curve.held_out[rows], np.ones(lag), "valid") == lag
+            first = np.argmax(known) if curve.training[rows].any() else rows.size
+            kept.append(rows[first:])
+    return curve.at(np.sort(np.concatenate(kept)))
+
+
 def records_of(curves: Sequence[Curve], step: float) -> tuple[Record, ...]:
     """Return the recordings of all curves cut into uninterrupted pieces. Held-out samples and
     samples at rest are not training samples.
