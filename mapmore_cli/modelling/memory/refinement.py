@@ -35,7 +35,7 @@ DAMPING, MOST_DAMPING = 1e-3, 1e8
 # iterations, and the relative gain of the error at which the search stops: for free runs, and for a
 # horizon
 THOROUGH, QUICK = (40, 1e-7), (6, 1e-2)
-# change of a search coordinate in the difference quotient by an operator's parameter
+# step of the difference quotient that approximates the derivative by a parameter of an operator
 NUDGE = 1e-5
 
 
