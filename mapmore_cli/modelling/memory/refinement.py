@@ -140,10 +140,12 @@ class FreeRunProblem:
 
     def normal(self, point: Point, horizon: int | None = None) -> tuple[Array, Array]:
         """Return the curvature `J'J + ridge` and the negative gradient of the error at a point,
-        both divided by two, with respect to all entries of its vector.
+        both divided by two, with respect to all entries of its vector. They are not finite if the
+        slopes are too large.
         """
         slopes, theta = self.slopes(point, horizon), self.split(point.vector)[0]
-        curvature, downhill = slopes.T @ slopes, slopes.T @ point.residuals
+        with np.errstate(over="ignore", invalid="ignore"):
+            curvature, downhill = slopes.T @ slopes, slopes.T @ point.residuals
         terms = np.arange(len(theta))
         curvature[terms, terms] += self.ridge
         downhill[terms] -= self.ridge * theta
