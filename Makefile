@@ -57,7 +57,7 @@ generated: .venv/development  # the pages that are made from the program: comman
 docs: .venv/development  # the site, into build/site; needs no network
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet --config-file docs/site/mkdocs.yml
 
-measured: .venv/formats  # the tables of docs/measured-static.md, memory.md, campaigns.md, damping.md, limits.md, wrist.md and muscle-like.md; needs the measured recordings (docs/data.md)
+measured: .venv/formats  # the tables of docs/measured-static.md, memory.md, campaigns.md, damping.md, limits.md, intervals.md, wrist.md and muscle-like.md; needs the measured recordings (docs/data.md)
 	$(BIN)/mapmore batch configs/campaigns/measured_static.yaml configs/campaigns/m1.yaml configs/campaigns/m1_terms.yaml
 	$(BIN)/python docs/measured_tables.py runs
 	$(BIN)/mapmore batch configs/campaigns/coiled.yaml configs/campaigns/coiled_other_load.yaml
@@ -65,6 +65,7 @@ measured: .venv/formats  # the tables of docs/measured-static.md, memory.md, cam
 	$(BIN)/python docs/campaign_tables.py runs
 	$(BIN)/python docs/damping_tables.py runs
 	$(BIN)/python docs/limits_tables.py runs
+	$(BIN)/python docs/interval_tables.py runs measured bands
 	$(BIN)/python docs/muscle_tables.py runs
 	$(BIN)/python docs/muscle_figures.py runs
 

@@ -120,7 +120,8 @@ def _require_apart(common: Array, coded: Array, of: str, names: Sequence[str]) -
         raise DataError(
             f"groups: offsets of {of} cannot be separated from the effects of "
             f"{', '.join(names)}, because no two groups were measured at similar inputs",
-            "remove `offset`, or add recordings of each group at the inputs of another group",
+            "remove `offset`, or add recordings in which two groups have the same values of the "
+            "inputs",
         )
 
 

@@ -53,8 +53,8 @@ def inspect(
     warn: Callable[[str], None] = lambda _: None,
     before: Inspection | None = None,
 ) -> Inspection:
-    """Apply every rule. Data that the inspection `before` has read with the same settings are not
-    read again.
+    """Apply every rule. If an earlier inspection is given as `before`, data that it has read with
+    the same settings are not read again.
 
     If the curves cannot be made, only the recordings are checked. Notes of the search in `run_dir`
     are repeated, for example that a black box has a smaller error.

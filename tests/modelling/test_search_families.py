@@ -458,6 +458,22 @@ def test_an_end_of_an_input_is_left_out_where_the_study_holds_one_out(held, ends
         assert np.array(found) == pytest.approx(np.array(ends), abs=0.03)
 
 
+def test_ends_of_all_curves_are_left_out_where_the_study_holds_out_the_end_of_one():
+    """The end of a short curve lies within the range of a longer one."""
+    u, x = np.ones(100), np.linspace(0, 1, 100)
+    whole = dataset_of({"u": u, "x": x, "y": x}, {"u": 2 * u, "x": 2 * x, "y": x})
+    short, long = whole.curves
+    bench = bench_of(replace(whole, curves=(replace(short, held_out=x > 0.805), long)))
+    assert bench.ends
+    assert (bench.weights > 0).sum() == 1
+    masks = bench.masks[int(np.argmax(bench.weights))]
+    left_out = [
+        curve.columns["x"][mask] for curve, mask in zip(bench.dataset.curves, masks, strict=True)
+    ]
+    assert [values.min() for values in left_out] == pytest.approx([0.61, 1.81], abs=0.02)
+    assert [values.max() for values in left_out] == pytest.approx([0.80, 2.0], abs=0.02)
+
+
 def test_structures_are_compared_on_the_rows_that_all_of_them_predict():
     """The root mean square of each over them; infinite where one diverged."""
     every, some = np.ones(4, dtype=bool), np.array([True, False, True, True])

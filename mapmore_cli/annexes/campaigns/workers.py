@@ -35,11 +35,12 @@ def in_processes(
     *,
     again: bool = False,
 ) -> Generator[tuple[int, R | BaseException], None, None]:
-    """Do numbered jobs in `count` new processes; yield like `ended`.
+    """Do numbered jobs in `count` new processes, and yield the number of each job that has ended
+    with its result or its exception, as `ended` does.
 
-    If a worker dies, the jobs that are running end with it. They are started again, one at a time,
-    because memory may have been short; `tell` is called with their numbers. Then the other jobs
-    continue.
+    If a worker dies, all running jobs end with it. They are started again, one at a time, because
+    memory may have been short; `tell` is called with the number of each job that starts again. Then
+    the other jobs continue.
     """
     if not jobs:  # a pool must have at least one process
         return

@@ -265,7 +265,7 @@ def _is_named_by(hold: Hold, number: Number) -> bool:
 
 
 def numbered_groups(names: Sequence[str], group: str) -> Condition:
-    """Return the numbers of the groups as a quantity from names."""
+    """Return a quantity that numbers the groups to which the names of files belong."""
     groups = group_words(names, group)
     apart = sorted({*groups})
     values = tuple(apart.index(word) + 1.0 for word in groups)

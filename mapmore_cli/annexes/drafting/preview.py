@@ -74,7 +74,7 @@ def _with_tables_below(path: Path, best: FoundTable, layout: Layout, reader: Rea
     headers = [tuple(_titles_of(table)) for table in tables]
     mark = comment_among(path, layout) if layout.titles else None
     if mark is not None and all(titles[0].startswith(mark) for titles in headers[1:]):
-        return layout  # comments between the rows of one table, which alone has titles
+        return layout  # comments between the rows of a single table
     rows = Counter[tuple[str, ...]]()
     for header, table in zip(headers, tables, strict=True):
         rows[header] += len(table.rows)

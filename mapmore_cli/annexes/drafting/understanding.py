@@ -171,8 +171,8 @@ def _group_of(table: Table, said: str | None, known: Named) -> tuple[str | None,
 
 
 def _column_called(table: Table, said: str, option: str, known: Named) -> Named:
-    """Return a mapping with one column, which a person means by a number, a title or a name, under
-    its name. Raises UsageError if there is none.
+    """Find the column that a person calls by its number, its title or its name. Return it as the
+    only entry of a mapping, by its name. Raises UsageError if there is no such column.
     """
     titled = find(table, int(said) if said.isdecimal() else said, option, texts=True)
     names = {one.column: name for name, one in known.items()}

@@ -88,8 +88,8 @@ def spread_out(x: Array, y: Array) -> tuple[Array, Array]:
 
 
 class Committee:
-    """Processes for the residual of each formula, on a fixed set of places. Measured values are
-    added one by one.
+    """Gaussian processes for the residual of each formula, on a fixed set of places. Measured
+    values are added one by one.
 
     `places` are candidates, (m, d). `formulas` holds by name the predictions at the measured
     points, (n,), and at the places, (m,).

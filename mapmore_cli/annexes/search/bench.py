@@ -249,22 +249,44 @@ lies beyond it. A fold leaves out at most the second fraction of the range at it
 
 def _beyond(dataset: Dataset, situation: Situation, study: Dataset) -> list[BoolArray]:
     """Return folds, (n,), that leave out an end of an input's range, as wide as the part that the
-    study holds out beyond this end. Return none if few held-out samples lie outside, or if samples
-    have a past.
+    study holds out beyond this end. The range is that of all training samples or, if too few
+    held-out samples lie outside it, that of each curve. Return none if too few lie outside of
+    either, or if samples have a past.
     """
-    samples, every, folds = pooled_samples(dataset), pooled_samples(study), list[BoolArray]()
-    for name in () if situation.timed else situation.inputs:
-        held, values = every.columns[name][every.held_out], samples.columns[name]
-        least, largest = extremes(values[samples.training])
-        for low, above in ((least - held, least - values), (held - largest, values - largest)):
-            width = min(np.max(low, initial=0.0), WIDEST * (largest - least))
-            if width > 0 and np.count_nonzero(low > 0) >= BEYOND * len(held):
-                fold = samples.training & (above >= -width)
+    training = pooled_samples(dataset).training
+    for of_each in () if situation.timed else (False, True):
+        folds = list[BoolArray]()
+        for name in situation.inputs:
+            values = np.concatenate([curve.columns[name] for curve in dataset.curves])
+            held = np.concatenate([curve.held_out for curve in study.curves])
+            outside, _ = _from_ends(study, name, of_each)
+            above, widths = _from_ends(dataset, name, of_each)
+            for far, over in zip(outside[:, held], above, strict=True):
+                fold = training & (over >= -np.minimum(np.max(far, initial=0.0), WIDEST * widths))
+                is_held = np.count_nonzero(far > 0) >= BEYOND * far.size > 0
                 # the rest must cover at least half of the range, so that of two values neither is
                 # left alone
-                if 2 * np.ptp(values[samples.training & ~fold]) >= largest - least:
+                if is_held and 2 * np.ptp(values[training & ~fold]) >= np.ptp(values[training]):
                     folds.append(fold)
-    return folds
+        if folds:
+            return folds
+    return []
+
+
+def _from_ends(dataset: Dataset, name: str, of_each: bool) -> tuple[Array, Array]:
+    """Return how far all samples lie below and above the range of the training samples, (2, n),
+    negative within it, and the width of this range, (n,). It is the range `of_each` curve, which is
+    unlimited if a curve has no training samples, or of all curves together.
+    """
+    trained = [curve.columns[name][curve.training] for curve in dataset.curves]
+    whole = extremes(np.concatenate(trained))
+    far, widths = list[Array](), list[Array]()
+    for curve, values in zip(dataset.curves, trained, strict=True):
+        own = extremes(values) if len(values) else (-np.inf, np.inf)
+        low, high = own if of_each else whole
+        far.append(np.array([low - curve.columns[name], curve.columns[name] - high]))
+        widths.append(np.full(curve.size, high - low))
+    return np.concatenate(far, axis=1), np.concatenate(widths)
 
 
 def _fair(samples: Curve) -> list[BoolArray]:

@@ -60,7 +60,9 @@ def function(
     function under another name, or not at all.
     """
     if unknown := texts.keys() - LIBRARY.keys():
-        raise ValueError(f"function `{name}`: LIBRARY has no language {', '.join(unknown)}")
+        raise ValueError(
+            f"function `{name}`: no model is exported to the language {', '.join(unknown)}"
+        )
     usual = {language: text.format(name) for language, text in LIBRARY.items()}
     return name, ScalarFunction(compute, slope, usual | texts)
 

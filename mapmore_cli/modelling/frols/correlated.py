@@ -44,8 +44,8 @@ class Noise:
 
     @property
     def worth(self) -> float:
-        """Number of independent samples to which one sample is equivalent, in a mean over many
-        samples.
+        """Number of independent samples that determine a mean as well as one of these correlated
+        samples does. It is below one if neighbouring samples are alike.
         """
         slow = self.drift * (1 + self.kept) / (1 - self.kept)
         return (self.white + self.drift) / (self.white + slow) if self.white + slow else 1.0

@@ -35,7 +35,7 @@ DAMPING, MOST_DAMPING = 1e-3, 1e8
 # iterations, and the relative gain of the error at which the search stops: for free runs, and for a
 # horizon
 THOROUGH, QUICK = (40, 1e-7), (6, 1e-2)
-# change of a search coordinate in the difference quotient by an operator's parameter
+# step of the difference quotient that approximates the derivative by a parameter of an operator
 NUDGE = 1e-5
 
 
@@ -140,10 +140,12 @@ class FreeRunProblem:
 
     def normal(self, point: Point, horizon: int | None = None) -> tuple[Array, Array]:
         """Return the curvature `J'J + ridge` and the negative gradient of the error at a point,
-        both divided by two, with respect to all entries of its vector.
+        both divided by two, with respect to all entries of its vector. They are not finite if the
+        slopes are too large.
         """
         slopes, theta = self.slopes(point, horizon), self.split(point.vector)[0]
-        curvature, downhill = slopes.T @ slopes, slopes.T @ point.residuals
+        with np.errstate(over="ignore", invalid="ignore"):
+            curvature, downhill = slopes.T @ slopes, slopes.T @ point.residuals
         terms = np.arange(len(theta))
         curvature[terms, terms] += self.ridge
         downhill[terms] -= self.ridge * theta

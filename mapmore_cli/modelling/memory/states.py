@@ -228,8 +228,8 @@ def find_resonance(
     frequencies = [frequency for frequency in FREQUENCIES if frequency * step <= 0.2]
     if not frequencies:
         raise DataError(
-            f"with {step:g} s between samples, no resonance can be found, because five "
-            f"samples per period are needed at the lowest frequency, {FREQUENCIES[0]:g} Hz",
+            f"with {step:g} s between samples, no resonance can be found: the lowest frequency "
+            f"that is tried is {FREQUENCIES[0]:g} Hz, and needs five samples per period",
             "give frequency and damping, for example resonance(pressure, 0.1, 0.3), or "
             "sample faster",
         )

@@ -202,7 +202,8 @@ def _best_placement(
     variables = quantities_in(terms)
     outputs = [_samples_of(segment, columns, variables, each, origin) for each in recipes]
     robust = recipe.fit.loss != "squares"
-    missed = "scale" if robust else "sse"  # weighted squares are not comparable
+    # robust weights differ between placements, so that weighted sums of squares cannot be compared
+    missed = "scale" if robust else "sse"
     ends = {
         name: np.array(extremes(x)) for name, x in zip(variables, outputs[0].inputs, strict=True)
     }

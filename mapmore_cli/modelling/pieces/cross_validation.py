@@ -153,9 +153,9 @@ def inner_folds(curves: Sequence[Curve], recipe: Recipe) -> Folds:
     - Each inner level, because a residual that is fitted level by level can do harm between levels.
     - With fewer than three training levels, each inner block of the curves along the variable that
       is cut.
-    - For curves pooled into one surface, each of these blocks, and the inner levels if the curves
-      have any. A single curve, for example a table, has inner blocks along every input of the
-      surface.
+    - For curves pooled into one surface, each inner block of the curves, and each inner level if
+      the curves have levels. A single curve, for example a table, has inner blocks along every
+      input of the surface.
     """
     return [fold for along in _folds_along(curves, recipe) for fold in along[1:-1]]
 

@@ -48,7 +48,7 @@ class Choose:
 
 @dataclass(frozen=True)
 class Use:
-    """`names` get the results of a function at the arguments."""
+    """Call of a function with `arguments`, whose results are assigned to `names`."""
 
     names: tuple[str, ...]
     function: str

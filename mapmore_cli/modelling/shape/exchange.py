@@ -24,8 +24,8 @@ from mapmore_cli.modelling.shape.stencils import ShapeWord, Stencils, nodes_of, 
 # number of nodes of the grid on which nothing may be violated; number of nodes along each input
 # around a binding inequality; and number of refinements of that finer grid
 FINE, CLOSE, CLOSER = 40_000, 9, 3
-# largest number of rounds of the exchange on one grid; largest number of inequalities of one word
-# that are added in a round
+# largest number of rounds of the exchange on one grid; largest number of inequalities that a round
+# adds for one entry of `shape`, for example `falling`
 ROUNDS, ADDED = 60, 200
 # a fall between two nodes by less than this share of the training output's range does not count
 ROUNDING = 1e-11

@@ -167,8 +167,8 @@ def last_cycles(x: Array, share: float) -> BoolArray:
     first = math.ceil((1 - share) * len(starts) - 1e-9)
     if not 0 < first < len(starts):
         raise DataError(
-            f"{len(starts)} cycle(s) were found; their last {share:g} cannot be held out, because "
-            "at least one cycle must be held out and one must be left to train with",
+            f"{len(starts)} cycle(s) were found; the last {100 * share:g} % of them cannot be held "
+            "out, because at least one cycle must be held out and one must remain for training",
             "hold out a share of the samples instead, for example `last: 0.5`",
         )
     return np.asarray(np.arange(len(x)) >= starts[first])

@@ -222,8 +222,8 @@ class Offsets:
       that neighbouring samples share, for example because a model does not bend enough. `square`:
       mean square of the differences from curve to curve, with `freedom` degrees of freedom.
       `repeated`: True if `square` is computed from repeats.
-    - `missed`, `explained`: mean square error of the `left_out` levels, 0 without any; and the part
-      of it that is explained by noise and, with repeats, by the differences between curves.
+    - `missed`: mean square error of the `left_out` levels, 0 if no level was left out. `explained`:
+      the part of `missed` that noise and, with repeats, differences between curves explain.
     """
 
     noise: float

@@ -388,7 +388,10 @@ def _step_into(here: Member, step: str | Selection, address: str, label: str) ->
         raise DataError(f"{label}: there is no '{step}'{way}", _further(here, step))
     index = step[0]
     if here.count is None or len(step) != 1 or not isinstance(index, int):
-        raise DataError(f"{label}: '{address}' needs an element of {here.kind}", _further(here))
+        raise DataError(
+            f"{label}: the address '{address}' must choose an element of {here.kind}",
+            _further(here),
+        )
     if index >= here.count:
         raise DataError(
             f"{label}: there is no element {index} on the way to '{address}'",

@@ -37,8 +37,8 @@ converted to a fraction, and `printed` holds the numbers as printed.
 
 
 def sarosi(letter: str, curvature: Intervals = DECAY) -> Formula:
-    """Return the formula with the parameters `a1` to `a6` if the letter is `a`. The exponent is
-    sought in the intervals of `curvature`.
+    """Return the formula. Its parameters are called by the letter and a number, for example `a1` to
+    `a6`. The exponent is sought in the intervals of `curvature`.
     """
     names = tuple(f"{letter}{number}" for number in range(1, 7))
     a1, a2, a3, a4, a5, a6 = names
