@@ -102,9 +102,12 @@ def test_every_combination_has_a_row_with_its_mark():
         (Until(2.0, 1.5, 0, 1.0), "a half width of 2 N (22 %) is reached: the widest is 1.5 N"),
         (
             Until(2.0, 5.0, None, 3.0),
-            "2 N (22 %) is likely out of reach: more measurements bring 5",
+            "a half width of 2 N (22 %) is probably out of reach: more measurements reduce the widest from 5",
         ),
-        (Until(2.0, 5.0, 7, 1.0), "2 N (22 %): likely 7 more (the widest is 5 N now)"),
+        (
+            Until(2.0, 5.0, 7, 1.0),
+            "a half width of 2 N (22 %) probably needs 7 more measurements (the widest is now 5 N)",
+        ),
     ],
 )
 def test_candidates_have_rows_and_the_forecast_a_sentence(until, words):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from common import curve_of, dataset_of
 
-from mapmore_cli.annexes.search import bench
+from mapmore_cli.annexes.search import bench, stretches
 from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.study.sections.split import Between
 
@@ -22,13 +22,13 @@ def held(pattern):
 
 
 def test_windows_are_as_long_as_the_held_out_run():
-    short = rows(bench._windows([np.arange(20)], 22, 2))
+    short = rows(stretches._windows([np.arange(20)], 22, 2))
     assert short == [[k, k + 1, k + 10, k + 11] for k in range(0, 10, 2)]
-    once = rows(bench._windows([np.arange(10)], 10, 1))
+    once = rows(stretches._windows([np.arange(10)], 10, 1))
     assert once == [[k, k + 5] for k in range(5)]  # each two times
-    long = rows(bench._windows([np.arange(30)], 30, 50))  # a third of the recording
+    long = rows(stretches._windows([np.arange(30)], 30, 50))  # a third of the recording
     assert [(fold[0], len(fold)) for fold in long] == [(k * 5, 10) for k in range(5)]
-    both = rows(bench._windows([np.arange(5), np.arange(5, 10)], 10, 0))
+    both = rows(stretches._windows([np.arange(5), np.arange(5, 10)], 10, 0))
     assert both == [[k, k + 5] for k in range(5)]
 
 
@@ -57,10 +57,10 @@ def test_bands_are_around_quantiles_and_as_wide_as_those_held_out():
     # quantiles of 0 to 11 at sixths, and half of the median width of 1.25
     middles = 11 * np.arange(1, 6) / 6
     expected = [np.flatnonzero((np.abs(x - m) <= 0.625) & (x < 12)).tolist() for m in middles]
-    assert rows(bench._bands(samples, holdout, ["x"])) == expected
-    assert bench._bands(samples, holdout, ["y"]) == bench._bands(samples, None, ["x"]) == []
+    assert rows(stretches._bands(samples, holdout, ["x"])) == expected
+    assert stretches._bands(samples, holdout, ["y"]) == stretches._bands(samples, None, ["x"]) == []
     ends = SimpleNamespace(quantities={"x": Between(between=[(0.0, 4.0)])})
-    assert bench._bands(samples, ends, ["x"]) == []
+    assert stretches._bands(samples, ends, ["x"]) == []
 
 
 def test_inner_stretches_along_each_input():
@@ -68,13 +68,13 @@ def test_inner_stretches_along_each_input():
     x = np.arange(14.0)
     data = dataset_of({"x": x[::-1], "still": np.zeros(14), "y": x}, held_out=x == 13)
     situation = Situation("y", ("x", "still"), None, 13, 1)
-    words, folds = bench._stretches(data, situation, None, 0)
+    words, folds = stretches.stretches(data, situation, None, 0)
     assert "5 inner stretches" in words
     assert rows(folds) == [[9, 10], [7, 8], [5, 6], [3, 4], [2]]  # two of thirteen at either end
     timed = Situation("y", ("x",), None, 13, 1, 0.01, 100)
-    words, folds = bench._stretches(data, timed, None, 4)
+    words, folds = stretches.stretches(data, timed, None, 4)
     assert "stretches of the training samples of every recording" in words
-    assert rows(folds) == rows(bench._windows([np.arange(13)], 14, 4))
+    assert rows(folds) == rows(stretches._windows([np.arange(13)], 14, 4))
 
 
 def test_ends_of_recordings_are_counted_from_the_last_training_sample():
@@ -114,7 +114,7 @@ def level(value, out=False, size=2):
         ((), [[2], [3], [4]], False),
         ((3,), [[2], [4]], False),
         ((2, 3), [[4]], False),  # of 1, 4 and 5, one is between two others
-        ((5,), [[3, 4][1:]], True),
+        ((5,), [[4], [3, 4]], True),  # and one value more
         ((1, 2), [[3]], True),
         ((1, 5), [[2], [4]], True),
     ],

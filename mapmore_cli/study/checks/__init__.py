@@ -1,26 +1,26 @@
 """Find the mistakes of an experiment that no single field shows."""
 
-from mapmore_cli.study.checks.competitors import competitors, formulas, own_formulas
-from mapmore_cli.study.checks.effect import along_recordings, idle
-from mapmore_cli.study.checks.levels import (
-    after_cycles,
-    chosen_levels,
-    groups,
-    leaving_out,
-    recordings_apart,
-    segmented,
+from mapmore_cli.study.checks import (
+    competitors,
+    effect,
+    levels,
+    names,
+    shapes,
+    target,
+    terms,
+    units,
 )
-from mapmore_cli.study.checks.names import derivations, names_of_quantities
-from mapmore_cli.study.checks.shapes import shapes
-from mapmore_cli.study.checks.target import kind, of_kinds, several, target
-from mapmore_cli.study.checks.terms import clocks, terms
-from mapmore_cli.study.checks.units import metrics, units
 
 OF_EACH_TARGET = (
-    *(names_of_quantities, derivations, clocks, terms, along_recordings, idle),
-    *(segmented, leaving_out, groups, recordings_apart, after_cycles, chosen_levels),
-    *(target, kind, of_kinds, formulas, competitors, own_formulas, shapes, units),
+    *(names.names_of_quantities, names.derivations),
+    *(terms.clocks, terms.terms),
+    *(effect.along_recordings, effect.idle),
+    *(levels.segmented, levels.leaving_out, levels.groups),
+    *(levels.recordings_apart, levels.after_cycles, levels.chosen_levels),
+    *(target.target, target.kind, target.of_kinds),
+    *(competitors.formulas, competitors.competitors, competitors.own_formulas),
+    *(shapes.shapes, units.units),
 )
 """Checks of a study of one target. Each yields its findings for a spec."""
-OF_WHOLE_STUDY = (several, metrics)
+OF_WHOLE_STUDY = (target.several, units.metrics)
 """Checks of the whole spec, which may have several targets."""

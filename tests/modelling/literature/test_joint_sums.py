@@ -189,7 +189,12 @@ ALONE, RENAMED = {}, {"pressure": "p1", "strain": "s"}
     [
         (ALONE, Quantity("force", "kN"), [], "in N, but the force of this study is in kN"),
         (ALONE, FORCE, [], "needs pressure in"),
-        (RENAMED, FORCE, ["p1 bar", "s 1"], "pressure of flexor is in kPa, but p1 in bar"),
+        (
+            RENAMED,
+            FORCE,
+            ["p1 bar", "s 1"],
+            "needs pressure in kPa, but p1 of this study is in bar",
+        ),
     ],
 )
 def test_another_unit_is_refused_and_an_input_that_is_lacking(inputs, output, quantities, told):
