@@ -5,14 +5,13 @@ input is outside its training range, or if two inputs are combined as in no trai
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 from itertools import combinations
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, row_by_row
+from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.models import Model
-from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.modelling.kinds import outside_range
 from mapmore_cli.modelling.signals.sampling import even_share
 
@@ -29,8 +28,7 @@ def share_outside(model: Model, dataset: Dataset) -> float:
     """Return the share of the held-out samples at which an input lies outside its training range;
     0 without held-out samples.
     """
-    asked = _inputs(model, dataset, "held_out")
-    outside = row_by_row(partial(outside_range, model), asked) if asked else np.empty(0)
+    outside = _outside(model, dataset)
     return float(outside.mean()) if outside.size else 0.0
 
 
@@ -43,9 +41,10 @@ def new_combinations(model: Model, dataset: Dataset) -> Iterator[tuple[float, st
         {name: even_share(x) for name, x in _inputs(model, dataset, rows).items()}
         for rows in ("training", "held_out")
     )
+    inside = ~even_share(_outside(model, dataset))
     for pair in combinations(known, 2):
         points = (np.array([columns[name] for name in pair]) for columns in (known, asked))
-        beyond = outside_hull(*points) & ~outside_range(model, asked)
+        beyond = outside_hull(*points) & inside
         if beyond.any():
             yield float(beyond.mean()), *pair
 
@@ -70,12 +69,28 @@ def outside_hull(known: Array, asked: Array) -> BoolArray:
     return outside
 
 
+def _outside(model: Model, dataset: Dataset) -> BoolArray:
+    """Return True for each held-out sample at which an input lies outside its training range.
+    Whole recordings are asked, because some models run along them.
+    """
+    outside = [
+        outside_range(model, curve.columns)[curve.held_out]
+        for curve in _with_inputs(model, dataset)
+    ]
+    return np.concatenate(outside or [np.empty(0, np.bool_)])
+
+
 def _inputs(model: Model, dataset: Dataset, rows: str) -> dict[str, Array]:
     """Return the inputs of the model at some rows of all curves: at those that the property `rows`
-    of a curve chooses. Curves that lack an input are left out.
+    of a curve chooses.
     """
-    curves = [c for c in dataset.curves if {*model.input_names} <= {*c.columns}]
+    curves = _with_inputs(model, dataset)
     return {
         name: np.concatenate([c.columns[name][getattr(c, rows)] for c in curves] or [np.empty(0)])
         for name in model.input_names
     }
+
+
+def _with_inputs(model: Model, dataset: Dataset) -> list[Curve]:
+    """Return the curves that have all inputs of the model."""
+    return [curve for curve in dataset.curves if {*model.input_names} <= {*curve.columns}]
