@@ -76,7 +76,12 @@ def test_a_model_that_runs_along_a_recording_is_asked_about_whole_recordings(mon
     """Behind a tendon, for example, the length follows from the time too, which is no input."""
     a, time = np.linspace(0, 1, 10), np.arange(10.0)
     dataset = dataset_of({"time": time, "a": a, "y": a}, held_out=a > 0.5)
-    model = build("line", dataset.curves, Recipe("y", ("1", "a"), {}), dataset.quantities)
+    model = build(
+        "line",
+        dataset.curves,
+        Recipe(target="y", dictionary=("1", "a"), cuts={}),
+        dataset.quantities,
+    )
     monkeypatch.setattr(coverage, "outside_range", lambda _model, columns: columns["time"] > 7)
     assert coverage.share_outside(model, dataset) == 2 / 5
     assert not [*new_combinations(model, dataset)]
