@@ -11,6 +11,7 @@ import pytest
 from recorded import checked, drafted, loaded, workbook, write
 
 from mapmore_cli.annexes.drafting.answers import answers_of
+from mapmore_cli.annexes.drafting.checked import _with_few_files as drawn_files
 from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.domain.errors import SpecError, UsageError
 from mapmore_cli.ingestion.dataset import build_dataset
@@ -260,6 +261,22 @@ def test_the_rules_look_at_some_of_many_files(tmp_path, monkeypatch):
     assert len(ids) == 20
     assert {*draft.data["split"]["validate"]["recordings"]} < ids
     checked(draft, tmp_path)
+
+
+def test_some_of_many_files_have_every_level_that_names_say(tmp_path, monkeypatch):
+    monkeypatch.setattr("mapmore_cli.annexes.drafting.checked.MOST", 6)
+    for number in range(24):
+        kpa, strain = 100 * (number % 5 + 1), 0.1 * (1 + np.sin(0.3 * LONG + number))
+        columns = {"strain": strain, "F [N]": kpa * (1 - strain) + number}
+        write(tmp_path / f"run_{number:02d}_{kpa}kPa.csv", columns)
+    draft = drafted(tmp_path)
+    assert "examined 6 of 24 files" in draft.text()
+    few, files = drawn_files(draft, tmp_path)
+    assert files == 24
+    levels = [entry["set"]["pressure"] for entry in few.data["files"]]
+    assert len(levels) == 6
+    assert {*levels} == {100, 200, 300, 400, 500}
+    assert {curve.level for curve in dataset_of(few, tmp_path).curves} == {*levels}
 
 
 def test_many_short_recordings_keep_their_samples(tmp_path):

@@ -59,21 +59,23 @@ random.
 
 def _with_few_files(draft: Draft, folder: Path) -> tuple[Draft, int]:
     """Return a draft with `MOST` of the files, drawn at random with seed 1, and the number of all
-    files. The recordings keep their ids. The draft is unchanged if it has no more files, if another
-    log is joined, if names of files contain values, or if the drawn files do not contain the
-    held-out data.
+    files. At least one file is drawn of those whose names contain the same values, for example the
+    same level. The recordings keep their ids.
+
+    The draft is unchanged if it has no more files, if another log is joined, if names contain more
+    than `MOST` different values, or if the drawn files do not contain the held-out data.
     """
     data = Data.model_validate(draft.data)
     sources = find_sources(data.files, folder, data.join, bad=data.skip_bad_files)
-    # a level in names, or a value that is held out, may be in none of the drawn files
-    is_set = any(one.constants for one in sources)
-    if len(sources) <= MOST or data.join or is_set:
+    shuffled = np.random.default_rng(1).permutation(len(sources))
+    first = {tuple(sources[at].constants.items()): at for at in shuffled[::-1]}
+    if len(sources) <= MOST or data.join or len(first) > MOST:
         return draft, len(sources)
-    drawn = np.sort(np.random.default_rng(1).choice(len(sources), MOST, replace=False))
-    few = [sources[at] for at in drawn]
+    drawn = [*dict.fromkeys([*first.values(), *shuffled])][:MOST]
+    few = [sources[at] for at in sorted(drawn)]
     entries: list[Section] = []
     for one in few:
-        place = {"sheet": one.sheet, "table": one.table_below}
+        place = {"sheet": one.sheet, "table": one.table_below, "set": dict(one.constants)}
         columns = {
             name: column.model_dump(exclude_unset=True) for name, column in one.columns.items()
         }
