@@ -129,7 +129,9 @@ class Study:
         return load_text(text, HERE, self.folder, as_overrides(changes), tables)
 
     def written(self, place: Path) -> str:
-        """Return the spec for a file `place`, with the frames written to a folder beside it."""
+        """Return the text of the spec for the file at `place`. The frames are written to a folder
+        beside this file.
+        """
         loaded = self.loaded()
         if loaded.tables:
             paths = write_tables(loaded.tables, place.parent / f"{place.stem}_data")

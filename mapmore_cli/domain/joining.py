@@ -51,9 +51,9 @@ class Joining(Settings):
       Example: `0.25`
     - `levels`: Interpolation between the curves of two levels: by straight lines (`linear`), or by
       a smooth curve that keeps the shape of the values (`pchip`). Example: `pchip`
-    - `hold`: With `samples`, a segment function is held constant at a distance of `z_s` times their
-      width outside its samples. With `none`, it is evaluated without a limit, as in M2 eq 9-11.
-      Example: `none`
+    - `hold`: With `samples`, a segment function goes on outside its samples for `z_s` times the
+      width of their range, and is constant beyond. With `none`, it goes on without a limit, as in
+      M2 eq 9-11. Example: `none`
     """
 
     transition: Annotated[
@@ -78,9 +78,9 @@ class Joining(Settings):
 class Fusion(Joining):
     """Rules for joining the pieces (M2 eq 9-12).
 
-    With `hold: samples`, a segment function is held constant outside its samples, at a distance of
-    `z_s` times their width, if transition zones reach that far. With `none`, it is evaluated
-    without a limit (exactly M2 eq 9-11).
+    With `hold: samples`, a segment function goes on outside its samples for `z_s` times the width
+    of their range, and is constant beyond, if transition zones reach that far. With `none`, it goes
+    on without a limit (exactly M2 eq 9-11).
 
     `shrink` is the factor g by which pieces on a backbone are multiplied midway between two levels.
     At the fraction t of the distance between the levels, the factor is `g + (1 - g)(1 - 2t)^2`.

@@ -200,7 +200,8 @@ class LoadedModel:
 
         They are NaN outside the training range. They need fits without each part of the training
         data, which a spec with `validate: {intervals: true}` makes. Without this key, a model from
-        `fit` makes these fits now, which takes time, and a model from a file raises `DataError`.
+        `fit` makes these fits when this method is called, which takes time. A model from a file
+        cannot make them, so that the method raises `DataError`.
         """
         flat, shape = self._flattened(columns)
         low, high = interval(self._with_intervals, flat, level)

@@ -301,7 +301,7 @@ def _extended(
     if root.value is None:
         raise SpecError(
             f"{source.name}: the file is empty",
-            "write a spec: it needs at least `name`, `data`, `target` and `dictionary`",
+            "write a spec: it needs at least `name`, `data` and `target`",
         )
     if not isinstance(root.value, dict):
         fail(

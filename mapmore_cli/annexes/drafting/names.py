@@ -238,8 +238,8 @@ def _told_quantity(quantity: str, unit: str, numbers: Series, names: Sequence[st
 
 
 def _asked_for(hold: Hold, series: Sequence[Series]) -> Series:
-    """Return the numbers in names that a person means by `hold`. Raises UsageError with a list of
-    the numbers if there are none.
+    """Return the numbers in the names of files that the option `--hold` asks for. Raises
+    UsageError, which lists the numbers of the names, if no number fits the option.
     """
     asked = next(
         (numbers for numbers in series if _is_named_by(hold, next(iter(numbers.values())))), None

@@ -275,8 +275,9 @@ def _beyond(dataset: Dataset, situation: Situation, study: Dataset) -> list[Bool
 
 def _from_ends(dataset: Dataset, name: str, of_each: bool) -> tuple[Array, Array]:
     """Return how far all samples lie below and above the range of the training samples, (2, n),
-    negative within it, and the width of this range, (n,). It is the range `of_each` curve, which is
-    unlimited if a curve has no training samples, or of all curves together.
+    negative within it, and the width of this range, (n,). With `of_each`, the range is that of the
+    sample's own curve, and has no limits if this curve has no training samples. Otherwise, it is
+    the range of all curves together.
     """
     trained = [curve.columns[name][curve.training] for curve in dataset.curves]
     whole = extremes(np.concatenate(trained))

@@ -277,8 +277,8 @@ def choose(
     P, y = np.asarray(P, dtype=np.float64), np.asarray(y, dtype=np.float64)
     if P.ndim != 2 or y.ndim != 1 or len(P) != len(y) or P.size == 0:
         raise ValueError(
-            "P must have the shape (n, M) and y the shape (n,), neither empty; they have "
-            f"{P.shape} and {y.shape}"
+            "P must have the shape (n, M), y must have the shape (n,), and neither may be empty; "
+            f"their shapes are {P.shape} and {y.shape}"
         )
     n, M = P.shape
 

@@ -25,8 +25,9 @@ class Together(Remainders):
         self.unexplained: list[list[float]] = []
 
     def reductions(self) -> tuple[Array, Array]:
-        """Return the reductions (see `Remainders`). ERR is the sum over the outputs, and is
-        returned for g too.
+        """Return the sum over all outputs of the error reduction ratio of each candidate. It is
+        returned twice, because it also takes the place of `g` (see `Remainders`), which differs
+        from output to output.
         """
         err = np.sum([part.reductions()[1] for part in self.parts], axis=0)
         return err, err

@@ -71,7 +71,10 @@ def family_of(text: str) -> Family:
             or not metres > 0
             or settings.scale not in CENTRE
         ):
-            raise TypeError("`of` must name a quantity, `metres` be positive, and `scale` be known")
+            raise TypeError(
+                "`of` must be the name of a quantity, `metres` must be larger than zero, and "
+                f"`scale` must be one of {', '.join(CENTRE)}; correct these keys of `family`"
+            )
     except (KeyError, TypeError, AttributeError, RecursionError, OverflowError) as error:
         raise ValueError(
             f"the text is no valid definition of a family: {type(error).__name__}: {error}"

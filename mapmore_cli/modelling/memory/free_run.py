@@ -55,8 +55,8 @@ class Along:
         """Return the predictions at the next rows, (n,), which follow the rows of the last call.
         `columns` is as in `kinds.simulate`.
 
-        Raises DataError if an input is missing, and AtSample if a first output is missing or the
-        time steps are not those of the model.
+        Raises DataError if an input is missing. Raises AtSample if one of the measured outputs with
+        which the memory starts is missing, or if the time steps are not those of the model.
         """
         values = np.full(row_count(columns), np.nan)
         diverged = list[int]()

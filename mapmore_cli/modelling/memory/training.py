@@ -2,10 +2,10 @@
 prediction, and pieces for free runs.
 
 Training estimates the parameters of an operator whose name contains none, for example
-`wen(force[k-1])`. A grid is scanned one step ahead: for every set of starting values, FROLS chooses
-the terms, and the sets with the smallest errors are kept. They are refined together with all
-coefficients in free run. From random starts, few searches end at the best model; from the grid,
-most do.
+`wen(force[k-1])`. The starting values are taken from a grid. For every set of them, FROLS chooses
+the terms, and the errors of predictions one step ahead are computed. The sets with the smallest
+errors are kept and refined together with all coefficients in free run. From random starts, few
+searches end at the best model; from the grid, most do.
 """
 
 from __future__ import annotations

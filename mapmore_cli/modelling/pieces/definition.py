@@ -391,8 +391,8 @@ def _beyond_with(
 def _reached(
     m: Writer, segment: SegmentFunction, curve: CurveFunction, body: Pieces, x: Inputs
 ) -> dict[str, Expression]:
-    """Return the inputs of a segment function, held at a distance of z_s times the width outside
-    its samples (`hold: samples`), if transition zones reach that far.
+    """Return the inputs of a segment function, each limited to the range of its samples, extended
+    by z_s times the width of this range (`hold: samples`), if transition zones reach that far.
 
     By M2 eq 10 and 11, a transition zone covers z_s of *both* neighbours' widths: beside a wide
     segment, the function of a narrow one would be evaluated several times its own width outside its

@@ -1,5 +1,5 @@
 """Scale the coordinates of a segment (M1 step 1, M2 (i)): the rules, and the anchor of
-`unit_square`, which does not depend on a single sample.
+`unit_square`, which is computed from several samples, so that no single one decides it.
 """
 
 from __future__ import annotations

@@ -201,8 +201,8 @@ def _widened(axes: Mapping[str, Array], inside: BoolArray) -> BoolArray:
 
 
 def _grid_about(stencil: Stencils, steps: Mapping[str, float], region: Region) -> Stencils:
-    """Return the stencils of a finer grid around one stencil, which extends by one of the `steps`
-    to each side of its middle.
+    """Return the stencils of a finer grid around the middle of one stencil. Along each input, the
+    grid extends by the step of this input (`steps`) to both sides of the middle.
     """
     middles = {name: float(x[stencil.nodes[0]].mean()) for name, x in stencil.columns.items()}
     reach = np.linspace(-1, 1, CLOSE)

@@ -58,7 +58,7 @@ def path(x: Sequence[float] | Array, y: Sequence[float] | Array, dots: bool = Fa
 
 
 def _step(across: float, up: float) -> str:
-    """Return two numbers of tenths; a minus sign parts them too."""
+    """Return two numbers of tenths, with a space between them if the second has no minus sign."""
     top = _tenths(up)
     return _tenths(across) + ("" if top.startswith("-") else " ") + top
 
