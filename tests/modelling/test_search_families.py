@@ -474,6 +474,15 @@ def test_ends_of_all_curves_are_left_out_where_the_study_holds_out_the_end_of_on
     assert [values.max() for values in left_out] == pytest.approx([0.80, 2.0], abs=0.02)
 
 
+def test_the_end_of_a_curve_of_two_values_is_not_left_out():
+    """Both values are ends of its range, so that nothing would remain."""
+    whole = dataset_of({"x": np.array([0.0, 0.1, 0.2, 0.9]), "y": np.arange(4.0)})
+    (curve,) = whole.curves
+    held = replace(curve, held_out=np.array([False, False, True, True]))
+    with pytest.raises(DataError, match="leaves out training samples, and there are too few"):
+        bench_of(replace(whole, curves=(held,)))
+
+
 def test_structures_are_compared_on_the_rows_that_all_of_them_predict():
     """The root mean square of each over them; infinite where one diverged."""
     every, some = np.ones(4, dtype=bool), np.array([True, False, True, True])

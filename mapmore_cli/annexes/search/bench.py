@@ -262,11 +262,13 @@ def _beyond(dataset: Dataset, situation: Situation, study: Dataset) -> list[Bool
             outside, _ = _from_ends(study, name, of_each)
             above, widths = _from_ends(dataset, name, of_each)
             for far, over in zip(outside[:, held], above, strict=True):
-                fold = training & (over >= -np.minimum(np.max(far, initial=0.0), WIDEST * widths))
-                is_held = np.count_nonzero(far > 0) >= BEYOND * far.size > 0
+                reach = np.minimum(np.max(far, initial=0.0), WIDEST * widths)
+                fold = training & (over >= -reach) & (reach > 0)
+                is_held = fold.any() and np.count_nonzero(far > 0) >= BEYOND * far.size
+                rest = values[training & ~fold]
                 # the rest must cover at least half of the range, so that of two values neither is
                 # left alone
-                if is_held and 2 * np.ptp(values[training & ~fold]) >= np.ptp(values[training]):
+                if is_held and len(rest) and 2 * np.ptp(rest) >= np.ptp(values[training]):
                     folds.append(fold)
         if folds:
             return folds
