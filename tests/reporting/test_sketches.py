@@ -100,6 +100,17 @@ def test_ticks_are_round_numbers(low, high, ticks):
     assert [*Axis(0.0, limits=(low, high), most=most).labels().values()] == ticks
 
 
+@pytest.mark.parametrize(
+    ("values", "ends"), [([0.0, 2.0, 8.0], (2, 8)), ([0.0, -1.0], (1, 10)), ([4.0], (2, 8))]
+)
+def test_a_logarithmic_axis_begins_at_the_least_positive_value(values, ends):
+    """Also if it becomes logarithmic only after its values are known."""
+    axis = Axis(0.0)
+    axis.hold(values)
+    axis.logarithmic = True
+    assert axis.ends == ends
+
+
 def test_levels_reach_beyond_the_data():
     levels = levels_of(-3.0, 801.0, 12)
     assert levels[0] <= -3.0

@@ -20,11 +20,12 @@ Place = Callable[[Any], Array]
 
 @dataclass
 class Axis:
-    """One axis: the range of its data, its length, and its ticks."""
+    """One axis: the range of its data with the least positive value, its length, and its ticks."""
 
     margin: float
     low: float = math.inf
     high: float = -math.inf
+    least: float = math.inf
     limits: tuple[float, float] | None = None
     logarithmic: bool = False
     subs: Sequence[float] = (1.0,)
@@ -34,7 +35,8 @@ class Axis:
     def hold(self, values: Any) -> None:
         """Extend the range of the data so that it contains these values."""
         finite = np.asarray(values, dtype=np.float64)
-        finite = finite[np.isfinite(finite) & ((finite > 0) | (not self.logarithmic))]
+        finite = finite[np.isfinite(finite)]
+        self.least = min(self.least, float(finite[finite > 0].min(initial=math.inf)))
         if finite.size:
             self.low = min(self.low, float(finite.min()))
             self.high = max(self.high, float(finite.max()))
@@ -44,11 +46,13 @@ class Axis:
         """Start and end of the axis, in the unit of the data."""
         if self.limits is not None:
             return self.limits
+        if self.logarithmic:  # zero and negative values have no place on it
+            if not self.least <= self.high:
+                return 1.0, 10.0
+            margin = (self.high / self.least) ** self.margin if self.high > self.least else 2.0
+            return self.least / margin, self.high * margin
         if not self.low <= self.high:
             return 0.0, 1.0
-        if self.logarithmic:
-            margin = (self.high / self.low) ** self.margin if self.high > self.low else 2.0
-            return self.low / margin, self.high * margin
         margin = self.margin * (self.high - self.low) or 0.05 * abs(self.low) or 1.0
         return self.low - margin, self.high + margin
 
