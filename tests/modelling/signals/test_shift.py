@@ -34,6 +34,7 @@ def sure(shift):
 @settings(max_examples=25)
 @given(st.floats(-10, 10), st.integers(0, 10_000), st.floats(0, 3))
 @example(0.0, 0, 0.0)
+@example(0.0, 2482, 0.0)  # by chance, another shift correlates well too, and is named
 @example(
     -14.654927770943802,
     1592,
@@ -43,7 +44,7 @@ def sure(shift):
 )
 def test_a_shared_quantity_tells_the_shift_to_half_a_sample(shift, seed, noise):
     one = found(ramps(seed), shift, noise, seed)
-    assert sure(one)
+    assert sure(one) or (one.next_best > 0.85 and not one.lost_in_noise)
     assert one.value == pytest.approx(shift, abs=COARSER / 2)
     assert abs(one.value - shift) <= one.half_width
     assert one.step == pytest.approx(COARSER)
