@@ -43,8 +43,9 @@ def alerts_of(
         target = scored.scores[0].target if len(outputs) > 1 and scored.scores else ""
         found += (Alert(*alert, target) for alert in _of_output(curves, own, scored))
     if search:
-        kinds = {search.outdone: "black box"}
-        found += (Alert(kinds.get(note, "search"), note, "terms") for note in search.notes)
+        for note in search.notes:
+            kind = "black box" if note == search.outdone else "search"
+            found.append(Alert(kind, note, "terms"))
     found += (Alert("check", doubt, "data") for doubt in doubts)
     if unconfirmed:
         found.append(Alert("unconfirmed", unconfirmed_sentence(len(unconfirmed)), "unconfirmed"))

@@ -6,9 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from mapmore_cli.annexes.planning.folds import (
-    training_only,
-)
+from mapmore_cli.annexes.planning.folds import training_only
 from mapmore_cli.annexes.planning.points import (
     Committee,
     MeasuredMap,
@@ -33,23 +31,18 @@ COMMITTEE = ("sarosi_hinged", "sarosi")
 it too.
 """
 
-
 ASTRAY = 2.0
 """A formula is no member of the committee if its range over the map (including the measured values)
 exceeds the range of the measured values by this factor.
 """
 
-
 STEPS = {1: 201, 2: 41, 3: 13}
 """Steps of the grid along each input, by the number of inputs."""
-
 
 MAP = (
     "On six measured maps, the error with such points was 0.3 to 1.2 times that with evenly spread "
     "points, 0.84 times on average (docs/planning.md)."
 )
-
-
 HALVES = "Half widths are right on average; a single one can be wrong by a factor of up to three."
 
 
@@ -60,7 +53,9 @@ notes.
 
 
 def check_prices(prices: Mapping[str, float], names: Sequence[str]) -> None:
-    """Raise UsageError for the price of a quantity that is none of the `names` of the plan."""
+    """Raise UsageError if a quantity with a price is not one of the `names` that the plan
+    chooses.
+    """
     if wrong := next((name for name in prices if name not in names), None):
         raise UsageError(
             f"--cost {wrong}: the plan does not choose this quantity",

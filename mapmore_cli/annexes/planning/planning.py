@@ -8,9 +8,7 @@ from typing import Unpack
 
 import numpy as np
 
-from mapmore_cli.annexes.planning.folds import (
-    training_only,
-)
+from mapmore_cli.annexes.planning.folds import training_only
 from mapmore_cli.annexes.planning.of_points import Planned, check_prices, of_points
 from mapmore_cli.annexes.planning.results import Candidate, Picture, Plan
 from mapmore_cli.annexes.planning.tuning import refuse_several_targets

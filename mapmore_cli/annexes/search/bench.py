@@ -253,12 +253,12 @@ def _beyond(dataset: Dataset, situation: Situation, study: Dataset) -> list[Bool
     held-out samples lie outside it, that of each curve. Return none if too few lie outside of
     either, or if samples have a past.
     """
-    training = pooled_samples(dataset).training
+    samples, held = pooled_samples(dataset), pooled_samples(study).held_out
+    training = samples.training
     for of_each in () if situation.timed else (False, True):
         folds = list[BoolArray]()
         for name in situation.inputs:
-            values = np.concatenate([curve.columns[name] for curve in dataset.curves])
-            held = np.concatenate([curve.held_out for curve in study.curves])
+            values = samples.columns[name]
             outside, _ = _from_ends(study, name, of_each)
             above, widths = _from_ends(dataset, name, of_each)
             for far, over in zip(outside[:, held], above, strict=True):
