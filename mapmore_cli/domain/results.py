@@ -129,9 +129,9 @@ class ResidualTest:
 
     @property
     def fails(self) -> bool:
-        """Return True if so many values lie outside their bounds that noise is an unlikely reason.
-        Each value of noise is outside with a probability of 5 %. The number counts as unlikely if
-        noise puts at least so many values outside with a probability below `RARE`.
+        """Return True if more values lie outside their bounds than noise explains. With noise, each
+        value is outside with a probability of 5 %. The test fails if the probability of the counted
+        number of values, or of more, is then below `RARE`.
         """
         n, chance = self.tested, 0.05
         counts = range(self.beyond, n + 1)

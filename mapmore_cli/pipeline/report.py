@@ -177,8 +177,8 @@ def _collected(
 
 
 def faults_of(style: FigureStyle) -> list[str]:
-    """Check the style of the figures. Return a warning if this machine does not have the font.
-    Raises SpecError for an invalid formula in a label.
+    """Return a warning if the font of the figures is not installed on this machine. Raises
+    SpecError if a label contains a formula that cannot be typeset.
     """
     if style.font is None and not style.labels:
         return []

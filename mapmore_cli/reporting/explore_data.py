@@ -165,8 +165,8 @@ def _samples(inputs: ReportInputs, spans: Mapping[str, tuple[float, float]]) -> 
 
 
 def middle_of(rows: IntArray, places: Array) -> int:
-    """Return the row with the middle one of the places, (n,). The middle row of a loop will not do:
-    there the motion turns, at an end of its range.
+    """Return the row whose place is the median of the places, (n,). The middle row of a loop is at
+    an end of its range, where the motion turns.
     """
     return int(rows[np.argsort(places, kind="stable")[len(rows) // 2]])
 

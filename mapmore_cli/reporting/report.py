@@ -186,8 +186,8 @@ def _write_panels(
 
 
 def data_csv(data: Mapping[str, Values], digits: int = 12) -> str:
-    """Return the data from which a panel was drawn, with a column for each heading; with so many
-    significant digits, and an empty field for a missing number.
+    """Return columns of data as CSV; the keys are their headings. Numbers have `digits` significant
+    digits, and a missing number is an empty field.
     """
     columns = (np.asarray(values, dtype=object) for values in data.values())
     cells = ([number_text(cell, digits) for cell in column] for column in columns)

@@ -321,7 +321,7 @@ def search_table(search: Search) -> Table:
         f"samples = {search.scale:.4g}. Above the best: mean of the logarithm of the ratio over "
         "all folds (for recordings, the median), and the standard error of the mean.",
         *((f"Levels left out: the same for {search.parts}.",) if search.parts else ()),
-        f"Taken: {search.rule}. Held-out data were not used.",
+        f"Chosen: {search.rule}. Held-out data were not used.",
         *search.notes,
     )
     title = "Structures that were tried on training data"

@@ -35,8 +35,8 @@ WRITTEN = re.compile(r"(.*?)(?: \[(.*?)\])?(?: (#?\.\d+\w))?", re.DOTALL)
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table. `unit` is empty if there is none to show; `spec` is the format of its
-    floats.
+    """A column of a table. Its `unit` is empty if the table shows none, and `spec` is the format of
+    its floats.
 
     Equations have two forms: `text`, which LaTeX leaves out, and LaTeX `source`, which LaTeX
     typesets. A column `model` holds names of models.
@@ -181,8 +181,8 @@ def rows_to_csv(headings: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 
 
 def number_text(cell: Cell, digits: int = 12) -> str:
-    """Return a cell for CSV: numbers with so many significant digits, an empty text for a missing
-    one.
+    """Return the text of a cell for CSV. A number has `digits` significant digits, and the text of
+    a missing number is empty.
     """
     if is_missing(cell):
         return ""

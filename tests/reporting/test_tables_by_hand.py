@@ -196,7 +196,7 @@ def test_structures_are_in_the_order_of_their_errors_with_failures_last():
     assert "= 12." in table.notes[0]
     assert table.notes[1:] == (
         "Levels left out: the same for inner levels.",
-        "Taken: the best. Held-out data were not used.",
+        "Chosen: the best. Held-out data were not used.",
         "n",
     )
     assert len(search_table(replace(search, parts="")).notes) == 3

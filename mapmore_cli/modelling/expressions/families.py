@@ -132,9 +132,8 @@ def fits_whole(samples: int, candidates: int) -> bool:
 
 
 def refuse_beyond_memory(candidates: int) -> None:
-    """Raise DataError if a dictionary with so many candidates needs too much memory even when it is
-    built block by block. The message gives the memory that is needed and the memory that may be
-    used.
+    """Raise DataError if the products of all candidates do not fit into the memory of one fit. A
+    dictionary that is built block by block needs them too. The message gives both sizes.
     """
     needed, room = products_bytes(candidates), usable_memory()
     if needed > room:

@@ -234,8 +234,8 @@ def _from_first_number(values: Array) -> Array:
 
 
 def _latest(values: Array, count: int) -> list[float]:
-    """Return the last values, the latest first. Missing earlier values are equal to the first
-    value.
+    """Return the last `count` values, the latest first. If there are fewer, the first value is
+    repeated for the samples before it.
     """
     last: list[float] = values[: -count - 1 : -1].tolist()
     return last + [float(values[0])] * (count - len(last))

@@ -177,7 +177,9 @@ def read_state(tokens: Tokens, name: Token, depth: int = 0) -> State:
             "expected the name of a quantity or of an operator with memory", name.position
         )
     if depth > MAX_NESTING:
-        raise ExpressionError(f"more than {MAX_NESTING} nested operators", name.position)
+        raise ExpressionError(
+            f"too many operators are nested; nest at most {MAX_NESTING}", name.position
+        )
     source = _operated(tokens, name, depth) if tokens.skip("(") else Measured(name.text)
     start = tokens.next.position
     if not tokens.skip("["):
@@ -186,7 +188,7 @@ def read_state(tokens: Tokens, name: Token, depth: int = 0) -> State:
     if (k, minus, end) != ("k", "-", "]") or not (
         steps.isdigit() and len(steps) < 8 and 1 <= int(steps) <= MAX_STEPS
     ):
-        raise ExpressionError("a delay is written [k-1], [k-2], ...", start)
+        raise ExpressionError(f"a delay is written [k-1], [k-2], ..., up to [k-{MAX_STEPS}]", start)
     return Lagged(source, int(steps))
 
 

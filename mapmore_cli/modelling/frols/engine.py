@@ -130,11 +130,10 @@ class GramRemainders(Remainders):
             raise DigitsLost
 
 
-# number of values up to which a dictionary counts as small; accuracy is then more important than
-# speed
+# largest number of values of a small dictionary, for which accuracy matters more than speed
 SMALL = 2**16
-# a candidate gets an explicit remainder when its downdated `q'q` has fallen to this fraction of
-# `p'p`
+# fractions of `p'p` for a large and for a small dictionary; a candidate gets an explicit remainder
+# when its downdated `q'q` is below this fraction
 LOST, LOST_OF_SMALL = 1e-6, 1e-2
 # the products `y'q` are computed again from the residual when the residual sum of squares has
 # fallen by this factor since the last time

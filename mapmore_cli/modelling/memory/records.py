@@ -126,9 +126,9 @@ def sampled(
 
 
 def begun(curve: Curve, lag: int, step: float) -> Curve:
-    """Return a curve of which each uninterrupted piece begins with `lag` consecutive samples that
-    are not held out, because a free run starts from them. A piece without them stays as it is, and
-    one without any training sample is left out.
+    """Cut the beginning of every uninterrupted piece of a curve, so that it begins with `lag`
+    consecutive samples that are not held out, because a free run starts from them. A piece without
+    such samples is not cut, and a piece without training samples is left out.
 
     Raises AtSample like `uninterrupted`.
     """

@@ -358,7 +358,9 @@ SAMPLES = 300
 
 
 class BackboneChoice(NamedTuple):
-    """The formula that was chosen (None for no backbone), and the reasons."""
+    """The name of the formula that was chosen as the backbone, or None for no backbone, and a note
+    that gives the reason.
+    """
 
     name: str | None
     note: str

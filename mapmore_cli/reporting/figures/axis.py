@@ -20,7 +20,9 @@ Place = Callable[[Any], Array]
 
 @dataclass
 class Axis:
-    """One axis: the range of its data with the least positive value, its length, and its ticks."""
+    """One axis: the range of its data, with `least` as the smallest positive value, its scale, and
+    its ticks.
+    """
 
     margin: float
     low: float = math.inf

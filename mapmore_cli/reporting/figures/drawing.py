@@ -186,7 +186,7 @@ class RenderedFigure:
 
     @property
     def is_wide(self) -> bool:
-        """Whether a panel is wider than a narrow screen, on which it is scrolled."""
+        """Return True if a panel is wider than a narrow screen, so that it is scrolled there."""
         return self.width / self.columns > NARROW
 
 
