@@ -307,7 +307,7 @@ def search_table(search: Search) -> Table:
         "standard error [%] .1f": "spread",
     }
     rows: list[tuple[Cell, ...]] = []
-    marks = {"best": search.best, "taken": search.chosen}
+    marks = {"best": search.best, "chosen": search.chosen}
     order = sorted(enumerate(search.tried), key=lambda one: (bool(one[1].failure), one[1].excess))
     for number, one in order:
         remark = ", ".join(mark for mark, place in marks.items() if place == number)

@@ -188,7 +188,7 @@ def test_structures_are_in_the_order_of_their_errors_with_failures_last():
     search = Search("s", "y", "levels", "inner levels", 12.0, tried, 2, 2, "the best", notes=("n",))
     table = search_table(search)
     assert [(row[0], row[-1]) for row in table.rows] == [
-        *(("process", "to compare with"), ("short", "best, taken"), ("long", "")),
+        *(("process", "to compare with"), ("short", "best, chosen"), ("long", "")),
         ("none", "failed: too few"),
     ]
     assert table.rows[2][1:-1] == (*map(pytest.approx, (30, 40, 20, 10)), 9, 2)

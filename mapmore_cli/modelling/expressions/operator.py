@@ -42,7 +42,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Setting:
-    """Numbers on which a state of an operator depends besides its source.
+    """Numbers that determine a state of an operator, together with its source.
 
     - `numbers`: numbers from the name of the state, or estimated in training.
     - `step`: time between samples, s.
