@@ -79,7 +79,7 @@ export function explorePieces(box, study, values) {
 
     /** A click shows that one of the pieces with a weight there whose line is nearest. */
     const nearest = (lineOf) => (at, height) => {
-      const k = xs.findIndex((one) => one >= at);
+      const k = Math.min(xs.filter((one) => one < at).length, xs.length - 1);
       const away = parts.map((part) => (
         part.share.y[k] > 0 ? Math.abs(lineOf(part).y[k] - height) : Infinity));
       show(parts[away.indexOf(Math.min(...away))]);
