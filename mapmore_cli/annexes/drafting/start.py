@@ -261,26 +261,24 @@ def start(
         If the quantity to predict is unknown for every study.
     """
     studies, remarks = find_studies(path)
+    labels = _names_apart(studies)
     if len(studies) > 1:
         tell(f"{path} has {len(studies)} layouts:")
-        for study, label in zip(studies, _names_apart(studies), strict=True):
+        for study, label in zip(studies, labels, strict=True):
             tell(f"  {label}: {described(study, folder)}")
     seconds = [second_of(study, studies) for study in studies]
     is_single = single or ask is not None
     drafts: list[Draft] = []
     refusal: UsageError | None = None
-    for study, second, label in zip(studies, seconds, _names_apart(studies), strict=True):
+    for study, second, label in zip(studies, seconds, labels, strict=True):
         if study in seconds:
             continue
+        why = "another study" if drafts and is_single else ""
         if study is not studies[0] and answers.has_places:
             first = studies[0].files[0].name
             why = f"another layout; the numbers of columns that you give belong to {first}"
+        if why:
             remarks.append(f"{label} ({study}): {why}; call `mapmore init` with its files alone")
-            continue
-        if drafts and is_single:
-            remarks.append(
-                f"{label} ({study}): another study; call `mapmore init` with its files alone"
-            )
             continue
         is_only = is_single or len(studies) == 1
         called = replace(
