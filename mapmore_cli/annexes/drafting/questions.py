@@ -13,7 +13,7 @@ import numpy as np
 from mapmore_cli.annexes.drafting.answers import Answers, read_group, read_names
 from mapmore_cli.annexes.drafting.columns import Table, find, listed
 from mapmore_cli.annexes.drafting.draft import Column, scaled
-from mapmore_cli.annexes.drafting.experiment import LAST_SAMPLES, WHOLE
+from mapmore_cli.annexes.drafting.held_out import LAST_SAMPLES, WHOLE
 from mapmore_cli.annexes.drafting.names import group_words
 from mapmore_cli.annexes.drafting.understanding import Understood
 from mapmore_cli.domain.arrays import Array

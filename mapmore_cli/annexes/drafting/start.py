@@ -17,20 +17,15 @@ from mapmore_cli.annexes.drafting.checked import checked
 from mapmore_cli.annexes.drafting.cleaning import cleaned
 from mapmore_cli.annexes.drafting.columns import Table, find
 from mapmore_cli.annexes.drafting.draft import Draft, Named
-from mapmore_cli.annexes.drafting.experiment import (
-    FEWEST,
-    LAST_SAMPLES,
-    WHOLE,
-    Experiment,
-    find_held,
-    with_experiment,
-)
+from mapmore_cli.annexes.drafting.experiment import Experiment, find_held
+from mapmore_cli.annexes.drafting.held_out import LAST_SAMPLES, WHOLE
 from mapmore_cli.annexes.drafting.like import with_paper
 from mapmore_cli.annexes.drafting.names import numbered_groups, offers_of, tests_of
 from mapmore_cli.annexes.drafting.questions import Ask, interview
 from mapmore_cli.annexes.drafting.reading import described, read_draft, split_by, table_of
 from mapmore_cli.annexes.drafting.second_log import second_of, with_second_log
 from mapmore_cli.annexes.drafting.sources import started
+from mapmore_cli.annexes.drafting.static_or_memory import FEWEST, with_experiment
 from mapmore_cli.annexes.drafting.studies import Study, find_studies
 from mapmore_cli.annexes.drafting.understanding import Understood, understood
 from mapmore_cli.annexes.drafting.written_columns import with_columns, with_strain
