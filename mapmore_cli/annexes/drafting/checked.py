@@ -73,14 +73,19 @@ def with_few_files(draft: Draft, folder: Path) -> tuple[Draft, int]:
         return draft, len(sources)
     drawn = [*dict.fromkeys([*first.values(), *shuffled])][:MOST]
     few = [sources[at] for at in sorted(drawn)]
-    entries: list[Section] = []
-    for one in few:
-        place = {"sheet": one.sheet, "table": one.table_below, "set": dict(one.constants)}
-        columns = {
-            name: column.model_dump(exclude_unset=True) for name, column in one.columns.items()
+    entries: list[Section] = [
+        {
+            "path": one.name,
+            "id": one.id,
+            "sheet": one.sheet,
+            "table": one.table_below,
+            "set": dict(one.constants),
+            "columns": {
+                name: column.model_dump(exclude_unset=True) for name, column in one.columns.items()
+            },
         }
-        more = {key: value for key, value in {**place, "columns": columns}.items() if value}
-        entries.append({"path": one.name, "id": one.id, **more})
+        for one in few
+    ]
     some = draft.with_data("files", entries)
     held = dict(draft.data.get("split", {}).get("validate", {}))
     if "recordings" in held:

@@ -46,8 +46,7 @@ def with_experiment(
     """
     held, target, recordings = done.held, done.target, done.recordings
     samples = sum(one.rows_kept for one in recordings)
-    is_static = held is not None and (held.why == "you" or target == "force")
-    is_static = is_static or (held is None and _is_at_rest(done))
+    is_static = _is_at_rest(done) if held is None else held.why == "you" or target == "force"
     if not is_static and done.is_timed and samples >= FEWEST:
         draft = _as_memory_study(draft, recordings).with_section("target", target)
         if "gaps" in draft.data:  # the pieces of a recording have ids of their own
