@@ -211,20 +211,12 @@ def _with_sessions(draft: Draft, apart: Unequal | None, group: str | None) -> Dr
     """Return the draft, changed if two recordings have equal inputs but unequal outputs (`apart`):
     with settings for the groups that a person named, otherwise with a remark.
     """
-    if apart is None:
+    if apart is None or (group is not None and not apart.effects):
         return draft
     effects = dict.fromkeys(apart.effects, True)
     if group is not None:
-        return (
-            draft.with_data(
-                "groups",
-                {"of": group, **effects},
-                f"{apart.words()}; a group that is held out is predicted with the mean of all "
-                "groups",
-            )
-            if effects
-            else draft
-        )
+        why = "a group that is held out is predicted with the mean of all groups"
+        return draft.with_data("groups", {"of": group, **effects}, f"{apart.words()}; {why}")
     line = ", ".join(["of: session", *(f"{effect}: true" for effect in effects)])
     how = (
         "; do they belong to different sessions? If so, use `--group session`, which writes "

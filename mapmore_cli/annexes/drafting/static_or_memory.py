@@ -58,10 +58,9 @@ def with_experiment(
     if target != "force":
         return draft.with_section("target", target)
     inputs = {*recordings[0].columns, *done.conditions}
-    known = {name: literature.get(name) for name in COMPETITORS}
     formulas = [
-        name
-        for name, formula in known.items()
+        formula.name
+        for formula in map(literature.get, COMPETITORS)
         if {*formula.inputs} <= inputs and len(formula.parameters) < samples
     ]
     draft = draft.with_section("target", "static")
