@@ -266,9 +266,7 @@ class Tried:
     family: str  # kind of the structure
     words: str  # name of the structure
     sections: Mapping[str, Any]  # sections of a spec that define it, by name
-    parameters: int = (
-        0  # number of free parameters of the model that is fitted to all training data
-    )
+    parameters: int = 0  # free parameters of the model that is fitted to all training data
     errors: tuple[
         float, ...
         # RMSE on each fold, of a model fitted without this fold, as a fraction of `Search.scale`;

@@ -187,7 +187,7 @@ def replacing(path: Path) -> Iterator[BufferedRandom]:
     beside `path`, flushed to the disk, and moved over it.
 
     In an unfinished folder, it is written directly and not flushed, because `sync_tree` flushes the
-    whole folder before it is moved. Raises WriteError if `path` is a link.
+    whole folder before it is moved. Raises WriteError if `path` is a link or a special file.
     """
     refuse_link(path)
     alone = not any(UNFINISHED.fullmatch(part) for part in path.parent.parts)

@@ -245,8 +245,8 @@ def _echoes(loc: Loc) -> bool:
     )
 
 
-def _place_among_items(lost: tuple[Loc, Loc | None]) -> list[tuple[int, str]]:
-    return [(step, "") if isinstance(step, int) else (0, step) for step in lost[0]]
+def _place_among_items(part: tuple[Loc, Loc | None]) -> list[tuple[int, str]]:
+    return [(step, "") if isinstance(step, int) else (0, step) for step in part[0]]
 
 
 # Open questions

@@ -90,12 +90,12 @@ def explain_fault(error: Exception, source: SourceText) -> NoReturn:
             f"control character #x{int(error.character):04x}",
             "give the path of a spec, which is plain text; this seems to be a data file",
         )
-    mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
+    context = getattr(error, "context_mark", None)
+    mark = getattr(error, "problem_mark", None) or context
     at = Position(source, mark.line + 1, mark.column + 1) if mark else Position(source, 1, 1)
     complaint = (
         f"{getattr(error, 'context', None) or ''} {getattr(error, 'problem', None) or ''}".strip()
     )
-    context = getattr(error, "context_mark", None)
     begin, end = (context or mark).line if mark else 0, at.line
     if (text := _unquoted_text(source.text.splitlines()[begin:end])) is not None:
         marks = next(mark for mark in _MARKS if mark in text)

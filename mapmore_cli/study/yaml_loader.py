@@ -1,4 +1,4 @@
-"""Read and write YAML with the scalars of YAML 1.2's core schema, and expand `${VAR}`.
+"""Read YAML with the scalars of YAML 1.2's core schema.
 
 Plain PyYAML follows YAML 1.1, in which `1e-3` is text, `no` is false, `010` is eight and `1:30` is
 ninety.

@@ -11,7 +11,7 @@ import pytest
 from recorded import checked, drafted, loaded, workbook, write
 
 from mapmore_cli.annexes.drafting.answers import answers_of
-from mapmore_cli.annexes.drafting.checked import _with_few_files as drawn_files
+from mapmore_cli.annexes.drafting.checked import with_few_files
 from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.domain.errors import SpecError, UsageError
 from mapmore_cli.ingestion.dataset import build_dataset
@@ -271,7 +271,7 @@ def test_some_of_many_files_have_every_level_that_names_say(tmp_path, monkeypatc
         write(tmp_path / f"run_{number:02d}_{kpa}kPa.csv", columns)
     draft = drafted(tmp_path)
     assert "examined 6 of 24 files" in draft.text()
-    few, files = drawn_files(draft, tmp_path)
+    few, files = with_few_files(draft, tmp_path)
     assert files == 24
     levels = [entry["set"]["pressure"] for entry in few.data["files"]]
     assert len(levels) == 6

@@ -220,6 +220,21 @@ def test_a_copy_of_a_file_is_left_out_by_name(tmp_path):
     assert draft.data["split"] == {"validate": {"recordings": ["bend_1"]}}
 
 
+@pytest.mark.parametrize("copy", [".snapshot/bend.csv", "bend.bak", "old/run/bend.csv"])
+def test_a_copy_that_is_not_read_is_no_reason_to_leave_a_file_out(tmp_path, copy):
+    """It is hidden, has no reader, or lies in the folder of a run."""
+    u = 50 + 40 * np.sin(T[:600])
+    write(tmp_path / "own" / "bend.csv", (T[:600], u, np.roll(u, 3)), "t [s],p [kPa],angle [deg]\n")
+    place = tmp_path / copy
+    place.parent.mkdir(parents=True, exist_ok=True)
+    place.write_bytes((tmp_path / "own" / "bend.csv").read_bytes())
+    if "run" in copy:
+        (place.parent / "run.json").write_text("{}")
+    (study,), left_out = find_studies(tmp_path)
+    assert [file.name for file in study.files] == ["bend.csv"]
+    assert left_out == []
+
+
 @pytest.mark.parametrize("mark", ["%", "#"])
 def test_remarks_with_numbers_stand_between_titles_and_numbers(tmp_path, mark):
     head = f"{mark} t[s] p[kPa] angle[deg]\n{mark} speed = 3 mm/s\n"

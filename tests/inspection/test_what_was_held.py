@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.annexes.drafting.answers import Hold
-from mapmore_cli.annexes.drafting.experiment import find_held, goes_in_cycles, inner
+from mapmore_cli.annexes.drafting.experiment import find_held, goes_in_cycles
+from mapmore_cli.annexes.drafting.held_out import inner
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.recording import Recording
 

@@ -29,7 +29,7 @@ def checked(draft: Draft, plainer: Sequence[Draft], folder: Path) -> Draft:
     Paths of all drafts start at `folder`. If there are many files, a random part of them is
     examined, and a note says so. Raises DataError for an error that only other data can correct.
     """
-    few, files = _with_few_files(draft, folder)
+    few, files = with_few_files(draft, folder)
     fault = _fault(few, folder)
     if few is not draft:
         usual = draft.notes.get(("data", "files"), Note(""))
@@ -39,7 +39,7 @@ def checked(draft: Draft, plainer: Sequence[Draft], folder: Path) -> Draft:
     if fault is None:
         return draft
     for other in plainer:
-        if _fault(_with_few_files(other, folder)[0], folder) is None:
+        if _fault(with_few_files(other, folder)[0], folder) is None:
             why = (
                 "simplified (no levels, and nothing is held out), because `check` found an "
                 f"error: {fault.message}"
@@ -57,7 +57,7 @@ random.
 """
 
 
-def _with_few_files(draft: Draft, folder: Path) -> tuple[Draft, int]:
+def with_few_files(draft: Draft, folder: Path) -> tuple[Draft, int]:
     """Return a draft with `MOST` of the files, drawn at random with seed 1, and the number of all
     files. At least one file is drawn of those whose names contain the same values, for example the
     same level. The recordings keep their ids.
@@ -73,14 +73,19 @@ def _with_few_files(draft: Draft, folder: Path) -> tuple[Draft, int]:
         return draft, len(sources)
     drawn = [*dict.fromkeys([*first.values(), *shuffled])][:MOST]
     few = [sources[at] for at in sorted(drawn)]
-    entries: list[Section] = []
-    for one in few:
-        place = {"sheet": one.sheet, "table": one.table_below, "set": dict(one.constants)}
-        columns = {
-            name: column.model_dump(exclude_unset=True) for name, column in one.columns.items()
+    entries: list[Section] = [
+        {
+            "path": one.name,
+            "id": one.id,
+            "sheet": one.sheet,
+            "table": one.table_below,
+            "set": dict(one.constants),
+            "columns": {
+                name: column.model_dump(exclude_unset=True) for name, column in one.columns.items()
+            },
         }
-        more = {key: value for key, value in {**place, "columns": columns}.items() if value}
-        entries.append({"path": one.name, "id": one.id, **more})
+        for one in few
+    ]
     some = draft.with_data("files", entries)
     held = dict(draft.data.get("split", {}).get("validate", {}))
     if "recordings" in held:

@@ -16,19 +16,13 @@ from mapmore_cli.storage.tables import Top
 # a line of labelled values, as microcontrollers print them: `t:12,p:3.4`
 _LABELLED = re.compile(r"\s*[A-Za-z_]\w*\s*[:=]\s*[-+]?[.\d]\S*")
 
-
 LINES = 200  # largest number of lines of a table that `init` reads
 HEAD = 1 << 16  # number of bytes at the beginning of a text that are examined
 
-
 _NUMBERS = re.compile(rb"[\s\"']*[-+.\d]")
-
-
-_COMMENT = re.compile(rb"[ \t]*(#|%|//)")
-
-
 _DIGITS = re.compile(rb"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
-
+COMMENT = re.compile(rb"[ \t]*(#|%|//)")
+"""Beginning of a line that is a comment, with its mark."""
 
 UNREAD = {
     "zip 7z rar tar tgz zst": "unpack it",
@@ -81,7 +75,7 @@ def comment_among(path: Path, layout: Layout) -> str | None:
     titled = layout.settings.get("skip_rows", 0)
     with path.open("rb") as lines:
         for number, line in enumerate(lines):
-            if number >= titled and (found := _COMMENT.match(line)):
+            if number >= titled and (found := COMMENT.match(line)):
                 return found[1].decode() if number > titled else None
     return None
 

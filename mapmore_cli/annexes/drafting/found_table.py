@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from itertools import pairwise, takewhile, zip_longest
 from typing import Any
 
-from mapmore_cli.annexes.drafting.first_lines import _COMMENT
+from mapmore_cli.annexes.drafting.first_lines import COMMENT
 from mapmore_cli.annexes.drafting.layout import Layout
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.storage.tables import Top
@@ -19,10 +19,7 @@ from mapmore_cli.storage.tables.cells import stamp_of
 from mapmore_cli.study.units import check_unit
 
 REMARKS = ("#", "%", "//", "!")  # beginnings of lines that are remarks instead of data
-
-
 LETTERS = "smNVAKgh1%°-"  # single characters that are common units
-
 
 Row = Sequence[Any]
 
@@ -50,7 +47,7 @@ class FoundTable:
         column ordered values of another, and the corner no number. None if the table is no map.
         Consecutive numbers in the first line are titles instead.
         """
-        above = [at for at in range(self.first) if _nonempty(self.rows[at])]
+        above = [at for at in range(self.first) if nonempty(self.rows[at])]
         top = self.first if self._is_without_corner(self.first) or not above else above[-1]
         if not self._is_without_corner(top):
             return None
@@ -95,7 +92,7 @@ class FoundTable:
                 spelt[place] = "s"  # time stamps are read in seconds, whatever stands above them
         header, skipped = 0, self.first
         if titled is not None and len(self.rows[titled]) <= self.wide:
-            filled = [at for at in range(titled, self.first) if _nonempty(self.rows[at])]
+            filled = [at for at in range(titled, self.first) if nonempty(self.rows[at])]
             header, skipped = filled[-1] - titled + 1, titled
         settings = dict(self.top.settings)
         if not self.top.addresses:
@@ -131,7 +128,7 @@ class FoundTable:
         last = max(place for place, cells in enumerate(self.columns) if cells)
         labels = [place for place, cells in enumerate(self.columns) if not cells]
         for place in reversed(range(self.first)):
-            filled = _nonempty(self.rows[place])
+            filled = nonempty(self.rows[place])
             if not filled and all(map(_are_units, lines.values())):
                 continue
             cells = ["" if cell is None else str(cell).strip() for cell in self.rows[place]]
@@ -153,10 +150,10 @@ class FoundTable:
 
         def rank(line: int) -> tuple[bool, int, int]:
             is_remark = str(self.rows[line][0]).strip().startswith(REMARKS)
-            return not is_remark, len(_nonempty(lines[line])), line if is_remark else -line
+            return not is_remark, len(nonempty(lines[line])), line if is_remark else -line
 
         names = {
-            line: _nonempty([cells[at] for at in self.numeric]) for line, cells in lines.items()
+            line: nonempty([cells[at] for at in self.numeric]) for line, cells in lines.items()
         }
         naming = [line for line in sorted(lines) if 2 * len(names[line]) >= len(self.numeric)]
         titles = [line for line in naming if len(lines) == 1 or not _are_units(lines[line])]
@@ -171,9 +168,9 @@ def table_in(top: Top) -> FoundTable | None:
     very last row may be incomplete; remarks below the table are left out.
     """
     rows = top.rows[:-1] if len(top.rows) > 1 else top.rows
-    widths = Counter(len(row) for row in rows[len(rows) // 2 :] if _nonempty(row))
+    widths = Counter(len(row) for row in rows[len(rows) // 2 :] if nonempty(row))
     wide = widths.most_common(1)[0][0] if widths else 0
-    end = max((i for i, row in enumerate(rows) if len(row) == wide and _nonempty(row)), default=-1)
+    end = max((i for i, row in enumerate(rows) if len(row) == wide and nonempty(row)), default=-1)
     rows = rows[: end + 1]
     lower = _filled_by_column(rows[len(rows) // 2 :], wide)
     numeric = tuple(
@@ -186,7 +183,7 @@ def table_in(top: Top) -> FoundTable | None:
     def has_numbers(row: Row) -> bool:
         if len(row) != wide or any(row is line for line in labelled):
             return False
-        cells = _nonempty([row[place] for place in numeric])
+        cells = nonempty([row[place] for place in numeric])
         count = sum(map(top.is_number, cells))
         # a line of units may contain a number too, for example `kPa;1`
         return count > 0 and (count == len(cells) or not _are_units([*map(str, cells)]))
@@ -194,11 +191,11 @@ def table_in(top: Top) -> FoundTable | None:
     def is_between(place: int) -> bool:
         """Return True for a comment between two rows of the table."""
         around = rows[max(place - 1, 0)], rows[min(place + 1, len(rows) - 1)]
-        return _COMMENT.match(str(rows[place][0]).encode()) is not None and all(
+        return COMMENT.match(str(rows[place][0]).encode()) is not None and all(
             map(has_numbers, around)
         )
 
-    filled = [place for place, row in enumerate(rows) if _nonempty(row)]
+    filled = [place for place, row in enumerate(rows) if nonempty(row)]
     words = (place for place in filled if not has_numbers(rows[place]))
     above = max((place for place in words if not is_between(place)), default=-1)
     first = next((place for place in filled if place > above), None)
@@ -212,10 +209,10 @@ def _labelled_lines(rows: Sequence[Row], lower: Sequence[Row]) -> list[Row]:
     `Name:`, `Unit:` and `Count:`, if there are at least three of them; the first cells of the
     `lower` rows are empty.
     """
-    if not lower or any(_nonempty(row[:1]) for row in lower):
+    if not lower or any(nonempty(row[:1]) for row in lower):
         return []
-    filled = [row for row in rows if _nonempty(row)]
-    labelled = [*takewhile(lambda row: _nonempty(row[:1]) and len(row) == len(lower[0]), filled)]
+    filled = [row for row in rows if nonempty(row)]
+    labelled = [*takewhile(lambda row: nonempty(row[:1]) and len(row) == len(lower[0]), filled)]
     return labelled if len(labelled) > 2 else []
 
 
@@ -232,11 +229,11 @@ def _steps_of(cells: Sequence[Any], is_number: Callable[[Any], bool]) -> list[fl
 
 
 def _filled_by_column(rows: Sequence[Row], wide: int) -> list[list[Any]]:
-    return [*map(_nonempty, zip(*(row for row in rows if len(row) == wide), strict=True))]
+    return [*map(nonempty, zip(*(row for row in rows if len(row) == wide), strict=True))]
 
 
 def _are_units(cells: Sequence[str]) -> bool:
-    filled = _nonempty(cells)
+    filled = nonempty(cells)
     return 2 * sum(map(_reads_as_unit, filled)) > len(filled)
 
 
@@ -258,5 +255,6 @@ def _without_brackets(unit: str) -> str:
     return re.sub(r"^[(\[{<]\s*(.*?)\s*[)\]}>]$", r"\1", unit.lstrip("# "))
 
 
-def _nonempty(row: Row) -> list[Any]:
+def nonempty(row: Row) -> list[Any]:
+    """Return the cells of a row that are not empty."""
     return [cell for cell in row if cell is not None and str(cell).strip()]

@@ -8,7 +8,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 from mapmore_cli.annexes.drafting.first_lines import LINES, comment_among, refuse_labelled, unread
-from mapmore_cli.annexes.drafting.found_table import FoundTable, _nonempty, table_in
+from mapmore_cli.annexes.drafting.found_table import FoundTable, nonempty, table_in
 from mapmore_cli.annexes.drafting.layout import Layout
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import reader_of, suffix_of
@@ -102,7 +102,7 @@ def _titles_of(table: Below) -> list[str]:
     """
     if not table.header:
         return [f"{len(table.rows[0][1])} columns"]
-    return [str(cell).strip() for cell in _nonempty(table.header[0][1])]
+    return [str(cell).strip() for cell in nonempty(table.header[0][1])]
 
 
 def _of_all_sheets(

@@ -13,7 +13,7 @@ import numpy as np
 from mapmore_cli.annexes.drafting.answers import Answers, read_group, read_names
 from mapmore_cli.annexes.drafting.columns import Table, find, listed
 from mapmore_cli.annexes.drafting.draft import Column, scaled
-from mapmore_cli.annexes.drafting.experiment import LAST_SAMPLES, WHOLE
+from mapmore_cli.annexes.drafting.held_out import LAST, LAST_SAMPLES, WHOLE
 from mapmore_cli.annexes.drafting.names import group_words
 from mapmore_cli.annexes.drafting.understanding import Understood
 from mapmore_cli.domain.arrays import Array
@@ -170,7 +170,7 @@ def _held_out(asked: Asked) -> Question | None:
         "Which data are held out to test the model?",
         (*asked.options(others), *named),
         "Press Enter to follow names, levels or recordings, or write an input (inner values of "
-        f"it),{whole} or `{LAST_SAMPLES}` (the last 30 % of each recording)",
+        f"it),{whole} or `{LAST_SAMPLES}` (the last {100 * LAST:g} % of each recording)",
         take,
     )
 

@@ -17,20 +17,15 @@ from mapmore_cli.annexes.drafting.checked import checked
 from mapmore_cli.annexes.drafting.cleaning import cleaned
 from mapmore_cli.annexes.drafting.columns import Table, find
 from mapmore_cli.annexes.drafting.draft import Draft, Named
-from mapmore_cli.annexes.drafting.experiment import (
-    FEWEST,
-    LAST_SAMPLES,
-    WHOLE,
-    Experiment,
-    find_held,
-    with_experiment,
-)
+from mapmore_cli.annexes.drafting.experiment import Experiment, find_held
+from mapmore_cli.annexes.drafting.held_out import LAST_SAMPLES, WHOLE
 from mapmore_cli.annexes.drafting.like import with_paper
 from mapmore_cli.annexes.drafting.names import numbered_groups, offers_of, tests_of
 from mapmore_cli.annexes.drafting.questions import Ask, interview
 from mapmore_cli.annexes.drafting.reading import described, read_draft, split_by, table_of
 from mapmore_cli.annexes.drafting.second_log import second_of, with_second_log
 from mapmore_cli.annexes.drafting.sources import started
+from mapmore_cli.annexes.drafting.static_or_memory import FEWEST, with_experiment
 from mapmore_cli.annexes.drafting.studies import Study, find_studies
 from mapmore_cli.annexes.drafting.understanding import Understood, understood
 from mapmore_cli.annexes.drafting.written_columns import with_columns, with_strain
@@ -216,20 +211,12 @@ def _with_sessions(draft: Draft, apart: Unequal | None, group: str | None) -> Dr
     """Return the draft, changed if two recordings have equal inputs but unequal outputs (`apart`):
     with settings for the groups that a person named, otherwise with a remark.
     """
-    if apart is None:
+    if apart is None or (group is not None and not apart.effects):
         return draft
     effects = dict.fromkeys(apart.effects, True)
     if group is not None:
-        return (
-            draft.with_data(
-                "groups",
-                {"of": group, **effects},
-                f"{apart.words()}; a group that is held out is predicted with the mean of all "
-                "groups",
-            )
-            if effects
-            else draft
-        )
+        why = "a group that is held out is predicted with the mean of all groups"
+        return draft.with_data("groups", {"of": group, **effects}, f"{apart.words()}; {why}")
     line = ", ".join(["of: session", *(f"{effect}: true" for effect in effects)])
     how = (
         "; do they belong to different sessions? If so, use `--group session`, which writes "
@@ -261,26 +248,24 @@ def start(
         If the quantity to predict is unknown for every study.
     """
     studies, remarks = find_studies(path)
+    labels = _names_apart(studies)
     if len(studies) > 1:
         tell(f"{path} has {len(studies)} layouts:")
-        for study, label in zip(studies, _names_apart(studies), strict=True):
+        for study, label in zip(studies, labels, strict=True):
             tell(f"  {label}: {described(study, folder)}")
     seconds = [second_of(study, studies) for study in studies]
     is_single = single or ask is not None
     drafts: list[Draft] = []
     refusal: UsageError | None = None
-    for study, second, label in zip(studies, seconds, _names_apart(studies), strict=True):
+    for study, second, label in zip(studies, seconds, labels, strict=True):
         if study in seconds:
             continue
+        why = "another study" if drafts and is_single else ""
         if study is not studies[0] and answers.has_places:
             first = studies[0].files[0].name
             why = f"another layout; the numbers of columns that you give belong to {first}"
+        if why:
             remarks.append(f"{label} ({study}): {why}; call `mapmore init` with its files alone")
-            continue
-        if drafts and is_single:
-            remarks.append(
-                f"{label} ({study}): another study; call `mapmore init` with its files alone"
-            )
             continue
         is_only = is_single or len(studies) == 1
         called = replace(

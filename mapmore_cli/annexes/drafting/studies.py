@@ -5,7 +5,7 @@ from __future__ import annotations
 import filecmp
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -117,14 +117,16 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
         raise DataError(
             f"{path}: no such file or folder", "give a recording, or a folder of recordings"
         )
-    every = [path] if path.is_file() else [one for one in sorted(path.rglob("*")) if one.is_file()]
+    inside = (one for one in sorted(path.rglob("*")) if one.is_file() and _is_own(one, path))
+    every = [path] if path.is_file() else [*inside]
+    readable = {file for file in every if file == path or reader_of(file) is not None}
+    copies = _copies(readable)  # a copy that nobody reads is no reason to leave a file out
     left_out: list[str] = []
     bad: dict[Path, str] = {}
-    copies = _copies(every)
     seen: dict[tuple[str, tuple[bytes, ...]], Layout] = {}
     layouts: dict[str, tuple[Layout, list[Path]]] = {}
-    for file in (one for one in every if one == path or _is_own(one, path)):
-        if file != path and reader_of(file) is None:
+    for file in every:
+        if file not in readable:
             left_out += filter(None, [unread(file)])
             continue
         if file in copies:
@@ -149,7 +151,7 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
     return [*named], left_out
 
 
-def _copies(files: Sequence[Path]) -> dict[Path, Path]:
+def _copies(files: Iterable[Path]) -> dict[Path, Path]:
     """Return the files that have the same contents as another file, with that file, which has the
     shorter name. Empty files are no copies.
     """

@@ -27,7 +27,7 @@ from mapmore_cli.storage.tables import (
     locate_columns,
     reading,
 )
-from mapmore_cli.storage.tables.below import Below, chosen_table, tables_below
+from mapmore_cli.storage.tables.below import Below, Row, chosen_table, tables_below
 from mapmore_cli.storage.tables.cells import NUMBER, holds_number
 from mapmore_cli.storage.tables.lines import (
     LAST_LINES,
@@ -106,7 +106,11 @@ def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
 def _parse(lines: Lines, raw: BufferedReader, request: TableRequest) -> RawTable:
     last = deque[bytes](maxlen=2)
     if request.table is not None:
-        return _parse_table(*_records_of(lines, request), request)
+        layout, found = _rows_of(lines, request)
+        filled = [(number, [*cells]) for number, cells in found]
+        every_row, *values_of_table = values_of_records(filled, layout)
+        columns_of_table = dict(zip(request.columns, values_of_table, strict=True))
+        return RawTable(columns_of_table, every_row, request.label)
     layout, leading, _ = _begin(lines, request)
     before = [values_of_records(leading, layout)] if leading else []
     numbers: list[Any] = []
@@ -155,24 +159,23 @@ def _refuse_thousands(path: Path, table: RawTable, request: TableRequest) -> Non
     for number, (column, values) in enumerate(table.columns.items()):
         if request.cells(column).thousands is None and may_be_grouped(values):
             with open_lines(path, request.encoding, request.label) as (lines, _):
-                layout, leading, records = _begin(lines, request)
+                layout, found = _rows_of(lines, request)
                 title, place, _ = layout.wanted[number]
-                rows = (row for row in chain(leading, records) if place < len(row[1]))
+                rows = (row for row in found if place < len(row[1]))
                 cells = ((row, fields[place]) for row, fields in rows)
                 where = f"{request.label}:row {{row}}, column {title}"
                 refuse_grouped(cells, request.decimal, where)
 
 
-def _parse_table(
-    records: Iterable[Numbered], delimiter: str | None, request: TableRequest
-) -> RawTable:
-    """Return one of several tables in a text."""
+def _rows_of(lines: Lines, request: TableRequest) -> tuple[Layout, Iterable[Row]]:
+    """Return the layout of the wanted table, and its rows below the header."""
+    if request.table is None:
+        layout, leading, records = _begin(lines, request)
+        return layout, chain(leading, records)
+    records, delimiter = _records_of(lines, request)
     is_number = partial(holds_number, decimal=request.decimal)
     found = chosen_table((one for one in records if one[1]), request, is_number)
-    layout = _layout([*(found.header or found.rows)[0][1]], request, delimiter)
-    filled = [(number, [*cells]) for number, cells in found.rows]
-    numbers, *columns = values_of_records(filled, layout)
-    return RawTable(dict(zip(request.columns, columns, strict=True)), numbers, request.label)
+    return _layout([*(found.header or found.rows)[0][1]], request, delimiter), found.rows
 
 
 def below_csv(path: Path, request: TableRequest) -> list[Below]:

@@ -76,12 +76,11 @@ def _side_by_side(above: Sequence[Row], header: Sequence[Row], rows: Sequence[Ro
         return [Below(_joined(cell for _, cells in above for cell in cells), header, rows)]
     words = [[_joined(cells[block]) for block in blocks] for _, cells in above]
     titles = [_joined(parts) for parts in zip(*filter(all, words), strict=True)]
+    shared = [(number, cells[blocks[0]]) for number, cells in header]
     tables = []
     for block, title in zip(blocks, titles or [""] * len(blocks), strict=True):
-        width = block.stop - block.start
-        own = [(number, _padded(cells[block], width)) for number, cells in rows]
-        first = [(number, cells[blocks[0]]) for number, cells in header]
-        tables.append(Below(title, first, [row for row in own if _joined(row[1])]))
+        parts = [(number, _padded(cells[block], blocks[0].stop)) for number, cells in rows]
+        tables.append(Below(title, shared, [part for part in parts if _joined(part[1])]))
     return tables
 
 
@@ -140,8 +139,8 @@ the column, and the cell where both meet.
 
 
 def _map_as_table(rows: Iterable[Row], label: str) -> Below:
-    """Return a map as a table with one row for each cell. Raises DataError for a map of fewer than
-    two rows.
+    """Return a map as a table with one row for each cell. Raises DataError for a map without
+    cells.
     """
     top, *below = [*rows] or [(0, [])]
     across = [(place, cell) for place, cell in enumerate(top[1]) if place and _text(cell)]

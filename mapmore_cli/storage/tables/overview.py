@@ -151,8 +151,9 @@ def _text_beside(here: Member, name: str, wanted: Sequence[str]) -> str:
     """Return the text beside the data of a signal, in a member with one of the wanted names; empty
     for members that are no data of a signal.
     """
-    is_data = name.casefold() in ("data", "values")
-    names = [other for other in here.names if is_data and other.casefold() in wanted]
+    if name.casefold() not in ("data", "values"):
+        return ""
+    names = [other for other in here.names if other.casefold() in wanted]
     return next(filter(None, (_text(here, other) for other in names)), "")
 
 

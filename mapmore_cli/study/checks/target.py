@@ -203,6 +203,6 @@ class Checked(Protocol):
 
 def of_kinds(spec: ExperimentSpec) -> Iterator[Finding]:
     """Run the checks that only the plugin of a kind of model can make."""
-    for kind in kinds():
-        if isinstance(kind, Checked):
-            yield from kind.findings(spec)
+    for kind_of_model in kinds():
+        if isinstance(kind_of_model, Checked):
+            yield from kind_of_model.findings(spec)

@@ -1,4 +1,4 @@
-"""Define the sections that say which samples are held out."""
+"""Define the sections about held-out samples, groups, and recordings within one file."""
 
 from __future__ import annotations
 

@@ -321,3 +321,21 @@ def test_every_cut_of_a_gz_file_is_noticed(tmp_path):
     for end in range(2, len(whole)):
         with pytest.raises(DataError, match="damaged"):
             csv_table(tmp_path / "a", whole[:end], "t")
+
+
+TABLES = {
+    "below each other": ("run 1\nt,F\n{0}\n{1}\nrun 2\nt,F\n{0}\n{1}\n", 2, "F", 8),
+    "side by side": ("t,F,t,F\n1,0,{0}\n2,0,{1}\n", 2, "F", 3),
+    "a map": ("t,1,2\n{0},5\n{1},5\n", "map", "cell", 3),
+}
+
+
+@pytest.mark.parametrize("kind", TABLES)
+def test_marks_between_thousands_are_sought_in_the_wanted_table(tmp_path, kind):
+    """Not in the lines of the whole file, whose header names other columns or names them twice."""
+    text, table, column, row = TABLES[kind]
+    path = tmp_path / "a.csv"
+    content = text.format("1,950", "2,1.50").encode()
+    assert {950, 1.5} <= {*csv_table(path, content, column, table=table).columns[column]}
+    path.write_text(text.format("1,950", "2,1.050"))
+    refusal((f"a.csv:row {row}, column {column}", "may be 1050"), "csv", path, column, table=table)

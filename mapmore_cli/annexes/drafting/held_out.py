@@ -1,0 +1,125 @@
+"""Choose the data that are held out of training."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mapmore_cli.annexes.drafting.draft import Conditions, Draft, Section
+from mapmore_cli.annexes.drafting.experiment import Experiment, set_values
+from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.domain.recording import Recording
+
+# fraction of the samples that is held out at random, if the last samples lie outside the range of
+# the others
+SHARE = 0.2
+# fraction of each recording that is held out at its end, if no level and no recording can be held
+# out
+LAST = 0.3
+# words with which a person may name held-out data, besides the name of an input
+WHOLE, LAST_SAMPLES = "recordings", "last"
+
+
+def with_split(
+    draft: Draft, done: Experiment, wanted: str | None, *, has_memory: bool = False
+) -> Draft:
+    """Return the draft with held-out data: the data that a person names; otherwise inner levels; if
+    there are no levels, inner values from names of files, or recordings; otherwise the last samples
+    of each recording, unless the study has no memory and these lie outside the others. The note
+    says whether the held-out data lie between or outside the training data.
+
+    Raises UsageError if the data that a person names cannot be held out.
+    """
+    levels, groups = draft.data.get("levels"), draft.data.get("groups", {})
+    values = {levels["of"]: levels["at"]} if levels else done.conditions
+    inside = {name: some for name, places in values.items() if (some := inner(sorted({*places})))}
+    logs = [*dict.fromkeys(one.log or one.id for one in done.recordings)]
+    is_whole = len(logs) > 2 and not levels and {"gain", "offset"}.isdisjoint(groups)
+    way = wanted or next(iter(inside), WHOLE if is_whole else LAST_SAMPLES)
+    held_out: Section = {}
+    if way == LAST_SAMPLES:
+        held_out, why = _last_or_between(done, is_free=wanted is None and not has_memory)
+    elif way == WHOLE:
+        held_out, why = _whole_recordings(done, logs), "between: whole recordings"
+    else:
+        places: object = inside.get(way) or _band(way, done.recordings, values)
+        held_out, why = {way: places} if places else {}, "between: inner values"
+    if not held_out:
+        raise UsageError(
+            f"--validate {way}: there are too few values or recordings to hold some of them out",
+            f"write {LAST_SAMPLES}, or an input",
+        )
+    return draft.with_data("split", {"validate": held_out}, f"{'you; ' if wanted else ''}{why}")
+
+
+def inner(levels: Sequence[float]) -> list[float]:
+    """Return the levels to hold out: every third level of six or more, or one level if there are
+    fewer. The first and the last level are never held out.
+    """
+    if len(levels) >= 6:
+        return list(levels[2:-1:3])
+    return [levels[(len(levels) + 1) // 2 if len(levels) > 3 else 1]] if len(levels) > 2 else []
+
+
+def _last_or_between(done: Experiment, is_free: bool) -> tuple[Section, str]:
+    """Return the last samples of every recording. If these lie outside the others, and the program
+    `is_free` to choose, return inner values of a quantity that moves steadily, or a random share of
+    the samples if there is no such quantity.
+    """
+    names = _beyond(done)
+    if not names:
+        return {LAST_SAMPLES: LAST}, "between: the last samples of every recording"
+    if not is_free:
+        why = (
+            f"beyond: the last samples of every recording, in which {', '.join(names)} leaves "
+            "the range of the samples before"
+        )
+        return {LAST_SAMPLES: LAST}, why
+    for name in names:
+        if values := inner(set_values(done.recordings, name)):
+            return {name: values}, f"between: inner values, because {name} moves steadily"
+    share = {"fraction": SHARE, "seed": 1}
+    return share, f"between: samples drawn at random, because {', '.join(names)} moves steadily"
+
+
+def _whole_recordings(done: Experiment, logs: Sequence[str]) -> Section:
+    """Return every third log for holding out, with all its pieces if it was cut. Inner logs are
+    preferred. Recordings that one quantity distinguishes are named by its values.
+    """
+    held = logs[1:-1:3] or logs[1:]
+    if len(done.apart) == 1:
+        name = done.apart[0]
+        values = sorted({float(one.columns[name][0]) for one in done.recordings})
+        some = values[1:-1:3] or values[1:]
+        return {name: some} if some else {}
+    ids = [one.id for one in done.recordings if (one.log or one.id) in held]
+    return {WHOLE: ids} if ids else {}
+
+
+def _beyond(done: Experiment) -> list[str]:
+    """Return the inputs for which more than half of the last samples of all recordings lie outside
+    the values of the earlier samples.
+    """
+    names: list[str] = []
+    for name in done.inputs:
+        series = [one.columns[name] for one in done.recordings if name in one.columns]
+        ends = [round((1 - LAST) * len(x)) for x in series]
+        if not any(ends):
+            continue
+        before = np.concatenate([x[:end] for x, end in zip(series, ends, strict=True)])
+        last = np.concatenate([x[end:] for x, end in zip(series, ends, strict=True)])
+        outside = (last < before.min()) | (last > before.max())
+        names += [name] if outside.size and np.mean(outside) > 0.5 else []
+    return names
+
+
+def _band(name: str, recordings: Sequence[Recording], values: Conditions) -> Section:
+    """Return the middle fifth of the samples of an input that moves steadily; nothing for an input
+    with too few values.
+    """
+    if name in values:
+        return {}
+    pooled = np.concatenate([one.columns[name] for one in recordings])
+    low, high = (float(f"{one:.3g}") for one in np.quantile(pooled, (0.4, 0.6)))
+    return {"between": [[low, high]]} if low < high else {}

@@ -1,0 +1,149 @@
+"""Choose between a static study and a study with memory, and add the settings of its kind to the
+draft.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mapmore_cli.annexes.drafting.draft import Draft, Section
+from mapmore_cli.annexes.drafting.experiment import Experiment, Held, goes_in_cycles, own_levels
+from mapmore_cli.annexes.drafting.held_out import with_split
+from mapmore_cli.annexes.drafting.second_log import BREAK
+from mapmore_cli.checking.evidence import MUCH, settling, two_digits
+from mapmore_cli.domain.recording import Recording
+from mapmore_cli.modelling import literature
+from mapmore_cli.study.units import default_unit
+
+# smallest number of samples of a study with memory, in all recordings together
+FEWEST = 200
+# number of samples, in all recordings together, above which a draft of a study with memory takes
+# longer time steps
+MOST = 6_000
+# smallest number of samples that a usual recording keeps with these longer time steps
+LEAST = 100
+# movement within a recording that is smaller than this fraction of the differences between
+# recordings is scatter
+MUCH_LESS = 0.1
+COMPETITORS = ("sarosi", "polynomial_2", "polynomial_5", "muscle_like", "polynomial_3")
+
+
+def with_experiment(
+    done: Experiment,
+    draft: Draft,
+    held_out: str | None,
+    read: Callable[[Draft], Sequence[Recording]],
+) -> Draft:
+    """Return the draft with its target, static samples, levels and held-out data. The study is
+    static if a person names the held quantity, if the target is a force at a held quantity, or if
+    there is no clock; otherwise it has memory.
+
+    `held_out` is the answer of a person about held-out data; `read` returns the recordings of a
+    draft. Raises UsageError if these data cannot be held out.
+    """
+    held, target, recordings = done.held, done.target, done.recordings
+    samples = sum(one.rows_kept for one in recordings)
+    is_static = _is_at_rest(done) if held is None else held.why == "you" or target == "force"
+    if not is_static and done.is_timed and samples >= FEWEST:
+        draft = _as_memory_study(draft, recordings).with_section("target", target)
+        if "gaps" in draft.data:  # the pieces of a recording have ids of their own
+            done = replace(done, recordings=read(draft))
+        return with_split(draft, done, held_out, has_memory=True)
+    if held is not None:
+        draft = _with_levels(_with_static_samples(draft, recordings, held), held)
+    draft = with_split(draft, done, held_out)
+    if target != "force":
+        return draft.with_section("target", target)
+    inputs = {*recordings[0].columns, *done.conditions}
+    formulas = [
+        formula.name
+        for formula in map(literature.get, COMPETITORS)
+        if {*formula.inputs} <= inputs and len(formula.parameters) < samples
+    ]
+    draft = draft.with_section("target", "static")
+    return draft.with_section("validate", {"against": formulas}) if formulas else draft
+
+
+def _is_at_rest(done: Experiment) -> bool:
+    """Return True if each recording is a single point: no input moves in any of them, and the
+    standard deviation of the target within a recording is at most a tenth of that between
+    recordings.
+    """
+    recordings = done.recordings
+    moving = [
+        name
+        for name in done.inputs
+        if name not in done.conditions
+        and any(np.ptp(one.columns[name]) > 0 for one in recordings)
+        and not own_levels(recordings, name, done.conditions)
+    ]
+    series = [one.columns[done.target] for one in recordings if one.rows_kept]
+    within = max(float(np.std(x)) for x in series)
+    between = float(np.std([np.mean(x) for x in series]))
+    return not moving and within <= MUCH_LESS * between
+
+
+def _with_static_samples(draft: Draft, recordings: Sequence[Recording], held: Held) -> Draft:
+    """Return the draft with the samples at which steps of the pressure have settled, or with loops
+    split into branches.
+    """
+    is_timed = held.swept == "pressure" and "time" in recordings[0].columns
+    settled = settling(recordings) if is_timed else None
+    if settled is not None and settled.share_between > MUCH:
+        rule = {"rate_of": "pressure", "window": settled.window, "order": 2}
+        rate = draft.data.get("derive", {}) | {"pressure_rate": rule}
+        draft = draft.with_data("derive", rate).with_data(
+            "keep", [{"quantity": "pressure_rate", "abs_below": settled.limit}]
+        )
+        why = (
+            f"kPa/s: the pressure was held after each step; {settled.share:.0%} of the samples "
+            "are static"
+        )
+        return draft.noted(("data", "keep", 0), why)
+    if len(held.at) > 2 and goes_in_cycles(recordings, held):
+        why = (
+            f"{held.swept} increases and decreases at every level; the mean of both branches is "
+            "static"
+        )
+        return draft.with_data("cycles", {"over": held.swept}, why)
+    return draft
+
+
+def _with_levels(draft: Draft, held: Held) -> Draft:
+    levels: Section = {"of": held.of, "at": [float(f"{level:.6g}") for level in held.at]}
+    why = f"{held.why}: {held.of} was held, in {default_unit(held.of, draft.spec.get('units', {}))}"
+    if held.within is not None:
+        levels["within"] = held.within
+        why += "; samples farther away are on the way to the next level"
+    return draft.with_data("levels", levels, why)
+
+
+def _as_memory_study(draft: Draft, recordings: Sequence[Recording]) -> Draft:
+    """Return the draft with equal time steps, and gaps at which memory restarts."""
+    times = [one.columns["time"] for one in recordings if one.rows_kept > 1]
+    usual = float(np.median(np.concatenate([np.diff(time) for time in times])))
+    lengths = [float(np.ptp(time)) for time in times]
+    most = min(sum(lengths) / MOST, float(np.median(lengths)) / LEAST)
+    step = two_digits(max(usual, most))
+    draft = draft.with_data(
+        "resample",
+        step,
+        "s: a model with memory needs equal time steps; "
+        f"the usual step of the data is {usual:.3g} s",
+    )
+    limit = two_digits(BREAK * max(step, usual))
+    gaps = sum(int(np.count_nonzero(np.diff(time) > limit)) for time in times)
+    if gaps or "gaps" in draft.data:
+        set_back = draft.notes.get(("data", "gaps"))
+        counted = [f"s: {gaps} gap{'s' if gaps != 1 else ''}"] if gaps else []
+        why = "; ".join([*counted, *([set_back.why] if set_back else [])])
+        cut = {"longer_than": limit, "action": "split"}
+        draft = draft.with_data("gaps", cut, f"{why}; the memory restarts there")
+    return draft.with_section(
+        "validate",
+        {"normaliser": "range"},
+        "errors are divided by the range, because the zero of the target is arbitrary",
+    )
