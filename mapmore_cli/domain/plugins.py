@@ -147,13 +147,14 @@ def _installed() -> tuple[EntryPoint, ...]:
     for package in distributions(name=OURS) if only_ours else distributions():
         try:
             found = [point for point in package.entry_points if point.group.startswith("mapmore.")]
+            if not found:
+                continue
             # an entry point of the wrong form raises an error here
-            is_ours = OUR_MODULE in {point.module.partition(".")[0] for point in found}
-            is_ours = is_ours and _name_of(package) == OURS
+            is_ours = True in [_is_ours(point) for point in found]
             # if a package is installed twice, the first on Python's path is the one that is
             # imported
             identity = (_name_of(package), is_ours)
-            if found and identity not in packages and (is_ours or not only_ours):
+            if identity not in packages and (is_ours or not only_ours):
                 packages.add(identity)
                 points += found
         # a package may raise any exception, and the other packages must still work
