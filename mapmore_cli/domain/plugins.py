@@ -15,7 +15,7 @@ import os
 import sys
 import warnings
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager, nullcontext, redirect_stdout
+from contextlib import contextmanager, redirect_stdout
 from functools import cache
 from importlib import import_module
 from importlib.metadata import Distribution, EntryPoint, distributions
@@ -207,21 +207,16 @@ def printing_to_stderr() -> Iterator[None]:
             os.close(kept)
 
 
-@contextmanager
-def _apart() -> Iterator[None]:
-    """Keep what another package prints or changes while it is imported from stdout and from the
-    rules for warnings.
-    """
-    with printing_to_stderr(), warnings.catch_warnings():
-        yield
-
-
 @cache
 def load(group: str, name: str) -> Any:
     """Return the object that an entry point names. Raises NotInstalled if it cannot be imported."""
     point = entry_points(group)[name]
     try:
-        with nullcontext() if _is_ours(point) else _apart():
+        if _is_ours(point):
+            return point.load()
+        # what another package prints or changes while it is imported reaches neither stdout nor the
+        # rules for warnings
+        with printing_to_stderr(), warnings.catch_warnings():
             return point.load()
     except KeyboardInterrupt:
         raise

@@ -107,9 +107,6 @@ def test_invert_reads_them_too(tmp_path, model_file, mapmore):
     result = mapmore(*call, *options, code=0)
     found = dict(zip(*(line.split(",") for line in result.stdout.splitlines()), strict=True))
     assert float(found["pressure_found"]) == pytest.approx(150)
-    mapmore(
-        *call, "--columns", "force", code=2, says="--columns force: is not of the form NAME=..."
-    )
     mapmore(*call, "--units", "load=N", code=2, says="the table cannot contain 'load'")
     mapmore(
         "predict", model_file, "-", "--decimal", ",", code=2, says="stdin is always read as CSV"
