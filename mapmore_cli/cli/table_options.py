@@ -122,7 +122,6 @@ def remedies_by_options(options: TableOptions) -> Iterator[None]:
                 f" Name the right column, for example with `--columns NAME='{title}' "
                 "--units NAME=UNIT`."
             )
-        error.message = error.message.replace("than the spec says", "than the table is read with")
         remedy = remedy.replace("NAME", name)
         error.remedy = remedy.strip() or "correct the table"
         raise
