@@ -1,10 +1,10 @@
 """Simulate how often new curves lie in their intervals: tables `coverage`, `spread` and `bent` of
 docs/intervals.md.
 
-A campaign measures K levels at n recordings each. A recording is the sum of a plane over level
-and strain, an offset that is the same for all its samples, and noise of standard deviation one. It
-has samples at `SAMPLES` strains. The model has a polynomial for each level and interpolates between
-them; with a `bend` of the surface, it errs between them.
+A campaign measures K levels at n recordings each. A recording is the sum of a surface that is
+linear in the level and linear in the strain, an offset that is the same for all its samples, and
+noise of standard deviation one. It has samples at `SAMPLES` strains. The model has a polynomial for
+each level and interpolates between them; with a `bend` of the surface, it errs between them.
 """
 
 from __future__ import annotations

@@ -291,7 +291,11 @@ def settle(error: BaseException, debug: bool, as_json: bool) -> int:
         print(printable(message(error)), file=sys.stderr)
     annotate("error", error_text(error))
     if as_json and not isinstance(explained(error), LimitMissed | KeyboardInterrupt):
-        print_document({"error": error_document(error)})
+        try:
+            print_document({"error": error_document(error)})
+            sys.stdout.flush()
+        except OSError:  # the message on stderr and the exit code still say what is wrong
+            _silence_stdout()
     return exit_code(error)
 
 

@@ -80,13 +80,21 @@ def _pairs(option: str, texts: Sequence[str]) -> Iterator[tuple[str, str]]:
         yield name, value
 
 
+CLAUSE = "(?:`[^`]*`|[^.;`])*"
+"""Text to the end of a clause. Points within backquotes belong to a key, and end no clause."""
+
 AS_OPTIONS = (
+    (", or list it in `missing: [^`]*`", ""),
+    (
+        "`(thousands: [^`]*)` at the column, or, [^`]*`(decimal: [^`]*)` and `[^`]*` in `data`",
+        r"`\1` and `\2`",
+    ),
     (r"`(delimiter|decimal|thousands|sheet): ([^`]+)`", r"`--\1 \2`"),
     (r"name the sheet to read with `sheet`", "name the sheet to read with `--sheet TITLE`"),
     (r"Give its 0-based index instead", "Give its 0-based index, for example `--columns NAME=0`"),
     (r"name it in `columns`, for example `unit: (\w+)`", r"name it with `--units NAME=\1`"),
     (r"`unit: ([^`]+)`", r"`--units NAME=\1`"),
-    (r"[^.;]*`(?:missing: |columns`|header: |scale|encoding: )[^.;]*(?:[.;]|$) ?", ""),
+    (rf"{CLAUSE}`(?:columns|(?:missing|header|scale|encoding)[^`]*)`{CLAUSE}(?:[.;]|$) ?", ""),
 )
 """Parts of remedies for a spec, and their replacements for a table that is read by options."""
 
@@ -114,7 +122,6 @@ def remedies_by_options(options: TableOptions) -> Iterator[None]:
                 f" Name the right column, for example with `--columns NAME='{title}' "
                 "--units NAME=UNIT`."
             )
-        error.message = error.message.replace("than the spec says", "than the table is read with")
         remedy = remedy.replace("NAME", name)
         error.remedy = remedy.strip() or "correct the table"
         raise

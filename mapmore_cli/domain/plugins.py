@@ -15,7 +15,7 @@ import os
 import sys
 import warnings
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager, nullcontext, redirect_stdout
+from contextlib import contextmanager, redirect_stdout
 from functools import cache
 from importlib import import_module
 from importlib.metadata import Distribution, EntryPoint, distributions
@@ -147,13 +147,14 @@ def _installed() -> tuple[EntryPoint, ...]:
     for package in distributions(name=OURS) if only_ours else distributions():
         try:
             found = [point for point in package.entry_points if point.group.startswith("mapmore.")]
+            if not found:
+                continue
             # an entry point of the wrong form raises an error here
-            is_ours = OUR_MODULE in {point.module.partition(".")[0] for point in found}
-            is_ours = is_ours and _name_of(package) == OURS
+            is_ours = True in [_is_ours(point) for point in found]
             # if a package is installed twice, the first on Python's path is the one that is
             # imported
             identity = (_name_of(package), is_ours)
-            if found and identity not in packages and (is_ours or not only_ours):
+            if identity not in packages and (is_ours or not only_ours):
                 packages.add(identity)
                 points += found
         # a package may raise any exception, and the other packages must still work
@@ -206,21 +207,16 @@ def printing_to_stderr() -> Iterator[None]:
             os.close(kept)
 
 
-@contextmanager
-def _apart() -> Iterator[None]:
-    """Keep what another package prints or changes while it is imported from stdout and from the
-    rules for warnings.
-    """
-    with printing_to_stderr(), warnings.catch_warnings():
-        yield
-
-
 @cache
 def load(group: str, name: str) -> Any:
     """Return the object that an entry point names. Raises NotInstalled if it cannot be imported."""
     point = entry_points(group)[name]
     try:
-        with nullcontext() if _is_ours(point) else _apart():
+        if _is_ours(point):
+            return point.load()
+        # what another package prints or changes while it is imported reaches neither stdout nor the
+        # rules for warnings
+        with printing_to_stderr(), warnings.catch_warnings():
             return point.load()
     except KeyboardInterrupt:
         raise

@@ -159,6 +159,7 @@ class Sheet:
             raise DataError(
                 f"{label}: already has a column {there}", "leave out `--set`, or remove the column"
             )
+        self.added = len(more)
         self.header = header.with_cells([*more])
         self.names = [cell.strip() for cell in self.header.cells]
         self.rows = (
@@ -204,9 +205,9 @@ class Sheet:
                 continue
             cells = row.cells if row.text.strip() else [""]
             if len(cells) != len(self.names):
+                found, titled = len(cells) - self.added, len(self.names) - self.added
                 what = (
-                    f"{self.label}:row {row.line}: has {len(cells)} fields, but the header "
-                    f"has {len(self.names)}"
+                    f"{self.label}:row {row.line}: has {found} fields, but the header has {titled}"
                 )
                 raise DataError(what, "correct or remove the line")
             for name, place, values, read in columns:

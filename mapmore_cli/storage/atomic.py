@@ -90,8 +90,8 @@ def content_of(path: Path) -> bytes:
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder whose name mapmore itself chooses, unless it exists. Raises WriteError if it is
-    a link.
+    """Make a folder whose name mapmore itself chooses, unless it exists. Raises WriteError as
+    `refuse_link` does.
     """
     refuse_link(folder)
     folder.mkdir(exist_ok=True)
@@ -187,7 +187,11 @@ def replacing(path: Path) -> Iterator[BufferedRandom]:
     beside `path`, flushed to the disk, and moved over it.
 
     In an unfinished folder, it is written directly and not flushed, because `sync_tree` flushes the
+<<<<<<< HEAD
     whole folder before it is moved. Raises WriteError if `path` is a link or a special file.
+=======
+    whole folder before it is moved. Raises WriteError as `refuse_link` does.
+>>>>>>> w-c
     """
     refuse_link(path)
     alone = not any(UNFINISHED.fullmatch(part) for part in path.parent.parts)
@@ -228,8 +232,8 @@ def written(path: Path) -> Iterator[IO[bytes]]:
 
 
 def write_own(path: Path, content: str | bytes) -> None:
-    """Write a file whose name mapmore itself has chosen, as `replacing` does. Raises WriteError if
-    there is a pipe in its place: writing into it would wait for its reader.
+    """Write a file whose name mapmore itself has chosen, as `replacing` does. It is never written
+    into a pipe in its place, because that would wait for its reader.
     """
     with replacing(path) as file:
         file.write(content.encode() if isinstance(content, str) else content)

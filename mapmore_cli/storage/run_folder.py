@@ -245,7 +245,7 @@ def stage_folder(run_dir: Path, stage: str) -> Iterator[Path]:
 
 def make_way(run_dir: Path, name: str, known: Mapping[str, Stamp]) -> list[str]:
     """Move the file that a new one will replace to the trash, unless it is the one that `known`
-    lists; return its path if it was moved. Raises WriteError if it is a link.
+    lists; return its path if it was moved. Raises WriteError as `refuse_link` does.
     """
     refuse_link(run_dir / name)
     if not (run_dir / name).is_file() or is_as_written(run_dir / name, known.get(name)):

@@ -26,6 +26,14 @@ def test_a_row_of_the_coverage():
     assert 0.93 <= at[1] <= 0.98
 
 
+@pytest.mark.parametrize(
+    ("table", "words"), [("coverage", "of the table, {} to {} %"), ("bent", "levels, {} to {} %")]
+)
+def test_the_least_and_greatest_coverage_are_those_of_the_table(table, words):
+    shares = np.array([in_per_cent(row) for row in rows_of(table, PAGE)])
+    assert words.format(np.nanmin(shares), np.nanmax(shares)) in PAGE.read_text()
+
+
 @pytest.mark.long
 def test_new_curves_are_covered_wherever_there_are_intervals():
     """Every row, 1 000 new curves a cell; the page has what is found here."""

@@ -2,6 +2,7 @@
 
 import numpy as np
 from cli_samples import write_columns
+from spec_examples import JOINT
 
 SINGLE = """\
 name: {name}
@@ -10,25 +11,12 @@ data: {{files: [{name}.csv], columns: {{pressure: {{column: P, unit: kPa}}, stra
 target: {{column: force}}
 model: {{type: literature, name: chou_hannaford}}
 """
-JOINT = """\
-name: joint
-data:
-  files: [joint.csv]
-  columns: {p1: {column: P1, unit: kPa}, p2: {column: P2, unit: kPa}, s: {column: s},
-      force: {column: F, unit: N}}
-  split: {validate: {last: 0.5}}
-units: {p1: kPa, p2: kPa}
-target: {column: force}
-model: {sum: [SUMMANDS]}
-report: {figures: []}
-"""
-RUNS = (
-    "{model: flexor.yaml, inputs: {pressure: p1, strain: s}}, {model: extensor.yaml, sign: "
-    "-1, inputs: {pressure: p2, strain: '0.1 - s'}}"
+RUNS = JOINT.replace("formula: chou_hannaford, inputs", "model: flexor.yaml, inputs").replace(
+    "formula: chou_hannaford, sign", "model: extensor.yaml, sign"
 )
 
 
-def joint(folder, summands):
+def joint(folder, spec):
     """A joint and its two muscles."""
     rng = np.random.default_rng(0)
     for name in ("flexor", "extensor"):
@@ -39,7 +27,7 @@ def joint(folder, summands):
     columns = [rng.uniform(100, 500, 80) for _ in range(2)]
     s = rng.uniform(-0.05, 0.15, 80)
     write_columns(folder / "joint.csv", "P1,P2,s,F", *columns, s, columns[0] * (1 - s) - columns[1])
-    (folder / "joint.yaml").write_text(JOINT.replace("SUMMANDS", summands))
+    (folder / "joint.yaml").write_text(spec)
     return folder / "joint.yaml"
 
 

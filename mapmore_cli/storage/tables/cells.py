@@ -77,7 +77,7 @@ _KINDS = (
     (r".*\d:\d.*|\d+ *[ap]\.?m\.?", "it is a time", ""),
     (
         rf"[+-]?\d*(?:[{THOUSANDS}]\d+)+(?:e[+-]?\d+)?",
-        "it has another decimal point than the spec says, or separators of thousands",
+        "it has another decimal point than the one that is set, or separators of thousands",
         'give the right ones, for example `decimal: ","`, `decimal: "."` or `thousands: ","`; or '
         "format the cells as numbers in the program that wrote them",
     ),
