@@ -187,11 +187,7 @@ def replacing(path: Path) -> Iterator[BufferedRandom]:
     beside `path`, flushed to the disk, and moved over it.
 
     In an unfinished folder, it is written directly and not flushed, because `sync_tree` flushes the
-<<<<<<< HEAD
     whole folder before it is moved. Raises WriteError if `path` is a link or a special file.
-=======
-    whole folder before it is moved. Raises WriteError as `refuse_link` does.
->>>>>>> w-c
     """
     refuse_link(path)
     alone = not any(UNFINISHED.fullmatch(part) for part in path.parent.parts)
