@@ -10,7 +10,7 @@ from subprocess import PIPE, Popen
 import pytest
 from cli_samples import wait_until, write_slow_study, write_study
 
-from mapmore_cli.annexes.campaigns.cluster import Shared, run_on_cluster
+from mapmore_cli.annexes.campaigns.cluster import ATTEMPTS, Shared, checked_workers, run_on_cluster
 from mapmore_cli.domain.errors import UsageError, WriteError
 from mapmore_cli.pipeline.jobs import Job, run_one
 from mapmore_cli.storage.run_record import tool_versions
@@ -146,3 +146,26 @@ def test_a_cluster_that_is_not_there(tmp_path, monkeypatch):
         with pytest.raises(UsageError, match=words):
             next(run_on_cluster({}, scheduler, tmp_path / "runs", silent, silent))
     assert not list((tmp_path / "runs").iterdir())
+
+
+@pytest.mark.parametrize(("losses", "workers"), [(0, 2), (ATTEMPTS - 1, 2), (ATTEMPTS, None)])
+def test_a_worker_that_is_lost_while_it_is_checked_is_not_a_wrong_installation(losses, workers):
+    from distributed.comm import CommClosedError
+
+    answers = [CommClosedError("Stream is closed")] * losses + [{"a": None, "b": None}]
+
+    class Scheduler:
+        def wait_for_workers(self, count):
+            assert count == 1
+
+        def run(self, check):
+            answer = answers.pop(0)
+            if isinstance(answer, Exception):
+                raise answer
+            return answer
+
+    if workers is not None:
+        assert checked_workers(Scheduler(), Shared(Path("token"), "1", {})) == workers
+        return
+    with pytest.raises(UsageError, match=f"lost {ATTEMPTS} times"):
+        checked_workers(Scheduler(), Shared(Path("token"), "1", {}))

@@ -107,7 +107,7 @@ def run_on_cluster(
         if not client.scheduler_info()["workers"]:
             say(f"{scheduler}: waiting for a worker")
             client.wait_for_workers(1)
-        say(f"{scheduler}: {_checked_workers(client, shared)} workers, which share {runs}")
+        say(f"{scheduler}: {checked_workers(client, shared)} workers, which share {runs}")
         # A job is not a pure function whose result could be cached, and a job that raised an error
         # would raise it again.
         executor = client.get_executor(pure=False, retries=0)
@@ -122,14 +122,28 @@ def run_on_cluster(
                 yield number, outcome
 
 
-def _checked_workers(client: Client, shared: Shared) -> int:
-    """Return the number of workers. Raises UsageError if they cannot run the jobs, WriteError if
-    they do not see the folder of runs.
+ATTEMPTS = 3
+"""How often all workers are checked if one of them is lost meanwhile."""
+
+
+def checked_workers(client: Client, shared: Shared, attempts: int = ATTEMPTS) -> int:
+    """Return the number of workers. Raises UsageError if they cannot run the jobs or are lost while
+    they are checked, WriteError if they do not see the folder of runs.
     """
+    from distributed.comm import CommClosedError
+
     try:
         return len(client.run(shared.check))
     except MapmoreError:
         raise
+    except CommClosedError as fault:
+        if attempts > 1:  # the scheduler removes a lost worker, and another may take its place
+            client.wait_for_workers(1)
+            return checked_workers(client, shared, attempts - 1)
+        raise UsageError(
+            f"workers of the cluster were lost {ATTEMPTS} times while they were checked",
+            "look into their logs, and start them again",
+        ) from fault
     # workers may raise any exception if the program does not run on them
     except Exception as fault:
         why = f"{type(fault).__name__}: {fault}".split("\n")[0]

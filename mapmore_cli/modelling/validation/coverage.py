@@ -76,6 +76,7 @@ def _outside(model: Model, dataset: Dataset) -> BoolArray:
     outside = [
         outside_range(model, curve.columns)[curve.held_out]
         for curve in _with_inputs(model, dataset)
+        if curve.held_out.any()
     ]
     return np.concatenate(outside or [np.empty(0, np.bool_)])
 
