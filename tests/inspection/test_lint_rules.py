@@ -196,6 +196,16 @@ def cycles(over, **spec):
 
 
 BY_FILE = {"data": {"levels": None, "split": {"validate": {"files": ["level_300.csv"]}}}}
+
+
+def uneven(_, columns):
+    return {**columns, "t": columns["t"] + 0.03 * (np.arange(60) % 2)}
+
+
+BY_ORDER = [
+    *({name: {"of": ["strain"]}} for name in ("play", "wen", "dahl", "coulomb")),
+    {"terms": ["pressure*direction(strain)"]},
+]
 MEMORY = {
     **BY_FILE,
     "segment": {},
@@ -322,9 +332,9 @@ FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
         (
             "uneven-steps",
             "error",
-            lambda _, c: {**c, "t": c["t"] + 0.03 * (np.arange(60) % 2)},
+            uneven,
             MEMORY,
-            [],
+            ["count samples or use the time between them: slow", "add `resample: "],
         ),
         ("uneven-steps", "error", at(400, scaled(t=2)), MEMORY, []),
         ("unsettled", "hint", sweep, BY_STRAIN, []),
@@ -431,6 +441,7 @@ def test_a_rule_speaks_of_what_it_is_made_for(tmp_path, id_, severity, spoil, sp
         ("not-single-valued", looped(lambda _: 60), cycles("strain")),
         ("shape", clean, {"fit": {"shape": {"pressure": "increasing"}}}),
         ("header-of-numbers", clean, {}),
+        ("uneven-steps", uneven, {**MEMORY, "dictionary": BY_ORDER}),
         ("strain-in-per-cent", lambda _, c: {**c, "eps": c["eps"] / c["eps"].max()}, {}),
     ],
 )

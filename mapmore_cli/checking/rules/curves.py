@@ -19,7 +19,7 @@ from mapmore_cli.modelling.memory.records import sampled
 from mapmore_cli.modelling.signals.sampling import MANY, even_share
 from mapmore_cli.modelling.validation.repeatability import WORTH, floors
 from mapmore_cli.study.checks.competitors import formula_called
-from mapmore_cli.study.sections.dictionary import entries_of, goes_by_order, texts_in
+from mapmore_cli.study.sections.dictionary import entries_of, texts_in, timed_terms
 
 FEWEST = 5  # smallest number of samples that show the shape of a curve
 
@@ -132,15 +132,21 @@ def even_steps(subject: Subject) -> Issues:
     if not subject.spec.runs_over_time:
         return
     curves, spec = subject.dataset.curves, subject.spec
-    ordered = spec.has_memory and goes_by_order(spec.dictionary)
+    timed = timed_terms(spec.dictionary) if spec.has_memory else ()
     try:
-        step, _, records = sampled(curves, ordered)
+        step, _, records = sampled(curves, ordered=spec.has_memory and not timed)
     except DataError as fault:
+        why = (
+            f"; terms of the dictionary count samples or use the time between them: "
+            f"{', '.join(timed)}"
+            if timed
+            else ""
+        )
         yield Issue(
             "error",
             "uneven-steps",
             subject.where("data"),
-            fault.message,
+            f"{fault.message}{why}",
             fault.remedy or "",
             "data",
         )

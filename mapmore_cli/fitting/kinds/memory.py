@@ -25,7 +25,7 @@ from mapmore_cli.modelling.memory.fitting import fit_outputs, fit_with_memory
 from mapmore_cli.modelling.memory.records import Record, begun, records_of, sampled
 from mapmore_cli.modelling.memory.states import with_ranges
 from mapmore_cli.modelling.selection import MemoryRecipe
-from mapmore_cli.study.sections.dictionary import goes_by_order
+from mapmore_cli.study.sections.dictionary import timed_terms
 
 
 def _unseen(curve: Curve, outputs: Sequence[str], lag: int, step: float) -> Curve:
@@ -47,7 +47,7 @@ def _asked(
     Held-out outputs are replaced by NaN. Otherwise, they would be the past of training samples if
     outputs are fed back.
     """
-    step, uneven, pieces = sampled(dataset.curves, goes_by_order(part.dictionary))
+    step, uneven, pieces = sampled(dataset.curves, ordered=not timed_terms(part.dictionary))
     longest = max(int(record.training.sum()) for record in pieces)
     terms = terms_of(part.dictionary, Clock(step, step * longest))
     outputs = [output.target for output in dataset.each]

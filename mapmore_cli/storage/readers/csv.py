@@ -30,7 +30,6 @@ from mapmore_cli.storage.tables import (
 from mapmore_cli.storage.tables.below import Below, Row, chosen_table, tables_below
 from mapmore_cli.storage.tables.cells import NUMBER, holds_number
 from mapmore_cli.storage.tables.lines import (
-    LAST_LINES,
     UNREADABLE,
     Lines,
     csv_records,
@@ -85,7 +84,7 @@ def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
         try:
             with open_lines(path, request.encoding, request.label) as (lines, raw):
                 table = _parse(lines, raw, request)
-                table = replace(table, padding=lines.padding)
+                table = replace(table, padding=lines.padding, open_end=_open_end(lines, request))
             _refuse_thousands(path, table, request)
             return [table]
         except UnicodeError as error:
@@ -104,7 +103,6 @@ def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
 
 
 def _parse(lines: Lines, raw: BufferedReader, request: TableRequest) -> RawTable:
-    last = deque[bytes](maxlen=2)
     if request.table is not None:
         layout, found = _rows_of(lines, request)
         filled = [(number, [*cells]) for number, cells in found]
@@ -116,7 +114,7 @@ def _parse(lines: Lines, raw: BufferedReader, request: TableRequest) -> RawTable
     numbers: list[Any] = []
 
     def values() -> Iterator[list[Any]]:
-        for rows, *block in chain(before, _blocks_of(lines, layout, raw, last)):
+        for rows, *block in chain(before, _blocks_of(lines, layout, raw)):
             numbers.append(rows)
             yield block
 
@@ -125,16 +123,20 @@ def _parse(lines: Lines, raw: BufferedReader, request: TableRequest) -> RawTable
         raise DataError(f"{request.label}: the file has a header but no data")
     every = range(numbers[0][0], numbers[-1][-1] + 1)
     rows = every if len(every) == len(columns[0]) else np.concatenate(numbers)
-    whole = RawTable(dict(zip(request.columns, columns, strict=True)), rows, request.label)
-    return replace(whole, open_end=_open_end(b"".join(last), layout))
+    return RawTable(dict(zip(request.columns, columns, strict=True)), rows, request.label)
 
 
 def _records_of(lines: Lines, request: TableRequest) -> tuple[Iterator[Numbered], str | None]:
     """Return the records after the skipped rows, and the delimiter; None for runs of blanks."""
     deque(islice(lines, request.skip_rows), maxlen=0)
+    delimiter = _delimiter_of(request)
+    return _records(lines, delimiter, request), delimiter
+
+
+def _delimiter_of(request: TableRequest) -> str | None:
+    """Return the character between fields; None for runs of blanks."""
     delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
-    split_at = None if delimiter == WHITESPACE else delimiter
-    return _records(lines, split_at, request), split_at
+    return None if delimiter == WHITESPACE else delimiter
 
 
 def _begin(
@@ -199,17 +201,19 @@ def below_csv(path: Path, request: TableRequest) -> list[Below]:
 
 def _records(lines: Lines, delimiter: str | None, request: TableRequest) -> Iterator[Numbered]:
     """Yield the records of lines. Blank lines and comments are records without fields."""
-    mark = request.comment
-    kept = (
-        lines
-        if mark is None
-        else ("\n" if line.lstrip().startswith(mark) else line for line in lines)
-    )
+    kept = _without_comments(lines, request.comment)
     if delimiter is None:
         yield from ((lines.rows, line.split()) for line in kept)
         return
     for _, record, number in csv_records(kept, delimiter, request.label, lines.rows):
         yield number, record if len(record) > 1 or (record and record[0].strip()) else []
+
+
+def _without_comments(lines: Iterable[str], mark: str | None) -> Iterable[str]:
+    """Return the lines with a blank line instead of each comment, which begins with `mark`."""
+    if mark is None:
+        return lines
+    return ("\n" if line.lstrip().startswith(mark) else line for line in lines)
 
 
 def _layout(first: Sequence[str], request: TableRequest, delimiter: str | None) -> Layout:
@@ -221,14 +225,9 @@ def _layout(first: Sequence[str], request: TableRequest, delimiter: str | None) 
     return Layout(request, delimiter, len(first), wanted_of(places, names, request))
 
 
-def _blocks_of(
-    lines: Lines, layout: Layout, raw: BufferedReader, last: deque[bytes]
-) -> Iterator[list[Any]]:
-    """Yield the line numbers and values of the remaining lines, (n,) each, block by block. `last`
-    collects the last blocks of the text, for the check of its end.
-    """
+def _blocks_of(lines: Lines, layout: Layout, raw: BufferedReader) -> Iterator[list[Any]]:
+    """Yield the line numbers and values of the remaining lines, (n,) each, block by block."""
     while block := lines.block():
-        last.append(block)
         if not block.strip(b"\r\n "):  # a text may contain millions of blank lines
             lines.take(block, len(block.splitlines()))
             continue
@@ -396,18 +395,12 @@ def separator_hint(record: Sequence[str]) -> str | None:
     return None
 
 
-def _open_end(end: bytes, layout: Layout) -> OpenEnd | None:
-    """Return the cells of the last lines of a text, if its last line has no line end; None
-    otherwise. `end` holds the last blocks of the text.
-    """
-    if not end or end.endswith((b"\n", b"\r")):
+def _open_end(lines: Lines, request: TableRequest) -> OpenEnd | None:
+    """Return the cells of the last lines if the last one has no end; None otherwise."""
+    if not lines.is_open:
         return None
-    lines = re.split("[\r\n]+", end.decode())[-LAST_LINES:]
-    mark = layout.request.comment
-    lines = [line for line in lines if mark is None or not line.lstrip().startswith(mark)]
-    return OpenEnd(
-        [row[: layout.width] for row in _cut_lines(lines, layout.delimiter)], layout.request.decimal
-    )
+    last = _without_comments(lines.last_lines(), request.comment)
+    return OpenEnd(lines.rows, _cut_lines([*last], _delimiter_of(request)), request.decimal)
 
 
 def peek_csv(path: Path, most: int) -> Iterable[Top]:

@@ -36,14 +36,14 @@ KIND = f"{BEGINS} file"
 @dataclass(frozen=True)
 class LvmSegment:
     """The rows of cells below one header. `said` holds the entries of the header for each channel,
-    by keyword; there are also the titles of all columns. `has_end` is False if the last line of the
-    file has no end; `padding` counts the fill characters after it.
+    by keyword; there are also the titles of all columns. The last segment of a file has its
+    `open_end` and the number of fill characters after it (`padding`).
     """
 
     said: Mapping[str, Sequence[str]]
     titles: list[str]
     rows: Sequence[Row]
-    has_end: bool = True
+    open_end: OpenEnd | None = None
     padding: int = 0
 
     def of_channel(self, keyword: str, channel: int = 0) -> str:
@@ -139,11 +139,8 @@ def _one_recording(segment: LvmSegment, rows: Sequence[Row], request: TableReque
     places = locate_columns(request, names, len(names))
     noted = {column: segment.noted(place) for column, place in places.items()}
     refuse_other_clocks(noted, request.label)
-    end = None
-    if not segment.has_end:
-        end = OpenEnd([cells for _, cells in segment.rows[-LAST_LINES:]], segment.decimal)
     table = table_of_rows(rows, places, names, request, request.label)
-    return replace(table, noted=noted, open_end=end, padding=segment.padding)
+    return replace(table, noted=noted, open_end=segment.open_end, padding=segment.padding)
 
 
 def peek_lvm(path: Path, most: int) -> Iterable[Top]:
@@ -166,8 +163,7 @@ def _lvm_segments(path: Path, label: str, most: int | None = None) -> list[LvmSe
     is None.
     """
     with open_lines(path, guess_encoding(path), label, errors="replace") as (whole, _):
-        taken, padding = list(islice(whole, most)), whole.padding
-    lines, has_end = [line.rstrip("\r\n") for line in taken], "".join(taken[-1:])[-1:] in "\r\n"
+        lines = [line.rstrip("\r\n") for line in islice(whole, most)]
     if not lines or not lines[0].startswith(BEGINS):
         raise ValueError(f"it does not begin with '{BEGINS}'")
     marks = (line[len("Separator")] for line in lines if re.match(r"Separator\W", line))
@@ -183,10 +179,11 @@ def _lvm_segments(path: Path, label: str, most: int | None = None) -> list[LvmSe
             said = general | {cells[0]: cells[1:] for _, cells in rows[begin : ends[-1]]}
             titles = [title.strip() for title in rows[ends[-1] + 1][1]]
             segments.append(LvmSegment(said, titles, rows[ends[-1] + 2 : end]))
-    return [
-        *segments[:-1],
-        *(replace(one, has_end=has_end, padding=padding) for one in segments[-1:]),
-    ]
+    for last in segments[-1:]:
+        cells = [cells for _, cells in last.rows[-LAST_LINES:]]
+        cut = OpenEnd(len(lines), cells, last.decimal) if whole.is_open else None
+        segments[-1] = replace(last, open_end=cut, padding=whole.padding)
+    return segments
 
 
 READER = Reader("lvm", read_lvm, suffixes=(".lvm",), peek=peek_lvm, begins=BEGINS.encode())

@@ -138,10 +138,11 @@ class Cut:
 
 @dataclass(frozen=True)
 class OpenEnd:
-    """The cells of the last rows of a text whose last line has no line end, and the decimal
-    separator of the text.
+    """The cells of the last lines of a text whose last line, number `row`, has no line end; and the
+    decimal separator of the text.
     """
 
+    row: int
     rows: Sequence[Sequence[str]]
     decimal: str = "."
 

@@ -5,7 +5,7 @@ workbook; and read maps of cells as tables.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from mapmore_cli.domain.errors import DataError
@@ -34,8 +34,9 @@ def tables_below(rows: Iterable[Row], header: int, is_number: Callable[[Any], bo
     side by side follow each other from the left to the right.
 
     A table has `header` lines of words directly above its numbers. It ends at a line without
-    numbers or with another number of cells. If tables have no header lines, it also ends at a blank
-    line.
+    numbers. If tables have no header lines, it also ends at a blank line, and where at least
+    `FEWEST` rows with another number of cells begin. Any other row that has too few or too many
+    cells stays in its table, so that its reader can refuse it.
     """
     found: list[Below] = []
     words: list[Row] = []
@@ -43,12 +44,14 @@ def tables_below(rows: Iterable[Row], header: int, is_number: Callable[[Any], bo
 
     def close() -> None:
         nonlocal words, body
-        if len(body) < FEWEST or len(words) < header:
-            words += body
-        else:
+        if len(body) >= FEWEST and len(words) >= header:
             above, titles = words[: len(words) - header], words[len(words) - header :]
             found.extend(_side_by_side(above, titles, body))
             words = []
+        elif body and found and not (header or words) and _is_next(found[-1].rows, body[0]):
+            found[-1] = replace(found[-1], rows=[*found[-1].rows, *body])
+        else:
+            words += body
         body = []
 
     for number, cells in rows:
@@ -56,13 +59,19 @@ def tables_below(rows: Iterable[Row], header: int, is_number: Callable[[Any], bo
         count = sum(map(is_number, filled))
         has_numbers = count > 1 or 0 < count == len(filled)
         if body:
-            before, last = body[-1]
-            is_apart = not header and number > before + 1
-            if not has_numbers or len(cells) != len(last) or is_apart:
+            is_next = _is_next(body, (number, cells))
+            is_titled = 0 < header <= len(words) and len(body) >= FEWEST
+            fits = len(cells) == len(body[0][1]) or (is_titled and is_next)
+            if not (has_numbers and fits and (header or is_next)):
                 close()
         (body if has_numbers else words).append((number, cells))
     close()
     return found
+
+
+def _is_next(rows: Sequence[Row], row: Row) -> bool:
+    """Return True if a row stands directly below the others, without a blank line."""
+    return row[0] == rows[-1][0] + 1
 
 
 def _side_by_side(above: Sequence[Row], header: Sequence[Row], rows: Sequence[Row]) -> list[Below]:

@@ -6,11 +6,14 @@ number when a cell is read (`cells.CellReader`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
+from mapmore_cli.domain.arrays import Rows
 from mapmore_cli.storage.tables import (
     Cut,
     OpenEnd,
@@ -78,31 +81,35 @@ def _without_cut_rows(table: RawTable, request: TableRequest) -> RawTable:
 
     Raises DataError for an incomplete file if missing values are errors.
     """
-    cut = table.breaks_off
-    if cut is None and table.open_end is not None and not table.is_empty_at(-1):
-        cut = _cut_in(table.open_end)
+    cut, end = table.breaks_off, table.open_end
+    if cut is None and end is not None and not table.is_empty_at(-1):
+        cut = _cut_in(end, table.rows)
     if cut is None:
         return table
     where = table.at(-1) if cut.rows else table.label
     cut.refuse(where, request)
-    end = table.size - cut.rows
+    size = table.size - cut.rows
     return replace(
         table,
-        columns={name: column[:end] for name, column in table.columns.items()},
-        rows=table.rows[:end],
+        columns={name: column[:size] for name, column in table.columns.items()},
+        rows=table.rows[:size],
         doubts=(*table.doubts, f"{where}: {cut.said}: {cut.done}"),
     )
 
 
-def _cut_in(end: OpenEnd) -> Cut | None:
+def _cut_in(end: OpenEnd, rows: Rows) -> Cut | None:
     """Return the evidence that the last line, which has no end, is incomplete: it has fewer cells
     than every line before, or its last cell has fewer digits than this cell has in all lines before
-    (254.126 was cut to 2).
+    (254.126 was cut to 2). None if the line is none of these `rows` of the table.
     """
-    *before, last = [row for row in end.rows if any(map(str.strip, row))] or [[""]]
+    samples = int(np.count_nonzero(np.asarray(rows) == end.row))  # a map has several in one line
+    if not samples:
+        return None
+    lines = end.rows[-int(end.row - rows[0] + 1) :]
+    *before, last = [line for line in lines if any(map(str.strip, line))] or [[""]]
     column = [row[len(last) - 1] for row in before if len(row) >= len(last)]
     digits = {len(cell.strip().partition(end.decimal)[2]) for cell in column}
-    if len(last) < min(map(len, before), default=0):
+    if len(last) < min(map(_filled, before), default=0):
         why = f"only {len(last)} fields, fewer than the lines before it"
     elif (
         len(column) >= FEWEST_ROWS
@@ -122,5 +129,10 @@ def _cut_in(end: OpenEnd) -> Cut | None:
             "complete, end it with a line break."
         ),
         "it is left out",
-        rows=1,
+        rows=samples,
     )
+
+
+def _filled(cells: Sequence[str]) -> int:
+    """Return the number of cells up to the last one that is not blank."""
+    return max((place for place, cell in enumerate(cells, 1) if cell.strip()), default=0)

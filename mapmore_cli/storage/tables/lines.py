@@ -40,6 +40,9 @@ by record.
 LAST_LINES = 50
 """Number of lines at the end of a text with which its last line is compared."""
 
+KEPT = 1 << 16
+"""Bytes before the place of reading that are kept, for the comparison of the last lines."""
+
 LINE = re.compile(rb"[^\r\n]*(?:\r\n?|\n)")
 
 TEXT_ERRORS = "surrogateescape"
@@ -164,6 +167,18 @@ class Lines(Iterator[str]):
         self._at += len(lines)
         self.taken, self.rows = self.taken + len(lines), self.rows + count
 
+    @property
+    def is_open(self) -> bool:
+        """Return True if the last line that was consumed has no end."""
+        return self._held[: self._at][-1:] not in (b"", b"\n", b"\r")
+
+    def last_lines(self) -> list[str]:
+        """Return the last lines that were consumed, at most `LAST_LINES`."""
+        text = self._held[: self._at]
+        # the first of the lines that were kept may be the rest of a line
+        lines = text.splitlines()[0 if len(text) == self.taken else 1 :]
+        return [line.decode("utf-8", TEXT_ERRORS) for line in lines[-LAST_LINES:]]
+
     def _line(self) -> bytes:
         """Return the next complete line; empty at the end."""
         while True:
@@ -175,7 +190,7 @@ class Lines(Iterator[str]):
 
     def _more(self) -> bool:
         """Read more of the text into the buffer, if there is any."""
-        rest = self._held[self._at :]
+        kept, rest = self._held[: self._at][-KEPT:], self._held[self._at :]
         if len(rest) > LONGEST or (self.endless and self.padding > LONGEST):
             raise DataError(
                 f"{self._label}:row {self.rows + 1}: is longer than {LONGEST // 10**6} million "
@@ -187,7 +202,7 @@ class Lines(Iterator[str]):
         if not (self._plain and data.isascii() and not self._decoder.getstate()[0]):
             text = self._decoder.decode(data, final=self._ended)
             data = text.encode("utf-8", TEXT_ERRORS)
-        self._held, self._at = rest + self._without_tail(data), 0
+        self._held, self._at = kept + rest + self._without_tail(data), len(kept)
         if self._ended and self._held[-1:] not in (b"", b"\n", b"\r") and LINE.match(self._tail):
             # a NUL before the end of a line belongs to a damaged cell, and is no padding
             self._held, self._tail, self.padding = self._held + self._tail, b"", 0

@@ -405,16 +405,20 @@ STATIC = ("polynomial", "terms", "products", "spline", "ends", "steps")
 """Families whose terms need only the present sample, unless a state that they name needs more."""
 
 
-def goes_by_order(dictionary: Sequence[DictionaryEntry]) -> bool:
-    """Return True if the terms need the order of the samples (as play and stop do), but not the
-    time between them.
+def timed_terms(dictionary: Sequence[DictionaryEntry]) -> tuple[str, ...]:
+    """Return the families and states that need equal time steps, because they count samples (as
+    lags do) or use the time between them (as `slow` does). The others, such as `play`, need only
+    the order of the samples.
     """
-    return all(
-        (name in STATIC or (name in OPERATORS and not OPERATORS[name].timed))
-        and not getattr(family, "window", None)
-        and all(state(used).goes_by_order for used in _names_of(loc, family))
-        for loc, name, family in entries_of(dictionary)
-    )
+    found: dict[str, None] = {}
+    for loc, name, family in entries_of(dictionary):
+        is_timed = OPERATORS[name].timed if name in OPERATORS else name not in STATIC
+        if is_timed or getattr(family, "window", None):
+            found[name] = None
+        found |= dict.fromkeys(
+            used for used in sorted(_names_of(loc, family)) if not state(used).goes_by_order
+        )
+    return tuple(found)
 
 
 def remembers(dictionary: Sequence[DictionaryEntry]) -> bool:

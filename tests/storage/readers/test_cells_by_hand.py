@@ -249,11 +249,14 @@ def test_columns_of_rows_are_called_by_their_titles_or_their_places():
     ],
 )
 def test_a_last_line_without_end_that_was_cut(before, last, cut):
-    found = _cut_in(OpenEnd([line.split(",") for line in [*before, last]]))
+    found = _cut_in(OpenEnd(90, [line.split(",") for line in [*before, last]]), range(1, 91))
     assert (found is not None) is cut
     assert found is None or found.rows == 1
 
 
 def test_digits_that_were_cut_stand_behind_the_decimal_mark_of_the_file():
     lines = [["1", "20,5"]] * 10 + [["1", "2"]]
-    assert [_cut_in(OpenEnd(lines, mark)) is not None for mark in ",."] == [True, False]
+    assert [_cut_in(OpenEnd(90, lines, mark), range(1, 91)) is not None for mark in ",."] == [
+        True,
+        False,
+    ]

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from reading import csv_table, refusal
 
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.storage.readers import READERS, TableRequest
 from mapmore_cli.storage.readers.csv import values_of_records
 
 PATIENT = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -339,3 +340,33 @@ def test_marks_between_thousands_are_sought_in_the_wanted_table(tmp_path, kind):
     assert {950, 1.5} <= {*csv_table(path, content, column, table=table).columns[column]}
     path.write_text(text.format("1,950", "2,1.050"))
     refusal((f"a.csv:row {row}, column {column}", "may be 1050"), "csv", path, column, table=table)
+
+
+ROWS = [f"{t},{t + 0.125:.3f}" for t in range(11)]
+PAIRS = [f"{row},{row}" for row in ROWS]
+ENDS = {  # the text, what is asked for, the wanted column, and its values in the last line
+    "one table": (["t,F", *ROWS], {}, "F", 1),
+    "below each other": (["run 1", "t,F", *ROWS[:3], "run 2", "t,F", *ROWS], {"table": 2}, "F", 1),
+    "side by side": (["t,F,t,F", *PAIRS], {"table": 2}, "F", 1),
+    "without titles": ([*ROWS[:3], "", *ROWS], {"table": 2, "header": 0}, 1, 1),
+    "a map": (["t,1,2,3", *PAIRS], {"table": "map"}, "cell", 3),
+}
+
+
+@pytest.mark.parametrize("cut", [2, 5])
+@pytest.mark.parametrize("kind", ENDS)
+def test_a_last_line_that_was_cut_off_is_refused_in_every_table(tmp_path, kind, cut):
+    """Within its last number (2), or before it (5); `missing: drop` leaves the line out."""
+    lines, request, column, samples = ENDS[kind]
+    path, text = tmp_path / "a.csv", "\n".join(lines)
+    whole = csv_table(path, text.encode(), column, **request)
+    assert whole.doubts == ()
+    path.write_text(text[:-cut])
+    # a line of two tables that lacks its last cell is a line with an empty cell
+    if (kind, cut) != ("side by side", 5):
+        refusal((f"a.csv:row {len(lines)}", "cut off"), "csv", path, column, **request)
+    (table,) = READERS["csv"].read(
+        path, TableRequest("a.csv", (column,), incomplete=True, **request)
+    )
+    found = table.columns[column]
+    np.testing.assert_array_equal(found[np.isfinite(found)], whole.columns[column][:-samples])

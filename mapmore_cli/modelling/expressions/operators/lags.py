@@ -120,5 +120,6 @@ OPERATORS = (
             "`play(pressure, 0.02)`, it ignores small changes."
         ),
         recursion=last_direction,
+        timed=False,
     ),
 )

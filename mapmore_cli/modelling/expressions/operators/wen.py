@@ -86,6 +86,7 @@ OPERATORS = (
         parameters=_rates(0.0),
         needs="range",
         starts=lambda _step, _longest: GRID,
+        timed=False,
     ),
     Operator(
         name="wen_stiffening",
@@ -97,6 +98,7 @@ OPERATORS = (
         parameters=_rates(-8.0),
         needs="range",
         starts=lambda _step, _longest: (*STIFFENING, *GRID),
+        timed=False,
     ),
     Operator(
         name="dahl",
@@ -110,5 +112,6 @@ OPERATORS = (
         ),
         needs="range",
         starts=lambda _step, _longest: ((1.0,), (4.0,), (16.0,), (64.0,), (256.0,), (1024.0,)),
+        timed=False,
     ),
 )
