@@ -25,7 +25,7 @@ def motion():
     u = 2.5 - 2.5 * np.cos(2 * np.pi * 0.25 * STEP * np.arange(SAMPLES))
     p1, p2, p3 = SECTION
     y = response(p1, p2, p3 * u) + 0.05 * np.random.default_rng(20).standard_normal(SAMPLES)
-    piece = Piece(u[:, np.newaxis], y, np.ones(SAMPLES, dtype=bool))
+    piece = Piece(u[:, np.newaxis], y, np.ones(SAMPLES, dtype=bool), np.zeros(SAMPLES, dtype=int))
     recipe = MotionRecipe(input="input", output="displacement", step=STEP)
     simulations = PARTICLES * (ITERATIONS + 1)
     problem = Problem([piece])

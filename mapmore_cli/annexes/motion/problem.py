@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
@@ -145,7 +145,7 @@ class Piece:
     drives: Array
     y: Array
     counts: BoolArray
-    holds: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    holds: IntArray
 
 
 class Found(NamedTuple):

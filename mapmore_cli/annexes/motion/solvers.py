@@ -100,7 +100,7 @@ def fly(
     first, last = walls if begin is None else begin
     x = first + (last - first) * rng.random((PARTICLES, len(first)))
     v = np.zeros_like(x)
-    own, own_cost = x.copy(), np.array([cost(each) for each in x])
+    own, own_cost = x, np.array([cost(each) for each in x])
     history = [float(own_cost.min())]
     for _ in range(ITERATIONS):
         common = own[np.argmin(own_cost)]

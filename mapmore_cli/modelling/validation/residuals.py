@@ -59,7 +59,7 @@ def residual_tests(
         measured = curve.columns[dataset.target]
         for rows in _pieces(curve, wanted, order_by):
             piece = by_blocks(np.subtract, picked(values, rows), picked(measured, rows))
-            if len(piece) and _finite([piece])[0]:
+            if _finite([piece])[0]:
                 residuals.append(piece)
                 for name in columns.keys() & curve.columns.keys():
                     x = picked(curve.columns[name], rows)

@@ -18,12 +18,13 @@ from motion_samples import (
 )
 from motion_tables import continued
 
+from mapmore_cli.annexes.motion import solvers
 from mapmore_cli.annexes.motion.body import BUMPLESS
 from mapmore_cli.annexes.motion.fitting import fit_motion
-from mapmore_cli.annexes.motion.problem import Piece, Problem
+from mapmore_cli.annexes.motion.problem import Bounds, Piece, Problem
 from mapmore_cli.annexes.motion.simulation import simulate, stable
-from mapmore_cli.annexes.motion.solvers import SOLVERS, fly
-from mapmore_cli.domain.errors import DataError
+from mapmore_cli.annexes.motion.solvers import SOLVERS, STRIDES, fly, linear_start
+from mapmore_cli.domain.errors import DataError, FitError
 
 NOISE = 0.05
 
@@ -107,6 +108,84 @@ def test_a_swarm_finds_the_bottom_of_a_bowl_from_its_box_and_may_leave_it(begin)
     assert np.all((np.array(seen[:50]) >= low) & (np.array(seen[:50]) <= high))
     assert history[-1] == min(history) == pytest.approx(np.sum((best - bottom) ** 2))
     assert history[-1] < 0.01
+
+
+def piece_of(y, counts=None, **drives):
+    counts = np.ones(len(y), dtype=bool) if counts is None else counts
+    columns = drives or {"input": np.zeros(len(y))}
+    return Piece(np.column_stack([*columns.values()]), y, counts, np.zeros(len(y), dtype=int))
+
+
+@pytest.mark.parametrize("stride", STRIDES)
+def test_a_linear_start_has_the_poles_of_a_free_decay(stride):
+    """Poles .97 and .9, from samples of two pieces that count, three of them a stride apart."""
+    k = np.arange(160)
+    decays = [3 * 0.97**k - 2 * 0.9**k, 0.97**k + 4 * 0.9**k]
+    counts = k >= 70
+    decays[1] = np.where(counts, decays[1], 1e6)
+    pieces = (piece_of(decays[0]), piece_of(decays[1], counts), piece_of(decays[0][: 2 * stride]))
+    assert linear_start(pieces, stride) == pytest.approx((-0.97 * 0.9, 0.97 + 0.9), rel=1e-6)
+    three, two = (piece_of(decays[0][: 2 * stride + count]) for count in (3, 2))
+    assert linear_start((three,), stride) is not None
+    assert (linear_start((two,), stride) is None) == (stride > 1)
+    assert linear_start((piece_of(k[:2] * 1.0),), 1) == (0.0, 0.0)
+
+
+def test_a_swarm_begins_in_the_declared_ranges_and_stays_among_stable_sections(monkeypatch):
+    """P3 reaches to four times the ratio of the spans of output and input, of all pieces."""
+    rng = np.random.default_rng(1)
+    u, y = rng.random(60) * 2, rng.random(60)
+    u[[3, 50]], y[[7, 40]] = (-1.0, 9.0), (-2.0, 3.0)  # spans of 10 and 5
+    problem = Problem([piece_of(y[:30], input=u[:30]), piece_of(y[30:], input=u[30:])])
+    boxes = []
+
+    def flown(cost, walls, rng, begin):
+        boxes.append((walls.tolist(), begin if begin is None else begin.tolist()))
+        at = np.array([0.2, 0.3, -0.4])
+        return at, [5.0, cost(at)]
+
+    monkeypatch.setattr(solvers, "fly", flown)
+    whole = [[-1.0, -2.0, -2.0], [1.0, 2.0, 2.0]]
+    found = solvers.swarm(problem, recipe())
+    solvers.swarm(problem, recipe(begin=Bounds(p1=(0.1, 0.2), p3=(0.0, 7.0))))
+    solvers.swarm(problem, recipe(begin=Bounds(p2=(0.1, 0.2))))
+    assert boxes == [
+        (whole, None),
+        (whole, [[0.1, -2.0, 0.0], [0.2, 2.0, 7.0]]),
+        (whole, [[-1.0, 0.1, -2.0], [1.0, 0.2, 2.0]]),
+    ]
+    left = [looped(u[rows], (0.2, 0.3, -0.4)) - y[rows] for rows in (slice(30), slice(30, 60))]
+    assert found.rmse == pytest.approx(np.sqrt(np.mean(np.concatenate(left) ** 2)))
+    assert (found.p1, found.p2, *found.weights, found.evaluations) == (0.2, 0.3, -0.4, 1)
+    monkeypatch.setattr(solvers, "fly", lambda *_: (np.array([0.9, 0.3, 1.0]), [1.0]))
+    with pytest.raises(FitError, match="no stable section"):
+        solvers.swarm(problem, recipe())
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_the_error_of_poles_is_that_of_the_best_weights_of_their_drives(count):
+    """Weights follow by least squares; the error of an unstable section grows with its pole."""
+    rng = np.random.default_rng(count)
+    drives = rng.normal(size=(50, count))
+    y, counts = rng.normal(size=50), rng.random(50) > 0.3
+    each = {f"d{number}": drive for number, drive in enumerate(drives.T)}
+    problem = Problem([piece_of(y, counts, **each), piece_of(y, np.ones(50, dtype=bool), **each)])
+    moved = np.column_stack([looped(drive, (0.5, -0.3, 1.0)) for drive in drives.T])
+    rows, wanted = np.concatenate([moved[counts], moved]), np.concatenate([y[counts], y])
+    weights = np.linalg.lstsq(rows, wanted, rcond=None)[0]
+    found = problem.found(0.5, -0.3, [4.0, 5.0, 3.0])
+    np.testing.assert_allclose(found.weights, weights)
+    left = np.sqrt(np.mean((rows @ weights - wanted) ** 2))
+    assert found.rmse == pytest.approx(left) == problem.rmse(0.5, -0.3)
+    assert (found.evaluations, found.history.tolist()) == (1, [4.0, 4.0, 3.0])
+    other = np.sqrt(np.mean((rows @ (2 * weights) - wanted) ** 2))
+    assert problem.rmse(0.5, -0.3, 2 * weights) == pytest.approx(other)
+    size = np.sqrt(np.mean(wanted**2))
+    assert problem.rmse(0.0, 1.5) == pytest.approx(1500 * size)
+    assert problem.rmse(0.0, 1.5, weights) == pytest.approx(1500 * size)
+    none = Problem([piece_of(np.zeros(5))])
+    assert (none.rmse(0.0, 0.5), none.rmse(0.0, 3.0)) == (0.0, 3000.0)
+    assert Problem([piece_of(y, np.zeros(50, dtype=bool)), piece_of(y)]).y.tolist() == y.tolist()
 
 
 def two_sines(samples):
@@ -217,7 +296,7 @@ def test_a_section_may_be_as_slow_as_a_quarter_of_the_longest_record():
 def test_a_pole_beyond_the_reach_is_searched_for_nowhere_and_scored_where_it_is_given():
     u = sine()
     y = looped(u, (0.0, 0.95, 0.05))
-    piece = Piece(np.column_stack([u]), y, np.ones(240, dtype=bool), np.zeros(240, dtype=int))
+    piece = piece_of(y, input=u)
     problem = Problem([piece], reach=0.9)
     assert problem.rmse(0.0, 0.95) > 100 * np.abs(y).max()
     assert problem.rmse(0.0, 0.95, np.array([0.05])) == pytest.approx(0.0, abs=1e-9)

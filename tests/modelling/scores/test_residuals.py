@@ -15,8 +15,10 @@ from mapmore_cli.domain.arrays import extremes
 from mapmore_cli.domain.recording import Curve, Dataset, Recording, uncertainty_of
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import OWN
+from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.frols.offsets import constant_alone
 from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.validation import metrics, outliers
 from mapmore_cli.modelling.validation.residuals import (
     FEWEST,
@@ -73,6 +75,30 @@ def test_rows_of_the_model_itself_are_judged_over_all_curves():
     assert "is 1 times the full scale (max|force| over validate)" in far
     assert len(told([4.0, 2.0, 6.0])) == 1  # just the full scale
     assert ["no finite error" in one for one in told([np.nan, 2.0, 3.0])] == [True]
+
+
+def test_pieces_that_add_nothing_to_their_backbone_are_an_alarm():
+    """They add nothing up to 1e-9 of the largest prediction, or were removed."""
+    backbone = fit_formula("sarosi", CURVES, "force")
+    formula, model = literature.of(backbone), built(CURVES, backbone)
+    alone = [formula.predict(backbone.parameters, one.columns) for one in CURVES]
+    largest = max(np.abs(values).max() for values in alone)
+
+    def ends_of(model, off):
+        """The alarms, if the last prediction is off by a share of the largest."""
+        *first, last = alone
+        moved = last + np.where(np.arange(len(last)) == 119, off * largest, 0.0)
+        return [
+            one.partition(" sarosi")[2]
+            for one in alarms(model, dataset_of(CURVES), [*first, moved], ())
+        ]
+
+    nothing = " on every sample, because its pieces add nothing"
+    assert [ends_of(model, off) for off in (0.0, 9e-10, 3e-9)] == [[nothing], [nothing], []]
+    curves_alone = tuple(replace(one, segments=()) for one in model.body.curves)
+    removed = replace(model, body=replace(model.body, curves=curves_alone))
+    assert ["left-out training data worse" in end for end in ends_of(removed, 0.0)] == [True]
+    assert ends_of(built(CURVES), 0.0) == []
 
 
 def test_the_share_of_an_input_is_its_uncertainty_times_the_slope():
