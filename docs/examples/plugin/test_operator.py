@@ -6,6 +6,7 @@ import mapmore_cli as mm
 
 
 def test_a_washout_is_found() -> None:
+    """Fit an output that is three times the state, and look at the error and the term."""
     step, tau = 0.01, 0.5  # s
     time = np.arange(0, 20, step)
     voltage = np.sin(time) + 0.3 * np.sin(7 * time)
