@@ -48,7 +48,7 @@ FRICTION = ("antagonist_pam", "mr_damper")
 
 
 def benchmarks(runs: Path) -> Table:
-    """Free runs over the held-out end of the training records, as the benchmarks' rule has it."""
+    """Return the errors in free run at the held-out end of each training recording."""
     rows: list[tuple[Cell, ...]] = []
     for name, one in BENCHMARKS.items():
         changes = (
@@ -67,7 +67,10 @@ def benchmarks(runs: Path) -> Table:
         )
     titles = ("benchmark", "outputs given", "samples", "terms", "RMSE #.3g", "unit")
     return Table.of(
-        "benchmarks", "Free runs over the held-out end", (*titles, "published, test record"), rows
+        "benchmarks",
+        "Errors in free run at the held-out end of each recording",
+        (*titles, "published, test record"),
+        rows,
     )
 
 
@@ -80,7 +83,9 @@ def friction(runs: Path) -> Table:
             (name, *(cell for one in (own, others[0]) for cell in (one.model, 100 * one.nrmse)))
         )
     columns = ("record", "model", "NRMSE [%] .2f", "without friction", "its NRMSE [%] .2f")
-    return Table.of("friction", "Held-out parts of records with friction", columns, rows)
+    return Table.of(
+        "friction", "Errors on held-out parts of recordings with friction", columns, rows
+    )
 
 
 if __name__ == "__main__":

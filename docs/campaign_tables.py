@@ -134,7 +134,12 @@ def first_pairs(_runs: Path) -> Table:
     """Return the first pairs one by one, which a test repeats."""
     rows = ((number, one.ratio, *one.interval) for number, one in enumerate(pairs(4, 1.03, 3), 1))
     columns = ("pair", "ratio .5f", "from .5f", "to .5f")
-    return Table.of("first", "The first pairs of four curves, force x 1.03", columns, rows)
+    return Table.of(
+        "first",
+        "The first pairs with four curves and a force that is 1.03 times as large",
+        columns,
+        rows,
+    )
 
 
 def festo(length: int, repeats: str, runs: Path) -> Model:

@@ -95,7 +95,9 @@ def tracking(runs: Path) -> Table:
         rows.append((feed, *errors(feed, runs), *alone))
     heads = ("RMSE", "largest error", "RMSE without the loop", "largest error without the loop")
     columns = ("fed forward", *(f"{head} [% strain] .3g" for head in heads))
-    return Table.of("tracking", "A weight of 20 kg along a course of strain", columns, rows)
+    return Table.of(
+        "tracking", "Errors of the strain while a weight of 20 kg follows a course", columns, rows
+    )
 
 
 def figure(runs: Path, path: Path) -> None:

@@ -206,7 +206,7 @@ def rigs(runs: Path) -> Table:
     heads += ["dynamic: mapmore [%] .1f", "dynamic: sarosi+reynolds [%] .1f"]
     heads += ["damping over force .2f", "rise", "fall", "all pressures train [%] .1f"]
     heads += ["rise, all pressures", "fall, all pressures"]
-    return Table.of("rigs", "M2's studies on other rigs", ("rig", *heads), rows)
+    return Table.of("rigs", "M2's studies with other valves and tubes", ("rig", *heads), rows)
 
 
 def _greatest(files: RunFiles, level: float) -> float:
@@ -316,7 +316,7 @@ def _slope(x: Array, y: Array) -> float:
 
 TABLES: Mapping[str, Callable[[Path], Table]] = {
     "damping": of_study("damping", "Damping"),
-    "from80": of_study("damping-from-80", "On the static study from 80 kPa"),
+    "from80": of_study("damping-from-80", "Damping force, with the static study from 80 kPa on"),
     "dynamic": of_study("dynamic", "Dynamic force"),
     "hysteresis": of_study("dynamic-hysteresis", "Dynamic force with hysteresis"),
     "rigs": rigs,

@@ -118,7 +118,7 @@ def competitors(runs: Path) -> Table:
     worst = max(row[4] for row in rows if isinstance(row[4], float))
     note = f"The largest ratio of {len(rows)} is {worst:.4f}."
     return Table.of(
-        "competitors", "Training error beside that of a global fit", columns, rows, note
+        "competitors", "Training error compared with that of a global search", columns, rows, note
     )
 
 
@@ -152,7 +152,7 @@ def hinge_constants(runs: Path) -> Table:
         changed = [_error_with(name, value, factor, runs) / base for factor in (0.5, 2)]
         rows.append((name, str(value), *changed, why))
     columns = ("constant", "value", "at half .3f", "at twice .3f", "why")
-    title = "Error with half and twice each constant over that with it"
+    title = "Error with half or twice a constant divided by the error with the constant"
     note = (
         f"Fitted to {LEVELS[0]} or {LEVELS[1]} strain levels of {len(HINGED)} simulated muscles, "
         f"the formula has an error of {100 * base:.3g} % of the largest force at all other levels "

@@ -50,7 +50,7 @@ def table(python: Path) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for name, own in ours().items():
         rows.append((name, *own, *(cell(**peers[name][peer]) for peer in PEERS)))
-    return Table.of("cases", "Terms, and the share that they explain", columns, rows)
+    return Table.of("cases", "Number of terms, and the share that they explain", columns, rows)
 
 
 if __name__ == "__main__":

@@ -142,8 +142,8 @@ def every_row() -> list[tuple[Cell, ...]]:
 def coverage_table() -> Table:
     """Coverage where the model errs nothing between levels."""
     title = (
-        f"New curves inside of their 95 % interval, {CAMPAIGNS * NEW} a cell, by the standard "
-        "deviation from recording to recording over that of the noise"
+        f"Share of the samples of {CAMPAIGNS * NEW} new curves inside their 95 % interval. The "
+        "columns 0 to 3 are the standard deviation of the offsets, divided by that of the noise"
     )
     return Table.of("coverage", title, HEADS, every_row())
 
@@ -161,10 +161,7 @@ def spread_table() -> Table:
         )
         for count in LEVELS
     ]
-    title = (
-        "The same by levels and recordings of each: the least and the greatest per cent of every "
-        "row"
-    )
+    title = "Smallest and largest share of each row, in per cent, by levels and recordings of each"
     heads = ("levels", *(f"{repeats} recording{'s'[: repeats - 1]}" for repeats in RECORDINGS))
     return Table.of("spread", title, heads, cells)
 

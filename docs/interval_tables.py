@@ -207,8 +207,8 @@ def simulated(_runs: Path) -> Table:
         for curves in CURVES[1:]  # three curves have no intervals
     )
     title = (
-        f"New curves of {len(SEEDS)} specimens of each simulated muscle: samples inside of "
-        "their 95 % interval"
+        f"Share of the samples of new curves inside their 95 % interval, for {len(SEEDS)} "
+        "specimens of each simulated muscle"
     )
     return Table.of("simulated", title, ("muscle, model, training curves", *COLUMNS), rows)
 
@@ -264,7 +264,7 @@ def measured(runs: Path) -> Table:
     rows = (measured_row(config, runs) for config in MEASURED)
     return Table.of(
         "measured",
-        "Held-out samples of the measured sets inside of their 95 % interval",
+        "Share of held-out samples of measured data inside their 95 % interval",
         heads,
         rows,
     )
@@ -302,7 +302,7 @@ def bands(runs: Path) -> Table:
         "RMSE, measured [N] .3g",
         "RMSE, whole curves [N] .3g",
     )
-    title = "Bands of pressure, held out of every curve, and measured (in a later repetition)"
+    title = "Errors in two bands of pressure that are held out, and if they are measured"
     return Table.of("bands", title, columns, rows)
 
 
@@ -487,7 +487,7 @@ def constants(runs: Path) -> Table:
     heads = ("left out", *(f"{count} levels .2f" for count in FEW))
     return Table.of(
         "constants",
-        "c by the number of levels, and by the family that was left out of its calibration",
+        "Constant c for each number of levels, without one family in the calibration",
         heads,
         rows,
     )
@@ -513,7 +513,10 @@ def families(runs: Path) -> Table:
             )
     heads = ("set", "levels", "models", "refused", COLUMNS[0], COLUMNS[-1])
     return Table.of(
-        "families", "Levels that were not measured, by constants of the other families", heads, rows
+        "families",
+        "Levels that were not measured, with constants from the other families",
+        heads,
+        rows,
     )
 
 

@@ -81,7 +81,9 @@ def pgm(runs: Path) -> Table:
         f"{head} [%] .3g"
         for head in (*(f"{pressure} kPa" for pressure in PRESSURES), "mean", "0 kPa", "300 kPa")
     )
-    return Table.of("pgm", "Every pressure left out in turn", ("model", *heads), rows)
+    return Table.of(
+        "pgm", "NRMSE at each pressure, which was left out in turn", ("model", *heads), rows
+    )
 
 
 def _by_pressure(scores: Sequence[Score], called: str | None = None) -> Iterator[tuple[Cell, ...]]:
@@ -191,7 +193,7 @@ def hold(runs: Path) -> Table:
         *(f"{word} .3f" for word in ("least ratio", "geometric mean", "greatest")),
     )
     return Table.of(
-        "hold", "Error to the letter over the error where functions are held", columns, rows
+        "hold", "Error with `hold: none` divided by the error with `hold: samples`", columns, rows
     )
 
 
@@ -253,7 +255,9 @@ def backbone(runs: Path) -> Table:
         rows.append((group, words, with_pieces, alone, with_pieces / alone, hinged, bare))
     heads = ("held out", "backbone", "with pieces [%] .3g", "backbone alone [%] .3g")
     more = ("ratio .2f", "sarosi_hinged alone [%] .3g", "pieces alone [%] .3g")
-    return Table.of("backbone", "What pieces add to their backbone", (*heads, *more), rows)
+    return Table.of(
+        "backbone", "Errors of the backbone with segments and alone", (*heads, *more), rows
+    )
 
 
 def _backbone_of(runs: Path, name: str) -> str:

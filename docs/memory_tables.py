@@ -69,7 +69,10 @@ def uncut(runs: Path) -> Table:
         rows.append((variant.name, f"{quantity} {condition} {said}", *errors))
     columns = ("run", "kept", "cut [%] .3g", "uncut [%] .3g")
     return Table.of(
-        "uncut", "NRMSE of mapmore with and without what was not measured soundly", columns, rows
+        "uncut",
+        "NRMSE of mapmore with and without the samples at which the sensor jumps",
+        columns,
+        rows,
     )
 
 
@@ -135,7 +138,7 @@ def coiled_models(runs: Path) -> Table:
     columns = ("run", *(f"{kind} [%] .3g" for kind in EXTRA))
     return Table.of(
         "coiled_models",
-        "NRMSE of coiled muscles with slower states, each record by itself",
+        "NRMSE of coiled muscles with slower states, one model for each recording",
         columns,
         rows,
     )
@@ -237,7 +240,7 @@ def tanks(runs: Path) -> Table:
             (name, len(memory.model.terms), float(memory.held_out.min()), own(files, "train").rmse)
         )
     columns = (
-        "decided by",
+        "model",
         "terms",
         "RMSE, last quarter, held out [V] .3f",
         "RMSE, whole record, fitted [V] .3f",

@@ -191,7 +191,7 @@ def solvers(_runs: Path) -> Table:
         )
     assert float(row["p1"]) == published("linear").sections[0].p1
     return Table.of(
-        "solvers", "Solvers on data that the published linear row made, with noise", columns, rows
+        "solvers", "Solvers on noisy data from the published linear model", columns, rows
     )
 
 
@@ -232,7 +232,7 @@ def slowest(_runs: Path) -> Table:
     columns = ("slowest", "linear [cm] .3f", "piecewise [cm] .3f")
     return Table.of(
         "slowest",
-        "RMSE over all seven waveforms, by the bound on the time constants",
+        "RMSE over all seven waveforms, for each limit of the time constants",
         columns,
         rows,
     )
@@ -450,7 +450,9 @@ def costs(_runs: Path) -> Table:
         *("model", "seconds .3g", "solutions", "seconds a solution .3g"),
         *("seconds an iteration .3g", "RMSE [cm] .4f"),
     )
-    return Table.of("costs", "What a model costs, by the machine of this page", heads, rows)
+    return Table.of(
+        "costs", "Computing time of each model on the computer of this page", heads, rows
+    )
 
 
 def delayed(u: Array) -> Array:
@@ -511,7 +513,7 @@ def readings(_runs: Path) -> Table:
         *("best model as printed", "linear is best"),
     )
     return Table.of(
-        "readings", "Two readings of P's text beside its table 3, 20 seeds", columns, rows
+        "readings", "Two readings of P's text compared with its table 3, 20 seeds", columns, rows
     )
 
 

@@ -96,7 +96,7 @@ def rebuilt_table(_runs: Path) -> Table:
         for head in ("printed R", "R of the printed parameters", "Pearson's", "R, converged")
     )
     columns_ = ("model", "eq", *heads, "RMSE, printed [N] .3g", "RMSE, converged [N] .3g", "status")
-    title = "W's models on points rebuilt from its eq 12"
+    title = "W's models on points computed from its equation 12"
     return Table.of("rebuilt", title, columns_, rows, "R is about zero (uncentred), as W's is.")
 
 
@@ -155,7 +155,9 @@ def inert_table(_runs: Path) -> Table:
         "R of the printed parameters, a_k inert .4f",
         "least squares, a_k inert",
     )
-    return Table.of("inert", "W's eq 8 and 9 with a_k inert, on the rebuilt points", heads, rows)
+    return Table.of(
+        "inert", "Equations 8 and 9 of W if a_k has no effect, on the computed points", heads, rows
+    )
 
 
 def size_of_eq_3() -> float:
@@ -288,7 +290,7 @@ def splits_table(runs: Path) -> Table:
         *(f"{m}, RMSE [N] .3g" for m in models),
         *(f"{m}, R² .4f" for m in models),
     )
-    note = "R² of the last row: that of the worst fold."
+    note = "In the last row, R² is that of the worst fold."
     return Table.of("splits", "Three splits of the 16 cm muscle's record", columns, rows, note)
 
 
@@ -353,7 +355,7 @@ def joint_table(runs: Path) -> Table:
     heads = ("force", "H, R²", "R² .4f", "RMSE [N] .3g")
     return Table.of(
         "joint",
-        "The joint: muscle-like models, identified at closed valves where nothing else is said",
+        "Muscle-like models on the joint, identified at closed valves by default",
         heads,
         rows,
     )

@@ -165,7 +165,11 @@ def outlook(runs: Path) -> Table:
         f"muscle {both / 1e3:.1f}.",
     )
     return Table.of(
-        "outlook", "H's model where H leaves it to others (simulated)", heads, rows, *notes
+        "outlook",
+        "The model of H in cases that H leaves to later work (simulated)",
+        heads,
+        rows,
+        *notes,
     )
 
 
@@ -219,13 +223,13 @@ def actuators(runs: Path, samples: int | None = None) -> Table:
     rows.append(("angle [deg]", None, *beside(true, angle)))
     heads = (
         "of the joint",
-        "unit beside both `predict`, relative .1e",
-        "RMSE beside the rig .3g",
+        "relative difference from `predict` .1e",
+        "RMSE against the rig .3g",
         "R² .4f",
     )
     return Table.of(
         "actuators",
-        "A joint that two exported actuators turn, second half of the record",
+        "A joint that is turned by two exported actuators, second half of the recording",
         heads,
         rows,
     )
@@ -267,7 +271,7 @@ def regulators(_runs: Path) -> Table:
             ]
             rows.append((f"{record}, {sensor} sensor", found.equations[0].text, *error))
     heads = ("record", "pressure [kPa]", "training NRMSE [%] .3g", "held-out NRMSE [%] .3g")
-    return Table.of("regulators", "A lag behind a measured regulator", heads, rows)
+    return Table.of("regulators", "A lag as a model of a measured regulator", heads, rows)
 
 
 # W

@@ -187,7 +187,7 @@ def levels_table(runs: Path) -> Table:
     )
     return Table.of(
         "levels",
-        "RMS error over all levels, in per cent of the largest force, after so many levels",
+        "RMS error over all levels in % of the largest force, by number of measured levels",
         columns,
         rows,
         note,
@@ -222,7 +222,7 @@ def stopping_table(runs: Path) -> Table:
     columns = ("wanted [%] .0f", "campaigns", "stopped", "reached")
     return Table.of(
         "stopping",
-        "Campaigns that stop where the widest half width is the wanted one",
+        "Campaigns that stop when the largest half width is as small as wanted",
         columns,
         rows,
     )
@@ -338,7 +338,7 @@ def maps_table(runs: Path) -> Table:
         for size, row in zip(SIZES, errors, strict=True)
     ]
     columns = ("map", "points", *(f"{one} [%] .2f" for one in WAYS))
-    caption = "RMS error over the map, in per cent of the largest force, after so many points"
+    caption = "RMS error over the map in % of the largest force, by number of measured points"
     return Table.of("maps", caption, columns, rows)
 
 

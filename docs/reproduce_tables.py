@@ -21,9 +21,9 @@ def papers(runs: Path) -> Table:
     """Return for each paper how many of its claims, orders and numbers agree with our runs."""
     columns = (
         "paper",
-        *("claims", "of them hold"),
-        *("orders of models", "of them agree"),
-        *("sizes of numbers", "of them agree within the factor"),
+        *("claims", "claims that hold"),
+        *("orders of models", "orders that agree"),
+        *("numbers", "numbers that agree within their factor"),
     )
     results = [
         compare_paper(load_paper(path), runs, lambda message: print(message, file=sys.stderr))[0]

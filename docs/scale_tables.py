@@ -180,7 +180,7 @@ def limits() -> Table:
     )
     return Table.of(
         "limits",
-        "What a campaign takes at least because of each, and in the simulation",
+        "Shortest time that each limit allows for a campaign, and simulated time",
         columns,
         rows,
     )

@@ -225,7 +225,7 @@ def table(runs: Path, seed: int, draw: Draw) -> Table:
     others = [row[9:11] for row in rows if (row[0], *row[2:6]) == (seed, *draw)]
     rows.append((*key[:2], *measured(draw, runs, others[0] if others else ())))
     rows.sort(key=lambda row: row[:2])
-    return Table.of("drawn", "NRMSE on splits that seeds drew", HEADS, rows)
+    return Table.of("drawn", "NRMSE on splits that were drawn by a seed", HEADS, rows)
 
 
 def _number(cell: str) -> Cell:
@@ -266,7 +266,9 @@ def summary(rows: Sequence[tuple[Cell, ...]]) -> Table:
                 if some:
                     lines.append((seed, revision, data, kind, *_summed(some)))
     lines.sort(key=lambda line: line[3] == "all")  # the page shows the last rows
-    return Table.of("drawn_summary", "Splits that seeds drew, by kind", heads, lines)
+    return Table.of(
+        "drawn_summary", "Splits that were drawn by a seed, by kind of data", heads, lines
+    )
 
 
 def _summed(rows: Sequence[tuple[Cell, ...]]) -> tuple[Cell, ...]:

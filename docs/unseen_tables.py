@@ -219,7 +219,12 @@ def cell(kind: str, split: str) -> str:
 def unseen() -> Table:
     """Return a row for each kind of model and choice, a column for each split."""
     rows = [(kind, *(cell(kind, split) for split in COLUMNS)) for kind in KINDS]
-    return Table.of("unseen", "Held-out outputs turned round", ("kind and choice", *COLUMNS), rows)
+    return Table.of(
+        "unseen",
+        "What was chosen and fitted, after the held-out outputs were reversed",
+        ("kind and choice", *COLUMNS),
+        rows,
+    )
 
 
 if __name__ == "__main__":

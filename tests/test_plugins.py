@@ -1,6 +1,7 @@
 """Somebody else's package: the template adds its parts, and a broken one harms nothing."""
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -10,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from common import mapmore, rows_of
+from common import mapmore, process, rows_of
 
 from mapmore_cli.annexes.search.candidate import offered_structures
 from mapmore_cli.annexes.search.situation import Situation
@@ -214,3 +215,10 @@ def test_a_family_of_structures_is_offered_to_the_search(folder, monkeypatch):
     (product,) = structure.sections["dictionary"]
     washout = {"of": ["pressure", "strain"], "tau": [0.5, 2]}
     assert product["products"]["of"] == ["pressure", "strain", {"washout": washout}]
+
+
+def test_the_test_of_the_template_passes(folder):
+    script = "import test_operator; test_operator.test_a_washout_is_found()"
+    path = os.pathsep.join([str(folder / "path"), str(folder / "template")])
+    finished = process(sys.executable, "-c", script, env={"PYTHONPATH": path}, timeout=60)
+    assert finished.returncode == 0, finished.stderr

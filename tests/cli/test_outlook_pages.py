@@ -29,9 +29,7 @@ def test_two_units_turn_a_joint(tmp_path):
         assert row[1] < 1e-9
     shown = page("actuators", EXPORT)
     assert min(row["R²"] for row in shown.values()) > 0.95
-    assert (
-        max(row.get("unit beside both `predict`, relative", 0.0) for row in shown.values()) < 1e-9
-    )
+    assert max(row.get("relative difference from `predict`", 0.0) for row in shown.values()) < 1e-9
 
 
 @needs_compiler

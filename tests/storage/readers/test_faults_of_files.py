@@ -34,7 +34,7 @@ LARGE = ["950", "980", "1.010", *(f"{1 + 0.013 * i:.3f}" for i in range(3, N))]
 TEXTS, BOOKS = ("csv", "lvm", "json_lines"), ("xlsx", "xlsb", "xls", "ods")
 
 TWICE, BACKWARDS = "occurs 2 times", "time runs backwards"
-OPEN, HALF = "the last line has no line break at its end", "is no JSON"
+OPEN, HALF = "the last line has no line break at its end", "not JSON"
 DAMAGED, BREAKS = "the file is damaged", "the last segment is incomplete"
 NEVER, FAILED, MERGED = "was never computed", "a formula failed there", "one of the merged cells"
 NO_FORMULAS = "cannot occur: the format has no formulas"

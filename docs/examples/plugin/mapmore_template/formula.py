@@ -1,4 +1,4 @@
-"""Force in proportion to the pressure, falling with the strain by a power."""
+"""Force that is proportional to the pressure and falls with a power of the strain."""
 
 from mapmore_cli.modelling.literature.formula import Formula
 

@@ -1,4 +1,4 @@
-"""Recordings with one JSON object a line: `{"t": 0.0, "P": 101.2}`."""
+"""Recordings with one JSON object in each line: `{"t": 0.0, "P": 101.2}`."""
 
 import json
 from pathlib import Path
@@ -17,7 +17,7 @@ def read(path: Path, request: TableRequest) -> list[RawTable]:
             records.append((number, json.loads(line, object_pairs_hook=list)))
         except ValueError as fault:
             raise DataError(
-                f"{request.label}:row {number}: is no JSON ({fault})", "write one object a line"
+                f"{request.label}:row {number}: not JSON ({fault})", "write one object per line"
             ) from fault
     return [table_of_records(records, request)]
 
