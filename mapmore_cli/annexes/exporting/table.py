@@ -35,7 +35,7 @@ from mapmore_cli.reporting.table import number_text, rows_to_csv, to_latex
 from mapmore_cli.reporting.tables import limits_tables
 
 POINTS = 41
-"""Places along every input if no grid is given."""
+"""Number of places along every input if no grid is given."""
 
 MOST = 2_000_000
 """Largest number of points of a table; more are probably a mistyped step."""
