@@ -69,7 +69,8 @@ def table_files(model: Model, wanted: Wanted) -> dict[str, str | bytes]:
     if short := [name for name, values in grid.places.items() if len(values) < 2]:
         raise UsageError(
             f"--grid: {short[0]} has a single point",
-            "a lookup table needs two or more points along each input",
+            "give two or more points along each input, because a lookup table interpolates "
+            "between points",
         )
     files: dict[str, str | bytes] = {
         f"{stem}.csv": _csv(model, grid, valid=grid.valid),

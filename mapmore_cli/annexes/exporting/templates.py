@@ -209,8 +209,8 @@ def templates(language: str) -> Environment:
 
 
 def note(text: str) -> Code:
-    """Return a text as code that is safe inside a comment, because it cannot end the comment. It
-    must not be used elsewhere.
+    """Return a text as code that is safe inside a comment, because it cannot end the comment.
+    Outside of comments, this code must not be used.
     """
     return Code(plain(text))
 

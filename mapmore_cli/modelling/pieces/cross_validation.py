@@ -67,8 +67,8 @@ class LeftOutErrors:
 
     @property
     def share(self) -> float:
-        """Share `g = clip(sum(f r) / sum(f^2), 0, 1)`: least squares of the backbone's residual r
-        on its prediction f by the pieces.
+        """Share `g = clip(sum(f r) / sum(f^2), 0, 1)` for which `g f` is nearest to r by least
+        squares; r is the residual of the backbone, and f its prediction by the pieces.
         """
         f, r = self.residual, self.measured - self.backbone
         power = float(f @ f)

@@ -172,7 +172,8 @@ def _sheets_in(path: Path, label: str, most: int = 0) -> list[SheetCells]:
     size, head = path.stat().st_size, head_of(path)
     if head and b"\0" not in head:
         raise DataError(
-            f"{label}: is a text file with the name of a workbook", "rename it to the suffix .txt"
+            f"{label}: is a text file with the name of a workbook",
+            "rename it so that its name ends in .txt",
         )
     if zipfile.is_zipfile(path):
         with zipfile.ZipFile(path) as archive:
