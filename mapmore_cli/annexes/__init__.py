@@ -1,1 +1,3 @@
-"""Provide the parts that a study does not need. Each registers itself like a plugin."""
+"""Provide the optional parts of the program, for example exports and the structure search. Each
+registers itself like a plugin.
+"""

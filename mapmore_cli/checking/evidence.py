@@ -37,10 +37,10 @@ MIDDLE = (0.1, 0.9)  # limits of the middle of the pressure range, as fractions 
 class Settling:
     """Settling of a pressure.
 
-    A sample is settled if its rate is below `limit` per second, a round number; the rate is
-    computed in a `window` in s. `share` is the settled share of all samples, and `share_between`
-    the settled share of the samples in the middle of the pressure range: it is large for a
-    staircase of pressures, which also rests there, and small for a sweep.
+    A sample is settled if its rate, computed in a `window` (s), is below `limit`, a round number,
+    per second. `share` is the settled share of all samples. `share_between` is the settled share of
+    the samples in the middle of the pressure range. It is large if the pressure moves in steps,
+    because it then rests there too, and small for a sweep.
     """
 
     limit: float

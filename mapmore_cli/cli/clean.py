@@ -1,4 +1,4 @@
-"""`mapmore clean`: remove the runs that no spec names."""
+"""Implement `mapmore clean`, which removes the runs that no spec names."""
 
 from __future__ import annotations
 

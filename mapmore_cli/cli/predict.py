@@ -234,7 +234,7 @@ def _constants_of(model: Model, settings: Sequence[str]) -> dict[str, float]:
         name, _, value = (part.strip() for part in text.partition("="))
         if name not in units:
             raise UsageError(
-                f"--set {text}: the model has no input '{name}'", f"it has {', '.join(units)}"
+                f"--set {text}: the model has no input '{name}'", f"name one of {', '.join(units)}"
             )
         try:
             constants[name] = parse_quantity(value, units[name])

@@ -1,11 +1,11 @@
 """Find the input for a wanted output, for example the pressure for a force at a strain: every
 solution within the training range.
 
-The output is not monotone in the input everywhere (for measured muscles, it is not on up to a tenth
-of the grid). There may be no solution, one, several, or a whole range of them, if a slack muscle
-gives the same force at every pressure. The output is monotone between knots (levels, boundaries,
-limits) and the places at which the slope changes its sign. Each monotone part contains at most one
-solution, which bisection finds.
+The output is not monotone in the input everywhere (for measured muscles, it is not monotone on up
+to a tenth of the grid). There may be no solution, one, several, or a whole range of them, if a
+slack muscle gives the same force at every pressure. The output is monotone between knots (levels,
+boundaries, limits) and the places at which the slope changes its sign. Each monotone part contains
+at most one solution, which bisection finds.
 """
 
 from __future__ import annotations
@@ -151,7 +151,7 @@ def _solutions(
 def _input_names(model: Model, name: str) -> tuple[str, ...]:
     names = alone(model).input_names
     if name not in names:
-        raise UsageError(f"the model has no input '{name}'", f"it has {', '.join(names)}")
+        raise UsageError(f"the model has no input '{name}'", f"name one of {', '.join(names)}")
     return names
 
 

@@ -263,7 +263,9 @@ def _reading_turned(model: Model, name: str) -> Reading:
     """
     inputs = alone(model).input_names
     if name not in inputs:
-        raise UsageError(f"--as: the model has no input '{name}'", f"it has {', '.join(inputs)}")
+        raise UsageError(
+            f"--as: the model has no input '{name}'", f"name one of {', '.join(inputs)}"
+        )
     if runs_over_time(model):
         raise UsageError(
             "--as: this model has memory, so that it cannot be inverted", "leave --as out"

@@ -263,7 +263,7 @@ def grid_axes(text: str, inputs: Sequence[str]) -> dict[str, list[float]]:
         near = difflib.get_close_matches(unknown, inputs, n=1)
         hint = f"did you mean '{near[0]}'? " if near else ""
         raise UsageError(
-            f"--grid: the model has no input '{unknown}'", f"{hint}it has {', '.join(inputs)}"
+            f"--grid: the model has no input '{unknown}'", f"{hint}name one of {', '.join(inputs)}"
         )
     if missing := [name for name in inputs if name not in axes]:
         raise UsageError(f"--grid: no values for {', '.join(missing)}", EXAMPLE)

@@ -345,8 +345,8 @@ class _Run:
         return replace(plan.now, outputs=outputs, tools=tool_versions(), seconds=seconds, why=why)
 
     def checks(self, plan: StagePlan, until: str) -> bool:
-        """Return True if the rules are applied after a stage: after ingest, unless it is the
-        last.
+        """Return True if the rules are applied after this stage: only after ingest, and not if
+        ingest is the last stage that was requested.
         """
         return plan.stage is pipeline()[0] and plan.stage.name != until
 
@@ -374,7 +374,9 @@ class _Run:
         self.write(findings.FINDINGS, findings.as_text(mark, issues))
 
     def tell(self, issues: Sequence[findings.Issue]) -> None:
-        """Warn about the findings. Raises those that are errors, unless errors do not count."""
+        """Warn about the findings. Raises those that are errors, unless the option `check` is
+        False.
+        """
         error = findings.refusal(issues) if self.options.check else None
         for issue in issues:
             if issue.severity != "error" or error is None:

@@ -108,7 +108,7 @@ def wrapped(key: str, model: Model, more: str = "") -> str:
     Raises DataError if a part of the model has no closed expression.
     """
     (text,) = plugins.load("python", "export")(model, "js", verify=False).values()
-    code = _COMMENTS.sub("", text.decode())  # they are for those who read the exported file
+    code = _COMMENTS.sub("", text.decode())  # comments are for people who read the exported file
     inside = _EXPORTED.sub(rf"\nreturn {{ \1{more} }};\n", code)
     return f"mapmore.models[{json_text(key)}] = (() => {{\n{inside}}})();\n"
 

@@ -283,7 +283,7 @@ class ReportInputs:
 
     @property
     def turned(self) -> bool:
-        """Return True if the model is inverted to be scored."""
+        """Return True if the model is inverted before it is scored."""
         return is_turned(self.model, self.dataset)
 
     @property

@@ -279,7 +279,7 @@ def limits_tables(model: Model) -> Iterator[Table]:
 
 def shape_table(inputs: ReportInputs) -> Table:
     """Return a table of the known shape of the output along inputs: by how much the model violates
-    it, and the ranges in which it determined the coefficients.
+    this shape, and the ranges in which the shape determined the coefficients.
     """
     unit, shape = inputs.model.output.unit, inputs.model.shape
     known = {(one.quantity, one.word): one for one in (shape.kept if shape else ())}

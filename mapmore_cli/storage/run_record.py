@@ -186,8 +186,8 @@ def _document(text: str) -> Any:
 
 
 def stale_stages(records: Mapping[str, StageRecord]) -> dict[str, str]:
-    """Return the stages whose results were made from results of an earlier stage that are no longer
-    present, each with the name of that earlier stage, which was repeated since.
+    """Return each stage whose results were made from old results of an earlier stage, with the name
+    of the earlier stage, which was repeated since.
     """
     reasons: dict[str, str] = {}
     done = [name for name in STAGES if name in records]

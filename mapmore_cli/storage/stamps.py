@@ -1,8 +1,8 @@
 """Decide whether files are still the ones that were read or written.
 
 A long result file contains a checksum of its values, computed while they were written. It replaces
-the hash of the file, which need not be read again. If the values of a file do not have the checksum
-in it, the file itself is hashed, so that its hash differs.
+the hash of the file, which need not be read again. If the checksum does not match the values, the
+file itself is hashed, which gives another hash than before.
 """
 
 from __future__ import annotations

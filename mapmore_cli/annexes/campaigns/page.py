@@ -104,8 +104,8 @@ def _ways_made(
 def scores_of(
     results: Mapping[str, Finished | BaseException], campaign: Campaign | None = None
 ) -> CampaignScores:
-    """Return the scores from which tables of several runs are made: from their results by name, and
-    for a campaign with one entry for each of its runs.
+    """Return the scores for the tables over several runs. `results` holds the result, or the error,
+    of each run by name. With a `campaign`, the scores also have its groups and its references.
     """
     from mapmore_cli.annexes.campaigns.tables import CampaignScores
 

@@ -34,7 +34,8 @@ class CampaignScores:
     - `units`: the unit of the modelled quantity, by run.
     - `published`: numbers of publications, by run.
     - `relative_to`: the model by whose error other errors are divided.
-    - `best_of`: models whose best one in each run, chosen afterwards, is a competitor.
+    - `best_of`: models of which the best one in each run, chosen after the run, counts as a
+      competitor.
     - `groups`: group of each run; the runs of a group are summarised together.
     - `failed`: the runs that have no scores.
     """

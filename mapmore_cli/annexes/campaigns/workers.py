@@ -38,9 +38,9 @@ def in_processes(
     """Do numbered jobs in `count` new processes, and yield the number of each job that has ended
     with its result or its exception, as `ended` does.
 
-    If a worker dies, all running jobs end with it. They are started again, one at a time, because
-    memory may have been short; `tell` is called with the number of each job that starts again. Then
-    the other jobs continue.
+    If a worker dies, all running jobs end with it. The first `count` of them are started again, one
+    at a time, because memory may have been short; `tell` is called with the number of each. The
+    other jobs follow in new processes.
     """
     if not jobs:  # a pool must have at least one process
         return

@@ -66,7 +66,8 @@ class Answers:
     no_clock
         True if no column is the clock.
     group
-        The column that distinguishes groups, or a word for groups that names distinguish.
+        The column that distinguishes groups; or a word, for example `specimen`, if names of files
+        distinguish them.
     length
         Length of the muscle, m.
     like

@@ -77,7 +77,7 @@ def refuse_choice(table: Table, where: str, path: str, is_map: bool) -> UsageErr
     columns = listed(table)
     clock = next((place for place, one in columns.items() if one.may_be_clock), None)
     if len(columns) < 3:
-        clock = None  # of two columns, the first drives
+        clock = None  # with two columns, the first is the input, even if it looks like a clock
     *drive, follow = [place for place in columns if place != clock] or [0]
     time = "" if clock is None else f",time={clock}:{unit_of_clock(columns[clock].values)}"
     how = (

@@ -59,11 +59,12 @@ random.
 
 def with_few_files(draft: Draft, folder: Path) -> tuple[Draft, int]:
     """Return a draft with `MOST` of the files, drawn at random with seed 1, and the number of all
-    files. At least one file is drawn of those whose names contain the same values, for example the
-    same level. The recordings keep their ids.
+    files. For all values that names of files contain, for example for each level, at least one file
+    is drawn. The recordings keep their ids.
 
-    The draft is unchanged if it has no more files, if another log is joined, if names contain more
-    than `MOST` different values, or if the drawn files do not contain the held-out data.
+    The draft is unchanged if it has at most `MOST` files, if another log is joined, if names
+    contain more than `MOST` different values, or if the drawn files do not contain the held-out
+    data.
     """
     data = Data.model_validate(draft.data)
     sources = find_sources(data.files, folder, data.join, bad=data.skip_bad_files)

@@ -34,9 +34,9 @@ def lenient(draft: Draft) -> Draft:
 def cleaned(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset]:
     """Return the draft with all settings that its recordings need, and the recordings.
 
-    A recording is cut where its clock is set back. Unreadable files are left out by name. A clock
-    for which most files would be left out is itself left out. Raises DataError if no recording can
-    be read, or if another log is joined by such a clock.
+    A recording is cut where its clock is set back. Unreadable files are left out by name. If most
+    files would have to be left out because of their clock, the clock is left out instead. Raises
+    DataError if no recording can be read, or if another log is joined by such a clock.
     """
     draft = lenient(draft)
     try:

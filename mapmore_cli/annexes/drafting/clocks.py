@@ -57,8 +57,9 @@ class Part:
         return any((np.diff(x) < 0).any() for x in self.numbers)
 
     def follows(self, coarser: Part) -> bool:
-        """Return True if all numbers are below the one at which this part restarts when the
-        `coarser` part increases by one, and come near to it if the part restarts.
+        """Return True if the numbers suit a part that follows the `coarser` part: all are smaller
+        than the number of its units in one coarser unit, and if the part restarts, the largest is
+        at least half of that.
         """
         turn = round(coarser.second / self.second)
         highest = max(float(x.max()) for x in self.numbers)
@@ -67,8 +68,8 @@ class Part:
 
 def clock_in_parts(table: Table) -> dict[Column, str]:
     """Return the columns of a clock in parts (for example seconds and nanoseconds) and their units;
-    empty unless titles and values agree on that. The coarsest part may have any numbers from zero
-    on.
+    empty if titles and values do not both show such a clock. The coarsest part may have any numbers
+    from zero on.
     """
     found: dict[str, Part] = {}
     for one in table.values():

@@ -213,7 +213,9 @@ TURNS = (24.0, 60.0, 1000.0, 3600.0, 86400.0)
 """Values at which hours, minutes, milliseconds, and seconds of an hour and of a day restart."""
 
 CLOCKS = ("ms", "us", "ns")
-"""Units of time that are titles of a clock; a letter, or min, may be another quantity."""
+"""Units of time that mean a clock if they are the whole title; a single letter or `min` may mean
+another quantity.
+"""
 
 SINCE_1970 = (946_684_800.0, 4_102_444_800.0)
 """Seconds from 1970 to the years 2000 and 2100: clocks of computers count from 1970 on."""

@@ -121,8 +121,8 @@ class FoundTable:
 
         Blank lines may stand below titles and above a line of units. A cell that contains only the
         mark of a remark counts as empty. Remarks of another form are passed over. A line with
-        numbers is none of these lines, unless a column that is empty below says what the numbers
-        are, for example `Count:`.
+        numbers is left out, unless its cell above an empty column says what the numbers are, for
+        example `Count:`.
         """
         lines: dict[int, list[str]] = {}
         last = max(place for place, cells in enumerate(self.columns) if cells)

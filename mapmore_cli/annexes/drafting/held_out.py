@@ -63,9 +63,9 @@ def inner(levels: Sequence[float]) -> list[float]:
 
 
 def _last_or_between(done: Experiment, is_free: bool) -> tuple[Section, str]:
-    """Return the last samples of every recording. If these lie outside the others, and the program
-    `is_free` to choose, return inner values of a quantity that moves steadily, or a random share of
-    the samples if there is no such quantity.
+    """Return the last samples of every recording. If these lie outside the others, and no person
+    asked for them (`is_free`), return inner values of a quantity that moves steadily, or samples
+    drawn at random if there is no such quantity.
     """
     names = _beyond(done)
     if not names:

@@ -27,7 +27,7 @@ def preview(path: Path) -> Layout:
         problem = f"{path.name}: no reader takes {suffix_of(path) or 'files without a suffix'}"
         raise DataError(unread(path) or f"{problem}; save the table as CSV")
     if path.stat().st_size == 0:
-        raise DataError(f"{path.name}: is empty")
+        raise DataError(f"{path.name}: is empty", "get it again, or leave it out")
     column = f"{{column: {reader.column}, unit: kPa}}"
     remedy = f"write `columns` by hand, for example `pressure: {column}`"
     if reader.peek is None:

@@ -169,8 +169,8 @@ def _held_out(asked: Asked) -> Question | None:
     return Question(
         "Which data are held out to test the model?",
         (*asked.options(others), *named),
-        "Press Enter to follow names, levels or recordings, or write an input (inner values of "
-        f"it),{whole} or `{LAST_SAMPLES}` (the last {100 * LAST:g} % of each recording)",
+        "Press Enter to let names, levels or recordings decide, or write an input (its inner "
+        f"values),{whole} or `{LAST_SAMPLES}` (the last {100 * LAST:g} % of each recording)",
         take,
     )
 

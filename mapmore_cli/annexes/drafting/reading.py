@@ -83,7 +83,8 @@ def table_of(study: Study, folder: Path) -> Table:
     column is left.
     """
     layout, section = study.layout, started(study.of_layout, folder).data
-    last = DataError(f"{study.files[0].name}: no column has numbers", "fill its cells")
+    remedy = "give it at least one column of numbers"
+    last = DataError(f"{study.files[0].name}: no column has numbers", remedy)
     try:
         raw = _read_columns(section, folder, layout.columns)
     except DataError:

@@ -13,8 +13,8 @@ def words(text: str) -> list[str]:
 
 def spelt(text: str) -> str:
     """Return a text in the Latin alphabet: accents are removed, and letters are replaced by their
-    Unicode names, within words by the first sounds of these (`θ1` becomes `theta1`, `Πίεση` becomes
-    `piese`); other signs are replaced by their numbers in Unicode.
+    Unicode names (`θ1` becomes `theta1`), Greek letters within words by the beginnings of these
+    names (`Πίεση` becomes `piese`); other signs are replaced by their numbers in Unicode.
     """
     plain = "".join(
         sign for sign in unicodedata.normalize("NFKD", text) if not unicodedata.combining(sign)

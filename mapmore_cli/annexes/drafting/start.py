@@ -108,14 +108,16 @@ def propose(
 
 
 def _tip_on_clock(draft: Draft, table: Table, answers: Answers) -> Iterator[str]:
-    """Yield a tip on the time between samples, for long recordings without a clock at no levels."""
+    """Yield a tip on the time between samples, for long recordings that have neither a clock nor
+    levels.
+    """
     has_clock = "time" in draft.data["columns"] or "sample_time" in draft.data
     rows = max((len(x) for one in table.values() for x in one.values), default=0)
     if not has_clock and not answers.no_clock and "levels" not in draft.data and rows >= FEWEST:
         yield (
-            "no column is a clock, so the order of the rows is not used; if they follow each other "
-            "at equal times, say for example `--sample-time 10ms`, and the model may have memory; "
-            "if they do not, say `--no-clock`"
+            "no column is a clock, so the order of the rows is not used; if the time from row to "
+            "row is constant, write it, for example `--sample-time 10ms`, so that the model may "
+            "have memory; otherwise write `--no-clock`"
         )
 
 
@@ -133,10 +135,10 @@ def _tips(table: Table, known: Understood, answers: Answers) -> Iterator[str]:
             known.columns[name].column for name in known.columns
         }:
             yield (
-                f"rows that {one.called} calls {', '.join(one.summaries)} are read as samples; "
-                f"but seem to be computed from the other rows. `--group {one.asked_for}` leaves "
-                "them out, and scores the groups of other rows separately; or delete them in a "
-                "copy of the file"
+                f"rows with {', '.join(one.summaries)} in {one.called} are read as samples, but "
+                f"seem to be computed from the other rows. `--group {one.asked_for}` leaves them "
+                "out, and scores the groups of other rows separately; or delete them in a copy of "
+                "the file"
             )
         if one.blocks and one.column not in used and not answers.recordings:
             yield (

@@ -74,7 +74,9 @@ class Dialect:
     short: bool = False
 
     def function(self, name: str) -> str:
-        """Return the name of a function of expressions, in the library or among `helpers`."""
+        """Return the name by which code calls a function of expressions: its name in the library of
+        the language, or that of a helper.
+        """
         entry = FUNCTIONS[name]
         if entry.is_in_library(self.language):
             return self.library.format(entry.texts[self.language])

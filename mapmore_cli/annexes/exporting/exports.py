@@ -46,7 +46,7 @@ EXPORTERS: dict[str, Exporter] = {
     "mujoco": mujoco_files,
     "simulink": simulink_files,
 }
-_FUNCTION: type[Exporter] = Callable  # type: ignore[assignment]  # any may be an exporter
+_FUNCTION: type[Exporter] = Callable  # type: ignore[assignment]  # any function may be an exporter
 _ADDED = {part.name: part.value for part in plugins.parts("exports", _FUNCTION, reserved=EXPORTERS)}
 EXPORTERS |= _ADDED
 

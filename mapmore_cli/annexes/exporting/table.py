@@ -35,7 +35,7 @@ from mapmore_cli.reporting.table import number_text, rows_to_csv, to_latex
 from mapmore_cli.reporting.tables import limits_tables
 
 POINTS = 41
-"""Places along every input if no grid is given."""
+"""Number of places along every input if no grid is given."""
 
 MOST = 2_000_000
 """Largest number of points of a table; more are probably a mistyped step."""
@@ -69,7 +69,8 @@ def table_files(model: Model, wanted: Wanted) -> dict[str, str | bytes]:
     if short := [name for name, values in grid.places.items() if len(values) < 2]:
         raise UsageError(
             f"--grid: {short[0]} has a single point",
-            "a lookup table needs two or more points along each input",
+            "give two or more points along each input, because a lookup table interpolates "
+            "between points",
         )
     files: dict[str, str | bytes] = {
         f"{stem}.csv": _csv(model, grid, valid=grid.valid),

@@ -93,11 +93,9 @@ _FUNCTION = re.compile("(curve|segment)_[0-9]+|slope_(inside|at_end)")
 
 def identifier(name: str) -> Code:
     """Return the name of a model's functions and files, in which `_` replaces characters that C
-    does not allow. `model_` precedes a digit, and a word of a language, its library or the
-    templates.
-
-    `model_` also precedes `x` and `x_...`, because `x_reset` is an input in C. Raises UsageError if
-    the name has neither a letter nor a digit.
+    does not allow. `model_` is put before a name that begins with a digit, and before a name that a
+    language, its library or a template uses. It is also put before `x` and `x_...`, because
+    `x_reset` is an input in C. Raises UsageError if the name has neither a letter nor a digit.
     """
     # compilers distinguish the first 63 characters of a name, including characters that are added
     letters = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")[:40].rstrip("_")
@@ -211,8 +209,8 @@ def templates(language: str) -> Environment:
 
 
 def note(text: str) -> Code:
-    """Return a text as code that is safe inside a comment, because it cannot end the comment. It
-    must not be used elsewhere.
+    """Return a text as code that is safe inside a comment, because it cannot end the comment.
+    Outside of comments, this code must not be used.
     """
     return Code(plain(text))
 

@@ -72,7 +72,7 @@ KEYWORDS: Mapping[str, str] = {
         "isnan floor"
     ),
 }
-"""Words that no name in code may be, by language."""
+"""Words that must not be used as names in code, by language."""
 
 LIBRARY: Mapping[str, str] = {
     "C": (
@@ -180,10 +180,12 @@ def words_of(*languages: str) -> frozenset[str]:
 
 
 WORDS = words_of("C", "C++", "macros of C", "Python", "functions in exported code")
-"""Words that no name in code may be in any language, because most exports are C or Python."""
+"""Words that must not be used as names in code of any language, because most exports are C or
+Python.
+"""
 
 TAKEN = words_of(*KEYWORDS) | frozenset(" ".join(LIBRARY.values()).lower().split())
-"""Words that no function and no file may have as name."""
+"""Words that must not be used as names of functions or files."""
 
 
 FILES = TAKEN | frozenset(
@@ -191,7 +193,9 @@ FILES = TAKEN | frozenset(
     .read_text("utf-8")
     .split()
 )
-"""Words that no file may have as name: in Octave, a file hides a function of the same name."""
+"""Words that must not be used as names of files, because in Octave a file hides a function of the
+same name.
+"""
 
 
 LONGEST = 50

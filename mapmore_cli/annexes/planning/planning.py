@@ -43,8 +43,8 @@ def plan(
     target's unit; `prices` holds the cost of a change of each quantity.
 
     Raises SpecError for a model that runs over time, and a sum of other runs; DataError if there is
-    too little to plan with (a single level, or a single place); UsageError if `until` is no size or
-    levels are planned, or if a price is for a quantity that the study does not set.
+    too little to plan with (a single level, or a single place); UsageError if `until` is malformed
+    or the plan is for levels, or if a price is given for a quantity that the plan does not choose.
     """
     searched = loaded.spec.model.type == "auto"
     if not searched:

@@ -25,7 +25,7 @@ class Candidate:
     half_width: float = math.nan  # half width at this place before the measurement
     after: float = math.nan  # forecast of the half width after the measurement
     error: float = math.nan  # expected root mean square error there before the measurement
-    cost: float = 1.0  # cost by the user's prices of a change of each quantity
+    cost: float = 1.0  # cost of the measurement, by the prices that the user gave
 
 
 @dataclass(frozen=True)

@@ -56,8 +56,9 @@ class Slice:
     by_level: bool
 
     def in_order(self, dataset: Dataset) -> bool:
-        """Return True if a model of the study may run along its recordings: none of their samples
-        is chosen at random, and `cycles` have not changed their order.
+        """Return True if a model of the study may run along its recordings: held-out samples are
+        not drawn at random, no level is left out, and `cycles` have not changed the order of the
+        samples.
         """
         drawn = self.held_out is not None and self.held_out.fraction is not None
         known = dataset.quantities
@@ -147,14 +148,15 @@ class Bench:
 def _parts(
     dataset: Dataset, situation: Situation, study: Dataset
 ) -> tuple[str, list[BoolArray], bool, bool]:
-    """Return the folds that leave out whole parts, as a description and as masks. Also return True
-    if the study holds out such parts, and True if they are the outermost values because the study
-    holds out an outermost value.
+    """Return the folds that leave out whole recordings, their ends, or all curves at a level, as a
+    description and as masks. Also return True if the study holds out such parts, and True if the
+    folds leave out outermost levels because the study holds out one.
 
     Ends of recordings are left out if most held-out samples of the study come after training
-    samples of the same recording, or if the study holds out whole recordings and only one trains.
-    Otherwise values at which whole curves are constant are left out, or recordings. In the rest of
-    each fold, every input varies, because nothing can be learnt about a constant input.
+    samples of the same recording, or if the study holds out whole recordings and only one recording
+    is left for training. Otherwise values at which whole curves are constant are left out, or
+    recordings. In the rest of each fold, every input varies, because nothing can be learnt about a
+    constant input.
     """
     samples, every = pooled_samples(dataset), pooled_samples(study)
     behind = [np.argmax(every.training[log][::-1]) for log in every.logs]

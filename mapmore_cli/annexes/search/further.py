@@ -38,8 +38,8 @@ def outdone_note(result: Search, bench: Bench) -> str:
     least = min(boxes, key=asked, default=result.found)
     ratio = asked(result.found) / max(asked(least), NOTHING)
     note = (
-        f"{least.words} errs {ratio:.2g} times less on left-out data: the chosen structure lacks "
-        "something"
+        f"the error of {least.words} on left-out data is smaller by a factor of {ratio:.2g}, so "
+        "that the chosen structure lacks something"
     )
     return note if ratio > 1 / LESS else ""
 

@@ -38,15 +38,15 @@ class Situation:
     Attributes
     ----------
     target, inputs
-        The output, and every other quantity that varies, the one that is swept first and the level
+        The output, and all other quantities that vary: the swept quantity comes first, the level
         last.
     level
         The quantity that is constant within a curve; None without levels.
     samples, curves
         Training samples, and curves that have some.
     step, steps
-        Time between samples, s, and the number of steps in the longest recording; None if steps are
-        not equal, so that nothing can be said about the past.
+        Time between samples, s, and the number of steps in the longest recording. If steps are not
+        equal, `step` is None, and nothing can be said about the past.
     around_zero
         Inputs that take both signs.
     ordered

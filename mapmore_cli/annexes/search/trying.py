@@ -117,8 +117,8 @@ def _errors(model: Model, rest: Dataset, masks: Sequence[BoolArray]) -> Left:
 
 
 SWING = 0.1
-"""Fraction of the range by which a run is started higher; and fraction of the largest resulting
-difference that may still oscillate in the second half.
+"""Fraction of the output's range by which the start of a test run is raised; and fraction of the
+largest resulting difference that may still oscillate in the second half of the run.
 """
 
 

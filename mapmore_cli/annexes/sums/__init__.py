@@ -36,7 +36,7 @@ class Part:
 
     @property
     def models(self) -> tuple[Model, ...]:
-        """The model of this part, and the models that feed it."""
+        """The model of this summand, and the models whose outputs are its inputs."""
         return (self.model, *(model for part in self.fed for model in part.models))
 
 
@@ -48,7 +48,7 @@ class Sum(Body):
 
     @property
     def models(self) -> tuple[Model, ...]:
-        """The summands, and the models that feed them."""
+        """The models of all summands, and the models whose outputs are their inputs."""
         return tuple(model for part in self.parts for model in part.models)
 
 

@@ -38,7 +38,7 @@ def added_up(_path: str) -> Model:
 @dataclass(frozen=True)
 class Given:
     """Everything from which a model is made: the data, the segmentation, and the models of needed
-    runs by the paths of their specs. `near` is a fit to more of the same samples, or None; the
+    runs by the paths of their specs. `near` is a fit to these samples and others, or None; the
     search for parameters begins at its parameters.
     """
 

@@ -151,7 +151,8 @@ def _needed(terms: Sequence[Expression], columns: Columns, n: int) -> dict[str, 
         needed[name] = np.asarray(column_in(columns, name), dtype=float)
         if needed[name].shape not in ((n,), ()):
             raise DataError(
-                f"the column `{name}` has the shape {needed[name].shape}, expected ({n},)"
+                f"the column `{name}` has the shape {needed[name].shape}, expected ({n},)",
+                "give one value for each row",
             )
     return needed
 

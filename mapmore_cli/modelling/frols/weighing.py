@@ -25,7 +25,7 @@ TUNING = {"huber": 1.345, "bisquare": 4.685}
 
 ROUNDS = 10  # largest number of rounds of reweighting with the same terms
 SETTLED = 1e-8  # if every weight changes by less than this, a further round changes nothing
-# weight of a sample without influence; its row is then below the rounding error
+# weight that replaces zero; a sample with this weight has no influence beyond rounding errors
 LEAST_WEIGHT = 1e-12
 MAD = 1.4826  # ratio of the standard deviation of normal noise to its median absolute deviation
 EXACT = 1e-12  # fraction of the target; smaller residuals are rounding error, which is no scale

@@ -7,7 +7,7 @@ f is the hinged Sárosi formula, fitted to the forces of all specimens, each div
 largest force. `zero` is the mean of their forces when slack. b has a prior, because a few specimens
 hardly determine it. For the rest length of McKibben muscles, it is 19.03 1/m, with a dead length of
 7.5 mm (Bolen, Elzein, Pang, Hunt, Actuators 2026, from 31 muscles of 10 mm diameter). For a
-diameter, it is the power 2.
+diameter, the centre of the prior is the power 2.
 """
 
 from __future__ import annotations

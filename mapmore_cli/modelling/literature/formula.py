@@ -65,8 +65,8 @@ class Formula:
     - `form`: linear form in which it is fitted, if it is not linear in the printed parameters.
     - `published_starts`: starting values that papers print, by the name that a spec uses.
     - `start`: name of the starting values that `levenberg_marquardt` uses, or `random`.
-    - `near`: parameters at which the default method begins, for example those of a fit to more of
-      the same samples; None if the method must search for starting values.
+    - `near`: parameters at which the default method begins, for example those of the fit to all
+      samples if some samples are now left out; None if the method must search for starting values.
     - `title`: usual name in texts; `name` if it is empty.
     - `about`: explanation of the formula; by default the docstring of its module.
     - `component`: component of the force for which it was published: `static`, `damping` or

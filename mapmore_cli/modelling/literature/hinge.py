@@ -64,8 +64,8 @@ STEEPEST = -12.0
 DECAY_WEIGHT = 0.002
 # prior of w, as a fraction of the largest target
 PRIOR_W = 0.03
-# largest number of samples with which the data count against the priors: neighbouring samples of a
-# slow recording repeat each other, and the priors would have no effect if each sample counted
+# largest weight of all data against the priors, as a number of samples; neighbouring samples of a
+# slow recording repeat each other, and the priors would have no effect if every sample counted
 INDEPENDENT = 300
 # with at most this number of strain levels, any curvature fits; affects only the words of a note
 FEW_LEVELS = 3

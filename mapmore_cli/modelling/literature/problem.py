@@ -37,8 +37,8 @@ class Nonlinear:
         return self.intervals[0][0], self.intervals[-1][1]
 
     def span(self, columns: Columns) -> float:
-        """Return the factor from the value of the parameter to its coordinate, which is the
-        coordinate of the value one. It is one if the data have no span.
+        """Return the factor by which a value of the parameter is multiplied to give its coordinate.
+        It is one if the quantity is zero in all samples.
         """
         quantity = self.per or self.of
         if quantity is None:

@@ -373,8 +373,8 @@ def simplex(problem: LeastSquares) -> Solution:
 def _best_solution(
     problem: LeastSquares, ends: Sequence[End], starts: int, method: str
 ) -> Solution:
-    """Return the end with the smallest sum of squares, and its rivals. Ends are preferred at which
-    the signs of the nonlinear parameters are within their intervals.
+    """Return the end with the smallest sum of squares, and its rivals. An end is preferred if the
+    signs of its nonlinear parameters agree with their intervals.
     """
     if not ends:
         return failure(problem, method)

@@ -41,8 +41,8 @@ def fit_with_memory(
 
     Operator parameters that the dictionary leaves free are estimated first. Then they and the
     coefficients are adjusted to minimise the error in free run. `progress` is called with the
-    number of model sizes that were tried in free run, and the number of all sizes. If there is a
-    fit `near`, to more of the same samples, the search begins at its parameters and coefficients.
+    number of model sizes that were tried in free run, and the number of all sizes. If `near` is
+    given, a fit to these samples and others, the search begins at its parameters and coefficients.
 
     Raises DataError if a quantity is missing, no sample has enough history, a state cannot be fed
     back, the dictionary needs more memory than there is, or no model has a finite free run.

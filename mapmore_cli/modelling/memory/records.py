@@ -28,7 +28,9 @@ class AtSample(DataError):
 
 @contextmanager
 def numbered(rows: IntArray) -> Iterator[None]:
-    """Convert errors at samples of a part into errors at their `rows` of the whole."""
+    """Convert errors at samples of a piece into errors at rows of its recording; `rows` holds the
+    row of each sample.
+    """
     try:
         yield
     except AtSample as error:

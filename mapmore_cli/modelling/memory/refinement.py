@@ -32,8 +32,8 @@ FIRST, GROWTH = 16, 8
 LEAST_GROWTH = 1.2
 # Levenberg-Marquardt factor at the start, and the factor at which a step is given up
 DAMPING, MOST_DAMPING = 1e-3, 1e8
-# iterations, and the relative gain of the error at which the search stops: for free runs, and for a
-# horizon
+# number of iterations, and relative decrease of the error at which the search stops, first for free
+# runs, then for runs over a horizon
 THOROUGH, QUICK = (40, 1e-7), (6, 1e-2)
 # step of the difference quotient that approximates the derivative by a parameter of an operator
 NUDGE = 1e-5

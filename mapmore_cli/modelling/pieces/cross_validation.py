@@ -3,8 +3,8 @@ residual on a backbone, and the backbone itself.
 
 At the training levels, the residual is known. At the fraction t of the distance between two levels,
 it is multiplied by `g + (1 - g)(1 - 2t)^2` (`across_levels`), so that it counts in full at the
-levels, whatever the left-out levels show about the space between. The residual of pooled data (one
-surface) is multiplied by g everywhere. The share g is estimated from left-out levels or blocks.
+levels, even if g is zero. The residual of pooled data (one surface) is multiplied by g everywhere.
+The share g is estimated from left-out levels or blocks.
 
 A backbone is chosen among every static formula of the study's inputs, and none. Each inner level
 (for one surface, each inner block along every input) is left out once, and everything is done again
@@ -67,8 +67,8 @@ class LeftOutErrors:
 
     @property
     def share(self) -> float:
-        """Share `g = clip(sum(f r) / sum(f^2), 0, 1)`: least squares of the backbone's residual r
-        on its prediction f by the pieces.
+        """Share `g = clip(sum(f r) / sum(f^2), 0, 1)` for which `g f` is nearest to r by least
+        squares; r is the residual of the backbone, and f its prediction by the pieces.
         """
         f, r = self.residual, self.measured - self.backbone
         power = float(f @ f)
@@ -262,8 +262,8 @@ def with_trusted_residual(
 
     - With three levels or more, each inner level is left out once. Between levels, the residual is
       multiplied by the resulting `share`. If this share is 0, the residual counts only at the
-      levels, and is dropped there too if it does not improve the prediction of left-out repeats,
-      or, if the study holds out no repeats, of left-out inner blocks of the curves.
+      levels. It is dropped there too if it does not improve the prediction of left-out repeats; if
+      the study holds out no repeats, inner blocks of the curves are left out instead.
     - With fewer levels, inner blocks of the curves are left out, and the residual is dropped if it
       makes their prediction worse. With two levels, no data show its effect between them, so that a
       residual that is kept counts only at the levels.
@@ -343,9 +343,7 @@ def _times(body: Pieces, share: float) -> Pieces:
 
 
 FEW, FEWEST_FOLDS = "sarosi_hinged", 2
-"""The formula that is used if there are fewer folds than the second number, which are too few for a
-choice.
-"""
+"""Formula that is used without a comparison if there are fewer than `FEWEST_FOLDS` folds."""
 
 MARGIN = 0.02
 """Fraction of the smallest error within which the formula with fewer parameters is preferred. Wider

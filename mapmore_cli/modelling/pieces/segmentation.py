@@ -34,8 +34,8 @@ from mapmore_cli.modelling.signals.rates import STEPS, running_median
 WINDOW = 0.1
 # fraction of the window by which two grid points may be closer than allowed, because of rounding
 ROUNDING = 1e-9
-# smallest number of samples in a segment: in a gap of a curve, its course is interpolated, and a
-# bend in the gap must not get a segment of its own
+# smallest number of samples in a segment, because a gap in a curve is interpolated, and a bend in
+# the gap must not get a segment of its own
 FEWEST_SAMPLES = 5
 
 

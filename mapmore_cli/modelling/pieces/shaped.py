@@ -41,7 +41,7 @@ def shaped(
     """Return the fused model with coefficients that fulfil the recipe's bounds and shape; the model
     itself if the recipe has none.
 
-    Raises FitError if no coefficients of the chosen terms do.
+    Raises FitError if no coefficients of the chosen terms fulfil them.
     """
     body, asked = model.body_of(Pieces), asked_of(recipe.fit)
     if not body.segments:  # only the backbone is left, which has no coefficients to change

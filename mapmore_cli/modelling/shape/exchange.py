@@ -125,8 +125,8 @@ class Exchange:
         return np.asarray(np.vstack(parts).T / self.steps)
 
     def until_kept(self, asked: Sequence[ShapeWord], region: Region) -> None:
-        """Add inequalities until the shape is kept on a fine grid, and near the places where it
-        binds.
+        """Add inequalities until the shape is kept on a fine grid, and near the places at which an
+        inequality binds.
         """
         axes, cells = (
             region.axes(program_of(self.model).knots, FINE),

@@ -125,7 +125,7 @@ class Region:
         return inside
 
     def asks(self, asked: Sequence[ShapeWord]) -> list[ShapeWord]:
-        """Return those of the words that concern the output itself or an input that varies."""
+        """Return the requirements that concern the output itself or an input that varies."""
         return [word for word in asked if word.word == "positive" or word.quantity in self.names]
 
     def nodes_along(self, nodes: int) -> int:

@@ -16,6 +16,7 @@ from mapmore_cli.domain.errors import DataError
 SWING = 0.1
 TRIM = 0.01  # largest part that is cut off a branch at each end, as a fraction of the range
 FEWEST = 5  # smallest number of places at which a branch must have been measured
+REMEDY = "leave out `cycles`, or record a movement there and back with more samples"
 
 
 @dataclass(frozen=True)
@@ -58,19 +59,21 @@ def split_cycles(over: Array, columns: Columns, samples: int) -> Branches:
     runs = _trimmed_runs(over)
     for direction, name in ((1, "contraction"), (-1, "extension")):
         if not runs[direction]:
-            raise DataError(f"there is no full load cycle, because the {name} branch is missing")
+            what = f"there is no full load cycle, because the {name} branch is missing"
+            raise DataError(what, REMEDY)
     rising, falling = np.concatenate(runs[1]), np.concatenate(runs[-1])
     low = max(over[rising].min(), over[falling].min())
     high = min(over[rising].max(), over[falling].max())
     if not low < high:
-        raise DataError("contraction and extension have no common range")
+        raise DataError("contraction and extension have no common range", REMEDY)
     edges = np.linspace(low, high, samples + 1)
     means = [bin_means(over[rows], columns_at(columns, rows), edges) for rows in (rising, falling)]
     for (places, _), name in zip(means, ("contraction", "extension"), strict=True):
         if len(places) < FEWEST:
             raise DataError(
                 f"the {name} branch was measured at {len(places)} different places; {FEWEST} "
-                "are needed"
+                "are needed",
+                REMEDY,
             )
     grid = np.linspace(max(x[0] for x, _ in means), min(x[-1] for x, _ in means), samples)
     contraction, extension = (

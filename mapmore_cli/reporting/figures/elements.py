@@ -39,8 +39,9 @@ ANCHORS = {"left": "start", "center": "middle", "right": "end"}
 def path(x: Sequence[float] | Array, y: Sequence[float] | Array, dots: bool = False) -> str:
     """Return the data of a path through points, with a gap at NaN, or of a dot at each point.
 
-    Every point after the first is a step from the one before it, which is half as long as a place.
-    Steps do not add up to an error, because places are rounded to tenths of a point before them.
+    Every point after the first is written as a step from the point before it, because a step takes
+    half as many characters as a place. Errors of steps do not add up, because places are rounded to
+    tenths of a point before steps are computed.
     """
     commands: list[str] = []
     before, gap = None, False

@@ -44,8 +44,8 @@ PLAIN = FigureStyle()
 
 @contextmanager
 def figure_style(style: FigureStyle = PLAIN) -> Iterator[None]:
-    """Set the look of all figures over Matplotlib's own defaults: a user's matplotlibrc must not
-    change a report.
+    """Set the look of all figures on top of Matplotlib's own defaults, because a user's
+    matplotlibrc must not change a report.
 
     A character that the layout font lacks is no error, because text in SVG is drawn with the
     reader's fonts. A missing font is no error either, because the user has been warned of it

@@ -24,8 +24,8 @@ range.
 
 
 class Plane(NamedTuple):
-    """The two inputs of a model, the one that varies within a curve first: their names and the
-    labels of their axes; and the samples of all curves, (n,) each, with the target as `z`.
+    """Names and axis labels of the two inputs of a model, the input that varies within a curve
+    first; and the samples of all curves, (n,) each: both inputs, and the target `z`.
     """
 
     names: tuple[str, ...]

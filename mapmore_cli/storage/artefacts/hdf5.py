@@ -234,10 +234,10 @@ def look_over(file: h5py.File, size: int, ratio: int = RATIO) -> None:
     """Raise Invalid for a file that is not a plain tree of numbers and texts, or that unpacks to
     far more than its `size` in bytes.
 
-    Refused are links of all kinds, except one hard link to every object and two to a dataset; data
-    in other files (external storage, virtual datasets); filters other than gzip and byte shuffle;
-    types other than numbers and texts of a declared length; attributes that are more than a few
-    numbers or one text; and groups that are nested too deeply.
+    The following is refused: links of all kinds, except one hard link to every object and two to a
+    dataset; data in other files (external storage, virtual datasets); filters other than gzip and
+    byte shuffle; types other than numbers and texts of a declared length; attributes that are more
+    than a few numbers or one text; and groups that are nested too deeply.
     """
     most = room = ROOM + ratio * size
     links: list[tuple[bytes, int]] = []

@@ -71,8 +71,8 @@ class Invalid(Exception):
 
 @contextmanager
 def stored_at(where: str) -> Iterator[None]:
-    """Convert errors of h5py while it reads into Invalid. The context must contain only calls of
-    h5py.
+    """Convert errors that h5py raises while it reads into Invalid. The context must contain only
+    calls of h5py.
     """
     try:
         yield

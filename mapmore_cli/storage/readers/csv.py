@@ -19,6 +19,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, stacked
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables import (
+    GET_SAMPLES,
     OpenEnd,
     RawTable,
     Reader,
@@ -120,7 +121,7 @@ def _parse(lines: Lines, raw: BufferedReader, request: TableRequest) -> RawTable
 
     columns = stacked(values())
     if not numbers:
-        raise DataError(f"{request.label}: the file has a header but no data")
+        raise DataError(f"{request.label}: the file has a header but no data", GET_SAMPLES)
     every = range(numbers[0][0], numbers[-1][-1] + 1)
     rows = every if len(every) == len(columns[0]) else np.concatenate(numbers)
     return RawTable(dict(zip(request.columns, columns, strict=True)), rows, request.label)
@@ -148,7 +149,7 @@ def _begin(
     records, split_at = _records_of(lines, request)
     first = next((record for record in records if record[1]), None)
     if first is None:
-        raise DataError(f"{request.label}: the file is empty")
+        raise DataError(f"{request.label}: the file is empty", GET_SAMPLES)
     layout = _layout(first[1], request, split_at)
     deque(islice(records, max(request.header - 1, 0)), maxlen=0)
     return layout, [] if request.header else [first], records

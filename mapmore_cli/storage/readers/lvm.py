@@ -15,6 +15,7 @@ import numpy as np
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables import (
+    GET_SAMPLES,
     Noted,
     OpenEnd,
     RawTable,
@@ -104,7 +105,7 @@ def read_lvm(path: Path, request: TableRequest) -> list[RawTable]:
     with reading(label, KIND):
         segments = [one for one in _lvm_segments(path, label) if one.rows]
         if not segments:
-            raise DataError(f"{label}: has no samples")
+            raise DataError(f"{label}: has no samples", GET_SAMPLES)
         recordings: list[tuple[LvmSegment, list[Row]]] = []
         for segment in segments:
             rows = segment.timed_rows(segments[0].began)

@@ -44,6 +44,8 @@ LONGEST = 10
 megabyte.
 """
 
+FILL_SHEET = "Fill the sheet, or name the sheet to read with `sheet`."
+
 TOO_LARGE = 3  # exit code of the reading process if the sheets span too many cells
 
 
@@ -170,7 +172,8 @@ def _sheets_in(path: Path, label: str, most: int = 0) -> list[SheetCells]:
     size, head = path.stat().st_size, head_of(path)
     if head and b"\0" not in head:
         raise DataError(
-            f"{label}: is a text file with the name of a workbook", "rename it to the suffix .txt"
+            f"{label}: is a text file with the name of a workbook",
+            "rename it so that its name ends in .txt",
         )
     if zipfile.is_zipfile(path):
         with zipfile.ZipFile(path) as archive:
@@ -256,7 +259,7 @@ def _chosen_sheets(
 def _table_of_sheet(sheet: SheetCells, request: TableRequest) -> RawTable:
     rows, label = sheet.filled_rows(request.skip_rows), f"{request.label}:{sheet.title}"
     if not rows:
-        raise DataError(f"{label}: the sheet is empty")
+        raise DataError(f"{label}: the sheet is empty", FILL_SHEET)
     if request.table is not None:
         rule = _number_rule(_decimal_in_texts(row for _, row in rows))
         found = chosen_table(rows, request, rule)
@@ -273,7 +276,8 @@ def _table_of_sheet(sheet: SheetCells, request: TableRequest) -> RawTable:
         body = [(number, row) for number, row in body if number not in hidden]
     if not body:
         what = "no row that is shown" if unseen else "a header but no data"
-        raise DataError(f"{label}: the sheet has {what}")
+        remedy = "Show its rows, or remove `hidden: drop`." if unseen else FILL_SHEET
+        raise DataError(f"{label}: the sheet has {what}", remedy)
     noted = {
         column: IS_RATIO
         for column, place in places.items()

@@ -19,6 +19,9 @@ SourceColumn = str | int
 """A column of a file: its name in the header, its 0-based index, or an address such as `run.P`."""
 
 
+GET_SAMPLES = "Get the file again, or leave it out, because a recording needs samples."
+"""What to do with a file that holds no samples."""
+
 WhichTable = int | Literal["map"]
 """The number of a table in a file with several, or `map`."""
 
@@ -41,7 +44,7 @@ class TableRequest:
       (MAT, HDF5).
     - `missing`: texts that mean a missing value, besides the usual ones (text, sheets).
     - `clocks`: columns whose cells may be time stamps; `formats`: formats for `strptime` of some of
-      them; `second`: a second in their unit.
+      them; `second`: one second in the unit of the clock.
     - `thousands_of`: the mark between thousands, for columns in which it differs from that of the
       table.
     - `texts`: the columns that hold texts, with the number of each text that was read so far.
@@ -157,8 +160,8 @@ class RawTable:
 
     `columns` has one array, (n,), for each column of the request, NaN for an empty cell. `label` is
     the name of the table in messages (the file, and the part of it). `titles` holds the titles of
-    columns that were renamed, and `doubts` the warnings of the reader. `rows`, (n,), is the place
-    of each sample; `place` says what these numbers are: `row` (line of a text file or row of a
+    columns that were renamed, and `doubts` the warnings of the reader. `rows`, (n,), is the number
+    of each sample in the file; `place` says what is counted: `row` (line of a text file or row of a
     sheet, counted from 1), `index` (of an array, counted from 0) or `IN_MEMORY`. `element`
     identifies a recording within the file, by a number or the title of its sheet; None if the file
     has only one. `noted` is the information in the file about its columns. `breaks_off`, `open_end`

@@ -242,7 +242,7 @@ def _table_of_member(
     shortest, longest = min(lengths, key=lengths.__getitem__), max(lengths, key=lengths.__getitem__)
     n = lengths[shortest]
     if n == 0:
-        raise DataError(f"{label}: '{shortest}' is empty")
+        raise DataError(f"{label}: '{shortest}' is empty", "Name an array that holds samples.")
     cut = Cut(
         f"columns of different length: '{shortest}' has {n} samples, '{longest}' has "
         f"{lengths[longest]}",

@@ -13,7 +13,13 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables import RawTable, SourceColumn, TableRequest, locate_columns
+from mapmore_cli.storage.tables import (
+    GET_SAMPLES,
+    RawTable,
+    SourceColumn,
+    TableRequest,
+    locate_columns,
+)
 from mapmore_cli.storage.tables.cells import CellReader, NotANumber, holds_number
 from mapmore_cli.storage.tables.thousands import may_be_grouped, refuse_grouped
 
@@ -61,7 +67,7 @@ def table_of_records(
         counts |= Counter(name for name, _ in pairs)
     names, rows = list(counts.elements()), [(number, dict(pairs)) for number, pairs in records]
     if not names:
-        raise DataError(f"{request.label}: has no records")
+        raise DataError(f"{request.label}: has no records", GET_SAMPLES)
     if not request.columns:
         numeric = [
             name

@@ -1,4 +1,4 @@
-"""Check that every quantity exists that a spec names."""
+"""Check that every quantity that a spec names exists."""
 
 from __future__ import annotations
 

@@ -134,8 +134,7 @@ class Levels(Section):
 class GapRule(Section):
     """Rule for a recording in which samples are missing for some time.
 
-    - `longer_than`: A time between two samples that counts as a gap if it is longer than this.
-      Example: `0.5 s`
+    - `longer_than`: Longest time between two samples that is not a gap. Example: `0.5 s`
     - `action`: `error` stops the run. `split` makes each piece a recording of its own, with the ids
       `<id>#1`, `<id>#2`, and so on; it also splits at a place where the clock was set back.
       Example: `split`

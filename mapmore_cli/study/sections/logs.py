@@ -247,8 +247,8 @@ class FileEntry(Section):
     - `id`: Id of the recording, if `path` matches one file only. Example: `first`
     - `sheet`: Sheet to read, if the files are workbooks. Example: `Data`
     - `table`: Which table to read if a file holds several tables below each other or side by side,
-      counted from 1. Of a `map`, the first line and the first column hold values of two
-      quantities; its columns are called `row`, `column` and `cell`. Example: `2`
+      counted from 1. In a `map`, the first line and the first column hold values of two quantities;
+      its columns are called `row`, `column` and `cell`. Example: `2`
     - `columns`: Columns whose name or unit in these files differs from `data.columns`. Example:
       `{pressure: {column: "P [bar]", unit: bar}}`
     - `keep`: Conditions that the samples of these files must fulfil, in addition to `data.keep`.
@@ -286,9 +286,9 @@ class Logs(Section):
       its end, every element with one of the columns is a separate recording. In a TDMS file, the
       name of a group, or `[*]` for all groups. Example: `runs[*]`
     - `table`: Which table to read if a file holds several tables below each other or side by side,
-      counted from 1. Of a `map`, the first line and the first column hold values of two
-      quantities, and every other cell is a sample; its columns are called `row`, `column` and
-      `cell`. By default, the whole file is one table. Example: `2`
+      counted from 1. In a `map`, the first line and the first column hold values of two quantities,
+      and every other cell is a sample; its columns are called `row`, `column` and `cell`. By
+      default, the whole file is one table. Example: `2`
     - `columns`: Which column holds which quantity. Example: `{pressure: {column: P, unit: bar}}`
     - `sample_time`: Constant time between samples. Give it if no column holds the time. Example: `1
       ms`

@@ -124,9 +124,9 @@ class Summand(Settings):
     - `model`: Path of the spec of the other run. Example: `flexor.yaml`
     - `formula`: Name of a formula. Example: `sarosi`
     - `sign`: Whether the part is added (1) or subtracted (-1). Example: `-1`
-    - `inputs`: Expression for each input of the part, in the quantities of this study. Give one for
-      both parts if they have an input of the same name that is not the same quantity. Example:
-      `{pressure: p1, strain: "-s"}`
+    - `inputs`: Expression for each input of the part, in the quantities of this study. If two parts
+      have inputs of the same name that are different quantities, give an expression for both.
+      Example: `{pressure: p1, strain: "-s"}`
     - `tendon`: The tendon in series with this part, which must be the model of a muscle. Example:
       `{stiffness: 2 kN/m}`
     """

@@ -130,7 +130,7 @@ def test_what_is_no_load_cycle_is_refused():
     with pytest.raises(DataError, match="fitted to load cycles, not to a target"):
         LOSS.fit(motion(0), np.zeros(400))
     for length in (0.0, -0.1, np.nan, np.inf):
-        with pytest.raises(DataError, match="needs the length of the muscle"):
+        with pytest.raises(DataError, match="needs a positive length of the muscle"):
             LOSS.fit_cycles(cycles(), length)
     for name in cycles():
         columns = cycles()

@@ -108,7 +108,7 @@ class HysteresisLoss(Formula):
         """
         raise DataError(
             f"{self.name} is fitted to load cycles, not to a target",
-            "give it the load cycles of a static study",
+            "fit it to the load cycles of a static study",
         )
 
     def fit_cycles(self, cycles: Columns, length: float) -> FormulaFit:
@@ -129,7 +129,8 @@ class HysteresisLoss(Formula):
         """
         if not 0.0 < length < np.inf:
             raise DataError(
-                f"{self.name} needs the length of the muscle, which is {length:g} m",
+                f"{self.name} needs a positive length of the muscle, but the length is {length:g} "
+                "m",
                 "write it as `muscle: {length: 88 mm}`",
             )
         names = ("pressure", "strain", "force", "hysteresis")
