@@ -5,7 +5,7 @@ and stderr.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -23,6 +23,24 @@ other curves and has no standard error.
 """
 
 
+ALERTS: Mapping[str, str] = {
+    "structure": "fit",
+    "unconfirmed": "unconfirmed",
+    "warning": "fit",
+    "competitor": "nrmse",
+    "black box": "terms",
+    "residuals": "fit",
+    "mean error": "fit",
+    "extrapolated": "fit",
+    "combined": "fit",
+    "near": "nrmse",
+    "few curves": "fit",
+    "search": "terms",
+    "check": "data",
+}
+"""Section of the page that shows each kind of alert; the worst kind comes first."""
+
+
 def alerts_of(
     dataset: Dataset,
     model: Model,
@@ -38,36 +56,19 @@ def alerts_of(
     - `search`: the structures that were tried, with notes on the choice.
     """
     outputs = list(zip(dataset.each, model.each, validation.each, strict=True))
-    found: list[Alert] = []
+    found: list[tuple[str, str, str]] = []
     for curves, own, scored in outputs:
         target = scored.scores[0].target if len(outputs) > 1 and scored.scores else ""
-        found += (Alert(*alert, target) for alert in _of_output(curves, own, scored))
+        found += ((*alert, target) for alert in _of_output(curves, own, scored))
     if search:
         for note in search.notes:
-            kind = "black box" if note == search.outdone else "search"
-            found.append(Alert(kind, note, "terms"))
-    found += (Alert("check", doubt, "data") for doubt in doubts)
+            found.append(("black box" if note == search.outdone else "search", note, ""))
+    found += (("check", doubt, "") for doubt in doubts)
     if unconfirmed:
-        found.append(Alert("unconfirmed", unconfirmed_sentence(len(unconfirmed)), "unconfirmed"))
-    ranks = {kind: rank for rank, kind in enumerate(WORST_FIRST)}
-    return tuple(dict.fromkeys(sorted(found, key=lambda alert: ranks[alert.kind])))
-
-
-WORST_FIRST = (
-    "structure",
-    "unconfirmed",
-    "warning",
-    "competitor",
-    "black box",
-    "residuals",
-    "mean error",
-    "extrapolated",
-    "combined",
-    "near",
-    "few curves",
-    "search",
-    "check",
-)
+        found.append(("unconfirmed", unconfirmed_sentence(len(unconfirmed)), ""))
+    ranks = [*ALERTS]
+    found.sort(key=lambda alert: ranks.index(alert[0]))
+    return tuple(Alert(kind, words, ALERTS[kind], of) for kind, words, of in dict.fromkeys(found))
 
 
 def unconfirmed_sentence(count: int) -> str:
@@ -81,12 +82,10 @@ def unconfirmed_sentence(count: int) -> str:
     )
 
 
-def _of_output(
-    dataset: Dataset, model: Model, validation: Validation
-) -> Iterator[tuple[str, str, str]]:
-    """Yield kind, sentence and section of the alerts of one output."""
+def _of_output(dataset: Dataset, model: Model, validation: Validation) -> Iterator[tuple[str, str]]:
+    """Yield kind and sentence of the alerts of one output."""
     for warning in validation.warnings:
-        yield "structure" if warning.startswith(SEEN) else "warning", warning, "fit"
+        yield "structure" if warning.startswith(SEEN) else "warning", warning
     yield from _of_competitors(validation.scores, next(iter(validation.units.values()), ""))
     for test in validation.residual_tests:
         if test.fails:
@@ -95,21 +94,21 @@ def _of_output(
     yield from _of_held_out(dataset, model, left_out)
 
 
-def _of_residuals(test: ResidualTest) -> tuple[str, str, str]:
+def _of_residuals(test: ResidualTest) -> tuple[str, str]:
     count = f"{test.beyond} of {test.tested}"
     if test.name == AUTOCORRELATION:
         words = (
             f"the errors are not noise alone: {count} lags of their autocorrelation lie "
             "outside the limits of noise"
         )
-        return "residuals", words, "fit"
+        return "residuals", words
     words = (
         f"the errors depend on {test.name}: {count} tests with it lie outside the limits of noise"
     )
-    return "mean error", words, "fit"
+    return "mean error", words
 
 
-def _of_held_out(dataset: Dataset, model: Model, left_out: bool) -> Iterator[tuple[str, str, str]]:
+def _of_held_out(dataset: Dataset, model: Model, left_out: bool) -> Iterator[tuple[str, str]]:
     """Yield alerts about the number of held-out samples and curves, and their place. If no samples
     are held out permanently, `left_out` is True if every part was left out once (cross-validation).
     """
@@ -117,15 +116,15 @@ def _of_held_out(dataset: Dataset, model: Model, left_out: bool) -> Iterator[tup
     if not held_out:
         if not left_out:
             words = "nothing is held out: errors on the training data say little about new data"
-            yield "few curves", words, "nrmse"
+            yield "few curves", words
         return
     if len(held_out) < FEW_CURVES:
         curves = "curve has" if len(held_out) == 1 else "curves have"
         words = f"only {len(held_out)} {curves} held-out samples: the error on others may be larger"
-        yield "few curves", words, "fit"
+        yield "few curves", words
     if share := share_outside(model, dataset):
         words = f"{100 * share:.3g} % of the held-out samples lie beyond the training range"
-        yield "extrapolated", words, "fit"
+        yield "extrapolated", words
     if most := max(new_combinations(model, dataset), default=None):
         combined, first, second = most
         words = (
@@ -133,10 +132,10 @@ def _of_held_out(dataset: Dataset, model: Model, left_out: bool) -> Iterator[tup
             "training sample does, although each of them is inside its range: the model "
             "extrapolates there, so measure such combinations for training"
         )
-        yield "combined", words, "fit"
+        yield "combined", words
 
 
-def _of_competitors(scores: Sequence[Score], unit: str) -> Iterator[tuple[str, str, str]]:
+def _of_competitors(scores: Sequence[Score], unit: str) -> Iterator[tuple[str, str]]:
     """Yield alerts about competitors with a smaller error, and about those with one that is equal
     within one standard error. As in the verdict, errors that differ by 1 % or less are equal.
     """
@@ -147,7 +146,7 @@ def _of_competitors(scores: Sequence[Score], unit: str) -> Iterator[tuple[str, s
     better = [s for s in compared if s.rmse < (1 - EQUAL_WITHIN) * ours.rmse]
     for score in sorted(better, key=lambda one: one.rmse):
         errors = f"RMSE {score.rmse:.3g} against {ours.rmse:.3g} {unit}".rstrip()
-        yield "competitor", f"{title_of(score.model)} has a smaller error: {errors}", "nrmse"
+        yield "competitor", f"{title_of(score.model)} has a smaller error: {errors}"
     curves = _errors_of_curves(scores, ours.split)
     near = []
     for score in (s for s in compared if s.model != OWN and s not in better):
@@ -157,7 +156,7 @@ def _of_competitors(scores: Sequence[Score], unit: str) -> Iterator[tuple[str, s
             near.append(title_of(score.model))
     if near:
         words = f"errors on the curves equal those of {OWN} within one standard error"
-        yield "near", f"{', '.join(near)}: {words}", "nrmse"
+        yield "near", f"{', '.join(near)}: {words}"
 
 
 def _errors_of_curves(scores: Sequence[Score], split: str) -> dict[str, dict[str, float]]:

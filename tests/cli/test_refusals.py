@@ -47,9 +47,10 @@ LINES = """
 2  figure RUN fit -o x.svg --set fit.max_terms=1  set a key of report.style
 3  figure RUN fit -o x.svg --set report.style.widht=80mm  did you mean `width`
 4  figure no-run fit -o x.pdf --runs .       does not contain a finished run
-2  export MODEL -o out --to py --float       --float works with C only
-2  export MODEL -o out --to fmu --float      --float works with C only
-2  export MODEL -o out --to csv              --grid works with --to csv
+2  export MODEL -o out --to py --float       --float works with --to c only
+2  export MODEL -o out --to fmu --float      --float works with --to c only
+2  export MODEL -o out --to csv              --to csv needs --grid
+2  export MODEL -o out --to c --grid strain=0.1  --grid works with --to csv and --to table only
 2  export MODEL -o out --to csv --grid pressure=0:90000:100,strain=0.1  \
     outside of the training range
 2  export MODEL -o out --to java             java

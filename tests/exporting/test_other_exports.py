@@ -19,14 +19,18 @@ from scipy.interpolate import RegularGridInterpolator
 from scipy.io import loadmat
 
 import mapmore_cli as mm
+from mapmore_cli.annexes.exporting.commands import export
 from mapmore_cli.annexes.exporting.exports import EXPORTERS, exported
 from mapmore_cli.annexes.exporting.python_module import python_module
-from mapmore_cli.annexes.exporting.templates import COMMENTS, NOTICE
+from mapmore_cli.annexes.exporting.templates import NOTICE
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.modelling.kinds import fed_back, outside_range, predict
 from mapmore_cli.modelling.programs import slopes
 
 ROOT = Path(__file__).resolve().parents[2]
+SNIPPETS = ROOT / "mapmore_cli/annexes/exporting/sources/snippets"
+DATA = (".csv", ".mat", ".txt", ".tex", ".xml", ".so", ".dll", ".dylib", "")
+"""Endings of exported files that hold no code of mapmore."""
 
 
 def imported(model):
@@ -171,8 +175,13 @@ def test_every_file_of_code_names_the_licence(model):
             with zipfile.ZipFile(io.BytesIO(*files.values())) as archive:
                 files = {name: archive.read(name) for name in archive.namelist()}
         for name, content in files.items():
-            is_code = Path(name).suffix in COMMENTS
-            assert (NOTICE.encode() in content) is is_code, name
+            assert (NOTICE.encode() in content) is (Path(name).suffix not in DATA), name
+
+
+def test_every_form_is_in_the_help_and_its_template_of_a_call_exists():
+    templates = {path.name.removesuffix(".jinja") for path in SNIPPETS.iterdir()}
+    assert {form.snippet for form in EXPORTERS.values()} == {"", *templates}
+    assert [to for to in EXPORTERS if f"`{to}`" not in export.__doc__] == []
 
 
 def test_the_table_is_the_model(model, tmp_path):

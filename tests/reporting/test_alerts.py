@@ -1,5 +1,7 @@
 """What speaks against a number: one list, the worst first."""
 
+import ast
+import inspect
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -11,9 +13,26 @@ from report_builder import build, surface
 from mapmore_cli.domain.results import AUTOCORRELATION, ResidualTest, Search, Tried
 from mapmore_cli.domain.scores import STRUCTURE_SEEN
 from mapmore_cli.modelling.validation.residuals import residual_tests
-from mapmore_cli.reporting.alerts import FEW_CURVES, WORST_FIRST, unconfirmed_sentence
+from mapmore_cli.reporting import alerts
+from mapmore_cli.reporting.alerts import ALERTS, FEW_CURVES, unconfirmed_sentence
 from mapmore_cli.reporting.report import render_page
+from mapmore_cli.reporting.sections import SECTIONS
 from mapmore_cli.reporting.table import CODE
+
+
+def test_every_kind_is_ranked_and_raised_and_has_a_section():
+    """A kind is the first of the two or three values of an alert, which the module makes."""
+    firsts = (
+        node.elts[0]
+        for node in ast.walk(ast.parse(inspect.getsource(alerts)))
+        if isinstance(node, ast.Tuple) and len(node.elts) in (2, 3)
+    )
+    values = (
+        part for one in firsts for part in (getattr(one, "body", one), getattr(one, "orelse", one))
+    )
+    raised = {value.value for value in values if isinstance(value, ast.Constant)}
+    assert raised == {*ALERTS}
+    assert {*ALERTS.values()} <= {section.id for section in SECTIONS} | {"unconfirmed"}
 
 
 def test_guesses_are_counted_in_plain_words():
@@ -51,7 +70,7 @@ def test_the_worst_is_first_and_nothing_is_said_twice(inputs):
     worst = replace(inputs, validation=replace(inputs.validation, warnings=("odd", chosen, "odd")))
     worst = replace(worst, doubts=("a doubt",), unconfirmed=("is it N?", "is it kPa?"))
     found = kinds(worst)
-    assert found == sorted(found, key=WORST_FIRST.index)
+    assert found == sorted(found, key=[*ALERTS].index)
     assert found[:3] == ["structure", "unconfirmed", "warning"]
     assert found.count("warning") == 1
     assert worst.alerts[0].sentence == chosen

@@ -83,8 +83,9 @@ class TestScores:
         )
 
     def test_a_failed_model_has_a_row_without_numbers(self, failed):
-        rows = [row for row in tables_of(failed)["scores"].rows if row[0] == "sarosi"]
-        assert rows == [("sarosi", "failed", None, None, None, None, None, None)]
+        (row,) = (row for row in tables_of(failed)["scores"].rows if row[0] == "sarosi")
+        assert row[:2] == ("sarosi", "failed")
+        assert {*row[2:]} == {None}
 
     def test_a_target_far_from_zero_has_its_error_by_range_beside(self):
         near, far = score("mapmore", 0.02), replace(score("mapmore", 0.02), nrmse_range=0.5)

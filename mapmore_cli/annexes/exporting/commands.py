@@ -63,20 +63,22 @@ def export(
     C, FMUs, modules and functions are compared with `predict` on 100 points before they are
     written. At the end, lines that call the exported code are printed.
     """
-    from mapmore_cli.annexes.exporting.exports import exported, snippet
+    from mapmore_cli.annexes.exporting.exports import EXPORTERS, exported, snippet
     from mapmore_cli.modelling import kinds
     from mapmore_cli.storage.artefacts import read_model
 
-    if single and to != "c":
-        raise UsageError("--float works with C only", "leave it out, or choose --to c")
-    if (grid is not None and to not in ("csv", "table")) or (grid is None and to == "csv"):
+    used = {"--float": single, "--grid": grid is not None, "--pressure": pressure is not None}
+    for option in (name for name, is_used in used.items() if is_used):
+        forms = [f"--to {name}" for name, form in EXPORTERS.items() if option in form.options]
+        if f"--to {to}" not in forms:
+            raise UsageError(
+                f"{option} works with {' and '.join(forms)} only",
+                f"leave {option} out, or choose another form",
+            )
+    if to == "csv" and grid is None:
         raise UsageError(
-            "--grid works with --to csv and --to table only",
-            "for example: --to csv --grid pressure=0:600:25,strain=0:0.25:0.01",
-        )
-    if pressure is not None and to not in ("c", "fmu"):
-        raise UsageError(
-            "--pressure works with --to c and --to fmu only", "export the two models one by one"
+            "--to csv needs --grid, which gives the points of the table",
+            "for example: --grid pressure=0:600:25,strain=0:0.25:0.01",
         )
     with Reporter(quiet) as reporter:
         model = read_model(model_file, reporter.warn)

@@ -1,13 +1,14 @@
 """Export models to other languages, as files by name.
 
-An exporter takes a model and a request, and returns its files. `EXPORTERS` holds every exporter by
+An exporter takes a model and a request, and returns its files. `EXPORTERS` declares every form by
 the word after `mapmore export --to`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
+from typing import NamedTuple
 
 from mapmore_cli.annexes.exporting.c_source import c_files, mujoco_files, simulink_files
 from mapmore_cli.annexes.exporting.fmu import input_names, unit_file
@@ -32,47 +33,59 @@ from mapmore_cli.modelling.programs import program_of
 
 Exporter = Callable[[Model, Wanted], Mapping[str, str | bytes]]
 
-EXPORTERS: dict[str, Exporter] = {
-    "c": c_files,
-    "fmu": unit_file,
-    "fmu3": partial(unit_file, standard=3),
-    "csv": lookup_table,
-    "tex": tex_equations,
-    "py": partial(module_file, plain=True),
-    "numpy": module_file,
-    "table": table_files,
-    "matlab": matlab_file,
-    "js": javascript_file,
-    "mujoco": mujoco_files,
-    "simulink": simulink_files,
+
+class Form(NamedTuple):
+    """A form in which `mapmore export` writes models.
+
+    - `write`: function that returns the files by name.
+    - `snippet`: template in `sources/snippets/` with lines that call the files; empty if there is
+      nothing to call.
+    - `options`: options of the command that work with this form.
+    - `whole`: True if all outputs of a model are written together, otherwise each is written alone.
+    - `notice`: True if files of code get the notice of mapmore's licence.
+    """
+
+    write: Exporter
+    snippet: str = ""
+    options: Collection[str] = ()
+    whole: bool = False
+    notice: bool = True
+
+
+EXPORTERS: dict[str, Form] = {
+    "c": Form(c_files, "c.sh", ("--float", "--pressure"), whole=True),
+    "fmu": Form(unit_file, "fmu.py", ("--pressure",)),
+    "fmu3": Form(partial(unit_file, standard=3), "fmu.py"),
+    "csv": Form(lookup_table, options=("--grid",)),
+    "tex": Form(tex_equations, "tex.tex", whole=True),
+    "py": Form(partial(module_file, plain=True), "py.py"),
+    "numpy": Form(module_file, "numpy.py"),
+    "table": Form(table_files, "table.m", ("--grid",)),
+    "matlab": Form(matlab_file, "matlab.m"),
+    "js": Form(javascript_file, "js.mjs"),
+    "mujoco": Form(mujoco_files, "mujoco.py"),
+    "simulink": Form(simulink_files, "simulink.m"),
 }
+"""Forms by the word after `--to`. To add a form, add a row, and a sentence to the help."""
 _FUNCTION: type[Exporter] = Callable  # type: ignore[assignment]  # any function may be an exporter
-_ADDED = {part.name: part.value for part in plugins.parts("exports", _FUNCTION, reserved=EXPORTERS)}
-EXPORTERS |= _ADDED
-
-
-SEVERAL = ("c", "tex")
-"""Forms that contain all outputs of a model; others are written once for each output."""
-
-SNIPPETS = {
-    **{"c": "c.sh", "fmu": "fmu.py", "fmu3": "fmu.py", "py": "py.py", "numpy": "numpy.py"},
-    **{"matlab": "matlab.m", "mujoco": "mujoco.py", "simulink": "simulink.m", "table": "table.m"},
-    **{"js": "js.mjs", "tex": "tex.tex"},
+EXPORTERS |= {
+    part.name: Form(part.value, notice=False)
+    for part in plugins.parts("exports", _FUNCTION, reserved=EXPORTERS)
 }
-"""Templates in `sources/snippets/` that call an export, by its word."""
 
 
 def snippet(model: Model, to: str, files: Sequence[str]) -> str:
     """Return lines that call the exported `files` in the middle of the training range; empty if
     there is nothing to call.
     """
-    if to not in SNIPPETS:
+    form = EXPORTERS[to]
+    if not form.snippet:
         return ""
-    model = model if to in SEVERAL else model.each[0]
+    model = model if form.whole else model.each[0]
     places, kept = middle(model), program_of(model).kept
     names = names_of_inputs(model.inputs)
     return rendered_template(
-        f"snippets/{SNIPPETS[to]}",
+        f"snippets/{form.snippet}",
         name=identifier(model.name),
         files=files,
         output=name_of_output(model, names.values()),
@@ -106,10 +119,10 @@ def exported(
     """
     if to not in EXPORTERS:
         raise UsageError(f"there is no export to {to!r}", f"choose one of {', '.join(EXPORTERS)}")
-    wanted, files = Wanted(single, grid, verify, warn), dict[str, str | bytes]()
-    for output in [model] if to in SEVERAL else model.each:
-        files |= EXPORTERS[to](output, wanted)
-    if to not in _ADDED:
+    form, files = EXPORTERS[to], dict[str, str | bytes]()
+    for output in [model] if form.whole else model.each:
+        files |= form.write(output, Wanted(single, grid, verify, warn))
+    if form.notice:
         files = {
             name: with_notice(name, data) if isinstance(data, str) else data
             for name, data in files.items()
