@@ -158,7 +158,7 @@ def test_a_worker_that_is_lost_while_it_is_checked_is_not_a_wrong_installation(l
         def wait_for_workers(self, count):
             assert count == 1
 
-        def run(self, check):
+        def run(self, _):
             answer = answers.pop(0)
             if isinstance(answer, Exception):
                 raise answer
