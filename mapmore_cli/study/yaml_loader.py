@@ -77,13 +77,24 @@ KEPT = 100_000  # largest number of characters of a text that is cached
 _MOST_VALUES = 50_000
 
 
+def refuse_pipe(path: Path) -> None:
+    """Raise SpecError for a pipe or a device in place of a spec, without opening it."""
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise SpecError(
+            f"{path}: is a pipe or a device; a spec has to be a file, because it is read several "
+            "times, its paths start at its folder, and the run remembers it",
+            "write it to a file, for example with `... > spec.yaml`, and give the path of the file",
+        )
+
+
 def read_source(path: Path) -> SourceText:
     """Return the text of a file.
 
     Raises SpecError for a file that is missing, unreadable, larger than a spec can be, or not in
-    UTF-8.
+    UTF-8, and for a pipe or a device.
     """
     note_read([path])
+    refuse_pipe(path)
     try:
         with path.open("rb") as file:
             data = file.read(LARGEST + 1)

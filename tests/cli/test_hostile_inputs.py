@@ -286,3 +286,12 @@ def test_long_lists_in_a_spec_are_one_mistake(text, tmp_path, limited):
     )
     (tmp_path / "spec.yaml").write_text(SPEC.replace("READER", "csv") + text)
     assert limited("check", "spec.yaml").returncode == 3
+
+
+@pytest.mark.timeout(60)  # to open a pipe waits for its other end
+@pytest.mark.parametrize("command", ["check", "run", "batch", "plan", "fit", "clean"])
+def test_a_pipe_is_no_spec(tmp_path, mapmore, command):
+    os.mkfifo(tmp_path / "spec.yaml")
+    mapmore(
+        command, tmp_path / "spec.yaml", "--runs", tmp_path, code=3, says="is a pipe or a device"
+    )
