@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -25,6 +26,8 @@ f = broken
 [mapmore.readers]
 r = broken
 odd = odd
+stops = stops
+ends = ends
 late = late
 [mapmore.operators]
 o = broken
@@ -87,6 +90,8 @@ operators  zz     there is already a `washout`
 formulas   f      ZeroDivisionError
 readers    r      ZeroDivisionError
 readers    odd    Odd
+readers    stops  KeyboardInterrupt
+readers    ends   SystemExit
 kinds      k      ZeroDivisionError
 kinds      mapmore  there is already a `mapmore`
 figures    late   ZeroDivisionError
@@ -139,6 +144,8 @@ def folder(tmp_path_factory):
     (place / "path" / "late.py").write_text(LATE)
     (place / "path" / "loud.py").write_text(LOUD)
     (place / "path" / "odd.py").write_text(ODD)
+    (place / "path" / "stops.py").write_text("raise KeyboardInterrupt")
+    (place / "path" / "ends.py").write_text("raise SystemExit(3)")
     # another package may have our name
     for name, points in {"zbroken": BROKEN, "mapmore": "[mapmore.commands]\nfit = broken"}.items():
         about = place / "path" / f"{name}-1.0.dist-info"
@@ -222,3 +229,15 @@ def test_the_test_of_the_template_passes(folder):
     path = os.pathsep.join([str(folder / "path"), str(folder / "template")])
     finished = process(sys.executable, "-c", script, env={"PYTHONPATH": path}, timeout=60)
     assert finished.returncode == 0, finished.stderr
+
+
+def test_an_interrupt_of_the_user_is_no_fault_of_a_plugin():
+    # a shell starts its background jobs with ignored interrupts
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with plugins.interrupts_of_user() as interrupts, pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        assert interrupts == [signal.SIGINT]
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -47,7 +47,8 @@ from mapmore_cli.domain.arrays import Columns
 from mapmore_cli.domain.declared import Name
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.fitting.stage import Progress
-from mapmore_cli.storage.atomic import refusals_told, write_text
+from mapmore_cli.storage.atomic import refusals_told
+from mapmore_cli.storage.outputs import write_text
 from mapmore_cli.study.fields import Row, Section
 
 KPA = 1e3  # Pa

@@ -29,7 +29,8 @@ from mapmore_cli.pipeline.tables_in_memory import (
 from mapmore_cli.reporting.score_tables import score_table
 from mapmore_cli.reporting.summary import summary_table
 from mapmore_cli.reporting.table import Table
-from mapmore_cli.storage.atomic import refusals_told, scratch_folder, write_bytes, write_text
+from mapmore_cli.storage.atomic import refusals_told, scratch_folder
+from mapmore_cli.storage.outputs import write_bytes, write_text
 from mapmore_cli.storage.run_folder import MODEL, RunFiles
 from mapmore_cli.storage.run_record import score_row
 from mapmore_cli.storage.tables import RawTable

@@ -17,6 +17,7 @@ from mapmore_cli.checking.rules import (
     odd_values,
     pairs,
     samples,
+    signs,
     units,
 )
 from mapmore_cli.domain.errors import DataError, SpecError
@@ -28,7 +29,8 @@ from mapmore_cli.study.sections.split import Split
 
 OF_RECORDINGS: tuple[Rule, ...] = (
     *(units.strain_in_per_cent, units.unit_in_the_name, units.unit_line, units.formulas_in_labels),
-    *(samples.constant, samples.same_signal, samples.clipped, samples.force_never_pulls),
+    *(samples.constant, samples.same_signal, samples.clipped),
+    *(signs.force_never_pulls, signs.strain_turned),
     *(samples.still_cycles, units.header_of_numbers),
     *(samples.recorded_twice, odd_values.spikes_in, odd_values.below_vacuum),
     *(pairs.computed_from, pairs.untold_difference),

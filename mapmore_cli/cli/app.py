@@ -23,6 +23,7 @@ from typer.core import TyperGroup
 from mapmore_cli.cli import console
 from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.storage.inputs import files_read
 
 if TYPE_CHECKING:
     from typer._click.core import Command, Context
@@ -154,7 +155,7 @@ class Commands(TyperGroup):
             *typer.BadParameter.__bases__,
         )
         try:
-            with console.documents_alone() if ctx.meta[AS_JSON] else nullcontext():
+            with files_read(), console.documents_alone() if ctx.meta[AS_JSON] else nullcontext():
                 super().invoke(ctx)
             sys.stdout.flush()
         except typers_own:

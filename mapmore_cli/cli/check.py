@@ -23,7 +23,7 @@ from mapmore_cli.cli.console import (
 )
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import MapmoreError
-from mapmore_cli.storage.atomic import write_text
+from mapmore_cli.storage.atomic import write_own
 
 if TYPE_CHECKING:
     from mapmore_cli.pipeline.inspection import Inspection
@@ -54,7 +54,7 @@ def check(
 
     config, overrides = spec_of(config, overrides, runs)
     if confirm and load(config).spec.unconfirmed:
-        write_text(config, confirmed(config.read_text(encoding="utf-8")))
+        write_own(config, confirmed(config.read_text(encoding="utf-8")))
     campaigns, entries = expanded([config], overrides)
     with Reporter(quiet) as reporter:
 

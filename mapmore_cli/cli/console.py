@@ -32,7 +32,6 @@ from mapmore_cli.domain.errors import (
     explained,
 )
 from mapmore_cli.domain.foreign import printable
-from mapmore_cli.storage.atomic import write_bytes, write_text
 
 if TYPE_CHECKING:
     from mapmore_cli.pipeline.jobs import Finished
@@ -221,6 +220,7 @@ def write_figure(path: Path, drawing: Drawing) -> None:
     """Write a figure in the format that the ending of the path names."""
     from mapmore_cli.reporting.figures.drawing import compose, to_bytes
     from mapmore_cli.reporting.figures.style import figure_style
+    from mapmore_cli.storage.outputs import write_bytes
 
     with figure_style():
         write_bytes(
@@ -239,6 +239,7 @@ def write_ci_files(
     if junit is None and summary is None:
         return
     from mapmore_cli.reporting.ci import RunReport, to_junit, to_summary
+    from mapmore_cli.storage.outputs import write_text
 
     reports = [
         RunReport(name, failure=error_text(run))

@@ -27,7 +27,6 @@ from mapmore_cli.cli.console import (
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.reporting.order import FIGURES
-from mapmore_cli.storage.atomic import write_bytes, write_text
 
 
 def show(
@@ -154,7 +153,10 @@ def figure(
     --set.
     """
     from mapmore_cli.pipeline.report import drawn_figure
+    from mapmore_cli.storage.outputs import refuse_foreign_file, write_bytes, write_text
+    from mapmore_cli.storage.run_record import load_records
 
+    chosen = out is None
     out = out or Path(f"{name}.{form}")
     suffix = out.suffix.removeprefix(".")
     looks = [*looks, *([f"report.style.width={width}"] if width else [])]
@@ -169,8 +171,11 @@ def figure(
         raise UsageError("--data needs one panel", "name the panel with --curve")
     wanted = [model.strip() for model in (models or "").split(",") if model.strip()]
     folder = folder_of(run, runs)
+    load_records(folder)  # the sources of the run count as files that this command reads
     with Reporter(quiet) as reporter:
         drawn, numbers = drawn_figure(folder, name, curve, suffix, reporter.warn, looks, wanted)
+    if chosen:
+        refuse_foreign_file(out)
     write_bytes(out, drawn)
     if data is not None and numbers is not None:
         write_text(data, numbers)

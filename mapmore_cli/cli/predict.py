@@ -37,6 +37,7 @@ from mapmore_cli.cli.table_options import (
     table_options,
 )
 from mapmore_cli.domain.errors import MapmoreError, UsageError
+from mapmore_cli.storage.inputs import note_read
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.models import Model
@@ -198,6 +199,8 @@ def _lines_of(
             "other tables cannot be used",
             "write the table to a file, and give the path of the file",
         )
+    if table != STANDARD:
+        note_read([table])
     if table != STANDARD and is_foreign(table, options):
         lines = foreign_lines(table, options, ways, units_of(model, ways), reporter.warn)
         return lines, table.name
@@ -248,13 +251,14 @@ def _constants_of(model: Model, settings: Sequence[str]) -> dict[str, float]:
 
 def _write_lines(lines: Iterator[str], output: Path) -> None:
     """Write lines to a file or to stdout as soon as they are available."""
-    from mapmore_cli.storage.tables.lines import TEXT_ERRORS, replaced
+    from mapmore_cli.storage.outputs import written_as_text
+    from mapmore_cli.storage.tables.lines import TEXT_ERRORS
 
     if output == STANDARD:
         cast(io.TextIOWrapper, sys.stdout).reconfigure(
             encoding="utf-8", errors=TEXT_ERRORS, newline=""
         )
-    with nullcontext(sys.stdout) if output == STANDARD else replaced(output) as stream:
+    with nullcontext(sys.stdout) if output == STANDARD else written_as_text(output) as stream:
         stream.writelines(lines)
 
 
@@ -311,6 +315,10 @@ def invert(
         _write_lines(inverted_lines(model, lines, label, name, rule), output)
 
 
+ADAPTED = Path("adapted.h5")
+"""Name of the model that `adapt` writes if no other is given."""
+
+
 def adapt(
     model_file: Annotated[Path, Argument(metavar="MODEL", help="The model.h5 of a family.")],
     table: Annotated[
@@ -322,8 +330,9 @@ def adapt(
         ),
     ] = None,
     output: Annotated[
-        Path, Option("--output", "-o", metavar="FILE", help="The model to write.")
-    ] = Path("adapted.h5"),
+        Path | None,
+        Option("--output", "-o", metavar="FILE", help=f"The model to write. Default: {ADAPTED}."),
+    ] = None,
     given: Annotated[
         list[str],
         Option(
@@ -351,6 +360,7 @@ def adapt(
     from mapmore_cli.pipeline.predict import adapt, dimension_of, names_of_points
     from mapmore_cli.reporting.table import Column, Table
     from mapmore_cli.storage.artefacts import read_model, write_model
+    from mapmore_cli.storage.outputs import refuse_foreign_file, refuse_needed
 
     options = table_options(delimiter, decimal, thousands, sheet, columns, units)
     with Reporter(quiet) as reporter, remedies_by_options(options):
@@ -361,6 +371,8 @@ def adapt(
             ways = [names_of_points(family)]
             lines, label = _lines_of(table, family, ways, options, reporter)
         model = adapt(family, lines, label, _constants_of(family, given))
+    refuse_foreign_file(ADAPTED) if output is None else refuse_needed(output)
+    output = output or ADAPTED
     write_model(output, model)
     fit = model.backbone
     assert fit is not None

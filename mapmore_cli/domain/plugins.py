@@ -12,6 +12,7 @@ parts are used.
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import warnings
 from collections.abc import Collection, Iterator
@@ -20,7 +21,9 @@ from functools import cache
 from importlib import import_module
 from importlib.metadata import Distribution, EntryPoint, distributions
 from pkgutil import iter_modules
+from threading import current_thread, main_thread
 from traceback import walk_tb
+from types import FrameType
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from mapmore_cli.domain.errors import UsageError
@@ -211,19 +214,44 @@ def printing_to_stderr() -> Iterator[None]:
 def load(group: str, name: str) -> Any:
     """Return the object that an entry point names. Raises NotInstalled if it cannot be imported."""
     point = entry_points(group)[name]
+    with interrupts_of_user() as interrupts:
+        try:
+            if _is_ours(point):
+                return point.load()
+            # what another package prints or changes while it is imported reaches neither stdout nor
+            # the rules for warnings
+            with printing_to_stderr(), warnings.catch_warnings():
+                return point.load()
+        # an import may raise anything, also SystemExit and KeyboardInterrupt
+        except BaseException as fault:
+            if interrupts:
+                raise KeyboardInterrupt from fault
+            why = str(fault) or type(fault).__name__
+            raise NotInstalled(
+                f"`{name}` is not installed: {point.value} cannot be imported ({why})",
+                f"install the package that contains {point.module.partition('.')[0]}, with all "
+                "its parts",
+            ) from fault
+
+
+@contextmanager
+def interrupts_of_user() -> Iterator[list[int]]:
+    """Collect the interrupts (Ctrl-C) within the context, which raise KeyboardInterrupt as ever. A
+    KeyboardInterrupt without an interrupt comes from the code itself.
+    """
+    interrupts, before = list[int](), signal.getsignal(signal.SIGINT)
+
+    def note(number: int, frame: FrameType | None) -> None:
+        interrupts.append(number)
+        before(number, frame)  # type: ignore[operator, misc]
+
+    # only the main thread is interrupted, and only it may name another function
+    if not callable(before) or current_thread() is not main_thread():
+        yield interrupts
+        return
+    signal.signal(signal.SIGINT, note)
     try:
-        if _is_ours(point):
-            return point.load()
-        # what another package prints or changes while it is imported reaches neither stdout nor the
-        # rules for warnings
-        with printing_to_stderr(), warnings.catch_warnings():
-            return point.load()
-    except KeyboardInterrupt:
-        raise
-    # an import may raise anything, also SystemExit
-    except BaseException as fault:
-        raise NotInstalled(
-            f"`{name}` is not installed: {point.value} cannot be imported ({fault})",
-            f"install the package that contains {point.module.partition('.')[0]}, with all "
-            "its parts",
-        ) from fault
+        yield interrupts
+    finally:
+        if signal.getsignal(signal.SIGINT) is note:
+            signal.signal(signal.SIGINT, before)

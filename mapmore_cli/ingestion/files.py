@@ -23,6 +23,7 @@ from mapmore_cli.domain.declared import is_label
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.fitting.kinds.dictionary import derivations_of, units_of
 from mapmore_cli.fitting.stage import Progress
+from mapmore_cli.storage.inputs import note_read
 from mapmore_cli.storage.readers import READERS
 from mapmore_cli.storage.tables import RawTable, WhichTable
 from mapmore_cli.storage.tables.lines import name_of_packed
@@ -283,6 +284,7 @@ def expand(pattern: str, folder: Path, may_be_empty: bool = False) -> list[Path]
         files.append(path)
     if not files:
         raise DataError(f"{pattern}: no such file", _what_exists(literal))
+    note_read(files)
     return files
 
 

@@ -26,11 +26,10 @@ from mapmore_cli.storage.artefacts import read_model
 from mapmore_cli.storage.atomic import (
     content_of,
     refusals_told,
-    refuse_link,
+    refuse_irregular,
     sync_tree,
     unfinished_beside,
-    write_bytes,
-    write_text,
+    write_own,
 )
 from mapmore_cli.storage.run_folder import MODEL
 from mapmore_cli.storage.run_record import (
@@ -72,7 +71,7 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
             "repeat the run with `mapmore run CONFIG --force`",
         )
     place = archive / f"{name}@{tag}"
-    refuse_link(place)
+    refuse_irregular(place)
     refusal = WriteError(
         f"{place}: this tag is frozen already, and a frozen model is never overwritten",
         "choose another tag",
@@ -83,7 +82,7 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
             if place.exists():
                 raise refusal
             for kept in KEPT:
-                write_bytes(unfinished / kept, (run_dir / kept).read_bytes())
+                write_own(unfinished / kept, (run_dir / kept).read_bytes())
             hashes = {kept: take_stamp(unfinished / kept).sha256 for kept in KEPT}
             document = {
                 "creator": f"mapmore {__version__}",
@@ -91,7 +90,7 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
                 "tag": tag,
                 "sha256": hashes,
             }
-            write_text(
+            write_own(
                 unfinished / FROZEN, json.dumps(document, indent=1, ensure_ascii=False) + "\n"
             )
             for file in (*KEPT, FROZEN):

@@ -11,7 +11,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Columns
 from mapmore_cli.domain.errors import WriteError
-from mapmore_cli.storage.atomic import refusals_told, write_text
+from mapmore_cli.storage.atomic import refusals_told, write_own
 from mapmore_cli.study.schema import write_schema_beside
 
 SHIPPED = files("mapmore_cli.pipeline") / "shipped"
@@ -37,7 +37,7 @@ def write_example(folder: Path) -> list[Path]:
         (folder / "autumn").mkdir(parents=True, exist_ok=True)
         for source, path in (*specs, *recordings, *later):
             text = source.read_text(encoding="utf-8")
-            write_text(path, re.sub(r"^name: example", f"name: {name}", text, flags=re.MULTILINE))
+            write_own(path, re.sub(r"^name: example", f"name: {name}", text, flags=re.MULTILINE))
     write_schema_beside(folder / "study.yaml")
     return [path for _, path in (*specs, *recordings, *later)]
 

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.pipeline.runner import AS_USUAL, Options, RunOutcome, bring_up_to_date
+from mapmore_cli.pipeline.stages import recordings
 from mapmore_cli.pipeline.validate import required_limits
 from mapmore_cli.storage.run_folder import RunFiles
+from mapmore_cli.storage.run_record import load_records
 from mapmore_cli.study.loader import load
 
 if TYPE_CHECKING:
@@ -112,3 +116,15 @@ def run_one(job: Job) -> Finished:
         loaded, job.runs, job.until, options=job.options, warn=warnings.append
     )
     return Finished.of(loaded, outcome, warnings, started)
+
+
+def note_sources(job: Job, result: Finished | BaseException) -> None:
+    """Count the spec and the recordings of a job as read (`storage.inputs`), although another
+    process has read them.
+    """
+    if not isinstance(result, BaseException):
+        load_records(result.run_dir)
+        return
+    with suppress(MapmoreError):  # what a broken spec names is unknown
+        loaded = load(job.config, job.overrides)
+        recordings(loaded.spec, loaded.folder)

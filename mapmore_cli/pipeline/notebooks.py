@@ -33,7 +33,7 @@ from mapmore_cli.pipeline.tables_in_memory import (
     quantities_of,
     source_of,
 )
-from mapmore_cli.storage.atomic import refusals_told, write_own
+from mapmore_cli.storage.outputs import write_chosen
 from mapmore_cli.study.sections.logs import SourceColumn
 from mapmore_cli.study.units import default_unit
 
@@ -151,15 +151,10 @@ class LoadedModel:
         `options` are `single`, `grid` and `verify`. Raises `UsageError`, `DataError` or
         `WriteError` as the command does.
         """
-        folder = Path(path)
         exported = plugins.load("python", "export")(
             self.model, to, warn=lambda message: warnings.warn(message, stacklevel=4), **options
         )
-        with refusals_told(folder):
-            folder.mkdir(parents=True, exist_ok=True)
-        for name, content in exported.items():
-            write_own(folder / name, content)
-        return [folder / name for name in exported]
+        return write_chosen(Path(path), exported)
 
     def plot(self, ax: Axes | None = None, interval: float | None = None) -> Axes:
         """Draw the model over its training range, on `ax` or on a new figure.

@@ -447,10 +447,9 @@ class _Run:
         with which the run can be repeated in its folder, and the spec that a search found. Specs
         that the record lacks are included.
         """
-        if until == SEARCH_STAGE:
-            return {}
-        spec = as_found(self.loaded, self.run_dir)
-        texts = {RESOLVED_SPEC: spec.resolved_in(self.run_dir)}
+        spec, texts = as_found(self.loaded, self.run_dir), dict[str, str]()
+        if until != SEARCH_STAGE:
+            texts[RESOLVED_SPEC] = spec.resolved_in(self.run_dir)
         if spec is not self.loaded:
             texts[FOUND] = spec.resolved_in(self.run_dir, given_only=True)
         known = written_files(self.run_dir)

@@ -16,7 +16,7 @@ import numpy as np
 
 from mapmore_cli.domain.scores import OWN, REPEATABILITY, deciding
 from mapmore_cli.pipeline.runs_rows import MARK, PAGE, Row, rows_of
-from mapmore_cli.storage.atomic import refusals_told, refuse_link, write_own
+from mapmore_cli.storage.atomic import refusals_told, refuse_irregular, write_own
 from mapmore_cli.storage.run_folder import RunFiles, run_lock
 from mapmore_cli.storage.run_record import RUN_RECORD
 
@@ -41,7 +41,7 @@ def write_runs_page(
     if not finished and not place.is_file():
         return
     with run_lock(runs, patient=True), refusals_told(runs):
-        refuse_link(place)
+        refuse_irregular(place)
         known = rows_of(place)
         if known is None:
             warn(f"{place}: is not a page of runs, and stays as it is")

@@ -62,7 +62,7 @@ def _is_of_system(path: Path) -> bool:
     return place.parts[1:2] == ("proc",) or place.parent in (Path("/dev"), Path("/dev/fd"))
 
 
-def refuse_link(place: Path) -> None:
+def refuse_irregular(place: Path) -> None:
     """Raise WriteError if there is a link, or a pipe or another special file, in place of a file or
     folder that is to be written.
     """
@@ -91,9 +91,9 @@ def content_of(path: Path) -> bytes:
 
 def make_folder(folder: Path) -> None:
     """Make a folder whose name mapmore itself chooses, unless it exists. Raises WriteError as
-    `refuse_link` does.
+    `refuse_irregular` does.
     """
-    refuse_link(folder)
+    refuse_irregular(folder)
     folder.mkdir(exist_ok=True)
 
 
@@ -189,7 +189,7 @@ def replacing(path: Path) -> Iterator[BufferedRandom]:
     In an unfinished folder, it is written directly and not flushed, because `sync_tree` flushes the
     whole folder before it is moved. Raises WriteError if `path` is a link or a special file.
     """
-    refuse_link(path)
+    refuse_irregular(path)
     alone = not any(UNFINISHED.fullmatch(part) for part in path.parent.parts)
     with (
         refusals_told(path.parent),
@@ -212,14 +212,8 @@ def _opened(path: Path, how: int, mode: str) -> IO[bytes]:
 
 
 @contextmanager
-def written(path: Path) -> Iterator[IO[bytes]]:
-    """Open a file for writing as a whole, as `replacing` does. If `path` is no regular file, for
-    example a pipe or `/dev/null`, it is opened directly.
-    """
-    if not is_special(path):
-        with replacing(path) as file:
-            yield file
-        return
+def opened_special(path: Path) -> Iterator[IO[bytes]]:
+    """Open a file for which `is_special` is True, and write into it."""
     with (
         refusals_told(path.parent),
         path.open("wb") if _is_of_system(path) else _opened(path, os.O_WRONLY, "wb") as stream,
@@ -228,22 +222,11 @@ def written(path: Path) -> Iterator[IO[bytes]]:
 
 
 def write_own(path: Path, content: str | bytes) -> None:
-    """Write a file whose name mapmore itself has chosen, as `replacing` does. It is never written
-    into a pipe in its place, because that would wait for its reader.
+    """Write a file in a folder of mapmore's own, as `replacing` does. It is never written into a
+    pipe in its place, because that would wait for its reader.
     """
     with replacing(path) as file:
         file.write(content.encode() if isinstance(content, str) else content)
-
-
-def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file as a whole that the user has named, as `written` does."""
-    with written(path) as file:
-        file.write(data)
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a UTF-8 file as a whole that the user has named, with the line ends of `text`."""
-    write_bytes(path, text.encode())
 
 
 def sync_tree(folder: Path) -> None:

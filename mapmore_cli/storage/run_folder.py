@@ -24,7 +24,7 @@ from mapmore_cli.storage.atomic import (
     UNFINISHED,
     content_of,
     refusals_told,
-    refuse_link,
+    refuse_irregular,
     remove,
     sync_folder,
     sync_tree,
@@ -155,7 +155,7 @@ def open_run_folder(run_dir: Path) -> None:
     contains files of somebody else.
     """
     with refusals_told(run_dir):
-        refuse_link(run_dir)
+        refuse_irregular(run_dir)
         for place in (run_dir, *run_dir.parents):
             if place.exists() and not place.is_dir():
                 remedy = "move the file away, or choose another folder with --runs"
@@ -173,7 +173,7 @@ def refuse_foreign(folder: Path, record: str) -> None:
     """Raise WriteError if a folder contains files, but not the `record` that mapmore writes into
     all its folders.
     """
-    refuse_link(folder)
+    refuse_irregular(folder)
     try:
         names = {path.name for path in folder.iterdir()} if folder.is_dir() else set[str]()
     except OSError as fault:
@@ -245,9 +245,9 @@ def stage_folder(run_dir: Path, stage: str) -> Iterator[Path]:
 
 def make_way(run_dir: Path, name: str, known: Mapping[str, Stamp]) -> list[str]:
     """Move the file that a new one will replace to the trash, unless it is the one that `known`
-    lists; return its path if it was moved. Raises WriteError as `refuse_link` does.
+    lists; return its path if it was moved. Raises WriteError as `refuse_irregular` does.
     """
-    refuse_link(run_dir / name)
+    refuse_irregular(run_dir / name)
     if not (run_dir / name).is_file() or is_as_written(run_dir / name, known.get(name)):
         return []
     to_trash(run_dir, [name])
@@ -267,7 +267,7 @@ def swap_in(
     sync_tree(folder)
     for output in outputs:
         for new in (folder / output, *(folder / output).rglob("*")):
-            refuse_link(run_dir / new.relative_to(folder))
+            refuse_irregular(run_dir / new.relative_to(folder))
     moved = list[str]()
     for output in outputs:
         new, place = folder / output, run_dir / output

@@ -16,7 +16,7 @@ import json
 import math
 import os
 import platform
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import cache, lru_cache
 from importlib.metadata import version
@@ -31,6 +31,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.foreign import csv_cell
 from mapmore_cli.domain.scores import Score, ScoreTable
 from mapmore_cli.storage.atomic import content_of, write_own
+from mapmore_cli.storage.inputs import note_read
 from mapmore_cli.storage.tables.cells import shortened
 
 LONGEST_NAME = 255  # largest number of bytes in the name of a file on common file systems
@@ -227,7 +228,17 @@ def load_records(
         )
         return {}
     refuse_newer(path, version, FORMAT_VERSION)
+    note_read(_sources_of(run_dir, stages))
     return stages
+
+
+def _sources_of(run_dir: Path, stages: Mapping[str, StageRecord]) -> Iterator[Path]:
+    """Yield the spec and the source files of a run, from its record."""
+    if (origin := load_origin(run_dir)) is not None:
+        spec = run_dir / origin.spec
+        yield spec
+        for record in stages.values():
+            yield from (spec.parent / path for path in record.inputs)
 
 
 def written_files(run_dir: Path) -> dict[str, Stamp]:

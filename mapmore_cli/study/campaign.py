@@ -19,7 +19,7 @@ from mapmore_cli.study.fields import Row, Section, SpecPath
 from mapmore_cli.study.loader import load_as
 from mapmore_cli.study.sections.results import OtherSettings
 from mapmore_cli.study.yaml_dumper import as_overrides
-from mapmore_cli.study.yaml_loader import read_source
+from mapmore_cli.study.yaml_loader import read_source, refuse_pipe
 
 
 class Variant(Section):
@@ -85,7 +85,10 @@ class Entry:
 
 
 def is_campaign(path: Path) -> bool:
-    """Return True if a YAML file has the key `campaign` at its top level."""
+    """Return True if a YAML file has the key `campaign` at its top level. Raises SpecError for a
+    pipe or a device, which a worker could not open.
+    """
+    refuse_pipe(path)
     try:
         lines = read_source(path).text.splitlines()
     except SpecError:

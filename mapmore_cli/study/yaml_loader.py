@@ -8,15 +8,13 @@ from __future__ import annotations
 
 import gc
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
 from functools import lru_cache
 from pathlib import Path
 
 import yaml
 
 from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.storage.inputs import note_read
 from mapmore_cli.study.diagnostics import Mistake, fail
 from mapmore_cli.study.tree import Node, Position, SourceText
 from mapmore_cli.study.yaml_faults import DEEPEST, explain_fault, position_at
@@ -79,28 +77,24 @@ KEPT = 100_000  # largest number of characters of a text that is cached
 _MOST_VALUES = 50_000
 
 
-@contextmanager
-def files_read() -> Iterator[list[Path]]:
-    """Collect the paths of the files that are read as specs within the context."""
-    paths = list[Path]()
-    token = _READ.set(paths)
-    try:
-        yield paths
-    finally:
-        _READ.reset(token)
-
-
-_READ: ContextVar[list[Path] | None] = ContextVar("_READ", default=None)
+def refuse_pipe(path: Path) -> None:
+    """Raise SpecError for a pipe or a device in place of a spec, without opening it."""
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise SpecError(
+            f"{path}: is a pipe or a device; a spec has to be a file, because it is read several "
+            "times, its paths start at its folder, and the run remembers it",
+            "write it to a file, for example with `... > spec.yaml`, and give the path of the file",
+        )
 
 
 def read_source(path: Path) -> SourceText:
     """Return the text of a file.
 
     Raises SpecError for a file that is missing, unreadable, larger than a spec can be, or not in
-    UTF-8.
+    UTF-8, and for a pipe or a device.
     """
-    if (paths := _READ.get()) is not None:
-        paths.append(path)
+    note_read([path])
+    refuse_pipe(path)
     try:
         with path.open("rb") as file:
             data = file.read(LARGEST + 1)

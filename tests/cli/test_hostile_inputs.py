@@ -20,10 +20,10 @@ import mapmore_cli
 from mapmore_cli.domain.errors import DataError, WriteError
 from mapmore_cli.domain.foreign import csv_cell, printable
 from mapmore_cli.ingestion.files import expand
-from mapmore_cli.storage.atomic import write_text
+from mapmore_cli.storage.outputs import write_text, written_as_text
 from mapmore_cli.storage.readers import READERS, TableRequest
 from mapmore_cli.storage.tables import reading
-from mapmore_cli.storage.tables.lines import lines_of, replaced
+from mapmore_cli.storage.tables.lines import lines_of
 
 
 def test_a_file_without_an_end_is_refused():
@@ -53,7 +53,7 @@ def test_links_that_lead_nowhere_and_pipes_are_told(tmp_path):
             expand(pattern, tmp_path)
 
 
-def test_a_pipe_is_written_into_and_not_replaced(tmp_path):
+def test_a_pipe_is_written_into_and_not_written_as_text(tmp_path):
     pipe, found = tmp_path / "out.csv", []
     os.mkfifo(pipe)
     for write in (lambda: write_text(pipe, "a\n"), lambda: _stream(pipe)):
@@ -66,7 +66,7 @@ def test_a_pipe_is_written_into_and_not_replaced(tmp_path):
 
 
 def _stream(path):
-    with replaced(path) as text:
+    with written_as_text(path) as text:
         text.write("a\n")
 
 
@@ -75,12 +75,15 @@ def test_devices_are_written_into_and_links_are_refused(tmp_path):
     assert not Path("/dev/null").is_file()
     with pytest.raises(WriteError):
         write_text(Path("/dev/full"), "a")
-    with pytest.raises(WriteError), replaced(Path("/dev/full")) as text:
+    with pytest.raises(WriteError), written_as_text(Path("/dev/full")) as text:
         text.write("a")
     assert not Path("/dev/full").is_file()
     (tmp_path / "real.csv").write_text("old")
     (tmp_path / "link.csv").symlink_to("real.csv")
-    for write in (lambda path: write_text(path, "new"), lambda path: replaced(path).__enter__()):
+    for write in (
+        lambda path: write_text(path, "new"),
+        lambda path: written_as_text(path).__enter__(),
+    ):
         with pytest.raises(WriteError, match=r"link\.csv: is a link"):
             write(tmp_path / "link.csv")
     assert (tmp_path / "real.csv").read_text() == "old"
@@ -283,3 +286,12 @@ def test_long_lists_in_a_spec_are_one_mistake(text, tmp_path, limited):
     )
     (tmp_path / "spec.yaml").write_text(SPEC.replace("READER", "csv") + text)
     assert limited("check", "spec.yaml").returncode == 3
+
+
+@pytest.mark.timeout(60)  # to open a pipe waits for its other end
+@pytest.mark.parametrize("command", ["check", "run", "batch", "plan", "fit", "clean"])
+def test_a_pipe_is_no_spec(tmp_path, mapmore, command):
+    os.mkfifo(tmp_path / "spec.yaml")
+    mapmore(
+        command, tmp_path / "spec.yaml", "--runs", tmp_path, code=3, says="is a pipe or a device"
+    )

@@ -260,6 +260,27 @@ FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
             {"data": {"columns": {"force": {"column": "F", "unit": "N", "scale": 2.0}}}},
             ["`scale: -2`"],
         ),
+        (
+            "strain-turned",
+            "warning",
+            lambda _, c: {**c, "eps": -c["eps"]},
+            {"muscle": {"kind": "mckibben"}},
+            ["the force rises with the strain at equal pressure", "`scale: -1`"],
+        ),
+        (
+            "strain-turned",
+            "warning",
+            lambda _, c: {**c, "eps": -c["P"] / 1e4 - c["eps"] / 10},
+            {
+                "muscle": {"kind": "peano"},
+                "data": {"columns": {"force": None}, "levels": None, "split": None},
+                "target": {"column": "strain"},
+                "segment": {},
+                "dictionary": [{"polynomial": {"of": ["pressure"], "order": 2}}],
+                "validate": {"against": []},
+            },
+            ["the strain falls where the pressure rises"],
+        ),
         ("cycles-of-nothing", "error", jittered(0.3), cycles("pressure"), ["`cycles: {over: str"]),
         (
             "header-of-numbers",

@@ -18,12 +18,10 @@ from mapmore_cli.storage.atomic import (
     refusals_told,
     replacing,
     unfinished_beside,
-    write_bytes,
-    write_text,
 )
+from mapmore_cli.storage.outputs import write_bytes, write_text, written_as_text
 from mapmore_cli.storage.run_folder import open_run_folder, recover, run_lock, stage_folder, swap_in
 from mapmore_cli.storage.stamps import stamps_of, take_stamp
-from mapmore_cli.storage.tables.lines import replaced
 
 
 def test_write_replaces_the_whole_file(tmp_path):
@@ -271,7 +269,7 @@ def test_the_next_write_clears_away_what_a_killed_one_left(tmp_path):
     for name in precious:
         (tmp_path / name).write_text("precious")
     assert len(list(tmp_path.iterdir())) == 2 + len(precious)
-    with replaced(tmp_path / "model.c") as text:
+    with written_as_text(tmp_path / "model.c") as text:
         text.write("whole")
     with unfinished_beside(tmp_path / "folder", folder=True) as folder:
         folder.rename(tmp_path / "folder")

@@ -21,7 +21,7 @@ from mapmore_cli.annexes.campaigns.workers import ended, worker_died
 from mapmore_cli.domain.errors import MapmoreError, UsageError, WriteError
 from mapmore_cli.pipeline.jobs import Finished, Job
 from mapmore_cli.pipeline.processors import variables_set
-from mapmore_cli.storage.atomic import TEMPORARY, refusals_told, write_text
+from mapmore_cli.storage.atomic import TEMPORARY, refusals_told, write_own
 from mapmore_cli.storage.run_record import tool_versions
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def shared_folder(runs: Path) -> Iterator[Shared]:
     token = runs.absolute() / f"{TEMPORARY}{token_hex(6)}-shared"
     with refusals_told(runs):
         runs.mkdir(parents=True, exist_ok=True)
-    write_text(token, "")
+    write_own(token, "")
     ours = {name: value for name, value in os.environ.items() if name.startswith("MAPMORE_")}
     try:
         yield Shared(token, tool_versions()["mapmore"], ours)

@@ -94,9 +94,10 @@ def batch(
     from mapmore_cli.annexes.campaigns.sealed import known_by_seal, run_and_seal
     from mapmore_cli.annexes.campaigns.tables import campaign_tables
     from mapmore_cli.cli.views import page_lines
-    from mapmore_cli.pipeline.jobs import Job
+    from mapmore_cli.pipeline.jobs import Job, note_sources
     from mapmore_cli.pipeline.runner import Options
     from mapmore_cli.pipeline.runs_page import write_runs_page
+    from mapmore_cli.storage.inputs import note_read
     from mapmore_cli.storage.run_folder import refuse_foreign
     from mapmore_cli.storage.run_record import CAMPAIGN_RECORD
     from mapmore_cli.study.campaign import expanded
@@ -104,6 +105,7 @@ def batch(
     if cluster is not None and cluster_file is not None:
         raise UsageError("--cluster and --cluster-file exclude each other", "leave out one of them")
     campaigns, entries = expanded(configs, overrides)
+    note_read([] if cluster_file is None else [cluster_file])
     options = Options(force, rehash, not no_check)
     until = "validate" if no_pages else "report"
     todo = {
@@ -169,6 +171,9 @@ def batch(
         for entry, name in zip(entries, names, strict=True)
     ]
     print_view(View({"runs": documents}, tuple(tables), tuple(lines)), as_json)
+    if any(path is not None and path.exists() for path in (junit, summary)):
+        for number, job in todo.items():
+            note_sources(job, results[number])
     write_ci_files(junit, summary, ordered, tables)
     if code := max(map(_code, ordered.values())):
         raise Exit(code)

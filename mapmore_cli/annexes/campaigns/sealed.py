@@ -24,6 +24,7 @@ from mapmore_cli.ingestion.files import expand, relative_name
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.pipeline.jobs import Finished, Job, run_one
 from mapmore_cli.pipeline.staleness import needed_runs, pipeline
+from mapmore_cli.storage.inputs import files_read
 from mapmore_cli.storage.run_folder import RunFiles, is_tidy
 from mapmore_cli.storage.run_record import RUN_RECORD, load_records, tool_versions, written_files
 from mapmore_cli.storage.seals import (
@@ -39,7 +40,6 @@ from mapmore_cli.storage.seals import (
 from mapmore_cli.storage.stamps import take_stamp
 from mapmore_cli.study.loader import load
 from mapmore_cli.study.variables import readable_variables
-from mapmore_cli.study.yaml_loader import files_read
 
 if TYPE_CHECKING:
     from mapmore_cli.study.loader import LoadedSpec

@@ -12,7 +12,7 @@ from typer import Argument, Option
 from mapmore_cli.cli.console import STANDARD, Quiet
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import UsageError, WriteError
-from mapmore_cli.storage.atomic import write_own, write_text
+from mapmore_cli.storage.outputs import write_chosen, write_text
 
 if TYPE_CHECKING:
     from mapmore_cli.annexes.drafting.draft import Draft
@@ -179,8 +179,9 @@ def _write(files: Mapping[Path, tuple[str, Draft]], force: bool, reporter: Repor
     existing = files.keys() - free.keys()
     for path, (text, draft) in free.items():
         if draft.raw and not path.name.startswith("_"):
-            write_own(path.with_suffix(".html"), draft_page(draft))
-            reporter.say(f"To look at its columns: {path.with_suffix('.html')}")
+            page = path.with_suffix(".html")
+            write_chosen(page.parent, {page.name: draft_page(draft).encode()})
+            reporter.say(f"To look at its columns: {page}")
         write_text(path, text)
         print(path)
     first = next(iter(files))

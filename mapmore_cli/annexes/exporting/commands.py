@@ -10,7 +10,7 @@ import typer
 from mapmore_cli.cli import console
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import UsageError
-from mapmore_cli.storage.atomic import refusals_told, write_own
+from mapmore_cli.storage.outputs import write_chosen
 
 
 def export(
@@ -91,11 +91,8 @@ def export(
         files = exported(
             model, to, single=single, grid=grid, verify=not no_verify, warn=reporter.warn
         )
-        with refusals_told(output):
-            output.mkdir(parents=True, exist_ok=True)
-        for name, data in files.items():
-            write_own(output / name, data)
+        for path in write_chosen(output, files):
             if not quiet:
-                typer.echo(str(output / name))
+                typer.echo(str(path))
         if not quiet and (lines := snippet(model, to, list(files))):
             typer.echo(f"\nTo call it there:\n\n{lines}", err=True)

@@ -26,7 +26,7 @@ from mapmore_cli.modelling.expressions import Name
 from mapmore_cli.modelling.kinds import fed_back, outside_range, simulate
 from mapmore_cli.modelling.program.values import INPUT
 from mapmore_cli.modelling.programs import program_of
-from mapmore_cli.storage.atomic import scratch_folder, write_bytes, write_text
+from mapmore_cli.storage.atomic import scratch_folder, write_own
 
 COMPILERS = ("cc", "gcc", "clang")
 """Compilers that are tried in this order, after the one in the environment variable CC."""
@@ -106,7 +106,7 @@ def _compiled(
 ) -> bytes:
     with scratch_folder() as folder:
         for name, text in files.items():
-            write_text(folder / name, text)
+            write_own(folder / name, text)
         line = [compiler, *FLAGS, *flags, *compiled, "-o", "built", "-lm"]
         subprocess.run(
             line, cwd=folder, check=True, capture_output=True, text=True, timeout=SECONDS
@@ -135,7 +135,7 @@ def verify_program(
         raise _unequal(model, str(fault)) from fault
     with scratch_folder() as folder:
         place = folder / "verify.exe"
-        write_bytes(place, program)
+        write_own(place, program)
         place.chmod(0o700)
         _verify(model, [str(place)], folder, close)
 
@@ -157,7 +157,7 @@ def verify_files(model: Model, files: Mapping[str, str], command: Sequence[str])
     """
     with scratch_folder() as folder:
         for name, code in files.items():
-            write_text(folder / name, code)
+            write_own(folder / name, code)
         _verify(model, command, folder)
 
 

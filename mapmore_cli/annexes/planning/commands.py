@@ -26,7 +26,7 @@ from mapmore_cli.cli.console import (
 )
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import SpecError, UsageError
-from mapmore_cli.storage.atomic import write_text
+from mapmore_cli.storage.outputs import write_text
 
 if TYPE_CHECKING:
     from mapmore_cli.annexes.planning.results import Plan, Tuning

@@ -35,8 +35,6 @@ from mapmore_cli.pipeline.runner import (
     Listeners,
     bring_up_to_date,
 )
-from mapmore_cli.pipeline.staleness import as_found
-from mapmore_cli.storage.atomic import write_own
 from mapmore_cli.storage.run_folder import RunFiles
 from mapmore_cli.storage.run_record import SEARCH_STAGE
 from mapmore_cli.study.loader import LoadedSpec, load
@@ -162,7 +160,6 @@ def searched(
     loaded = load(loaded.path, (*loaded.overrides, *as_overrides(asked)))
     outcome = bring_up_to_date(loaded, runs, SEARCH_STAGE, **listeners)
     path = outcome.run_dir / FOUND
-    write_own(path, as_found(loaded, outcome.run_dir).resolved_in(outcome.run_dir, given_only=True))
     search = RunFiles(outcome.run_dir).search()
     assert search is not None
     return search, path

@@ -130,60 +130,6 @@ def _clipped(
     )
 
 
-PULL = 0.01
-"""Smallest share of pulling (positive) forces in the sum of all squared forces. If it is smaller,
-the force has the wrong sign.
-"""
-
-NOISE = 0.1
-"""Fraction of the largest force of all recordings. A recording with smaller forces is not examined,
-because noise decides their sign.
-"""
-
-
-def force_never_pulls(subject: Subject) -> Issues:
-    """Find a force that hardly ever pulls, in all recordings or in one. A muscle pulls, and models
-    take pull as positive. Noise and a single spike above zero do not count as pull.
-    """
-    if not subject.has("force"):
-        return
-    low, high = subject.span("force")
-    kept = [recording for recording in subject.recordings if recording.rows_kept]
-    turned = [recording for recording in kept if _pull(recording) < PULL]
-    if turned and len(turned) == len(kept):
-        ends = f"it goes from {low:.4g} to {high:.4g}"
-        yield _turned(subject, f"the force is almost never positive ({ends})", "")
-        return
-    largest = max(-low, high)
-    for recording in turned:
-        least = extremes(recording.columns["force"])[0]
-        if -least > NOISE * largest:
-            force = f"{recording.name}: the force is almost never positive (down to {least:.4g})"
-            others = "while that of other recordings is"
-            yield _turned(subject, f"{force}, {others}", " in a study of its own")
-
-
-def _pull(recording: Recording) -> float:
-    """Return the share of forces above zero in the sum of squares; one if all forces are zero."""
-    above = below = 0.0
-    for (x,) in in_blocks(recording.columns["force"]):
-        above += float(np.sum(x[x > 0] ** 2))
-        below += float(np.sum(x[x < 0] ** 2))
-    return above / (above + below) if below else 1.0
-
-
-def _turned(subject: Subject, what: str, where: str) -> Issue:
-    column = subject.spec.data.columns.get("force")
-    scale = 1.0 if column is None else column.scale
-    return Issue(
-        "warning",
-        "force-never-positive",
-        subject.source("force"),
-        f"{what}: its sign seems to be inverted",
-        f"write `scale: {-scale:g}`{where}, so that a pulling force is positive",
-    )
-
-
 STILL = 0.05
 """A quantity is held constant if it moves in each recording by less than this fraction of its range
 over all recordings.

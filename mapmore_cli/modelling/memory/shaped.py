@@ -8,12 +8,15 @@ is only checked.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.declared import Word
+from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.fits import MemoryFit
 from mapmore_cli.domain.models import Memory, Model
 from mapmore_cli.domain.recording import Curve
@@ -25,9 +28,19 @@ from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.memory.selectors import regressors
 from mapmore_cli.modelling.selection import MemoryRecipe
 from mapmore_cli.modelling.shape.exchange import Exchange
-from mapmore_cli.modelling.shape.region import region_of
-from mapmore_cli.modelling.shape.stencils import asked_of
-from mapmore_cli.modelling.shape.violations import verified, with_shape
+from mapmore_cli.modelling.shape.region import Region, region_of
+from mapmore_cli.modelling.shape.stencils import ShapeWord, asked_of
+from mapmore_cli.modelling.shape.violations import CLEARLY, verified, violations, with_shape
+
+OTHER: Mapping[Word, Word] = MappingProxyType(
+    {"increasing": "decreasing", "decreasing": "increasing"}
+)
+"""Signs of a gain, each with the other one."""
+
+VANISHED = 1e-3
+"""A static gain is zero if the output at rest changes by less than this fraction of its change
+without the sign.
+"""
 
 REMEDY = (
     "this condition can be imposed only on a model without delays of the output, without "
@@ -72,4 +85,34 @@ def with_signed_gain(
     )
     exchange.until_kept(region.asks(asked_of(recipe)), region)
     kept = with_coefficients(exchange.theta)
-    return with_shape(model, kept, curves, region, recipe, exchange.where())
+    shaped = with_shape(model, kept, curves, region, recipe, exchange.where())
+    notes = [
+        _warning_of_zero_gain(word, model, shaped, region) for word in region.asks(asked_of(recipe))
+    ]
+    return replace(shaped, notes=(*shaped.notes, *filter(None, notes)))
+
+
+def _warning_of_zero_gain(word: ShapeWord, model: Model, shaped: Model, region: Region) -> str:
+    """Return a warning if a sign makes the static gain zero, because the gain of the model without
+    it has the other sign; otherwise an empty text. Raises FitError if the training error is also
+    clearly larger: the sign is then wrong.
+    """
+    if word.word not in OTHER:
+        return ""
+    (against,) = violations(model, [word], region)
+    (left,) = violations(shaped, [ShapeWord(word.quantity, OTHER[word.word])], region)
+    if left.amount > VANISHED * against.amount or not against.amount:
+        return ""
+    sentence = (
+        f"fit.shape: `{word.quantity}: {word.word}` makes the static gain zero, because without "
+        f"this sign, the output at rest changes by {against.amount:.3g} {model.output.unit} in "
+        "the other direction"
+    )
+    shape = shaped.shape
+    if shape is not None and shape.training > CLEARLY * shape.training_without:
+        raise FitError(
+            f"{sentence}, and the training error is {shape.training / shape.training_without:.3g} "
+            "times smaller",
+            f"write `{word.quantity}: {OTHER[word.word]}` if this is right, or remove the sign",
+        )
+    return sentence

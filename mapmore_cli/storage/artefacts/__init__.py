@@ -64,6 +64,7 @@ from mapmore_cli.storage.artefacts.schema import (
     encoded,
 )
 from mapmore_cli.storage.atomic import replacing
+from mapmore_cli.storage.inputs import note_read
 from mapmore_cli.storage.run_record import refuse_newer
 
 FORMAT_VERSION = "3.3"
@@ -299,6 +300,7 @@ def _opened_file(path: Path) -> Iterator[tuple[h5py.File, str, str]]:
     if not path.is_file():
         fault = "is a folder or a special file, not a file" if path.exists() else "no such file"
         raise DataError(f"{path}: {fault}", "`mapmore run CONFIG` makes it")
+    note_read([path])
     try:
         file = h5py.File(path, "r")
     except OSError as fault:

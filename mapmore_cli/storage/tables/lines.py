@@ -18,8 +18,7 @@ from io import BufferedReader
 from pathlib import Path
 from typing import IO, Any, TextIO
 
-from mapmore_cli.domain.errors import DataError, WriteError
-from mapmore_cli.storage.atomic import written
+from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables import reading, refuse_bombs
 from mapmore_cli.storage.tables.cells import holds_number
 
@@ -308,31 +307,3 @@ def _holds_record(cell: str, delimiter: str) -> bool:
         delimiter in line and any(holds_number(part.strip(' "')) for part in line.split(delimiter))
         for line in cell.splitlines()[1:]
     )
-
-
-@contextmanager
-def replaced(path: Path) -> Iterator[TextIO]:
-    """Open a text stream that replaces `path` when the block ends without an error
-    (`atomic.written`).
-
-    Errors of the file system inside the block count as errors of this file, and become WriteErrors.
-    Raises BrokenPipeError if nobody reads any more.
-    """
-    try:
-        with written(path) as raw:
-            # the gzip header gets no name and no time, so that the same table gives the same bytes
-            zipped = path.suffix == ".gz"
-            binary = gzip.GzipFile("", "wb", fileobj=raw, mtime=0) if zipped else raw
-            text = io.TextIOWrapper(binary, "utf-8", TEXT_ERRORS, newline="")
-            yield text
-            text.flush()
-            # closing a gzip stream writes its end and leaves `raw` open; other streams are only
-            # detached
-            text.close() if zipped else text.detach()
-    except BrokenPipeError:
-        raise
-    except OSError as fault:
-        raise WriteError(
-            f"{path}: cannot be written ({fault.strerror})",
-            "choose another place with -o, or make room",
-        ) from fault

@@ -89,3 +89,20 @@ def test_the_sign_holds_where_a_measured_rate_is_zero():
     held = {"u": np.linspace(0.1, 0.9, 200), "v": np.zeros(200)}
     assert np.diff(settled(found.model, held)).min() > -1e-9
     assert found.model.shape.kept[0].binds
+
+
+def test_a_wrong_sign_is_refused_and_one_of_noise_is_told():
+    """The method keeps a wrong sign by a static gain of zero."""
+    wrong = r"`u: decreasing` makes the static gain zero.*rest changes by 0\.\d+ 1 in the other"
+    with pytest.raises(FitError, match=wrong + r".*training error is \d\.\d+ times smaller"):
+        fitted(TERMS[:2], shape={"u": "decreasing"})
+    noise = 1 + np.random.default_rng(2).normal(size=1200)
+    with pytest.warns(UserWarning, match="no better than the mean"):
+        model = mm.fit(
+            {"time": TIME, "u": U, "y": noise},
+            target="y",
+            dictionary=[{"terms": TERMS[:2]}],
+            fit={"max_terms": 2, "tolerance": 0.0, "shape": {"u": "increasing"}},
+            check=False,
+        ).model
+    assert any("makes the static gain zero" in note for note in model.notes)

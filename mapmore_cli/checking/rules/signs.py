@@ -1,0 +1,109 @@
+"""Check signs: whether the force of a muscle pulls, and whether its strain is a contraction."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mapmore_cli.checking.rules import Issue, Issues, Subject
+from mapmore_cli.domain.arrays import Array, extremes, in_blocks
+from mapmore_cli.domain.recording import Recording
+from mapmore_cli.modelling.shape.violations import KINDS
+from mapmore_cli.modelling.signals.sampling import correlation, even_share
+
+PULL = 0.01
+"""Smallest share of pulling (positive) forces in the sum of all squared forces. If it is smaller,
+the force has the wrong sign.
+"""
+
+NOISE = 0.1
+"""Fraction of the largest force of all recordings. A recording with smaller forces is not examined,
+because noise decides their sign.
+"""
+
+
+def force_never_pulls(subject: Subject) -> Issues:
+    """Find a force that hardly ever pulls, in all recordings or in one. A muscle pulls, and models
+    take pull as positive. Noise and a single spike above zero do not count as pull.
+    """
+    if not subject.has("force"):
+        return
+    low, high = subject.span("force")
+    kept = [recording for recording in subject.recordings if recording.rows_kept]
+    turned = [recording for recording in kept if _pull(recording) < PULL]
+    if turned and len(turned) == len(kept):
+        ends = f"it goes from {low:.4g} to {high:.4g}"
+        yield _turned(subject, f"the force is almost never positive ({ends})", "")
+        return
+    largest = max(-low, high)
+    for recording in turned:
+        least = extremes(recording.columns["force"])[0]
+        if -least > NOISE * largest:
+            force = f"{recording.name}: the force is almost never positive (down to {least:.4g})"
+            others = "while that of other recordings is"
+            yield _turned(subject, f"{force}, {others}", " in a study of its own")
+
+
+def _pull(recording: Recording) -> float:
+    """Return the share of forces above zero in the sum of squares; one if all forces are zero."""
+    above = below = 0.0
+    for (x,) in in_blocks(recording.columns["force"]):
+        above += float(np.sum(x[x > 0] ** 2))
+        below += float(np.sum(x[x < 0] ** 2))
+    return above / (above + below) if below else 1.0
+
+
+def _turned(subject: Subject, what: str, where: str) -> Issue:
+    column = subject.spec.data.columns.get("force")
+    scale = 1.0 if column is None else column.scale
+    return Issue(
+        "warning",
+        "force-never-positive",
+        subject.source("force"),
+        f"{what}: its sign seems to be inverted",
+        f"write `scale: {-scale:g}`{where}, so that a pulling force is positive",
+    )
+
+
+TURNED = 0.5
+"""Smallest correlation against the known sign at which a strain counts as turned."""
+
+
+def strain_turned(subject: Subject) -> Issues:
+    """Find a strain that counts a contraction as negative. At equal pressure, the force of a muscle
+    falls with its contraction; if no force varies, the contraction rises with the pressure.
+
+    Only kinds of muscles of which this is known are examined.
+    """
+    muscle = subject.spec.muscle
+    turned_force = any(force_never_pulls(subject))  # it would explain the same correlation
+    if muscle is None or muscle.kind not in KINDS or turned_force or not subject.has("strain"):
+        return
+    strain, pressure, force = (
+        even_share(subject.pooled(name)) if subject.has(name) else np.zeros(0)
+        for name in ("strain", "pressure", "force")
+    )
+    if force.size and np.ptp(force):
+        against = correlation(_beside(pressure, strain), _beside(pressure, force))
+        why = "the force rises with the strain at equal pressure"
+    elif pressure.size:
+        against, why = -correlation(strain, pressure), "the strain falls where the pressure rises"
+    else:
+        return
+    if against > TURNED:
+        yield Issue(
+            "warning",
+            "strain-turned",
+            subject.source("strain"),
+            f"{why} (correlation {against:.2f}): the sign of the strain seems to be inverted",
+            "turn its sign (`scale: -1` at its column, or a minus in `derive`), so that a "
+            "contraction is positive",
+        )
+
+
+def _beside(pressure: Array, values: Array) -> Array:
+    """Return what a straight line of the pressure does not explain of some values, (n,)."""
+    moved: Array = values - values.mean()
+    if pressure.size and np.ptp(pressure):
+        x = pressure - pressure.mean()
+        moved = moved - x * float(x @ values) / float(x @ x)
+    return moved

@@ -1,0 +1,130 @@
+"""No output takes the place of a file that is still needed, and a file whose name mapmore chooses
+takes the place of its own files alone.
+"""
+
+import shutil
+from pathlib import Path
+
+import pytest
+import typer
+
+from mapmore_cli.cli.app import app
+from mapmore_cli.domain.errors import WriteError
+from mapmore_cli.storage.inputs import files_read, note_read
+from mapmore_cli.storage.outputs import write_bytes, write_chosen
+
+MODEL = "runs/bench/model.h5"
+GRID = "pressure=100:200:50,strain=0:0.04:0.02"
+OUTPUTS = {
+    ("run", "--summary"): [("run bench.yaml --summary", "bench.yaml")],
+    ("run", "--junit"): [
+        ("run bench.yaml --junit", "bench_200.csv"),
+        ("run bench.yaml --set data.columns.force.column=Q --junit", "bench.yaml"),
+    ],
+    ("batch", "--junit"): [("batch sweep.yaml --jobs 1 --junit", "sweep.yaml")],
+    ("batch", "--summary"): [
+        ("batch sweep.yaml --jobs 1 --summary", "bench_100.csv"),
+        ("batch broken.yaml --jobs 1 --summary", "bench_100.csv"),
+    ],
+    ("predict", "--output"): [
+        (f"predict {MODEL} wanted.csv -o", "wanted.csv"),
+        (f"predict {MODEL} wanted.csv -o", "hard.csv"),
+        (f"predict {MODEL} wanted.csv -o", MODEL),
+        (f"predict {MODEL} --grid {GRID} -o", "runs/bench/scores.csv"),
+        (f"predict {MODEL} --grid {GRID} -o", "runs/bench/run.json"),
+    ],
+    ("invert", "--output"): [(f"invert {MODEL} forces.csv --for pressure -o", "forces.csv")],
+    ("figure", "--out"): [("figure bench fit -o", "final.svg")],
+    ("figure", "--data"): [("figure bench fit --curve 200 -o new.svg --data", "bench_200.csv")],
+    ("plan", "--output"): [("plan bench.yaml -o", "bench_300.csv")],
+    ("tune", "--output"): [("tune bench.yaml --over fit.max_terms=1,2 -o", "bench_300.csv")],
+    ("compare", "--figure"): [(f"compare {MODEL} {MODEL} --figure", "final.svg")],
+    ("init", "--output"): [("init bench_100.csv --yes --force -o", "bench_100.csv")],
+    ("export", "--output"): [(f"export {MODEL} --to csv --grid {GRID} -o", "mine")],
+}
+"""What each option for an output may not replace, after the command that is called with it."""
+
+
+@pytest.fixture(scope="module")
+def start(tmp_path_factory, finished):
+    folder = tmp_path_factory.mktemp("kept") / "start"
+    spec, _ = finished
+    shutil.copytree(spec.parent, folder)
+    base = "base: bench.yaml, name: "
+    (folder / "sweep.yaml").write_text(f"campaign: sweep\nruns: [{{{base}one}}]\n")
+    broken = "set: {data.columns.force.column: Q}"
+    (folder / "broken.yaml").write_text(f"campaign: broken\nruns: [{{{base}two, {broken}}}]\n")
+    (folder / "wanted.csv").write_text("pressure,strain\n200,0.01\n")
+    (folder / "forces.csv").write_text("force,strain\n200,0.01\n")
+    (folder / "final.svg").write_text("final")
+    (folder / "final.svg").chmod(0o444)
+    (folder / "mine").mkdir()
+    (folder / "mine/bench.csv").write_text("mine")
+    return folder
+
+
+def test_every_option_for_an_output_is_tried():
+    commands = typer.main.get_command(app)
+    context = typer.Context(commands)
+    named = {
+        (name, option.opts[0])
+        for name in commands.list_commands(context)
+        for option in commands.get_command(context, name).params
+        if {"--output", "--out", "--junit", "--summary", "--figure", "--data"} & {*option.opts}
+    }
+    # test_cli_family has the family for `adapt`
+    assert named == {*OUTPUTS, ("adapt", "--output")}
+
+
+@pytest.mark.usefixtures("batch_here")
+@pytest.mark.parametrize("option", OUTPUTS, ids=" ".join)
+def test_no_output_replaces_a_file_that_is_needed(option, start, mapmore, monkeypatch, tmp_path):
+    shutil.copytree(start, tmp_path / "here")
+    monkeypatch.chdir(tmp_path / "here")
+    Path("hard.csv").hardlink_to("wanted.csv")
+    for line, kept in OUTPUTS[option]:
+        place = Path(kept, "bench.csv") if Path(kept).is_dir() else Path(kept)
+        before = place.read_bytes()
+        mapmore(*line.split(), kept, code=7, says=(f"{place}: ", "replace"))
+        assert place.read_bytes() == before, line
+
+
+def test_a_file_with_a_chosen_name_replaces_those_of_mapmore_alone(tmp_path):
+    first = {"a.c": b"/* mapmore */ 1", "b.csv": b"force_predicted\n1\n"}
+    assert write_chosen(tmp_path / "new", first) == [tmp_path / "new/a.c", tmp_path / "new/b.csv"]
+    write_chosen(tmp_path / "new", {"a.c": b"2", "b.csv": b"mine"})
+    with pytest.raises(WriteError, match=r"b\.csv: exists, and mapmore has not written it"):
+        write_chosen(tmp_path / "new", {"c.c": b"", "b.csv": b"3"})
+    write_chosen(tmp_path / "new", {"b.csv": b"mine"})
+    assert {path.name: path.read_bytes() for path in (tmp_path / "new").iterdir()} == {
+        "a.c": b"2",
+        "b.csv": b"mine",
+    }
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        ("figure", "bench", "fit"),
+        ("init", "bench_100.csv", "--yes", "-o", "fit.yaml", "--force"),
+    ],
+    ids=lambda line: line[0],
+)
+def test_a_default_name_replaces_no_file_of_the_user(line, copied, mapmore, monkeypatch):
+    monkeypatch.chdir(copied[0].parent)
+    for path in (Path("fit.svg"), Path("fit.html")):
+        path.write_text("mine")
+    mapmore(*line, "-q", code=7, says="mapmore has not written it")
+    assert Path("fit.svg").read_text() == Path("fit.html").read_text() == "mine"
+
+
+def test_files_read_within_a_command_are_kept_until_its_end(tmp_path):
+    with files_read():
+        with files_read() as inner:
+            note_read([tmp_path / "a", tmp_path / "gone"])
+        assert inner == {tmp_path / "a", tmp_path / "gone"}
+        (tmp_path / "a").write_text("a")
+        with pytest.raises(WriteError, match="this command reads it"):
+            write_bytes(tmp_path / "a", b"b")
+    write_bytes(tmp_path / "a", b"c")
+    assert (tmp_path / "a").read_text() == "c"
