@@ -166,7 +166,8 @@ class Contest:
             body = replace(body, ranges=(CurveRange("all", None, limits),))
         quantities = self.dataset.quantities
         output, inputs = quantities[self.dataset.target], tuple(quantities[key] for key in names)
-        return Model(name, output, inputs, body)
+        notes = (simple.AT_REST,) if isinstance(body, Memory) else ()
+        return Model(name, output, inputs, body, notes=notes)
 
     @cached_property
     def _training(self) -> dict[str, Array]:

@@ -39,6 +39,15 @@ MOST_ROWS = 50_000
 LARGEST = 1e3  # a free run has diverged if it exceeds the largest measured output by this factor
 
 
+AT_REST = (
+    "The score is that of a run that begins at rest, as if the first measured output and the first "
+    "inputs had always been there. So it needs one measured output, and predicts the first samples "
+    "as well."
+)
+"""Note about an ARX, because a stored model with memory begins with as many measured outputs as it
+has delays.
+"""
+
 Rows = tuple[Array, Array]
 """Inputs, (n, m), and outputs, (n,), to which a polynomial is fitted."""
 
@@ -118,6 +127,10 @@ class Arx:
     def as_memory(self, curves: Sequence[Curve], limits: tuple[float, float]) -> Memory:
         """Return the ARX as a model with memory. Its time step is that of the samples of `curves`;
         a run has diverged if it is far outside the `limits` of the target.
+
+        A run of this model begins with `order` measured outputs, but the run that is scored (`arx`)
+        begins at rest. After the beginning both have the same equation, so that they agree as soon
+        as the model has forgotten its start.
         """
         steps = range(1, self.order + 1)
         past = [f"{self.target}[k-{i}]" for i in steps]
@@ -156,7 +169,8 @@ def polynomial_fit(
 def arx(dataset: Dataset, names: Sequence[str]) -> tuple[Arx, list[Array]] | None:
     """Return the fitted ARX and its free run along every recording, (n_c,) each.
 
-    The free run starts at rest at the first measured output. The coefficients are fitted by least
+    The free run, which is scored, starts at rest: as if the first measured output and the first
+    inputs had always been there. The coefficients are fitted by least
     squares one step ahead. Of `ORDERS`, the one with the smallest error in free run on the training
     samples is taken. The result is None if every free run diverges.
     """

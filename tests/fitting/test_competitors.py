@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from common import dataset_of
 from surfaces import QUANTITIES
 
 from mapmore_cli.domain.errors import SpecError
@@ -157,6 +158,21 @@ def test_a_competitor_is_a_model_of_the_same_numbers(name):
     assert rival.model.output == QUANTITIES["force"]
     for curve, output in zip(DATASET.curves, rival.forecasts, strict=True):
         np.testing.assert_allclose(predict(rival.model, curve.columns), output.values, rtol=1e-9)
+
+
+def test_an_arx_is_scored_from_rest_and_its_page_says_so():
+    """Its model begins with two measured outputs, and both runs agree once these are forgotten."""
+    pressure, force = np.random.default_rng(3).normal(size=200), np.zeros(200)
+    for k in range(2, 200):
+        force[k] = 0.1 + 1.2 * force[k - 1] - 0.5 * force[k - 2] + 0.3 * pressure[k - 1]
+    columns = {"time": 0.1 * np.arange(200), "pressure": pressure, "strain": 0 * force}
+    made = dataset_of({**columns, "force": force}, output="force")
+    rival = contest(dataset=made).rival("arx")
+    (scored,), by_model = rival.forecasts, predict(rival.model, made.curves[0].columns)
+    assert np.isfinite(scored.values).all()
+    assert abs(scored.values[2] - force[2]) > 0.01  # at rest, not from what was measured
+    np.testing.assert_allclose(by_model[80:], scored.values[80:], atol=1e-9)
+    assert "begins at rest" in " ".join(rival.model.notes)
 
 
 def test_a_black_box_is_no_model():

@@ -11,7 +11,8 @@ from common import curve_of, dataset_of
 
 from mapmore_cli.annexes.search import choosing
 from mapmore_cli.annexes.search.bench import Bench, Slice
-from mapmore_cli.annexes.search.candidate import offered_structures
+from mapmore_cli.annexes.search.candidate import MOST_PARAMETERS, offered_structures
+from mapmore_cli.annexes.search.choosing import choose_structure
 from mapmore_cli.annexes.search.further import ROUNDS
 from mapmore_cli.annexes.search.samples import cut_short, searchable
 from mapmore_cli.annexes.search.searching import FAMILIES, family, most_parameters
@@ -19,6 +20,7 @@ from mapmore_cli.annexes.search.situation import Situation, situation_of
 from mapmore_cli.annexes.search.trying import choices_of
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Recording
+from mapmore_cli.domain.results import Tried
 from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.pieces.recipe import Fuse
@@ -456,6 +458,32 @@ def test_an_end_of_an_input_is_left_out_where_the_study_holds_one_out(held, ends
     if ends:
         found = [(values[fold].min(), values[fold].max()) for fold in deciding]
         assert np.array(found) == pytest.approx(np.array(ends), abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("levels", "held", "words"),
+    [
+        (6, [1, 2, 3], "a tenth more at the end, and little inside"),
+        (7, [6, 7], "least at the end"),  # two folds leave an end out, so they decide alone
+    ],
+)
+def test_all_folds_decide_among_the_best_of_a_single_fold_at_an_end(levels, held, words):
+    bench = leveled(*range(1, levels + 1), held=held)
+    sizes = [int(fold.sum()) for fold in bench.folds]
+    errors = {  # parameters, error on folds inside, and at the end
+        "least at the end": (12, 0.03, 0.1),
+        "few parameters": (3, 0.03, 0.11),
+        "a tenth more at the end, and little inside": (9, 0.01, 0.11),
+        "much more at the end, and nothing inside": (2, 0.001, 0.13),
+    }
+    outcomes = []
+    for name, (parameters, inside, end) in errors.items():
+        places = [inside] * bench.blocks + [end] * (len(sizes) - bench.blocks)
+        left = [(np.full(n, e), np.full(n, True)) for n, e in zip(sizes, places, strict=True)]
+        outcomes.append((Tried("states", name, {}, parameters=parameters), left))
+    result = choose_structure(outcomes, bench, MOST_PARAMETERS)
+    assert result.found.words == words
+    assert ("all folds decide" in result.rule) == (held == [1, 2, 3])
 
 
 def test_ends_of_all_curves_are_left_out_where_the_study_holds_out_the_end_of_one():

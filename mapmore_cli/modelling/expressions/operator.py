@@ -262,10 +262,16 @@ def run_recursion(rule: Recursion, x: Array, own: list[float], past: list[float]
         delayed = [whole[n - lag : len(whole) - lag] for lag in range(rule.source + 1)]
         return np.asarray(rule.next(COLUMNS, *delayed))
     if rule.weights is not None:
-        from scipy.signal import lfilter, lfiltic
+        from scipy.signal import lfilter
 
         a, b = [1.0, *(-weight for weight in rule.weights[: rule.own])], rule.weights[rule.own :]
-        return lfilter(b, a, x, zi=lfiltic(b, a, own, past))[0]
+        # what earlier values add to the next ones; `lfiltic` returns the same in a longer time
+        # than the filter takes for a short piece
+        carried = [
+            sum(map(mul, b[step:], past)) - sum(map(mul, a[step:], own))
+            for step in range(1, max(len(a), len(b)))
+        ]
+        return np.asarray(lfilter(b, a, x, zi=carried)[0])
     values = []
     for now in x.tolist():
         value = rule.next(FLOATS, *own, now, *past)

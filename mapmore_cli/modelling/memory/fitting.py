@@ -15,7 +15,7 @@ from mapmore_cli.domain.fits import MemoryFit
 from mapmore_cli.modelling.expressions import NotFinite
 from mapmore_cli.modelling.frols import frols_together
 from mapmore_cli.modelling.memory.records import Record
-from mapmore_cli.modelling.memory.refinement import FreeRunProblem, Point, minimise, refine
+from mapmore_cli.modelling.memory.refinement import COARSE, FreeRunProblem, Point, minimise, refine
 from mapmore_cli.modelling.memory.selectors import TermChoice, problem_of
 from mapmore_cli.modelling.memory.training import DIGITS, TrainingData, Unknown, left_open
 from mapmore_cli.modelling.selection import MemoryRecipe
@@ -122,7 +122,7 @@ def _refined(
     if near is not None and {*near.selection.chosen.tolist()} == {*chosen}:
         order = [near.selection.chosen.tolist().index(term) for term in chosen]
         before = np.array([*near.model.theta[order], near.model.constant, *numbers])
-        point = minimise(problem, before, None)
+        point = minimise(problem, before, None, COARSE)
         if np.isfinite(point.error):
             return point
     return refine(problem, _ahead(choice, numbers))

@@ -32,9 +32,10 @@ FIRST, GROWTH = 16, 8
 LEAST_GROWTH = 1.2
 # Levenberg-Marquardt factor at the start, and the factor at which a step is given up
 DAMPING, MOST_DAMPING = 1e-3, 1e8
-# number of iterations, and relative decrease of the error at which the search stops, first for free
-# runs, then for runs over a horizon
-THOROUGH, QUICK = (40, 1e-7), (6, 1e-2)
+# number of iterations, and relative decrease of the error at which the search stops: first for free
+# runs, then for runs over a horizon, then for a fold, whose error is only compared with errors that
+# differ by more
+THOROUGH, QUICK, COARSE = (40, 1e-7), (6, 1e-2), (40, 1e-4)
 # step of the difference quotient that approximates the derivative by a parameter of an operator
 NUDGE = 1e-5
 
@@ -143,13 +144,21 @@ class FreeRunProblem:
         both divided by two, with respect to all entries of its vector. They are not finite if the
         slopes are too large.
         """
-        slopes, theta = self.slopes(point, horizon), self.split(point.vector)[0]
+        slopes, terms = self.slopes(point, horizon), np.arange(len(self.ridge))
         with np.errstate(over="ignore", invalid="ignore"):
-            curvature, downhill = slopes.T @ slopes, slopes.T @ point.residuals
-        terms = np.arange(len(theta))
+            curvature = slopes.T @ slopes
         curvature[terms, terms] += self.ridge
-        downhill[terms] -= self.ridge * theta
-        return curvature, downhill
+        return curvature, self.downhill(point, slopes)
+
+    def downhill(self, point: Point, slopes: Array) -> Array:
+        """Return the negative gradient of the error at a point, divided by two, from the slopes of
+        its outputs.
+        """
+        theta, _, _ = self.split(point.vector)
+        with np.errstate(over="ignore", invalid="ignore"):
+            downhill: Array = slopes.T @ point.residuals
+        downhill[: len(theta)] -= self.ridge * theta
+        return downhill
 
     def slopes(self, point: Point, horizon: int | None = None) -> Array:
         """Return the derivatives of the outputs by all entries of a point's vector, shape (n, k + 1
@@ -190,7 +199,11 @@ def refine(problem: FreeRunProblem, start: Array) -> Point:
     vector, last, horizon = start, 0, FIRST if fed_back else longest
     while True:
         whole = horizon >= longest
-        reached = minimise(problem, vector, None if whole else horizon)
+        reached = (
+            minimise(problem, vector, None, THOROUGH)
+            if whole
+            else minimise(problem, vector, horizon, QUICK)
+        )
         if np.isfinite(reached.error):
             if whole:
                 return reached
@@ -202,14 +215,17 @@ def refine(problem: FreeRunProblem, start: Array) -> Point:
         horizon = nearer
 
 
-def minimise(problem: FreeRunProblem, start: Array, horizon: int | None) -> Point:
+def minimise(
+    problem: FreeRunProblem, start: Array, horizon: int | None, effort: tuple[int, float]
+) -> Point:
     """Search by the Levenberg-Marquardt method at one horizon (None for a free run). A step is
-    rejected if it raises the error or if its run diverges.
+    rejected if it raises the error or if its run diverges. The `effort` is the largest number of
+    iterations and the relative gain at which the search stops.
 
     SciPy's trust-region method ends in other minima, which are not lower on the whole.
     """
     point, damping = problem.at(start, horizon), DAMPING
-    iterations, least_gain = THOROUGH if horizon is None else QUICK
+    iterations, least_gain = effort
     for _ in range(iterations):
         if not np.isfinite(point.error):
             return point
@@ -251,8 +267,8 @@ def free_run_errors(problem: FreeRunProblem, vector: Array) -> tuple[Array, floa
     its bound.
     """
     point = problem.at(vector)
-    slopes, (_, downhill) = problem.slopes(point), problem.normal(point)
-    free, errors = problem.free(vector, downhill), np.full(len(vector), np.nan)
+    slopes, errors = problem.slopes(point), np.full(len(vector), np.nan)
+    free = problem.free(vector, problem.downhill(point, slopes))
     if len(point.residuals) <= int(free.sum()) or not np.isfinite(slopes).all():
         return errors, np.nan
     size = np.maximum(np.linalg.norm(slopes[:, free], axis=0), np.finfo(np.float64).tiny)

@@ -10,7 +10,13 @@ from mapmore_cli.modelling.expressions import parse, to_text
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.expressions.states import state
 from mapmore_cli.modelling.memory.feedback import looks_back, parted, parts_of_terms
-from mapmore_cli.modelling.memory.refinement import FreeRunProblem, Point, minimise, refine
+from mapmore_cli.modelling.memory.refinement import (
+    THOROUGH,
+    FreeRunProblem,
+    Point,
+    minimise,
+    refine,
+)
 from mapmore_cli.modelling.memory.training import ALL, AT_BOUND, Unknown
 
 
@@ -53,7 +59,7 @@ def line(ridge=0.0, constant=True, low=-np.inf, high=np.inf, counted=4, fed_back
 
 @pytest.mark.parametrize("ridge", [0.0, 3.0])
 def test_the_least_error_is_that_of_the_normal_equations(ridge):
-    found = minimise(line(ridge), np.array([10.0, -7.0]), None)
+    found = minimise(line(ridge), np.array([10.0, -7.0]), None, THOROUGH)
     P = np.column_stack([Line.X, np.ones(4)])
     expected = np.linalg.solve(P.T @ P + np.diag([ridge, 0.0]), P.T @ Line.Y)
     np.testing.assert_allclose(found.vector, expected, rtol=1e-5)
@@ -63,9 +69,9 @@ def test_the_least_error_is_that_of_the_normal_equations(ridge):
 
 
 def test_bounds_hold_and_a_constant_may_be_none():
-    assert minimise(line(high=1.5), np.array([0.0, 0.0]), None).vector[0] == 1.5
-    assert minimise(line(low=2.5), np.array([3.0, 0.0]), None).vector[0] == 2.5
-    held = minimise(line(constant=False), np.array([0.0, 0.5]), None).vector
+    assert minimise(line(high=1.5), np.array([0.0, 0.0]), None, THOROUGH).vector[0] == 1.5
+    assert minimise(line(low=2.5), np.array([3.0, 0.0]), None, THOROUGH).vector[0] == 2.5
+    held = minimise(line(constant=False), np.array([0.0, 0.5]), None, THOROUGH).vector
     assert held[1] == 0.5
     assert held[0] == pytest.approx(Line.X @ (Line.Y - 0.5) / (Line.X @ Line.X))
     problem = line(low=0.0, high=1.0)
