@@ -93,7 +93,7 @@ class Polynomial:
         training data.
         """
         terms = [
-            "*".join(f"{self.names[i]}^{of.count(i)}" for i in sorted({*of})) or "1"
+            "*".join(f"{self.names[i]}^{of.count(i)}" for i in dict.fromkeys(of)) or "1"
             for of in _powers(len(self.names), self.degree)
         ]
         unknown = np.full(len(terms), np.nan)
@@ -160,9 +160,8 @@ def polynomial_fit(
         return None
     low, high = x.min(axis=0), x.max(axis=0)
     middle, half = (low + high) / 2, np.where(high > low, (high - low) / 2, 1.0)
-    theta: Array = np.linalg.lstsq(_monomials(((x - middle) / half).T, degree).T, y, rcond=None)[
-        0
-    ].astype(np.float64, copy=False)
+    table = _monomials(((x - middle) / half).T, degree).T
+    theta = np.asarray(np.linalg.lstsq(table, y, rcond=None)[0])
     return Polynomial(tuple(names), degree, middle, half, theta)
 
 

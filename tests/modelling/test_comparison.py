@@ -2,6 +2,7 @@
 of one standard error.
 """
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -11,11 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
-from surfaces import QUANTITIES, recipe
+from surfaces import QUANTITIES, curves, recipe
 
 from mapmore_cli.domain.fits import LOWER_BOUND
-from mapmore_cli.domain.models import LeftOut
-from mapmore_cli.domain.recording import Curve, Quantity
+from mapmore_cli.domain.models import Formula, LeftOut, Model
+from mapmore_cli.domain.recording import Curve, CurveRange, Quantity
+from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.validation.comparison import (
@@ -27,7 +30,7 @@ from mapmore_cli.modelling.validation.comparison import (
     reference_points,
     term_changes,
 )
-from mapmore_cli.modelling.validation.intervals import SHARES
+from mapmore_cli.modelling.validation.intervals import SHARES, half_widths
 from mapmore_cli.modelling.validation.significance import (
     sign_permutation,
     simplest_of,
@@ -43,15 +46,13 @@ LEVELS = (100.0, 200.0, 300.0, 400.0)
 def muscle(name, scale=1.0, levels=LEVELS, scatter=0.0, seed=0, end=0.2):
     """`F = scale (1 + c) P (1 - 4 e)` with one gain error c for each curve."""
     random = np.random.default_rng(seed)
-    curves = []
+    made = []
     for level in levels:
         strain = np.linspace(0, end, 60)
         force = scale * (1 + scatter * random.normal()) * level * (1 - 4 * strain)
         columns = {"pressure": np.full(60, level), "strain": strain, "force": force}
-        curves.append(
-            Curve(f"pressure={level:g}", level, columns, np.zeros(60, dtype=bool), ("a",))
-        )
-    return build(name, curves, RECIPE, QUANTITIES)
+        made.append(Curve(f"pressure={level:g}", level, columns, np.zeros(60, dtype=bool), ("a",)))
+    return build(name, made, RECIPE, QUANTITIES)
 
 
 def sure(model, error):
@@ -107,14 +108,89 @@ class TestMean:
 
 
 class TestCompare:
-    def test_the_factor_is_found(self):
-        found = compare(
-            muscle("a", scatter=0.002, seed=1), muscle("b", 1.05, scatter=0.002, seed=2)
-        )
-        assert found.ratio == pytest.approx(1.05, abs=0.006)
-        assert found.changed
-        assert found.interval[0] < found.ratio < found.interval[1]
-        assert sum(curve.weight for curve in found.curves) == pytest.approx(1)
+    def test_numbers_are_sums_over_a_grid_of_every_curve(self):
+        """Of seven curves at 41 strains each, up to the end that both reach."""
+        levels, strain = np.arange(100.0, 800.0, 100.0), np.linspace(0, 0.15, 41)
+        before = muscle("a", levels=levels, scatter=0.02, seed=1)
+        after = muscle("b", 1.05, levels=levels, scatter=0.02, seed=2, end=0.15)
+        found = compare(before, after, margin=0.02)
+        a, b = (
+            np.array([predict(model, {"pressure": np.full(41, level), "strain": strain})
+                      for level in levels])
+            for model in (before, after)
+        )  # fmt: skip
+        squares, change = np.sum(a**2, axis=1), b - a
+        ratios = np.sum(a * b, axis=1) / squares
+        share = squares / squares.sum()
+        for row, curve in enumerate(found.curves):
+            worst = int(np.abs(change[row]).argmax())
+            assert (curve.curve, curve.points) == (f"pressure={levels[row]:g}", 41)
+            assert not curve.interpolated
+            expected = (levels[row], ratios[row], share[row], change[row].mean())
+            numbers = (curve.level, curve.ratio, curve.weight, curve.difference)
+            assert numbers == pytest.approx(expected)
+            expected = (np.sqrt(np.mean(change[row] ** 2)), change[row, worst])
+            assert (curve.rms, curve.largest) == pytest.approx(expected)
+            place = {"strain": strain[worst], "pressure": levels[row]}
+            assert curve.place == pytest.approx(place)
+        sizes = [curve.rms for curve in found.by_effect]
+        assert sizes == sorted((curve.rms for curve in found.curves), reverse=True)
+        own, narrow = (weighted_mean(ratios, share, level) for level in (0.95, 0.90))
+        assert (found.before, found.after, found.unit, found.margin) == ("a", "b", "N", 0.02)
+        assert found.ratio == pytest.approx(own.value) == share @ ratios
+        assert found.interval == pytest.approx(own.interval)
+        assert found.narrow == pytest.approx(narrow.interval)
+        assert found.resolution == pytest.approx(np.ptp(own.interval) / 2)
+        assert found.p == pytest.approx(weighted_mean(ratios - 1, share, 0.95).p)
+        moves = share * (ratios - 1)
+        sums = [abs(np.dot(signs, moves)) for signs in itertools.product((1, -1), repeat=7)]
+        assert found.p_permutation == np.mean(np.array(sums) >= abs(moves.sum()) * (1 - 1e-9))
+        assert [found.moved(limit) for limit in (None, 0.03, 0.06)] == [False, True, False]
+        assert not replace(found, same_recordings=True).moved(0.03)
+
+    def test_what_interpolation_leaves_unsure_is_part_of_the_resolution(self):
+        """`1.96 sqrt(sum (share u)^2)` of both models, in parts of the curve's root mean square."""
+        first = sure(muscle("a"), 20.0)
+        later = sure(muscle("b", levels=(150.0, 250.0, 350.0, 390.0)), 30.0)
+        found = compare(first, later)
+        squares = 0.0
+        for curve in found.curves:
+            output = curve.level * (1 - 4 * np.linspace(0, 0.2, 41))
+            for model in (first, later):
+                half = half_widths(model.left_out, np.array([curve.level]), 0.95)[0]
+                squares += (curve.weight * half) ** 2 / np.mean(output**2)
+        assert found.resolution == pytest.approx(np.sqrt(squares))
+        known = compare(first, replace(later, left_out=None)).resolution
+        assert 0 < known < found.resolution
+        astray = replace(later, left_out=replace(later.left_out, astray=1e9))
+        assert compare(first, astray).resolution == math.inf
+
+    def test_curves_without_levels_have_their_names_and_a_coarse_grid_of_two_inputs(self):
+        """A formula of twice the linear parameters has twice the force."""
+        fit = fit_formula("sarosi", curves(), "force")
+        twice = {name: (1 if name == "a3" else 2) * x for name, x in fit.parameters.items()}
+        inputs = (QUANTITIES["pressure"], QUANTITIES["strain"])
+
+        def formula(name, parameters, *ranges):
+            ranges = tuple(CurveRange(curve, None, ends) for curve, ends in ranges)
+            body = Formula(replace(fit, parameters=parameters), None, ranges)
+            return Model(name, QUANTITIES["force"], inputs, body)
+
+        a = {"pressure": (100.0, 300.0), "strain": (0.0, 0.1)}
+        b = {"pressure": (150.0, 250.0), "strain": (0.05, 0.05)}
+        earlier = formula("a", fit.parameters, ("x", a), ("y", a), ("z", b))
+        later = formula("b", twice, ("z", b), ("w", a), ("x", b | {"strain": (0.05, 0.2)}))
+        found = compare(earlier, later)
+        assert [(one.curve, one.points, one.level) for one in found.curves] == [
+            ("x", 121, None), ("z", 41, None)
+        ]  # fmt: skip
+        assert [one.ratio for one in found.curves] == pytest.approx([2.0, 2.0])
+        points = grid(earlier, later, common_curves(earlier, later)[0])
+        pairs = itertools.product(np.linspace(150, 250, 11), np.linspace(0.05, 0.1, 11))
+        np.testing.assert_allclose(np.column_stack([*points.values()]), list(pairs))
+        far = {"pressure": (100.0, 140.0), "strain": (0.0, 0.1)}
+        with pytest.raises(ValueError, match="z: the ranges of pressure in a and b do not overlap"):
+            compare(earlier, formula("b", twice, ("x", a), ("z", far)))
 
     def test_a_model_has_not_changed_against_itself(self):
         one = muscle("a")
@@ -132,11 +208,6 @@ class TestCompare:
         assert not compare(a, b).changed
         assert compare(a, b, margin=0.002).changed
         assert compare(a, muscle("b", 0.9, scatter=1e-5)).changed
-
-    def test_the_grid_lies_inside_of_both_ranges(self):
-        a, b = muscle("a", end=0.2), muscle("b", end=0.15)
-        strain = grid(a, b, common_curves(a, b)[0])["strain"]
-        assert (strain.min(), strain.max()) == (0.0, pytest.approx(0.15))
 
     def test_nearly_equal_levels_are_the_same_curve(self):
         a, b = muscle("a"), muscle("b", levels=tuple(level + 1.5 for level in LEVELS))
@@ -181,12 +252,48 @@ class TestCompare:
             (first.id, "strain^2", True, False),
         }
 
-    def test_reference_points_are_outputs_of_every_model(self):
-        points = reference_points([muscle("a"), muscle("b", 1.1), muscle("c", 1.2)])
-        outputs = np.array([point.outputs for point in points])
-        np.testing.assert_allclose(
-            outputs / outputs[:, :1], np.tile([1, 1.1, 1.2], (4, 1)), rtol=1e-6
+    def test_reference_points_are_the_middles_of_up_to_six_curves(self):
+        """Of the ranges of the first and the last model; the outputs are those of all."""
+        levels = np.arange(100.0, 1000.0, 100.0)
+        ends, factors = (0.2, 0.1, 0.16), (1.0, 1.1, 1.2)
+        models = [
+            muscle(str(factor), factor, levels=levels, end=end)
+            for factor, end in zip(factors, ends, strict=True)
+        ]
+        points = reference_points(models)
+        assert [point.inputs["pressure"] for point in points] == [100, 300, 400, 600, 700, 900]
+        for point in points:
+            assert point.inputs["strain"] == pytest.approx(0.08)
+            force = point.inputs["pressure"] * (1 - 4 * 0.08)
+            assert point.outputs == pytest.approx([factor * force for factor in factors])
+        assert len(reference_points([muscle("a"), muscle("b")])) == 4
+
+    def test_changes_of_terms_are_in_the_unit_of_the_output(self):
+        a, b = muscle("a"), muscle("b", 1.1)
+        curve, *others = b.body.curves
+        first, second = curve.segments
+        scaling = replace(first.scaling, y_slope=-2.0)
+        own = {"theta": np.array([0.5, 4.0]), "theta_error": np.array([0.1, 0.2])}
+        noted = replace(first, scaling=scaling, **own, errors_note="another note")
+        later = replace(
+            b, body=replace(b.body, curves=(replace(curve, segments=(noted, second)), *others))
         )
+        found = [one for one in term_changes(a, later) if one.segment == first.id]
+        before = a.body.curves[0].segments[0]
+        assert [one.term for one in found] == list(before.terms)
+        errors = before.theta_error * abs(before.scaling.y_slope)
+        for place, one in enumerate(found):
+            assert one.before == before.theta[place] * before.scaling.y_slope
+            assert one.after == -2.0 * own["theta"][place]
+            assert one.error == pytest.approx(
+                np.hypot(errors[place], 2 * own["theta_error"][place])
+            )
+        assert {one.errors_note for one in found} == {"another note"}
+        least = replace(noted, errors_note=LOWER_BOUND)
+        lower = replace(b, body=replace(b.body, curves=(replace(curve, segments=(least, second)),)))
+        for pair in ((lower, later), (later, lower)):
+            assert {one.errors_note for one in term_changes(*pair)[:2]} == {LOWER_BOUND}
+        assert term_changes(replace(a, body=None), b) == ()
 
 
 TABLES = st.tuples(st.integers(1, 6), st.integers(2, 5)).flatmap(

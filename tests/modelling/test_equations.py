@@ -115,20 +115,6 @@ def test_what_is_printed_is_the_model_within_its_stated_error(scaling, around):
     assert np.abs(read(found.text, columns) - predicted).max() <= STATED * np.ptp(predicted)
 
 
-def test_where_pieces_meet_is_told_in_the_unit_of_the_equation():
-    """One falls where its neighbour rises, around their boundary; strains may be in per cent."""
-    model, found = built(curves(), cuts={"strain": Cuts("breakpoints", at=(0.04,))}), []
-    for units in ({}, {"strain": 0.01}):
-        first, second, *_ = (one.weight for one in equations(model, units))
-        for way, text in (("falls", first), ("rises", second)):
-            ((start, end),) = re.findall(rf"{way} (\S+) to ([^\s,;]+)", text)
-            found.append((float(start), float(end)))
-    (start, end), other, *per_cent = found
-    assert start < 0.04 < end
-    assert other == (start, end)
-    assert per_cent == [pytest.approx((100 * start, 100 * end))] * 2
-
-
 def test_other_units_are_in_the_meanings():
     model = built()
     own, other = equations(model)[1], equations(model, {"strain": 0.01})[1]

@@ -1,19 +1,37 @@
 """Competitors that need no muscle, against independent sums."""
 
+from math import comb
+
 import numpy as np
+import pytest
 from common import curve_of, dataset_of
 from hypothesis import given
 from hypothesis import strategies as st
 
 from mapmore_cli.domain import arrays
 from mapmore_cli.domain.models import Model
-from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.modelling import simple
-from mapmore_cli.modelling.kinds import equations
+from mapmore_cli.modelling.kinds import equations, predict, simulate
 
 
-@given(st.integers(1, 3), st.integers(1, 3), st.integers(0, 10_000))
-def test_a_polynomial_is_found_exactly(degree, inputs, seed):
+def test_rows_of_a_polynomial_are_known_sorted_and_thinned(monkeypatch):
+    """Every second sample that trains, of 100 for 4 times 10; then ten, spread over their order."""
+    monkeypatch.setattr(simple, "MOST_ROWS", 10)
+    rng = np.random.default_rng(2)
+    columns = {name: rng.integers(0, 4, 100) * 1.0 for name in ("u", "v", "y")}
+    columns["u"][8], columns["y"][6] = np.nan, np.nan
+    held_out = np.arange(100) > 80
+    x, y = simple.training_rows(dataset_of(columns, held_out=held_out), ["u", "v"])
+    rows = np.column_stack([columns[name][:81:2] for name in ("u", "v", "y")])
+    known = [row for row in rows.tolist() if np.isfinite(row).all()]
+    rows = sorted(known, key=lambda row: (row[1], row[0], row[2]))
+    spread = np.linspace(0, len(rows) - 1, 10).round().astype(int)
+    assert np.column_stack([x, y]).tolist() == [rows[place] for place in spread]
+
+
+@given(st.sampled_from(["plane", "quadratic", "cubic"]), st.integers(1, 3), st.integers(0, 10_000))
+def test_a_polynomial_is_found_exactly(name, inputs, seed):
     """Any scale of the inputs; held-out samples are never looked at."""
     rng = np.random.default_rng(seed)
     names = [f"u{i}" for i in range(inputs)]
@@ -22,13 +40,25 @@ def test_a_polynomial_is_found_exactly(degree, inputs, seed):
         for name in names
     }
     x = np.column_stack([columns[name] / np.abs(columns[name]).max() for name in names])
+    degree = {"plane": 1, "quadratic": 2, "cubic": 3}[name]
     truth = np.sum(x, axis=1) ** degree + 3.0
     held_out = np.arange(80) >= 60
     columns["y"] = np.where(held_out, 1e6, truth)
     dataset = dataset_of(columns, held_out=held_out)
-    fitted = simple.polynomial_fit(degree, dataset, names)
+    fitted = simple.polynomial_fit(simple.DEGREES[name], dataset, names)
+    assert len(fitted.theta) == comb(inputs + degree, degree)
     (found,) = fitted.of_curves(dataset)
     np.testing.assert_allclose(found, truth, rtol=1e-7, atol=1e-7)
+    pieces = fitted.as_pieces()
+    quantities = tuple(Quantity(name, "1") for name in names)
+    whole = Model("polynomial", Quantity("y", "1"), quantities, pieces)
+    np.testing.assert_allclose(predict(whole, columns), found, rtol=1e-9, atol=1e-9)
+    for name in names:
+        trained = columns[name][:60]
+        assert pieces.curves[0].limits[name] == pytest.approx((trained.min(), trained.max()))
+    assert pieces.segments[0].scaling.slope == pytest.approx(
+        [2 / np.ptp(columns[name][:60]) for name in names]
+    )
 
 
 def test_too_few_samples_make_no_polynomial():
@@ -47,6 +77,89 @@ def test_a_record_whose_columns_are_kept_in_files_has_the_same_arx(monkeypatch):
     monkeypatch.setattr(arrays, "LONG", 100)
     _, (in_files,) = simple.arx(dataset, ["u"])
     np.testing.assert_array_equal(in_files, in_memory)
+
+
+def run_by_hand(theta, order, y, inputs, begun=0):
+    """The free run of an ARX from some measured samples on, or at rest before the first one; NaN
+    from where it is farther than a thousand times the largest output, or unknown.
+    """
+    a, b = theta[1 : order + 1], np.reshape(theta[order + 1 :], (len(inputs), order + 1))
+    values, lost = [*y[:begun]], False
+    most = 1e3 * np.abs(y[np.isfinite(y)]).max()
+    for k in range(begun, len(y)):
+        past = [values[k - i] if k >= i else y[0] for i in range(1, order + 1)]
+        now = theta[0] + a @ np.array(past)
+        for x, weights in zip(inputs, b, strict=True):
+            now += sum(weight * x[max(k - j, 0)] for j, weight in enumerate(weights))
+        values.append(now)
+    for k, value in enumerate(values):
+        lost |= not abs(value) <= most
+        values[k] = np.nan if lost else value
+    return np.array(values)
+
+
+@pytest.mark.parametrize("most", [50_000, 12])
+def test_an_arx_is_the_best_of_its_orders_in_free_run(most, monkeypatch):
+    """By sums written out: two inputs, a curve of two recordings, gaps in what is known, and
+    thinning to every n-th sample of what trains and then to `MOST_ROWS`.
+    """
+    monkeypatch.setattr(simple, "MOST_ROWS", most)
+    rng = np.random.default_rng(5)
+    pieces = []
+    for n in (70, 50, 80):
+        u, v = rng.normal(size=(2, n))
+        y = np.zeros(n)
+        for k in range(4, n):
+            y[k] = 2 + 0.2 * y[k - 1] - 0.8 * y[k - 4] + u[k - 1] - 0.2 * v[k] + 0.1 * rng.normal()
+        pieces.append({"u": u, "v": v, "y": y})
+    origin = np.arange(120) % 2 * (np.arange(120) < 100)  # 70 and 50 samples, mixed
+    held_out = rng.random(120) < 0.2
+    pieces[0]["y"][np.flatnonzero(held_out[origin == 0])[2:4]] = np.nan
+    mixed = {name: np.empty(120) for name in ("u", "v", "y")}
+    for number, piece in enumerate(pieces[:2]):
+        for name, values in piece.items():
+            mixed[name][origin == number] = values
+    first = Curve("a", None, mixed, held_out, ("p", "q"), origin=origin)
+    second = curve_of(pieces[2], np.arange(80) > 60, "b")
+    quantities = {name: Quantity(name, "1") for name in mixed}
+    masks = [~held_out[origin == 0], ~held_out[origin == 1], np.arange(80) <= 60]
+    every = max(1, 200 // (4 * most))
+    errors = {}
+    for order in (1, 2, 4, 8):
+        rows, outputs = [], []
+        for piece, trains in zip(pieces, masks, strict=True):
+            y = piece["y"]
+            for k in [k for k in np.flatnonzero(trains) if k >= order][::every]:
+                row = [1.0, *(y[k - i] for i in range(1, order + 1))]
+                row += [piece[x][k - j] for x in ("u", "v") for j in range(order + 1)]
+                if np.isfinite([*row, y[k]]).all():
+                    rows.append(row)
+                    outputs.append(y[k])
+        share = np.linspace(0, len(rows) - 1, min(len(rows), most)).round().astype(int)
+        P, wanted = np.array(rows)[share], np.array(outputs)[share]
+        if len(wanted) < P.shape[1]:
+            continue
+        theta = np.linalg.lstsq(P, wanted, rcond=None)[0]
+        runs = [run_by_hand(theta, order, p["y"], [p["u"], p["v"]]) for p in pieces]
+        left = [run - p["y"] for run, p in zip(runs, pieces, strict=True)]
+        error = sum(np.sum(e[trains] ** 2) for e, trains in zip(left, masks, strict=True))
+        errors[order] = (error, theta, runs)
+    order = min(errors, key=lambda order: errors[order][0])
+    _, theta, runs = errors[order]
+    fitted, (mixed_run, run) = simple.arx(
+        Dataset("y", None, quantities, (), (first, second)), ["u", "v"]
+    )
+    assert (fitted.order, {*errors}) == (order, {1, 2, 4, 8} if most > 100 else {1, 2})
+    np.testing.assert_allclose(fitted.theta, theta, rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(run, runs[2], rtol=1e-6)
+    for number in (0, 1):
+        np.testing.assert_allclose(mixed_run[origin == number], runs[number], rtol=1e-6)
+    timed = curve_of({"time": 0.1 * np.arange(80), **pieces[2]})
+    memory = Model("arx", quantities["y"], (quantities["u"], quantities["v"]),
+        fitted.as_memory([timed], (0.0, 5.0)))  # fmt: skip
+    begun = run_by_hand(theta, order, timed.columns["y"], [pieces[2]["u"], pieces[2]["v"]], order)
+    found = simulate(memory, timed.columns).values
+    np.testing.assert_allclose(found[order:], begun[order:], rtol=1e-6)
 
 
 def test_an_arx_is_found():

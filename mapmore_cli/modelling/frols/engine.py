@@ -153,7 +153,7 @@ class BasisRemainders(Remainders):
 
     def __init__(self, P: Array, y: Array, limit: int) -> None:
         super().__init__(_column_squares(P), P.T @ y, float(y @ y))
-        self.P, self.residual = P, y.copy()
+        self.P, self.residual = P, y
         self.lost_below = (LOST_OF_SMALL if P.size <= SMALL else LOST) * self.pp
         self.basis, self.size = np.empty((len(y), limit), order="F"), 0
         self.explicit: IntArray = np.empty(0, dtype=np.int64)

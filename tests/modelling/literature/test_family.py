@@ -6,7 +6,7 @@ import pytest
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature import family
-from mapmore_cli.modelling.literature.own import FamilySettings
+from mapmore_cli.modelling.literature.own import FamilySettings, definition, formula_of
 
 LENGTHS = (0.1, 0.2, 0.3)
 
@@ -147,3 +147,24 @@ def test_without_points_a_specimen_is_the_family_at_its_length():
 def test_what_defines_no_family(text):
     with pytest.raises(ValueError, match=r"family|formula|Expecting"):
         literature.get(text)
+
+
+@pytest.mark.parametrize(
+    ("bounds", "parts"),
+    [
+        ((1.0, 5.0), [(1.0, 5.0)]),
+        ((-5.0, -1.0), [(-5.0, -1.0)]),
+        ((-2.0, 5.0), [(-2.0, -5e-4), (5e-4, 5.0)]),
+        ((-5.0, 2.0), [(-5.0, -5e-4), (5e-4, 2.0)]),
+        ((0.0, 5.0), [(5e-4, 5.0)]),
+        ((-5.0, 0.0), [(-5.0, -5e-4)]),
+    ],
+)
+def test_bounds_of_a_formula_of_a_spec_are_searched_in_parts_of_one_sign(bounds, parts):
+    """Values below a ten-thousandth of the larger bound are left out."""
+    text = definition("own", "here", "a*exp(b*x)", {"a": None, "b": bounds}, {"a": "N"})
+    own = formula_of(text)
+    (parameter,) = own.nonlinear
+    assert [*parameter.intervals] == [pytest.approx(part) for part in parts]
+    assert (own.inputs, own.parameters, own.linear) == (("x",), ("a", "b"), ("a",))
+    assert (own.units, own.definition) == ({"a": "N"}, text)

@@ -82,6 +82,11 @@ def test_selection_is_frols_on_data_with_rows_for_the_ridge(n, M, seed, ridge):
     assert (found.yy, found.samples) == (pytest.approx(n), n)
 
 
+def test_nothing_of_a_target_without_variance_is_unexplained():
+    data = Regularised(np.array([[1.0, 0.0], [0.0, 0.0]]), 9, 0.1)
+    assert data.unexplained(np.array([0]), np.array([0.0])) == 0.0
+
+
 @pytest.mark.parametrize("stop", ["press", "bic", "tolerance", "none of it"])
 def test_coefficients_are_those_of_the_squares_and_the_penalty(stop):
     """In the units of the candidates, and as many terms as the rule prefers."""

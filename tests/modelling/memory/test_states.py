@@ -4,28 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from common import curve_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from memory_samples import STEP, recipe_of, record, resonance, slow, wandering
-from reading import refused
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.modelling.expressions.operators.play import play
-from mapmore_cli.modelling.memory.records import (
-    AtSample,
-    records_of,
-    sampled,
-    time_step,
-    uninterrupted,
-)
 from mapmore_cli.modelling.memory.states import (
     evaluate_states,
     resolve_states,
     with_ranges,
 )
-from mapmore_cli.modelling.signals.sampling import UNEVEN
 
 RECIPE = recipe_of("y", (), max_terms=1)
 NAMES = (
@@ -114,52 +104,6 @@ def test_a_state_without_values_is_refused(name, changed, told):
         evaluate_states(
             resolve_states([name], [record(**columns)], replace(RECIPE, **changed)), columns
         )
-
-
-def test_a_record_is_cut_at_gaps_and_where_the_clock_was_set_back():
-    time = np.r_[0:5, 7:9, 3:6] * STEP + 1e-6
-    assert uninterrupted(time, STEP) == [slice(0, 5), slice(5, 7), slice(7, 10)]
-    assert uninterrupted(np.empty(0), STEP) == [slice(0, 0)]
-    rounded = np.round(np.arange(1000) * STEP, 5)
-    assert uninterrupted(rounded, STEP) == [slice(0, 1000)]
-    late = 1.7e9 + STEP * np.arange(100)  # stamps that a day of the year 2023 leaves 2e-7 s of
-    assert uninterrupted(late, STEP) == [slice(0, 100)]
-    for uneven, cuts in ((0.9, 1), (1.2, 2)):  # of UNEVEN, from one step on
-        time = np.r_[0:5, 5 + uneven * UNEVEN : 9] * STEP
-        assert len(uninterrupted(time, STEP)) == cuts
-    with pytest.raises(AtSample, match=r"only 0\.0094 s after") as told:
-        uninterrupted(np.array([0.0, 1.0, 1.94]) * STEP, STEP)
-    assert told.value.sample == 2
-
-
-def test_where_the_order_alone_counts_steps_may_be_uneven():
-    time = np.r_[0.0, 1.0, 1.2, 9.0, 3.0, 4.0]
-    curves = [curve_of({"time": time, "x": time})]
-    with pytest.raises(DataError, match="a: sample 2"):
-        sampled(curves)
-    step, uneven, records = sampled(curves, ordered=True)
-    assert (step, uneven, [piece.size for piece in records]) == (1.0, True, [4, 2])
-    assert sampled([curve_of({"time": STEP * np.arange(5)})], ordered=True)[:2] == (STEP, False)
-
-
-def test_pieces_of_curves_share_one_time_step():
-    def curve(name, time):
-        time = np.asarray(time)
-        return curve_of({"time": time, "x": time}, time > 0.03, name)
-
-    curves = [curve("a", np.r_[0:5, 9:12] * STEP), curve("b", np.arange(4) * STEP)]
-    assert time_step(curves) == pytest.approx(STEP)
-    records = records_of(curves, STEP)
-    assert [piece.size for piece in records] == [5, 3, 4]
-    assert [piece.training.tolist() for piece in records][:2] == [[True] * 4 + [False], [False] * 3]
-    with pytest.raises(
-        DataError, match=r"c: its samples are 0\.02 s apart, but those of other recordings 0\.01 s"
-    ):
-        time_step([*curves, curve("c", np.arange(9) * 2 * STEP)])
-    with refused("a: sample 2 (at 0.015 s): only 0.005 s after", "add `resample: 0.01 s`"):
-        records_of([curve("a", [0.0, STEP, 1.5 * STEP])], STEP)
-    with pytest.raises(DataError, match="the time step is unknown"):
-        time_step([curve("single", [0.0])])
 
 
 def test_a_resonance_is_found_behind_a_delay():

@@ -11,7 +11,14 @@ from hypothesis import strategies as st
 from surfaces import at, built, changed, curves, force, joined
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.kinds import outside_range, predict
+from mapmore_cli.modelling.kinds import (
+    equations,
+    outside_range,
+    parameters,
+    predict,
+    rules,
+    verbs_of,
+)
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.pieces.recipe import Cuts
 
@@ -211,3 +218,81 @@ def test_continuous_across_levels(strain):
         for n in (1001, 4001)
     )
     assert fine < 0.4 * coarse + 1e-9
+
+
+def words_of(model):
+    return [one.partition(",")[0] if "multiplied" in one else one for one in rules(model)]
+
+
+def test_rules_say_what_is_joined_and_what_lies_outside():
+    """Nothing is joined of one piece, nor across one level; a side may have words or a value."""
+    held = "beyond its limits it is held at the limit"
+    level = "pressure: beyond its limits only the outermost curve counts, at its level."
+    weights = "The weight of a piece is w in the zone in which it rises"
+    between = (
+        "Between two levels of pressure, at the fraction t of the way: (1 - t) times the lower "
+        "curve plus t times the upper."
+    )
+    several = built(max_terms=3)
+    assert words_of(several) == [weights, between, level, f"strain: {held}."]
+    one, *_ = several.body.curves
+    assert words_of(replace(several, body=replace(several.body, curves=(one,)))) == [
+        weights, level, f"strain: {held}."
+    ]  # fmt: skip
+    sides = {"pressure": ("zero", "continue_linear"), "strain": ("continue", 0.5)}
+    single = built(max_terms=1, cuts={"strain": Cuts("even", 1)})
+    assert words_of(joined(single, extrapolation=sides)) == [
+        between,
+        "pressure: below its limits the pieces are 0, above the curves continue with their slope "
+        "at the outermost level.",
+        "strain: below its limits the equations continue, above it is taken to be 0.5.",
+    ]
+    on = built(backbone=fit_formula("polynomial_2", curves(), "force"))
+    assert words_of(on)[0] == "force is polynomial_2 plus the pieces."
+    bare = replace(on.body, curves=tuple(replace(one, segments=()) for one in on.body.curves))
+    assert rules(replace(on, body=bare)) == ()
+    coefficients = sum(len(segment.theta) for segment in on.body.segments)
+    assert parameters(on) == coefficients + 5
+    assert parameters(replace(on, body=bare)) == 5
+
+
+@pytest.mark.parametrize(("units", "size"), [({}, 1.0), ({"strain": 0.01}, 0.01)])
+def test_a_weight_says_its_zones_and_where_inputs_are_held(units, size):
+    """By M2 eq 10 and 11, also in per cent; held a quarter of the samples' range beyond them, if a
+    zone reaches farther.
+    """
+    model = built(curves(levels=(80.0, 150.0)))
+    curve = model.body.curves[0]
+    (b,) = curve.boundaries
+    for place, (segment, equation) in enumerate(
+        zip(curve.segments, equations(model, units), strict=False)
+    ):
+        low, high = segment.limits["strain"]
+        words, held = [], []
+        for word, edge in (("rises", place), ("falls", place + 1)):
+            if 0 < edge < 4:
+                start = b[edge] - 0.25 * (b[edge] - b[edge - 1])
+                end = b[edge] + 0.25 * (b[edge + 1] - b[edge])
+                words.append(f"{word} {start / size:.6g} to {end / size:.6g}")
+                below, above = low - 0.25 * (high - low), high + 0.25 * (high - low)
+                if word == "rises" and below > start:
+                    held.append(f"held below {below / size:.6g}")
+                if word == "falls" and above < end:
+                    held.append(f"held above {above / size:.6g}")
+        assert equation.weight == f"strain {', '.join([*words, *held])}"
+    assert not any("held" in one.weight for one in equations(joined(model, hold="none")))
+
+
+def test_models_that_were_changed_by_hand_have_faults():
+    model = built()
+    body, verbs = model.body, verbs_of(model)
+    assert list(verbs.faults(model)) == []
+    first, second, *others = body.curves
+    for level in (first.level, np.nan):
+        same = replace(body, curves=(first, replace(second, level=level), *others))
+        (fault,) = verbs.faults(replace(model, body=same))
+        assert fault == "the levels of its curves do not increase"
+    segment = replace(first.segments[0], terms=("strain*load",))
+    curve = replace(first, segments=(segment, *first.segments[1:]))
+    (fault,) = verbs.faults(replace(model, body=replace(body, curves=(curve, second, *others))))
+    assert fault == f"the terms of {segment.id} use other quantities than its scaling"

@@ -55,6 +55,13 @@ def test_on_another_range_numbers_have_few_digits_and_one_divisor():
     )
 
 
+def test_a_quantity_that_stays_has_a_width_of_one():
+    assert along(["abs(unit(strain - 0.5))", "unit(strain)"], 3, 3) == (
+        "abs(strain - 3)",
+        "strain - 3",
+    )
+
+
 def test_a_step_times_the_change_and_its_square_over_every_window():
     factors = ["1", *(f"(x - x[k-{w}]){power}" for w in (4, 16) for power in ("", "^2"))]
     found = along(

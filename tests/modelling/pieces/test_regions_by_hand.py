@@ -1,0 +1,247 @@
+"""Where a shape is required, between which samples the output is interpolated, and which values a
+stencil compares: against sums and searches that are written out.
+"""
+
+from itertools import product
+from math import floor
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial import ConvexHull
+
+from mapmore_cli.domain.recording import Curve, CurveRange
+from mapmore_cli.modelling.ranges import limits, outside_limits
+from mapmore_cli.modelling.selection import Fit
+from mapmore_cli.modelling.shape.region import region_within
+from mapmore_cli.modelling.shape.stencils import (
+    POINTS,
+    ShapeWord,
+    asked_of,
+    nodes_of,
+    stencil_weights,
+    stencils_on,
+)
+
+
+def region_of(columns, fit=None, ranges=None, level=None):
+    """The region of the output y of one curve along its other columns."""
+    n = len(columns["y"])
+    one = Curve("all", None, columns, np.zeros(n, dtype=bool), ("a",))
+    names = [name for name in columns if name != "y"]
+    ends = {name: (columns[name].min(), columns[name].max()) for name in names}
+    whole = tuple(limits(ranges or [CurveRange("all", None, ends)], level))
+    return region_within(whole, [one], "y", names, fit or Fit())
+
+
+@given(st.integers(1, 3), st.integers(0, 10_000))
+def test_cells_are_means_of_the_samples_in_a_part_of_each_range(inputs, seed):
+    rng = np.random.default_rng(seed)
+    parts = 4096 ** (1 / inputs)
+    columns = {f"x{i}": 5 + 20 * rng.random(60).round(2) for i in range(inputs)}
+    columns |= {"still": np.full(60, 7.0), "y": rng.normal(size=60)}
+    cells = {}
+    for row in range(60):
+        place = []
+        for i in range(inputs):
+            x = columns[f"x{i}"]
+            place.append(floor((x[row] - x.min()) / np.ptp(x) * parts))
+        cells.setdefault(tuple(place), []).append(row)
+    region = region_of(columns)
+    assert (region.names, list(region.fixed)) == (tuple(f"x{i}" for i in range(inputs)), ["still"])
+    assert region.fixed["still"].tolist() == [7.0]
+    rows = [cells[place] for place in sorted(cells)]
+    np.testing.assert_allclose(region.counts, [len(row) for row in rows])
+    np.testing.assert_allclose(region.values, [columns["y"][row].mean() for row in rows])
+    for i in range(inputs):
+        means = [columns[f"x{i}"][row].mean() for row in rows]
+        np.testing.assert_allclose(region.places[:, i], means)
+    assert region.span == np.ptp(region.values)
+    assert region_of({**columns, "y": np.ones(60)}) is None
+    assert region_of({"still": np.full(60, 7.0), "y": columns["y"]}) is None
+
+
+@pytest.mark.parametrize("inputs", [2, 3])
+def test_the_output_is_linear_between_samples_and_that_of_the_nearest_outside(inputs):
+    rng = np.random.default_rng(inputs)
+    scales = np.array([1.0, 300.0, 0.02])[:inputs]
+    x = rng.random((20, inputs)) * scales + 10 * scales
+    names = [f"x{i}" for i in range(inputs)]
+    slope = np.array([3.0, -0.01, 50.0])[:inputs]
+    region = region_of(dict(zip(names, x.T, strict=True)) | {"y": 4 + x @ slope})
+    at = (rng.random((200, inputs)) * 1.4 - 0.2) * scales + 10 * scales
+    columns = dict(zip(names, at.T, strict=True))
+    weights, inside = region.between(columns)
+    low, width = region.places.min(axis=0), np.ptp(region.places, axis=0)
+    cells, asked = (region.places - low) / width, (at - low) / width
+    hull = ConvexHull(cells).equations
+    assert inside.tolist() == ((asked @ hull[:, :-1].T + hull[:, -1]).max(axis=1) < 1e-9).tolist()
+    assert 10 < inside.sum() < 190
+    np.testing.assert_allclose(weights.sum(axis=1), 1)
+    assert weights.toarray().min() > -1e-9
+    output = region.output(columns)
+    np.testing.assert_allclose(output[inside], (4 + at @ slope)[inside])
+    apart = ((asked[:, None] - cells) ** 2).sum(axis=2)
+    np.testing.assert_allclose(output[~inside], region.values[apart.argmin(axis=1)][~inside])
+
+
+def test_along_one_input_the_output_is_a_polyline_and_on_a_line_that_of_the_nearest():
+    rng = np.random.default_rng(8)
+    x = rng.permutation(np.cumsum(rng.random(30) + 0.1))
+    region = region_of({"x": x, "y": rng.normal(size=30)})
+    at = np.linspace(x.min() - 3, x.max() + 3, 101)
+    order = np.argsort(region.places[:, 0])
+    expected = np.interp(at, region.places[order, 0], region.values[order])
+    np.testing.assert_allclose(region.output({"x": at}), expected)
+    assert region.between({"x": at})[1].all()
+    x = rng.permutation(30) * 1.0
+    line = region_of({"x": x, "z": 2 * x, "y": x**2})
+    weights, inside = line.between({"x": x, "z": 2 * x})
+    assert not inside.any()
+    np.testing.assert_allclose(weights @ line.values, x**2)
+
+
+LEVELS = [
+    CurveRange("a", 100.0, {"strain": (0.0, 0.1), "load": (1.0, 3.0)}),
+    CurveRange("b", 300.0, {"strain": (0.02, 0.3), "load": (1.0, 7.0)}),
+]
+
+
+def by_levels():
+    """Ranges by level, of a curve that reaches into all corners."""
+    rows = list(product((100.0, 200.0, 300.0), np.linspace(0, 0.3, 5), (1.0, 4.0, 7.0)))
+    p, s, q = np.array(rows).T
+    return {"pressure": p, "strain": s, "load": q, "y": p * (1 - 3 * s) + q}
+
+
+def test_ranges_are_interpolated_between_levels():
+    found = list(limits(LEVELS, "pressure"))
+    assert [(one.name, one.at) for one in found] == [
+        ("pressure", None), ("strain", "pressure"), ("load", "pressure")
+    ]  # fmt: skip
+    at = {"pressure": np.array([50.0, 100.0, 150.0, 300.0, 400.0])}
+    low, high = found[1].ends(at)
+    np.testing.assert_allclose(low, [0, 0, 0.005, 0.02, 0.02])
+    np.testing.assert_allclose(high, [0.1, 0.1, 0.15, 0.3, 0.3])
+    assert [ends.tolist() for ends in found[0].ends(at)] == [[100.0], [300.0]]
+    assert list(limits([], "pressure")) == []
+    edge = {"pressure": np.full(4, 200.0), "strain": np.array([0.01, 0.2, 0.01, 0.2])}
+    edge["strain"] += np.array([-1, 1, -1, 1]) * np.array([1e-10, 1e-10, 1e-9, 1e-9])
+    assert outside_limits(LEVELS, "pressure", edge).tolist() == [False, False, True, True]
+    far = {"pressure": np.array([99.0, 301.0, 300.0]), "strain": np.full(3, 0.05)}
+    assert outside_limits(LEVELS, "pressure", far).tolist() == [True, True, False]
+    load = {"pressure": np.array([200.0, 200.0]), "load": np.array([5.0, 5.1])}
+    assert outside_limits(LEVELS, "pressure", load).tolist() == [False, True]
+
+
+def test_a_shape_is_required_within_the_ranges_and_above_the_slack_part():
+    """By a tenth of the range beyond, and above a fifth of the output's range."""
+    fit = Fit(shape={"strain": "decreasing"}, slack=0.2, beyond=0.1)
+    region = region_of(by_levels(), fit, LEVELS, "pressure")
+    assert region.ends == {
+        "pressure": pytest.approx((80.0, 320.0)),
+        "strain": pytest.approx((-0.028, 0.328)),
+        "load": pytest.approx((0.4, 7.6)),
+    }
+    rng = np.random.default_rng(6)
+    at = {"pressure": rng.uniform(70, 330, 600), "strain": rng.uniform(-0.05, 0.35, 600)}
+    at["load"] = rng.uniform(0, 8, 600)
+    p = np.clip(at["pressure"], 100, 300)
+    share = (p - 100) / 200
+    expected = region.output(at) > region.values.min() + 0.2 * np.ptp(region.values)
+    ends = {"pressure": (100.0, 300.0), "strain": (0.02 * share, 0.1 + 0.2 * share)}
+    for name, (low, high) in (ends | {"load": (1.0, 3 + 4 * share)}).items():
+        beyond = 0.1 * (high - low)
+        expected &= (at[name] >= low - beyond) & (at[name] <= high + beyond)
+    assert region.holds(at).tolist() == expected.tolist()
+    assert 50 < expected.sum() < 500
+    at_end = {name: np.array([value]) for name, value in
+              {"pressure": 320.0, "strain": 0.02, "load": 0.4}.items()}  # fmt: skip
+    assert region.holds(at_end).all()
+
+
+def test_a_grid_has_even_lines_lines_beside_knots_and_a_line_at_zero():
+    region = region_of(by_levels(), None, LEVELS, "pressure")
+    axes = region.axes({"strain": (0.1, 0.5), "pressure": ()}, 1000)
+    near = 1e-6 * 0.3
+    expected = {*np.linspace(0, 0.3, 10).tolist(), 0.1 - near, 0.1, 0.1 + near, 0.0}
+    assert axes["strain"].tolist() == pytest.approx(sorted(expected))
+    assert axes["pressure"].tolist() == np.linspace(100, 300, 10).tolist()
+    assert [region.nodes_along(count) for count in (8, 27, 1000, 10**9)] == [3, 3, 10, 400]
+    moves = {"rate": np.linspace(-1, 3, 50), "still": np.full(50, 2.0)}
+    moving = region_of(moves | {"y": np.linspace(0, 1, 50)})
+    assert moving.axes({}, 3)["rate"].tolist() == [-1.0, 0.0, 1.0, 3.0]
+    assert moving.axes({}, 3)["still"].tolist() == [2.0]
+    words = [
+        ShapeWord("still", "increasing"),
+        ShapeWord("rate", "convex"),
+        ShapeWord("y", "positive"),
+    ]
+    assert moving.asks(words) == words[1:]
+
+
+def by_word(word, y, x):
+    """What must not be negative, of values y at places x, (m, points) each."""
+    half = y.shape[1] // 2
+    sign = -1 if word in ("decreasing", "concave") else 1
+    if word == "positive":
+        return y[:, 0]
+    if half != 1 or y.shape[1] == 2:
+        return sign * (y[:, half:].mean(axis=1) - y[:, :half].mean(axis=1))
+    chord = y[:, 0] + (y[:, 2] - y[:, 0]) * (x[:, 1] - x[:, 0]) / (x[:, 2] - x[:, 0])
+    return sign * (chord - y[:, 1])
+
+
+@pytest.mark.parametrize("word", POINTS)
+@pytest.mark.parametrize("reach", [1, 2, 4])
+@pytest.mark.parametrize("quantity", ["a", "b"])
+def test_stencils_compare_neighbours_along_one_quantity(word, reach, quantity):
+    """Means of `reach` neighbours; the next begins half of that farther; all lie inside."""
+    if reach > 1 and POINTS[word] != 2:
+        return
+    rng = np.random.default_rng(reach)
+    axes = {"a": np.cumsum(rng.random(9)), "b": np.cumsum(rng.random(10)), "still": np.ones(1)}
+    columns = nodes_of(axes)
+    inside, values = rng.random(90) < 0.95, rng.normal(size=90)
+    found = stencils_on(axes, ShapeWord(quantity, word), inside, reach)
+    points = POINTS[word] * reach
+    table = np.arange(90).reshape(9, 10)
+    lines = (table.T if quantity == "a" or points == 1 else table).tolist()
+    groups = [
+        line[start : start + points]
+        for line in lines
+        for start in range(0, len(line) - points + 1, max(reach // 2, 1))
+        if inside[line[start : start + points]].all()
+    ]
+    assert sorted(found.nodes.tolist()) == sorted(groups)
+    x = columns[quantity][found.nodes]
+    np.testing.assert_allclose(stencil_weights(word, x), found.weights)
+    expected = by_word(word, values[found.nodes], x)
+    np.testing.assert_allclose(found.of(values), expected, atol=1e-12)
+    both = found.of(np.column_stack([values, 2 * values]))
+    np.testing.assert_allclose(both, np.column_stack([expected, 2 * expected]), atol=1e-12)
+    if points > 1:
+        first = {line[0] for line in lines}
+        assert all(
+            line in first and columns[other][line] == columns[other][nodes[0]]
+            for line, nodes in zip(found.lines, found.nodes, strict=True)
+            for other in {"a", "b"} - {quantity}
+        )
+    some = found.at(np.array([2, 0]))
+    assert {name: x.tolist() for name, x in some.columns.items()} == {
+        name: x[np.unique(found.nodes[[2, 0]])].tolist() for name, x in columns.items()
+    }
+    np.testing.assert_allclose(
+        some.of(values[np.unique(found.nodes[[2, 0]])]), found.of(values)[[2, 0]]
+    )
+    places = ", ".join(f"{n} = {x[found.nodes[0]].mean():.4g}" for n, x in columns.items())
+    assert found.told == f"{quantity}: {word} at {places}"
+
+
+def test_each_word_of_each_quantity_is_asked():
+    fit = Fit(shape={"a": "increasing", "b": ["decreasing", "convex"]})
+    assert [(one.quantity, one.word) for one in asked_of(fit)] == [
+        ("a", "increasing"), ("b", "decreasing"), ("b", "convex")
+    ]  # fmt: skip
+    assert asked_of(Fit()) == []
