@@ -37,6 +37,19 @@ def test_where_a_free_run_diverges():
     assert "arx: its free run diverges on b at sample 2 (2.5 1), so" in second
 
 
+def test_only_the_own_model_has_parameters_fitted_to_these_samples(monkeypatch):
+    asked = {}
+    monkeypatch.setattr(scoring, "parameters", lambda _model: 5)
+    monkeypatch.setattr(
+        scoring, "score_rows", lambda name, *_, **said: asked.update({name: said}) or ()
+    )
+    forecasts = {name: (Forecast.of(np.zeros(6)),) for name in ("mapmore", "cubic")}
+    part = SimpleNamespace(target="y", groups="session")
+    assert [*scoring._rows(part, None, dataset_of(TIMED), forecasts, None)] == []
+    assert {name: said["free"] for name, said in asked.items()} == {"mapmore": 5, "cubic": 0}
+    assert {said["group"] for said in asked.values()} == {"session"}
+
+
 def test_rows_of_models_that_saw_held_out_samples_are_marked(monkeypatch):
     saw = {Path("old")}
     monkeypatch.setattr(scoring, "trained_on", lambda run, _dataset: run in saw)
