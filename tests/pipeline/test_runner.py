@@ -15,6 +15,7 @@ from mapmore_cli.domain.errors import DataError, FitError, WriteError
 from mapmore_cli.pipeline.runner import Options, _from, bring_up_to_date, explain
 from mapmore_cli.storage.ownership import contents_of
 from mapmore_cli.storage.run_folder import run_lock
+from mapmore_cli.storage.run_record import written_files
 
 ALL = ["ingest", "fit", "fuse", "report"]
 
@@ -79,6 +80,7 @@ def test_first_run_and_second_run(folder):
     before = {
         path: path.stat().st_mtime_ns for path in outcome.run_dir.rglob("*") if path.name != ".lock"
     }
+    assert "experiment.yaml" in written_files(outcome.run_dir)
     again = run(study(folder), fake_stages(runs=ran))
     assert again.stages == dict.fromkeys(ALL, "up-to-date")
     assert again.reasons == {}

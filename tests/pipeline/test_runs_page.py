@@ -82,6 +82,21 @@ def test_a_run_that_ends_gets_a_row_and_replaces_its_own(folder):
     assert folder.rows[0].run == "a"  # the latest first
 
 
+def test_a_run_of_one_score_and_one_recording(folder):
+    run = folder.finish(
+        "a", nrmse=np.nan, alerts=[Alert("x", "x", "fit", target) for target in "zy"]
+    )
+    run.table = ScoreTable((replace(run.table.scores[0], target="y"),), {"y": "N"})
+    record = json.loads((run.run_dir / "run.json").read_text())
+    record["stages"]["ingest"]["slice"]["data"]["files"] = ["a.csv"]
+    record["origin"] = {"campaign": "c.yaml"}
+    (run.run_dir / "run.json").write_text(json.dumps(record))
+    write_runs_page(folder.runs, [run])
+    (row,) = folder.rows
+    assert (row.data, row.campaign, row.target, row.split) == ("a.csv", "c.yaml", "y", "validate")
+    assert (row.own, row.best_other, [alert.target for alert in row.alerts]) == (None, None, ["y"])
+
+
 def test_runs_that_are_gone_have_no_row(folder):
     write_runs_page(folder.runs, [folder.finish("a"), folder.finish("b")])
     shutil.rmtree(folder.runs / "a")
