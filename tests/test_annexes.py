@@ -10,6 +10,7 @@ import pytest
 import yaml
 from common import mapmore
 
+import mapmore_cli as mm
 from mapmore_cli.pipeline.example import write_example
 
 PROJECT = Path(__file__).resolve().parents[1]
@@ -37,6 +38,15 @@ def example(tmp_path_factory):
     assert first == "# yaml-language-server: $schema=mapmore.schema.json"
     assert (folder / "mapmore.schema.json").is_file()
     return folder
+
+
+def test_recordings_in_memory_are_those_of_the_files(example):
+    for columns, path in zip(mm.example(), sorted(example.glob("*.csv")), strict=True):
+        _, *rows = path.read_text().splitlines()
+        assert [*columns] == ["time", "pressure", "strain", "force"]
+        last = [float(cell) for cell in rows[-1].split(",")]
+        assert [values[-1] for values in columns.values()] == last
+        assert {len(values) for values in columns.values()} == {len(rows)}
 
 
 @pytest.mark.parametrize(

@@ -228,4 +228,4 @@ def example() -> list[dict[str, Array]]:
     >>> m.scores.of_model()["n"]
     200
     """
-    return [dict(recording) for recording in example_recordings()]
+    return example_recordings()

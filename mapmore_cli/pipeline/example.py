@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Columns
+from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.storage.atomic import refusals_told, write_own
 from mapmore_cli.study.schema import write_schema_beside
@@ -42,7 +42,7 @@ def write_example(folder: Path) -> list[Path]:
     return [path for _, path in (*specs, *recordings, *later)]
 
 
-def example_recordings() -> list[Columns]:
+def example_recordings() -> list[dict[str, Array]]:
     """Return the recordings of the study in s, kPa, 1 and N, each quantity of shape (n,)."""
     tables = [each.read_text(encoding="utf-8").splitlines() for each in _recordings(SHIPPED)]
     return [

@@ -179,7 +179,7 @@ class Sheet:
         if there := next((name for name in added if name in self.names), None):
             raise DataError(f"{self.label}: already has a column {there}", "rename or remove it")
         located = locate_columns(
-            TableRequest(self.label, tuple(dict.fromkeys(wanted)), header=True),
+            TableRequest(self.label, tuple(dict.fromkeys(wanted))),
             self.names,
             len(self.names),
             separator_hint(self.names),

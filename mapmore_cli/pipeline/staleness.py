@@ -96,14 +96,11 @@ def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
     this one. A compared run needs the runs on which its model builds.
     """
     spec, chain = loaded.spec, (*heirs, loaded.path.resolve())
-    paths = {spec.needs.static, spec.needs.damping, *(part.model for part in spec.model.sum or ())}
+    paths = [spec.needs.static, spec.needs.damping, *(part.model for part in spec.model.sum or ())]
     if not heirs:
-        paths |= {
-            competitor.run
-            for competitor in spec.validation.against
-            if isinstance(competitor, Competitor)
-        }
-    for path in sorted(path for path in paths if path is not None):
+        rivals = spec.validation.against
+        paths += [rival.run for rival in rivals if isinstance(rival, Competitor)]
+    for path in filter(None, paths):
         other = loaded.folder / path
         if other.resolve() in chain:
             circle = " -> ".join(step.name for step in (*chain, other))

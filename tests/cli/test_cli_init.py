@@ -95,8 +95,8 @@ def test_a_measured_study_is_clean_of_errors_and_warnings(mapmore, measured_data
     assert serious(mapmore, PROJECT / "configs/festo/festo_10mm_20cm_strain.yaml") == []
 
 
-@pytest.mark.parametrize(("paper", "terms"), [("m1", 1), ("m2", 1)])
-def test_the_settings_of_a_paper(tmp_path, mapmore, paper, terms):
+@pytest.mark.parametrize("paper", ["m1", "m2"])
+def test_the_settings_of_a_paper(tmp_path, mapmore, paper):
     """`--like` writes what `configs/` has for that paper, each key with a comment."""
     spec = tmp_path / "a.yaml"
     mapmore("init", PROJECT / "datasets/mckibben", "-o", spec, "--like", paper, code=0)
@@ -104,7 +104,7 @@ def test_the_settings_of_a_paper(tmp_path, mapmore, paper, terms):
     published = load(PROJECT / f"configs/{paper}" / f"{LIKE[paper]}.yaml").spec
     for section in ("segment", "dictionary", "fuse"):
         assert getattr(drafted, section) == getattr(published, section)
-    assert drafted.fit.max_terms == terms
+    assert drafted.fit.max_terms == 1
     lines = spec.read_text().splitlines()
     for key in ("segment:", "dictionary:", "fit:", "fuse:"):
         place = next(i for i, line in enumerate(lines) if line.startswith(key))

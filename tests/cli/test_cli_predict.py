@@ -105,6 +105,18 @@ def test_outside_of_the_range_of_each_curve():
 
 
 @pytest.mark.parametrize(
+    ("points", "warned"),
+    [(["99,0.05", ",", "200,0.3"], True), (["99,0.05", "150,0.05"], False), ([",0.1"], False)],
+)
+def test_a_table_whose_every_row_lies_outside_is_warned_of(points, warned):
+    warnings = []
+    lines = ["pressure,strain\n", *(f"{point}\n" for point in points)]
+    list(predicted_lines(MODEL, lines, "t", chunk=1, warn=warnings.append))
+    expects = "the model expects pressure [kPa], strain [1]"
+    assert warnings == [f"t: every row lies outside the training range; {expects}"] * warned
+
+
+@pytest.mark.parametrize(
     ("text", "place", "remedy"),
     [
         ("", "t: the table is empty", "pressure [kPa], strain [1]"),

@@ -217,16 +217,32 @@ def test_every_row_is_kept_or_counted_in_one_piece(
 
 
 def test_losses_are_warned_of(ingest):
+    """More than half of the samples, or all but nine."""
     warnings = []
     ingest(
-        {"a.csv": steps(80, 40), "b.csv": steps(80, 5)},
+        {f"{'abcdef'[at]}.csv": steps(80, n) for at, n in enumerate((40, 5, 20, 21, 18, 9))},
         warnings=warnings,
-        keep=[{"quantity": "time", "below": 1.0}],
+        keep=[{"quantity": "time", "below": 0.95}],
+        files=["[a-d].csv", {"path": "[ef].csv", "keep": [{"quantity": "time", "below": 0.85}]}],
     )
     assert warnings == [
-        "a.csv: 75% of 40 samples left out (30: time >= 1 s)",
+        "a.csv: 75% of 40 samples left out (30: time >= 0.95 s)",
         "b.csv: holds only 5 samples",
+        "d.csv: 52% of 21 samples left out (11: time >= 0.95 s)",
+        "e.csv: only 9 of 18 samples are left (8: time >= 0.95 s; 1: time >= 0.85 s)",
+        "f.csv: holds only 9 samples",
     ]
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_sizes_that_would_overflow_are_refused(ingest, sign):
+    for size in (0.0, 2e-30, 0.9e30):
+        ingest({"a.csv": steps(80, F=sign * size)})
+    for size in (0.9e-30, 1.1e30):
+        with refused(
+            f"a.csv: the largest force is {size:g} N, but", "0 or between 1e-30 and 1e+30"
+        ):
+            ingest({"a.csv": steps(80, F=np.append(np.zeros(19), sign * size))})
 
 
 ROW = "0,80,0,1\n"

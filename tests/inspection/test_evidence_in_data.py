@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -10,6 +11,7 @@ from mapmore_cli.checking.evidence import (
     same_signals,
     settling,
     spikes,
+    two_digits,
 )
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.modelling.expressions.operator import from_rest, linear
@@ -91,3 +93,44 @@ def test_a_sample_that_left_the_range_is_a_spike(n, seed, height, sign):
     place = int(rng.integers(1, n - 1))
     values[place] += sign * (2 + height)
     assert list(spikes(values)) == [place]
+
+
+@pytest.mark.parametrize(
+    ("step", "unit", "window"), [(0.02, "s", 0.16), (20.0, "ms", 0.16), (0.001, "s", 0.1)]
+)
+def test_shares_of_settled_samples_at_two_rates(step, unit, window):
+    """A pressure that rises 30 at 3 per second, and 70 at 5: 4 is settled, of a range of 100."""
+    time = np.arange(0, 24 * (1000 if unit == "ms" else 1), step)
+    seconds = time / (1000 if unit == "ms" else 1)
+    pressure = 20 + np.where(seconds < 10, 3 * seconds, 30 + 5 * (seconds - 10))
+    settled = settling([recording(time=time, pressure=pressure)], unit)
+    assert (settled.limit, settled.window) == (4.0, window)
+    assert settled.share == pytest.approx(10 / 24, abs=0.005)
+    assert settled.share_between == pytest.approx(20 / 3 / (20 / 3 + 12), abs=0.005)
+    parts = [
+        recording(time=time[rows], pressure=pressure[rows])
+        for rows in (slice(None, 600), slice(600, None))
+    ]
+    assert settling(parts, unit).share == pytest.approx(settled.share, abs=0.01)
+
+
+def test_no_rate_without_a_clock_that_goes_on():
+    pressure = np.sin(T)
+    for time in (0 * T, np.where(T == 20, 0, T), np.where(T < 20, T, T + 100)[:1002]):
+        assert settling([recording(time=time, pressure=pressure[: len(time)])]) is None
+
+
+def test_as_a_person_rounds():
+    numbers = [0.0123, 0.456, 9.96, 10.4, 123, 98765, 1.0]
+    assert [two_digits(each) for each in numbers] == [0.012, 0.46, 10, 10, 120, 99000, 1]
+
+
+def test_how_alike_signals_have_to_be_to_be_one():
+    rng = np.random.default_rng(3)
+    noise = rng.normal(size=len(T))
+    noise /= noise.std()
+    for share, same in ((0.012, True), (0.02, False)):  # a correlation of 1 - share^2 / 2
+        assert bool(same_signals([np.sin(T), np.sin(T) + share * np.sin(T).std() * noise])) == same
+    assert same_signals([T[:30], -T[:30]]) == [[0, 1]]
+    assert same_signals([T[:29], -T[:29]]) == same_signals([T, T[:-1]]) == []
+    assert same_signals([T, T**2, 3 - T**2, 1 + T, T * 2]) == [[0, 3, 4], [1, 2]]

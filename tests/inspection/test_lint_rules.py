@@ -331,6 +331,13 @@ FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
         (
             "short-segment",
             "error",
+            at(300, first_rows(1)),
+            {"segment": {"strain": {"method": "optimal", "count": 3}}},
+            ["pressure=300 has 1 training sample: 3 segments of 10 need 30"],
+        ),
+        (
+            "short-segment",
+            "error",
             clean,
             {"validate": {"against": FINE}},
             ["in `fine`: "],

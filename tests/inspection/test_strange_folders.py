@@ -4,6 +4,7 @@ tell is used.
 
 from __future__ import annotations
 
+import os
 import subprocess
 
 import numpy as np
@@ -218,6 +219,10 @@ def test_a_copy_of_a_file_is_left_out_by_name(tmp_path):
     draft = drafted(tmp_path)
     assert draft.data["skip_bad_files"] == [copy.name]
     assert draft.data["split"] == {"validate": {"recordings": ["bend_1"]}}
+    copy.write_bytes(copy.read_bytes()[:-2] + b"7\n")  # is of the same size and time
+    os.utime(copy, ns=(0, 0))
+    os.utime(tmp_path / "bend_1.csv", ns=(0, 0))
+    assert find_studies(tmp_path)[1] == []
 
 
 @pytest.mark.parametrize("copy", [".snapshot/bend.csv", "bend.bak", "old/run/bend.csv"])

@@ -162,6 +162,11 @@ def test_of_a_target_neither_copies_nor_what_computes_it_are_inputs(tmp_path):
     assert "late (gives, through a linear filter, torque" in draft.text()
     draft = drafted(tmp_path, answers=answers_of(target="torque", inputs="sensor"))
     assert list(draft.data["columns"]) == ["sensor", "torque"]
+    write(tmp_path / "a.csv", {"late": smooth, "torque": force + 1e-9 * T})
+    assert list(drafted(tmp_path, answers=answers_of(target="torque")).data["columns"]) == [
+        "late",  # is the only input, and stays
+        "torque",
+    ]
 
 
 @pytest.mark.parametrize(

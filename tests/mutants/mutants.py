@@ -13,6 +13,7 @@ from __future__ import annotations
 import ast
 import os
 import random
+import re
 import shutil
 import subprocess
 import sys
@@ -199,7 +200,9 @@ def tests_of(path: Path, table: dict[str, list[str]]) -> list[str]:
         for test in table[max(names, key=len)]
         for file in ([test] if test.endswith(".py") else _test_files(test))
     ]
-    importing = [file for file in _test_files("tests") if f"from {module} import" in _text_of(file)]
+    parent, _, name = module.rpartition(".")
+    imports = re.compile(rf"from {module} import|from {parent} import (\([^)]*|[^(\n]*)\b{name}\b")
+    importing = [file for file in _test_files("tests") if imports.search(_text_of(file))]
     near = [file for file in importing if file in room or not file.startswith(FROM_END_TO_END)]
     return list(dict.fromkeys([*near, *room]))
 

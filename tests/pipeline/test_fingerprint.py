@@ -65,6 +65,7 @@ def test_places_are_those_of_the_file(key, stage, place):
     [
         ({"fit": "x" * 60}, {"fit": "y"}, [f"fit: {'x' * 60} -> y"]),
         ({"fit": "x" * 61}, {"fit": "y"}, [f"fit: {'x' * 59}… -> y"]),
+        ({"fit": ["ä" * 56]}, {"fit": ["ä" * 57]}, [f'fit: ["{"ä" * 56}"] -> ["{"ä" * 57}…']),
         ({"fit": [*range(100)]}, {"fit": [*range(99), 7]}, ["fit changed"]),
         ({"fit": {"a": 1, "b": 2}}, {"fit": {"b": 3, "c": None}},
          ["fit.b: 2 -> 3", "fit.c: not set -> null", "fit.a: 1 -> not set"]),

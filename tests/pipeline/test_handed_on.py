@@ -2,6 +2,8 @@
 those of stages that run one by one.
 """
 
+from dataclasses import replace
+
 import pytest
 
 from mapmore_cli.pipeline.report import collected, report_slice
@@ -36,6 +38,9 @@ def test_files_are_those_of_stages_one_by_one(tmp_path, monkeypatch):
     (inputs,) = collected(report_slice(loaded.spec), one / "levels")
     assert inputs.muscle["diameter"] == "20 mm"
     assert inputs.prefix == ""  # the only output needs no name
+    assert (inputs.notes, inputs.as_recorded, inputs.other_equations) == ((), False, {})
+    left_out = replace(report_slice(loaded.spec), left_out="level")
+    assert collected(left_out, one / "levels")[0].notes[0].startswith("Every level is left out")
     assert inputs.style.width * 0.0254 == pytest.approx(loaded.spec.report.style.width)  # inches
 
     def read(kind, path, *_):

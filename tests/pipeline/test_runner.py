@@ -14,6 +14,8 @@ from fake_study import contents, fake_stages, make_data, study
 from mapmore_cli.domain.errors import DataError, FitError, WriteError
 from mapmore_cli.pipeline.runner import Options, _from, bring_up_to_date, explain
 from mapmore_cli.storage.ownership import contents_of
+from mapmore_cli.storage.run_folder import run_lock
+from mapmore_cli.storage.run_record import written_files
 
 ALL = ["ingest", "fit", "fuse", "report"]
 
@@ -55,6 +57,15 @@ def record(folder):
     return json.loads((folder / "runs" / "demo" / "run.json").read_text())
 
 
+def test_a_run_that_is_up_to_date_may_be_written_by_another_process(folder):
+    """Nothing is written, so that no lock is needed."""
+    run(study(folder))
+    with run_lock(folder / "runs" / "demo"):
+        assert_settled(folder)
+        with pytest.raises(WriteError, match="another process"):
+            run(study(folder), options=Options(force=True))
+
+
 def test_first_run_and_second_run(folder):
     told = []
     ran = []
@@ -69,6 +80,7 @@ def test_first_run_and_second_run(folder):
     before = {
         path: path.stat().st_mtime_ns for path in outcome.run_dir.rglob("*") if path.name != ".lock"
     }
+    assert "experiment.yaml" in written_files(outcome.run_dir)
     again = run(study(folder), fake_stages(runs=ran))
     assert again.stages == dict.fromkeys(ALL, "up-to-date")
     assert again.reasons == {}

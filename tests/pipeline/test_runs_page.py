@@ -1,6 +1,7 @@
 """The page of all runs: one row for each output, kept in the page itself."""
 
 import json
+import re
 import shutil
 import time
 from dataclasses import replace
@@ -10,6 +11,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from common import curve_of
 
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.domain.scores import Alert, Score, ScoreTable
@@ -82,6 +84,21 @@ def test_a_run_that_ends_gets_a_row_and_replaces_its_own(folder):
     assert folder.rows[0].run == "a"  # the latest first
 
 
+def test_a_run_of_one_score_and_one_recording(folder):
+    run = folder.finish(
+        "a", nrmse=np.nan, alerts=[Alert("x", "x", "fit", target) for target in "zy"]
+    )
+    run.table = ScoreTable((replace(run.table.scores[0], target="y"),), {"y": "N"})
+    record = json.loads((run.run_dir / "run.json").read_text())
+    record["stages"]["ingest"]["slice"]["data"]["files"] = ["a.csv"]
+    record["origin"] = {"campaign": "c.yaml"}
+    (run.run_dir / "run.json").write_text(json.dumps(record))
+    write_runs_page(folder.runs, [run])
+    (row,) = folder.rows
+    assert (row.data, row.campaign, row.target, row.split) == ("a.csv", "c.yaml", "y", "validate")
+    assert (row.own, row.best_other, [alert.target for alert in row.alerts]) == (None, None, ["y"])
+
+
 def test_runs_that_are_gone_have_no_row(folder):
     write_runs_page(folder.runs, [folder.finish("a"), folder.finish("b")])
     shutil.rmtree(folder.runs / "a")
@@ -145,3 +162,42 @@ def test_a_row_without_scores_says_nothing(folder):
     page = runs_page._page(folder.runs, [row])
     assert (row.own, row.best_other, row.day) == (None, None, "1970-01-01 00:00")
     assert "<svg" not in page
+
+
+def places(path):
+    """The points of a path of relative steps."""
+    numbers = [float(each) for each in re.findall(r"-?\d*\.?\d+", path)]
+    return np.cumsum(np.reshape(numbers, (-1, 2)), axis=0)
+
+
+def test_a_picture_of_the_first_held_out_curve():
+    """The sheet has a rim of one; the curve goes from its left to its right, by x or by time."""
+    x, y, predicted = np.array([[3.0, 1, 2, 5, 4], [0, -10, 10, 30, 20], [5, np.nan, 10, 25, -5]])
+    columns = {"x": x, "force": y}
+    training = curve_of({name: np.zeros(5) for name in columns})
+    for more, order in (({}, np.argsort(x)), ({"time": 0 * x}, range(5))):
+        held_out = curve_of(columns | more, np.arange(5) == 2)
+        dataset = SimpleNamespace(target="force", curves=(training, held_out, training))
+        said = {"mapmore": (np.zeros(5), predicted, np.zeros(5))}
+        for shown in (None, SimpleNamespace(curves=dataset.curves)):
+            validation = SimpleNamespace(shown=shown, predictions=said, along="x")
+            pictures = runs_page._picture(validation, dataset)
+            for picture, values in zip(pictures, (y, predicted), strict=True):
+                heights = 35 - 34 * (values[order] + 10) / 40
+                expected = np.column_stack([[1, 30.5, 60, 89.5, 119], heights])
+                np.testing.assert_allclose(
+                    places(picture), expected[np.isfinite(heights)], atol=0.06
+                )
+        dataset.target = "other"
+        assert runs_page._picture(validation, dataset) == ("", "")
+
+
+def test_a_long_curve_is_drawn_by_forty_of_its_samples():
+    curve = curve_of({"force": np.arange(1000.0)})
+    dataset = SimpleNamespace(target="force", curves=(curve,))
+    validation = SimpleNamespace(
+        shown=None, predictions={"mapmore": (np.full(1000, 7.0),)}, along="x"
+    )
+    measured, level = map(places, runs_page._picture(validation, dataset))
+    assert (len(measured), len(level)) == (40, 40)
+    np.testing.assert_allclose(measured[[0, -1]], [[1, 35], [119, 1]])

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from common import curve_of, dataset_of
 
+from mapmore_cli.domain.compared import Normaliser
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import Score
 from mapmore_cli.pipeline import scoring
+from mapmore_cli.pipeline.validate import required_limits
 
 TIMED = {"time": 0.5 * np.arange(6), "y": np.zeros(6)}
 PIECES = replace(
@@ -33,6 +35,19 @@ def test_where_a_free_run_diverges():
     first, second = warnings
     assert "arx: its free run diverges on a at sample 1 (0.5 1), so" in first
     assert "arx: its free run diverges on b at sample 2 (2.5 1), so" in second
+
+
+def test_only_the_own_model_has_parameters_fitted_to_these_samples(monkeypatch):
+    asked = {}
+    monkeypatch.setattr(scoring, "parameters", lambda _model: 5)
+    monkeypatch.setattr(
+        scoring, "score_rows", lambda name, *_, **said: asked.update({name: said}) or ()
+    )
+    forecasts = {name: (Forecast.of(np.zeros(6)),) for name in ("mapmore", "cubic")}
+    part = SimpleNamespace(target="y", groups="session")
+    assert [*scoring._rows(part, None, dataset_of(TIMED), forecasts, None)] == []
+    assert {name: said["free"] for name, said in asked.items()} == {"mapmore": 5, "cubic": 0}
+    assert {said["group"] for said in asked.values()} == {"session"}
 
 
 def test_rows_of_models_that_saw_held_out_samples_are_marked(monkeypatch):
@@ -102,3 +117,55 @@ def test_competitors_are_those_of_the_spec_and_the_simple_ones():
     assert steps == [("competitors", 1, 2), ("competitors", 2, 2)] * 2
     reason = "sarosi: the fit failed, so that its rows are left out: overflow; overflow"
     assert warnings == [reason] * 2
+
+
+def test_limits_are_compared_with_the_held_out_rows_of_the_models_own_outputs():
+    def row(model, target, split, curve="all", rmse=1.0):
+        return Score(model, target, split, curve, 9, rmse, 1.0, 2.0, "range", 3.0, 4.0, 0.5)
+
+    rows = [
+        row("mapmore", "y", "validate", rmse=5.0),
+        row("mapmore", "y", "validate", "p=1", rmse=6.0),
+        row("mapmore", "y", "train"),
+        row("cubic", "y", "validate"),
+    ]
+    other = row("mapmore", "z", "validate", rmse=7.0)
+
+    def found(require, *rows):
+        limits = required_limits(require, rows)
+        return [(each.metric, each.model, each.value, each.limit) for each in limits]
+
+    assert found({"rmse": 4.0}, *rows) == [("rmse", "mapmore", 5.0, 4.0)]
+    assert found({"rmse": {"z": 3.0}}, *rows) == []
+    assert found({"max_abs_error": 9.0, "rmse": {"z": 3.0}}, *rows, other) == [
+        ("max_abs_error", "mapmore (y)", 3.0, 9.0),
+        ("max_abs_error", "mapmore (z)", 3.0, 9.0),
+        ("rmse", "mapmore (z)", 7.0, 3.0),
+    ]
+    assert found({"rmse": 4.0}, rows[2], rows[3]) == [("rmse", "mapmore", 1.0, 4.0)]
+
+
+def test_rows_that_were_measured_once_do_not_count(monkeypatch):
+    """A repeatability of two curves: three of five samples have a repetition."""
+    asked = []
+    others = (np.array([1.0, np.nan, 24.0]), np.array([np.nan, 10.0]))
+    for name in ("repeats", "repeated_cycles"):
+        monkeypatch.setattr(
+            scoring, name, lambda *said, of=name: asked.append((of, *said)) or others
+        )
+    columns = {"x": np.arange(3.0), "p": np.ones(3), "y": np.array([0.0, 10, 20])}
+    first = curve_of(columns)
+    dataset = replace(
+        dataset_of(columns, output="y"), curves=(first, first.at(range(2))), level="p"
+    )
+    inputs = tuple(dataset.quantities[name] for name in ("p", "x"))
+    model = SimpleNamespace(output=dataset.quantities["y"], inputs=inputs)
+    for cycles in (None, "x"):
+        part = SimpleNamespace(cycles_of=cycles, target="y")
+        found = scoring._repeatability_scores(part, model, dataset, Normaliser("range", 4.0))
+        (row,) = (row for row in found if row.curve == "all")
+        assert (row.model, row.target, row.n) == ("repeatability", "y", 3)
+        assert row.rmse == pytest.approx(np.sqrt((1 + 16 + 0) / 3))
+    (name, _, target, along, _), (other, *_, driven, _) = asked
+    assert (name, target, along) == ("repeats", "y", ["x"])
+    assert (other, driven) == ("repeated_cycles", "x")

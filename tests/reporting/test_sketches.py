@@ -111,10 +111,66 @@ def test_a_logarithmic_axis_begins_at_the_least_positive_value(values, ends):
     assert axis.ends == ends
 
 
+@pytest.mark.parametrize(
+    ("margin", "values", "logarithmic", "ends"),
+    [
+        (0.1, [], False, (0, 1)),
+        (0.1, [np.inf, 3.0, -2.0], False, (-2.5, 3.5)),
+        (0.1, [40.0, 40.0], False, (38, 42)),  # a twentieth beside a single value
+        (0.1, [-40.0], False, (-42, -38)),
+        (0.1, [0.0], False, (-1, 1)),
+        (0.5, [1.0, 100.0], True, (0.1, 1000)),
+        (0.1, [7.0], True, (3.5, 14)),
+        (0.1, [-7.0, np.nan], True, (1, 10)),
+    ],
+)
+def test_an_axis_has_room_beside_its_values(margin, values, logarithmic, ends):
+    axis = Axis(margin, logarithmic=logarithmic)
+    for value in values:
+        axis.hold([value])
+    assert axis.ends == pytest.approx(ends, rel=1e-12)
+    axis.set_ends(None, 1e3)
+    assert axis.ends == pytest.approx((ends[0], 1e3))
+    axis.set_ends(-1.0, None)
+    assert axis.ends == (-1.0, 1e3)
+
+
+def test_own_ticks_are_on_the_axis_and_named_by_their_numbers():
+    axis = Axis(0.1)
+    axis.set_ticks([1.0, 2.5, 4.0], None)
+    assert axis.ends == pytest.approx((0.7, 4.3))
+    axis.set_ends(4.0, 2.5)  # the other way round
+    assert axis.labels() == {2.5: "2.5", 4.0: "4"}
+    axis.set_ticks([3.0], ["three"])
+    assert axis.labels() == {3.0: "three"}
+    fine = Axis(0.0, limits=(0.5, 25.0), logarithmic=True, subs=(1.0, 2.0, 5.0))
+    assert [*fine.labels().values()] == ["0.5", "1", "2", "5", "10", "20"]
+    large = Axis(0.0, limits=(0.0, 2e6))
+    assert [*large.labels().values()] == ["0", "500000", "1e+06", "1.5e+06", "2e+06"]
+
+
+def test_ticks_are_as_many_as_there_is_room_for():
+    """The smallest of the round steps with which there are not too many."""
+    rng = np.random.default_rng(5)
+    for _ in range(400):
+        low = rng.normal() * 10.0 ** rng.integers(-8, 8)
+        high, most = low + 10.0 ** rng.uniform(-6, 6), int(rng.integers(2, 13))
+        if high - low < 1e-9 * abs(low):
+            continue
+        powers = 10.0 ** np.arange(-9, 9)
+        steps = sorted(digit * power for power in powers for digit in (1, 2, 2.5, 5))
+        step = next(step for step in steps if (high - low) / step <= most)
+        numbers = range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)
+        assert nice_ticks(low, high, most) == pytest.approx([n * step for n in numbers], rel=1e-9)
+        around = range(math.floor(low / step), math.ceil(high / step) + 1)
+        if len(numbers) > 1:
+            assert levels_of(low, high, most) == pytest.approx([n * step for n in around], rel=1e-9)
+
+
 def test_levels_reach_beyond_the_data():
     levels = levels_of(-3.0, 801.0, 12)
-    assert levels[0] <= -3.0
-    assert levels[-1] >= 801.0
+    assert (levels[0], levels[1], levels[-2], levels[-1]) == (-100, 0, 800, 900)
+    assert levels_of(5.0, 5.0, 4) == [5.0]
     assert nice_ticks(5.0, 5.0, 4) == [5.0]
     assert nice_ticks(1.0, math.nextafter(1.0, 2.0), 4) == [1.0]  # differ by rounding alone
 

@@ -24,7 +24,7 @@ def patterns(files: Sequence[Path], folder: Path, bad: Iterable[Path] = ()) -> l
     names = [relative_name(file, folder) for file in files]
     steps = [name.split("/") for name in names]
     if len(files) > 1 and len({len(step) for step in steps}) == 1:
-        one = "/".join(_glob_of(sorted({*parts})) for parts in zip(*steps, strict=True))
+        one = "/".join(_glob_of([*{*parts}]) for parts in zip(*steps, strict=True))
         found = resolved(expand(one, folder, may_be_empty=True))
         if found - resolved(bad) == resolved(files):
             return [one]
