@@ -46,8 +46,8 @@ class Fit(Settings):
       corner of the data. A product of two inputs then needs four terms; `max_abs` (division by the
       largest magnitude) and `none` need only one. `range` maps states to [0, 1]. The default is
       `unit_square` for pieces, `none` with memory, and `max_abs` for damping. Example: `none`
-    - `margin`: Distance outside the training range at which states are clipped with `scaling:
-      range`, as a fraction of the range. Example: `0.15`
+    - `margin`: Only with memory: distance outside the training range at which states are clipped
+      with `scaling: range`, as a fraction of the range. Example: `0.15`
     - `train_level`: The training level whose samples alone are used to fit the segments, as in M2,
       or `all`. Example: `highest`
     - `max_terms`: Largest number of terms of each segment or, if there are no segments, of the
@@ -62,9 +62,9 @@ class Fit(Settings):
     - `criterion`: Which error the coefficients make small in a model with lags of the output: the
       error one step ahead (`one_step`), or the error of a simulation (`free_run`). Example:
       `free_run`
-    - `ridge`: Regularisation as a fraction of a candidate's variance, or `auto` to choose it. With
-      `ridge`, more terms than wanted are selected (see `forward`), and the least important ones are
-      removed until `max_terms` remain. Example: `auto`
+    - `ridge`: Only with memory: regularisation as a fraction of a candidate's variance, or `auto`
+      to choose it. More terms than wanted are then selected (see `forward`), and the least
+      important ones are removed until `max_terms` remain. Example: `auto`
     - `forward`: Number of terms that are selected before some are removed, if `ridge` is set; three
       times `max_terms` by default. Example: `30`
     - `loss`: Loss function for residuals. `huber` limits the influence of large residuals.

@@ -208,8 +208,8 @@ class LoadedModel:
         return low.reshape(shape), high.reshape(shape)
 
     def derivatives(self, **columns: ArrayLike) -> dict[str, Array]:
-        """Return the derivative of the output by each input, in the shape of the output. Raises an
-        error for models with memory, which have none.
+        """Return the derivatives of the output with respect to each input, in the shape of the
+        output. Raises an error for models with memory, which have none.
         """
         flat, shape = self._flattened(columns)
         return {name: slope.reshape(shape) for name, slope in slopes(self.model, flat).items()}
