@@ -94,7 +94,7 @@ def tracking(runs: Path) -> Table:
         )
         rows.append((feed, *errors(feed, runs), *alone))
     heads = ("RMSE", "largest error", "RMSE without the loop", "largest error without the loop")
-    columns = ("fed forward", *(f"{head} [% strain] .3g" for head in heads))
+    columns = ("feedforward by", *(f"{head} [% strain] .3g" for head in heads))
     return Table.of(
         "tracking", "Errors of the strain while a weight of 20 kg follows a course", columns, rows
     )

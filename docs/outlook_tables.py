@@ -416,11 +416,11 @@ def wrist_loop(runs: Path) -> Table:
     heads = (
         "rig: RMSE",
         "foretold: RMSE",
-        "rig and foretold apart",
+        "difference of rig and foretold",
         "rig at twice the gains: RMSE",
         "foretold at twice the gains: RMSE",
     )
-    columns = ("fed forward", *(f"{head} [deg] .3g" for head in heads))
+    columns = ("feedforward by", *(f"{head} [deg] .3g" for head in heads))
     notes = (f"Lag of the regulator by least squares: {1e3 * lag():.0f} ms.",)
     return Table.of(
         "wrist-loop", "W's muscles on a wrist in a closed loop (simulated)", columns, rows, *notes

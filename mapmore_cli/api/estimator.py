@@ -58,8 +58,8 @@ class FROLS:
     only by rounding errors. The mean of such a column is subtracted before terms are selected;
     `selection_` and `table_` contain terms of this difference, and `predict` computes with them.
     `terms_` and `coef_` describe the same model with the column as it was passed in `X`. For this,
-    powers are multiplied out. A term that appears only thereby has an error reduction ratio of
-    zero.
+    powers are multiplied out. This can add terms that were not selected; their error reduction
+    ratio is zero.
 
     >>> x = np.linspace(0, 1, 50)
     >>> model = FROLS(order=2, max_terms=2).fit(np.column_stack([x, np.cos(9 * x)]), 3 * x**2 - 1)

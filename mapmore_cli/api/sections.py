@@ -104,7 +104,7 @@ def fit(
     check
         With `check=False`, an error of `mapmore check` becomes a warning, and the fit goes on.
     progress
-        Whether a bar shows how far the work has come: True for one at once, False for none. By
+        Whether a bar shows how far the work has come: True shows it at once, False never. By
         default, a terminal or a notebook shows one after two seconds.
     of_data
         Other keys of the section `data`, for example `cycles`, `resample` or `derive`.

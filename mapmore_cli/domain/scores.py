@@ -123,7 +123,7 @@ class Score:
     ] = math.nan
     r_uncentred: Annotated[
         float,
-        "correlation of measured and predicted about zero, W's index",
+        "correlation of measured and predicted values without subtracting their means (R of W)",
         Measure(lambda row: row.correlation),
     ] = math.nan
     interval_coverage: Annotated[

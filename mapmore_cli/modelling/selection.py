@@ -46,27 +46,30 @@ class Fit(Settings):
       corner of the data. A product of two inputs then needs four terms; `max_abs` (division by the
       largest magnitude) and `none` need only one. `range` maps states to [0, 1]. The default is
       `unit_square` for pieces, `none` with memory, and `max_abs` for damping. Example: `none`
-    - `margin`: Distance outside the training range at which states are clipped with `scaling:
-      range`, as a fraction of the range. Example: `0.15`
-    - `train_level`: The only training level whose samples are used to fit the pieces, as in M2.
-      Example: `highest`
-    - `max_terms`: Largest number of terms of a segment, or of one model for whole recordings or all
-      curves. Such a model has up to 12 terms by default, of which `stop: bic` keeps as many as the
-      data support. More terms fit the training data better, but overfit sooner. Example: `2`
-    - `tolerance`: Stop when the unexplained fraction of the target's squares is not larger than
-      this. If the dictionary has a constant, the squares about the mean are used. It has no effect
-      with any other `stop` rule. Example: `0.01`
+    - `margin`: Only with memory: distance outside the training range at which states are clipped
+      with `scaling: range`, as a fraction of the range. Example: `0.15`
+    - `train_level`: The training level whose samples alone are used to fit the segments, as in M2,
+      or `all`. Example: `highest`
+    - `max_terms`: Largest number of terms of each segment or, if there are no segments, of the
+      whole model. A model without segments has up to 12 terms by default, of which `stop: bic`
+      keeps as many as the data support. More terms fit the training data better, but overfit
+      sooner. Example: `2`
+    - `tolerance`: Stop when the unexplained fraction of the target's sum of squares is not larger
+      than this. If the dictionary has a constant, the mean of the target is subtracted first. The
+      key has no effect with any other `stop` rule. Example: `0.01`
     - `stop`: Rule by which a fit may keep fewer terms than `max_terms`. `free_run` chooses the
       number by simulation of the last quarter of each training recording. Example: `bic`
-    - `criterion`: What the coefficients minimise in a model with delays of the output: the error
-      one step ahead, or with `free_run` the simulation error. Example: `free_run`
-    - `ridge`: Regularisation as a fraction of a candidate's variance, or `auto` to choose it.
-      `forward` terms are selected and then pruned to `max_terms`. Example: `auto`
-    - `forward`: Number of terms that are selected before pruning; three times `max_terms` by
-      default. Example: `30`
+    - `criterion`: Which error the coefficients make small in a model with lags of the output: the
+      error one step ahead (`one_step`), or the error of a simulation (`free_run`). Example:
+      `free_run`
+    - `ridge`: Only with memory: regularisation as a fraction of a candidate's variance, or `auto`
+      to choose it. More terms than wanted are then selected (see `forward`), and the least
+      important ones are removed until `max_terms` remain. Example: `auto`
+    - `forward`: Number of terms that are selected before some are removed, if `ridge` is set; three
+      times `max_terms` by default. Example: `30`
     - `loss`: Loss function for residuals. `huber` limits the influence of large residuals.
-      `bisquare` ignores residuals larger than 4.685 `scale`. Outliers are listed, and remain in the
-      data. Example: `huber`
+      `bisquare` ignores residuals larger than 4.685 times `scale`. Outliers are listed, and remain
+      in the data. Example: `huber`
     - `scale`: Size of an ordinary residual. `auto` takes 1.4826 times the median absolute residual.
       Example: `auto`
     - `weight`: With `curve`, all pooled curves (or all recordings of one curve) have the same total
@@ -76,8 +79,8 @@ class Fit(Settings):
       terms does not consider it. No shape is required at inputs for which the training output is
       close to its minimum (see `slack`). Example: `{pressure: increasing, strain: [decreasing,
       convex]}`
-    - `slack`: Fraction of the output's training range, above its minimum, within which no shape is
-      required. Example: `0.05`
+    - `slack`: Fraction of the range of the training output. No shape is required if the training
+      output is above its minimum by less than this. Example: `0.05`
     - `beyond`: Distance outside the training range up to which the shape must hold, as a fraction
       of the range. Example: `0.1`
     """

@@ -193,18 +193,18 @@ class LoadedModel:
         """Return the lower and the upper end of the interval that contains a sample of a new curve
         with the probability `level`, in the shape of the output.
 
-        They are NaN outside the training range. They need fits without each part of the training
-        data, which a spec with `validate: {intervals: true}` makes. Without this key, a model from
-        `fit` makes these fits when this method is called, which takes time. A model from a file
-        cannot make them, so that the method raises `DataError`.
+        Both are NaN outside the training range. An interval is computed from fits without each part
+        of the training data. With `validate: {intervals: true}` in the spec, these fits are made
+        together with the model. Without this key, a model from `fit` makes them when this method is
+        called, which takes time. A model from a file cannot make them, so `DataError` is raised.
         """
         flat, shape = self._flattened(columns)
         low, high = interval(self._with_intervals, flat, level)
         return low.reshape(shape), high.reshape(shape)
 
     def derivatives(self, **columns: ArrayLike) -> dict[str, Array]:
-        """Return the derivative of the output by each input, in the shape of the output. Raises an
-        error for models with memory, which have none.
+        """Return the derivatives of the output with respect to each input, in the shape of the
+        output. Raises an error for models with memory, which have none.
         """
         flat, shape = self._flattened(columns)
         return {name: slope.reshape(shape) for name, slope in slopes(self.model, flat).items()}

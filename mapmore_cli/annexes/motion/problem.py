@@ -76,7 +76,8 @@ class MotionSettings(Settings):
     - `solver`: How sections are fitted: by `least_squares`, or by the particle swarm of the paper
       (`swarm`). Example: `swarm`
     - `slowest`: Longest time constant of a section. By default, it is a quarter of the longest
-      training piece, which cannot distinguish a slower one from a drift. Example: `5 s`
+      piece of training data, because this piece does not show whether a slower change is a time
+      constant or a drift. Example: `5 s`
     - `begin`: Ranges in which the particles of the swarm begin; by default, all stable sections.
       Example: `{p1: [-1, 1]}`
     - `seed`: Seed of the swarm's random numbers; every section has its own numbers. Example: `2`

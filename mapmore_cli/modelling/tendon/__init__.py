@@ -20,7 +20,7 @@ class Tendon(Body):
 
     muscle: Annotated[Model, "the muscle alone"]
     stiffness: Annotated[
-        Number, "stiffness of the tendon, in the unit of the force over that of the length"
+        Number, "stiffness of the tendon, in the unit of the force divided by that of the length"
     ]
     force: Annotated[Number, "force of the tendon at its rest length"] = 0.0
 

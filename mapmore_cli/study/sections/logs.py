@@ -150,8 +150,9 @@ class SourceColumn(Section):
     - `unwrap`: Value at which a counter restarts from zero. A jump by more than half of it counts
       as a restart, so that the values continue. For `time`, `true` lets the time continue when the
       clock restarts: at midnight, after one hour, or after 2^32 units. Example: `4096`
-    - `thousands`: Mark between thousands in this column only. If it is the decimal point of the
-      other columns, the decimal point of this column is the other mark. Example: `"."`
+    - `thousands`: Thousands separator of this column only. If the other columns use the same
+      character as their decimal separator, the decimal separator of this column is the other one of
+      point and comma. Example: `"."`
     - `texts`: Whether the cells are texts, such as `T01`. Every text then gets a number, counted
       from 1 in the order of the texts. For `recordings` and `groups` only. Example: `true`
     - `columns`: For `time` only: the columns of a clock that is spread over several columns. Their

@@ -84,10 +84,10 @@ class Competitor(Section):
     - `damping`: A formula for the damping force, or `none`. Example: `reynolds`
     - `method`: How a formula is fitted; by variable projection if nothing else is given. Example:
       `simplex`
-    - `starts`: Starting values of `levenberg_marquardt`: those of the `published` formula, or as
-      `printed` in the paper about the wrist joint, whose units differ. Example: `published`
-    - `levels`: Values of the level quantity that a formula is fitted to and scored with, instead of
-      the measured ones. Example: `nominal`
+    - `starts`: Starting values of `levenberg_marquardt`: those of the `published` formula, or those
+      `printed` in the paper about the wrist joint, which uses other units. Example: `published`
+    - `levels`: With `nominal`, a formula is fitted and scored with the nominal values of the level
+      quantity instead of the measured ones. Example: `nominal`
     - `sum`: Formulas that are fitted together, with signs and renamed inputs. Example: `[{formula:
       sarosi}, {formula: viscous, sign: -1}]`
     - `as`: Name of the competitor in the scores. Example: `one_term`
@@ -182,9 +182,10 @@ class Competitor(Section):
 class Validate(Section):
     """Competitors of the model, the normaliser of errors, and limits that the scores must keep.
 
-    - `as`: Quantity to score instead of the strain: the model of the strain is inverted for it. A
-      competitor whose target is another quantity, and which has this study's target among its
-      inputs, is inverted too. Example: `force`
+    - `as`: For a model of the strain: the quantity that is scored in its place, for example the
+      force. For each sample, the model is solved for this quantity. A competitor is solved in the
+      same way if its target is another quantity and this study's target is one of its inputs.
+      Example: `force`
     - `against`: Competitors, which are fitted to the same data. Example: `[sarosi, {run:
       other.yaml}]`
     - `simple`: If true, also compare with simple models that need no knowledge of muscles: `plane`,
