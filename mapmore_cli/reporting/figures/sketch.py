@@ -57,7 +57,7 @@ class Sketch:
 
     @property
     def figure(self) -> Sketch:
-        """The sketch itself, which draws colour bars, as the figure of the axes does in Matplotlib."""
+        """The sketch itself, which draws colour bars like the figure of the axes in Matplotlib."""
         return self
 
     def _add(self, svg: Svg, zorder: float, label: str = "", **look: Any) -> None:
