@@ -153,7 +153,8 @@ def test_pieces_of_curves_share_one_time_step():
     assert [piece.size for piece in records] == [5, 3, 4]
     assert [piece.training.tolist() for piece in records][:2] == [[True] * 4 + [False], [False] * 3]
     with pytest.raises(
-        DataError, match=r"c: its samples are 0\.02 s apart, but those of other recordings are 0\.01 s"
+        DataError,
+        match=r"c: its samples are 0\.02 s apart, but those of other recordings are 0\.01 s",
     ):
         time_step([*curves, curve("c", np.arange(9) * 2 * STEP)])
     with refused("a: sample 2 (at 0.015 s): only 0.005 s after", "add `resample: 0.01 s`"):
