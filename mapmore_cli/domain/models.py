@@ -218,8 +218,8 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class KeptShape:
-    """Known shape of the output along one input, the places at which it determines the
-    coefficients, and by how much a fit without this shape would violate it.
+    """Known shape of the output along one input, the places at which this shape determines the
+    coefficients, and by how much a fit without the shape would violate it.
     """
 
     quantity: Annotated[QuantityName, "the input; for `positive`, the output itself"]

@@ -82,7 +82,7 @@ def render_page(
 
 
 def _words_of(inputs: ReportInputs, figures: Figures) -> dict[str, Any]:
-    """Return the words that the template of the page needs for an output."""
+    """Return the values that the template of the page needs for an output, by name."""
     scores, table = inputs.validation.scores, inputs.validation.each[0].table
     known = (inputs.own, scored(table, inputs.dataset), inputs.failed, table.alert)
     return {

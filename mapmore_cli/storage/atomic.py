@@ -102,8 +102,8 @@ def unfinished_beside(path: Path, folder: bool = False) -> Iterator[Path]:
     """Make an empty file or folder that is to become `path`. It is removed at the end unless it was
     moved there.
 
-    Remains of killed processes for the same file are removed. This process marks its own with a
-    lock of the operating system, which ends with the process.
+    Remains of killed processes for the same file are removed. The new file or folder is locked as
+    long as this process lives, so that other processes do not remove it.
     """
     if not path.name:  # the current folder
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))

@@ -217,11 +217,11 @@ def explain(error: ValidationError, root: Node, keys_at: KeysAt) -> list[Mistake
 
 
 def lost(error: ValidationError, root: Node, keys_at: KeysAt) -> Iterator[tuple[Loc, Loc | None]]:
-    """Yield the path of each value or section that pydantic rejected, and the path of the required
-    key that is missing because of it.
+    """Yield the path of each value or section that pydantic rejected, and the path of the key that
+    the spec lacks without it.
 
-    If an unknown key resembles a missing one, the missing key is the one that was meant. Otherwise,
-    the second path is None.
+    For an unknown key, the second path is that of the missing key that it resembles, or None if
+    there is no such key. For everything else, both paths are equal.
     """
     for details in error.errors(include_url=False):
         loc, _ = _split(details["loc"], root)

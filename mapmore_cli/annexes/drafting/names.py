@@ -292,8 +292,8 @@ def group_words(names: Sequence[str], group: str) -> list[str]:
 
 
 def _without_number(match: re.Match[str]) -> str:
-    """Return the replacement of a word in a name: the word without its number, an empty text for a
-    number that counts repeats, and a specimen or a size unchanged.
+    """Return the text that replaces a word and its number in a name: the word alone, or an empty
+    text if the number counts repeats. A specimen or a size stays unchanged.
     """
     word, unit = match["word"] or "", (match["unit"] or "").casefold()
     if unit:

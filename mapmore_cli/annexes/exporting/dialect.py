@@ -83,8 +83,8 @@ class Dialect:
         return HELPER.format(name)
 
     def helpers(self, *lines: str) -> dict[str, Code]:
-        """Return the functions that occur in the lines and that the language lacks: for each, its
-        expression of x, which an export writes as a helper.
+        """Return the functions that occur in the lines and that the library of the language lacks,
+        by name: the expression of x that an export writes as a helper.
         """
         called = set(re.findall(r"\w+(?=\()", "\n".join(lines)))
         return {

@@ -232,7 +232,9 @@ def points(model: Model) -> Columns:
 
 
 def middle(model: Model) -> dict[str, float]:
-    """Return the middle of each input's range that all levels share, with four digits."""
+    """Return, for each input, the middle of the range that is common to all levels, with four
+    digits.
+    """
     return {
         name: float(f"{np.mean([max(low, default=0.0), min(high, default=0.0)]):.4g}")
         for name, (low, high) in training_ends(model).items()

@@ -52,10 +52,9 @@ def least_squares(problem: Problem, _recipe: MotionRecipe) -> Found:
 
 def linear_start(pieces: tuple[Piece, ...], stride: int) -> tuple[float, float] | None:
     """Return P1 and P2 by linear regression of `y[k + 2s] = a y[k + s] + b y[k] + sum_m c_m
-    d_m[k]`, and convert its poles from a stride to one sample.
-
-    Only triples of samples at which the section is active are used; None if there are too few.
-    Noise in y biases the regression (it is one step ahead), so its result is only a starting point.
+    d_m[k]`, with its poles converted from a stride to one sample. Only triples of samples at which
+    the section is active are used. The result is None if there are too few of them. Noise in y
+    biases the regression (it is one step ahead), so its result is only a starting point.
     """
     rows, targets = [], []
     for piece in pieces:

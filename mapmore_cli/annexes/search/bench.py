@@ -215,10 +215,10 @@ def _neighbours(
 ) -> tuple[list[BoolArray], bool]:
     """Return folds, (n,), that leave out training samples at neighbouring values, in the same way
     as the study holds out samples. Also return True if these values lie at an end of the range. If
-    the study holds out values beyond an end of the training values, one fold leaves out as many
-    values at that end, and another fold one value more, because a choice by a single fold is
-    uncertain. Otherwise, a fold leaves out as many inner neighbours as the study holds out in a
-    row, or single values. At least two values remain.
+    the study holds out values beyond an end of the training values, one fold leaves out the same
+    number of values at that end. Another fold leaves out one value more, because a choice by a
+    single fold is uncertain. Otherwise, each fold leaves out inner neighbours, as many as the study
+    holds out in a row, or a single value. At least two values remain.
     """
     at_curves, every = _values(dataset, of), _values(study, of)
     values, trained = np.unique(every), np.unique(at_curves)

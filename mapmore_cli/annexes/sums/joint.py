@@ -101,7 +101,7 @@ def actuator(force: Model, pressure: Model) -> Model:
     if other := [name for name in inputs if needed.get(name, inputs[name]) != inputs[name]]:
         raise DataError(
             f"{force.name} and {pressure.name} have {other[0]} in different units",
-            "set one unit for it under `units` in both specs",
+            "give it the same unit under `units` in the specs of both models",
         )
     quantities = tuple({**inputs, **needed}.values())
     signals = tuple(dict.fromkeys((*pressure.signals, *force.signals)))

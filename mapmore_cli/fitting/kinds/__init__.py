@@ -30,8 +30,8 @@ def added_up(_path: str) -> Model:
     unknown.
     """
     raise SpecError(
-        "a sum of models of other runs is not fitted itself",
-        "do this with the specs of the added models",
+        "a sum of models of other runs cannot be fitted by itself",
+        "use the specs of the added models instead",
     )
 
 

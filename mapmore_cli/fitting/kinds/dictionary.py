@@ -183,7 +183,7 @@ def _products(family: Products, clock: Clock | None, *, constant: bool) -> list[
         if partner not in of:
             raise SpecError(
                 f"products: `{partner}` of `with` is not one of the terms in `of`",
-                f"these are {', '.join(of)}",
+                f"add it to `of`, or use one of its terms: {', '.join(of)}",
             )
     return [
         to_text(term) for term in products(of, family.order, partners, family.constant and constant)

@@ -382,8 +382,8 @@ def reads_once(n: int, M: int, terms: int) -> bool:
     """Return True if `frols` computes `P'P`, as `frols_together` does, so that the dictionary need
     not be in memory as a whole.
 
-    It does not for a small dictionary, for which the basis is fast enough and more accurate, nor
-    for a dictionary so wide that reading it once per term is faster.
+    `P'P` is not computed for a small dictionary, for which the basis is fast enough and more
+    accurate, nor for a dictionary so wide that reading it once per term is faster.
     """
     return n * M > SMALL and n > M and GRAM_COLUMNS_PER_TERM * (terms + 2) >= M
 

@@ -119,7 +119,9 @@ class LeastSquares:
 
     @cached_property
     def spans(self) -> dict[str, float]:
-        """Factor from the value of each nonlinear parameter to its coordinate."""
+        """Factor by which the value of each nonlinear parameter is multiplied to give its
+        coordinate.
+        """
         return {parameter.name: parameter.span(self.columns) for parameter in self.nonlinear}
 
     @property

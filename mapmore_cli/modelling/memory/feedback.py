@@ -221,8 +221,8 @@ class Feedback:
 
     @cached_property
     def step(self) -> Run:
-        """Function that returns the q values of a sample from its past values, `base` and the
-        weights.
+        """Function that returns the q values at a sample. It takes past values, `base` (the sum of
+        the terms without fed-back states), and the weights of the factors of fed-back states.
         """
         return ready_for_one_sample(self.block, self.rules)
 

@@ -95,14 +95,14 @@ def time_step(curves: Sequence[Curve]) -> float:
     for name, step in steps.items():
         if not abs(step - usual) <= UNEVEN * usual:
             raise DataError(
-                f"{name}: its samples are {step:.6g} s apart, but those of other recordings "
-                f"{usual:.6g} s",
+                f"{name}: its samples are {step:.6g} s apart, but those of other recordings are "
+                f"{usual:.6g} s apart",
                 "resample all recordings to the same time step with `resample`",
             )
     if not usual > 0:
         raise DataError(
             "the time step is unknown, but a model with memory needs samples in the order of time",
-            "name the column of time stamps: `time`",
+            "add the column of time stamps to `columns`, as `time`",
         )
     return usual
 

@@ -167,7 +167,9 @@ def _fused_output(model: Model, body: Pieces, count: int) -> Values:
 def _coefficient_bounds(
     body: Pieces, bounds: Mapping[str, tuple[float, float]]
 ) -> tuple[Array, Array]:
-    """Return the bounds of coefficients as linear inequalities, in the target's unit, by term."""
+    """Return the bounds of coefficients as linear inequalities. `bounds` holds them by term, in the
+    unit of the target.
+    """
     terms = [(term, segment.scaling.y_slope) for segment in body.segments for term in segment.terms]
     low, high = np.array([bounds.get(term, (-np.inf, np.inf)) for term, _ in terms]).T
     slopes = np.diag([slope for _, slope in terms])

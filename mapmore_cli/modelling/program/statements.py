@@ -97,9 +97,10 @@ class Function:
 class InputLimit:
     """Training range of one input of a model or of a part of it.
 
-    `inputs` are outside the range if `value` is; `value` is the input as the part uses it. If the
-    range depends on a level, the level is `at`, and `low` and `high`, (L,), are interpolated
-    linearly between the `levels`, (L,). Otherwise `at` is None, and there is one range.
+    `value` is the input as the part uses it, an expression of the `inputs` of the model. These are
+    outside the range if `value` is. If the range depends on a level, the level is `at`, and `low`
+    and `high`, (L,), are interpolated linearly between the `levels`, (L,). Otherwise `at` is None,
+    and there is one range.
     """
 
     inputs: frozenset[str]

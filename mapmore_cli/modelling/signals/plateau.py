@@ -74,7 +74,7 @@ def match_levels(values: Array, levels: Array, within: float) -> IntArray:
 
 # a signal has settled when it stays within this share of its span around its final value
 BAND = 0.05
-RISEN = 0.9  # share of its span at which the pressure has risen
+RISEN = 0.9  # the pressure counts as risen when it has reached this share of its span
 NOISE_SPANS = 20  # a pressure whose span is smaller than this multiple of its noise never rises
 # shortest plateau as a share of the rise before it, so that the top of a triangle is no plateau
 SHORTEST = 0.5

@@ -42,7 +42,7 @@ class Shift:
       the error by noise and half a sample of either record, added in squares. With little noise,
       half a sample is larger than the error.
     - `step`: the coarser of the two records' typical steps.
-    - - `correlation`: correlation of the changes in both records at this shift; negative if one
+    - `correlation`: correlation of the changes in both records at this shift; negative if one
       falls when the other rises.
     - `next_best`: absolute correlation of the next peak, whose shift is `rival`; 0 and None if
       there is none.

@@ -22,7 +22,7 @@ class Tendon(Body):
     stiffness: Annotated[
         Number, "stiffness of the tendon, in the unit of the force divided by that of the length"
     ]
-    force: Annotated[Number, "force of the tendon at its rest length"] = 0.0
+    force: Annotated[Number, "force at which `length` equals the length of the muscle itself"] = 0.0
 
     @property
     def models(self) -> tuple[Model, ...]:

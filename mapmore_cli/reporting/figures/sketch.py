@@ -57,7 +57,7 @@ class Sketch:
 
     @property
     def figure(self) -> Sketch:
-        """The sketch itself, because Matplotlib's figure draws colour bars."""
+        """The sketch itself, which draws colour bars like the figure of the axes in Matplotlib."""
         return self
 
     def _add(self, svg: Svg, zorder: float, label: str = "", **look: Any) -> None:
