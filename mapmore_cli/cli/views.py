@@ -25,7 +25,7 @@ from mapmore_cli.reporting.score_tables import (
     verdict_sentence,
 )
 from mapmore_cli.reporting.sections import shown_by
-from mapmore_cli.reporting.table import Cell, Table
+from mapmore_cli.reporting.table import Cells, Table
 from mapmore_cli.reporting.tables import (
     FROM_TO,
     coefficients_table,
@@ -242,7 +242,7 @@ def _of_segmentation(curves: Sequence[SegmentedCurve]) -> View:
     names = list(dict.fromkeys(name for curve in curves for name in curve.variables))
     columns = ("segment", "samples", *(f"{name} {end}" for name in names for end in FROM_TO))
     documents: list[Document] = []
-    rows: list[tuple[Cell, ...]] = []
+    rows: list[Cells] = []
     for curve in curves:
         segments = [
             {**members(segment, "id", "cell"), "n": len(segment.rows)} for segment in curve.segments
