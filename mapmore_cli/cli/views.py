@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from mapmore_cli.cli.console import Document, View, members
-from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.errors import DataError, Warn
 from mapmore_cli.domain.models import Formula, Memory, Outputs, Pieces
 from mapmore_cli.domain.results import OutputsFit
 from mapmore_cli.domain.scores import OWN
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 # --------------------------------------------------------------------------------------------------
 
 
-def of_file(path: Path, warn: Callable[[str], None], unverified: bool) -> View:
+def of_file(path: Path, warn: Warn, unverified: bool) -> View:
     """Return the contents of a result file or a run folder. Raises DataError if it is neither.
 
     `warn` is called if nothing proves that a file is unchanged. A file that has been changed is
@@ -140,9 +140,7 @@ def page_lines(run_dir: Path) -> tuple[str, ...]:
     return (f"page: {page}",) if page.is_file() else ()
 
 
-def _of_hdf5(
-    path: Path, warn: Callable[[str], None] = lambda _message: None, unverified: bool = False
-) -> View:
+def _of_hdf5(path: Path, warn: Warn = lambda _message: None, unverified: bool = False) -> View:
     kind = artefacts.kind_of(path)
     record = getattr(artefacts, f"read_{kind}")(path, warn, unverified)
     try:
