@@ -49,6 +49,13 @@ def test_every_canonical_quantity_has_a_name_and_a_unit_that_are_known():
         units.check_unit(unit)
 
 
+def test_every_unit_that_is_suggested_or_spelt_otherwise_is_known():
+    for unit in units._KNOWN:
+        units._pint_unit(unit)
+    assert {*units._SPELLINGS.values()} <= units._KNOWN
+    assert not {*units._SPELLINGS} & units._KNOWN
+
+
 # Factors from the definitions of the units (BIPM; the pound and the inch are exact since 1959).
 PSI = 0.45359237 * 9.80665 / 0.0254**2
 
