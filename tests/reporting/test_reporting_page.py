@@ -33,11 +33,14 @@ def page(folder):
     return Page((folder / "index.html").read_text(encoding="utf-8"))
 
 
-def test_every_figure_has_a_file_and_a_place():
+def test_every_figure_has_a_file_and_a_place_and_every_template_a_section():
     folder = Path(figures_folder.__file__).parent
     drawn = {path.stem for path in folder.glob("*.py") if "\ndef draw(" in path.read_text()}
     assert drawn == {*FIGURES} - {*entry_points("figures")}
-    assert {*FIGURES.values()} <= {section.id for section in SECTIONS}
+    sections = {section.id for section in SECTIONS}
+    assert {*FIGURES.values()} <= sections
+    templates = (folder.parent / "templates/sections").iterdir()
+    assert {path.stem.partition("_")[0] for path in templates} <= {"explore", *sections}
 
 
 def page_of(inputs, out, figures=tuple(FIGURES)):
@@ -155,7 +158,8 @@ def test_accessible(page):
 def test_links_lead_somewhere_and_section_ids_are_unique(page, folder):
     ids = [attrs["id"] for _, attrs in page.tags if attrs.get("id")]
     sections = [attrs["id"] for attrs in page.named("h2")]
-    assert len(sections) == len(set(sections)) == 9
+    assert {*sections} == {"explore", *(section.id for section in SECTIONS)}
+    assert len(sections) == len(SECTIONS) + 1
     assert all(ids.count(name) == 1 for name in sections)
     assert all(attrs["href"].removeprefix("#") in sections for attrs in page.named("a"))
     for attrs in page.named("use"):
