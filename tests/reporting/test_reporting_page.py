@@ -33,7 +33,7 @@ def page(folder):
     return Page((folder / "index.html").read_text(encoding="utf-8"))
 
 
-def test_every_figure_has_a_file_and_a_place_and_every_template_a_section():
+def test_figures_and_sections_have_their_files():
     folder = Path(figures_folder.__file__).parent
     drawn = {path.stem for path in folder.glob("*.py") if "\ndef draw(" in path.read_text()}
     assert drawn == {*FIGURES} - {*entry_points("figures")}
