@@ -7,9 +7,11 @@ import subprocess
 import sys
 import tracemalloc
 from dataclasses import replace
+from pkgutil import iter_modules
 
 import numpy as np
 
+from mapmore_cli.domain import plugins
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.modelling.pieces.definition import pieces_program
 from mapmore_cli.modelling.program.values import evaluator
@@ -39,6 +41,13 @@ def dataset_of(*recordings, held_out=None, output="y"):
     return Dataset(
         output, None, {name: Quantity(name, "1") for name in recordings[0]}, (), tuple(curves)
     )
+
+
+def files_without_parts(group, form, package):
+    """The files of a folder of the package that add nothing, because they declare no part."""
+    declared = {part.source.__name__ for part in plugins.parts(group, form, package.__name__)}
+    files = {f"{package.__name__}.{file.name}" for file in iter_modules(package.__path__)}
+    return files - declared
 
 
 def peak_memory(work):

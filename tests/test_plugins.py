@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -117,6 +118,19 @@ fit: {max_terms: 6}
 validate: {against: [power_law], simple: false}
 report: {figures: [scatter, late, lazy], formats: [html, svg]}
 """
+
+
+def test_every_group_is_on_the_page_and_in_the_template():
+    """But for two groups that only mapmore's own annexes use."""
+    package = Path(plugins.__file__).parents[1]
+    code = "".join(path.read_text("utf-8") for path in package.rglob("*.py"))
+    used = {*re.findall(r'\b(?:parts|entry_points|plugins\.load)\(\s*"(\w+)"', code)}
+    page = (TEMPLATE.parents[1] / "extend.md").read_text("utf-8")
+    shown = {*re.findall(r"^\| `mapmore\.(\w+)`", page, re.MULTILINE)}
+    assert used == shown | {"stages", "python"}
+    assert all(f"`{group}`" in plugins.__doc__ for group in used)
+    template = (TEMPLATE / "pyproject.toml").read_text("utf-8")
+    assert {*re.findall(r'"mapmore\.(\w+)"\]', template)} == shown - {"kinds"}
 
 
 def write_log(path):

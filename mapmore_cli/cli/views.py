@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from mapmore_cli.cli.console import Document, View, members
-from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.errors import DataError, Warn
 from mapmore_cli.domain.models import Formula, Memory, Outputs, Pieces
 from mapmore_cli.domain.results import OutputsFit
 from mapmore_cli.domain.scores import OWN
@@ -25,7 +25,7 @@ from mapmore_cli.reporting.score_tables import (
     verdict_sentence,
 )
 from mapmore_cli.reporting.sections import shown_by
-from mapmore_cli.reporting.table import Cell, Table
+from mapmore_cli.reporting.table import Cells, Table
 from mapmore_cli.reporting.tables import (
     FROM_TO,
     coefficients_table,
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 # --------------------------------------------------------------------------------------------------
 
 
-def of_file(path: Path, warn: Callable[[str], None], unverified: bool) -> View:
+def of_file(path: Path, warn: Warn, unverified: bool) -> View:
     """Return the contents of a result file or a run folder. Raises DataError if it is neither.
 
     `warn` is called if nothing proves that a file is unchanged. A file that has been changed is
@@ -140,9 +140,7 @@ def page_lines(run_dir: Path) -> tuple[str, ...]:
     return (f"page: {page}",) if page.is_file() else ()
 
 
-def _of_hdf5(
-    path: Path, warn: Callable[[str], None] = lambda _message: None, unverified: bool = False
-) -> View:
+def _of_hdf5(path: Path, warn: Warn = lambda _message: None, unverified: bool = False) -> View:
     kind = artefacts.kind_of(path)
     record = getattr(artefacts, f"read_{kind}")(path, warn, unverified)
     try:
@@ -242,7 +240,7 @@ def _of_segmentation(curves: Sequence[SegmentedCurve]) -> View:
     names = list(dict.fromkeys(name for curve in curves for name in curve.variables))
     columns = ("segment", "samples", *(f"{name} {end}" for name in names for end in FROM_TO))
     documents: list[Document] = []
-    rows: list[tuple[Cell, ...]] = []
+    rows: list[Cells] = []
     for curve in curves:
         segments = [
             {**members(segment, "id", "cell"), "n": len(segment.rows)} for segment in curve.segments

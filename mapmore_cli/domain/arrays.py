@@ -32,6 +32,9 @@ ASCENDING = Checked("does not ascend", lambda values: (np.diff(values) >= 0).all
 Number = Annotated[float, FINITE]
 Span = Annotated[tuple[Number, Number], ASCENDING]
 
+Ends = tuple[float, float]
+"""Smallest and largest value of a quantity."""
+
 Numbers = Annotated[Array, FINITE]
 """Values without which a model cannot be used; they must be finite."""
 
@@ -102,7 +105,7 @@ def in_blocks(*columns: Any, overlap: int = 0, rows: int = ROWS) -> Iterator[tup
                 give_back(column)
 
 
-def extremes(column: Array, mask: BoolArray | None = None) -> tuple[float, float]:
+def extremes(column: Array, mask: BoolArray | None = None) -> Ends:
     """Return the smallest and the largest value of a column, (n,), optionally of the rows in `mask`
     only; NaN if a value is NaN. Raises ValueError if there is no value.
     """
@@ -117,7 +120,7 @@ def extremes(column: Array, mask: BoolArray | None = None) -> tuple[float, float
     return known[place]
 
 
-def _ends_of(blocks: Iterable[Array]) -> tuple[float, float]:
+def _ends_of(blocks: Iterable[Array]) -> Ends:
     ends = np.array([(x.min(), x.max()) for x in blocks if x.size]).reshape(-1, 2)
     return float(ends[:, 0].min()), float(ends[:, 1].max())
 
@@ -140,7 +143,7 @@ SCRATCH: ContextVar[str | None] = ContextVar("SCRATCH", default=None)
 files have no name, and disappear with their columns or with the program.
 """
 
-_mapped: WeakKeyDictionary[mmap.mmap, dict[Any, tuple[float, float]]] = WeakKeyDictionary()
+_mapped: WeakKeyDictionary[mmap.mmap, dict[Any, Ends]] = WeakKeyDictionary()
 """Smallest and largest values that were already computed, for columns that are in files."""
 
 

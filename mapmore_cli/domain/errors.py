@@ -8,6 +8,7 @@ into its message and its code, and any other exception into an internal fault.
 from __future__ import annotations
 
 import errno
+from collections.abc import Callable
 from signal import Signals
 
 _PATHS = (
@@ -27,6 +28,10 @@ _NO_MEMORY = ("annot allocate memory", "failed to map segment")
 """Parts of the messages with which the system reports too little memory, also while it loads a
 library.
 """
+
+
+Warn = Callable[[str], None]
+"""Function that shows a warning to the user."""
 
 
 class MapmoreError(Exception):

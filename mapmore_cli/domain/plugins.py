@@ -55,15 +55,18 @@ def parts(
     folder `package` come first, in the order of their names, then those of entry points.
 
     The name of a part is its attribute `name`, or the name of its entry point. If two have the same
-    name, the first counts. Names that are `reserved` have another meaning in mapmore, so that a
-    part with such a name is left out.
+    name, the first counts; ValueError if both are mapmore's own. Names that are `reserved` have
+    another meaning in mapmore, so that a part with such a name is left out.
     """
-    names = {*reserved}
+    names = set[str]()
     for module in iter_modules(sys.modules[package].__path__) if package else ():
         for part in _parts_in(group, module.name, import_module(f"{package}.{module.name}")):
             if isinstance(part.value, form):
+                if part.name in names:
+                    raise ValueError(f"two files of {package} declare `{part.name}`")
                 names.add(part.name)
                 yield Added(part.name, part.value, part.source)
+    names.update(reserved)
     for name in sorted(entry_points(group)):
         try:
             added = list[Added[P]]()

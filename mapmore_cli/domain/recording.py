@@ -13,6 +13,7 @@ from mapmore_cli.domain.arrays import (
     Array,
     BoolArray,
     Columns,
+    Ends,
     IntArray,
     Number,
     Ranges,
@@ -169,7 +170,7 @@ class Curve:
             origin=origin,
         )
 
-    def limits(self, name: str) -> tuple[float, float]:
+    def limits(self, name: str) -> Ends:
         """Return the smallest and the largest value of a quantity over the training samples and
         over the raw samples from which these were made.
         """
@@ -199,9 +200,9 @@ class Curve:
         return tuple(np.flatnonzero(self.origin == number) for number in np.unique(self.origin))
 
 
-def united(ranges: Iterable[Ranges]) -> dict[str, tuple[float, float]]:
+def united(ranges: Iterable[Ranges]) -> dict[str, Ends]:
     """Return the smallest range of each quantity that contains all given ranges."""
-    whole: dict[str, tuple[float, float]] = {}
+    whole: dict[str, Ends] = {}
     for limits in ranges:
         for name, (low, high) in limits.items():
             least, greatest = whole.get(name, (low, high))

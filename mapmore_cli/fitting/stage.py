@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from mapmore_cli.domain.errors import Warn
 from mapmore_cli.storage.run_folder import RunFiles
 from mapmore_cli.storage.tables import RawTable
 from mapmore_cli.study.experiment import ExperimentSpec
 
-Warn = Callable[[str], None]
 Progress = Callable[[str, int, int], None]
 """Function `progress(what, done, total)` that is called during long work."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -21,7 +21,7 @@ from mapmore_cli.domain.arrays import (
     picked,
     row_numbers,
 )
-from mapmore_cli.domain.errors import DataError, SpecError
+from mapmore_cli.domain.errors import DataError, SpecError, Warn
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Curve, Quantity, Recording, united
 from mapmore_cli.ingestion.samples import located
@@ -102,9 +102,7 @@ def static_model(run_dir: Path, force: Quantity, units: Mapping[str, str]) -> Mo
     return model
 
 
-def with_damping(
-    recording: Recording, force: str, static: Model, warn: Callable[[str], None]
-) -> Recording:
+def with_damping(recording: Recording, force: str, static: Model, warn: Warn) -> Recording:
     """Return the recording with the columns `static_force`, F_s, and `damping`, `F_d = F - F_s`
     minus its mean on the plateau (M2 eq 1).
     """

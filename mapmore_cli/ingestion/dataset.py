@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from mapmore_cli.domain.arrays import BoolArray, by_blocks, extremes, row_numbers
-from mapmore_cli.domain.errors import DataError, SpecError
+from mapmore_cli.domain.errors import DataError, SpecError, Warn
 from mapmore_cli.domain.recording import (
     DAMPING,
     STATIC_FORCE,
@@ -69,7 +69,7 @@ def build_dataset(
     static_run: Path | None = None,
     tables: Tables = NO_TABLES,
     progress: Progress = lambda *_: None,
-    warn: Callable[[str], None] = lambda _: None,
+    warn: Warn = lambda _: None,
 ) -> Dataset:
     """Read all recordings and sort their samples into curves, without writing anything.
 

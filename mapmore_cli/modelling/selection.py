@@ -17,6 +17,7 @@ from mapmore_cli.domain.declared import (
     Word,
     always_in,
 )
+from mapmore_cli.modelling.frols.weighing import LOSSES
 
 # word in a spec for a setting that is chosen by cross-validation on training data, for example the
 # backbone
@@ -30,9 +31,6 @@ FORWARD = 3
 
 TERMS_OF_ONE_MODEL = 12
 """Default largest number of terms of one model for whole recordings, or for all curves together."""
-
-Loss = Literal["squares", "huber", "bisquare"]
-"""Loss function for residuals."""
 
 Stop = Literal["tolerance", "bic", "aicc", "press", "free_run"]
 """Rule by which a fit may keep fewer terms than `max_terms`."""
@@ -94,7 +92,7 @@ class Fit(Settings):
     criterion: Literal["one_step", "free_run"] = "one_step"
     ridge: Annotated[Literal["auto"] | Annotated[float, Interval(ge=0)], Either()] = 0.0
     forward: Annotated[int, Interval(ge=1)] | None = None
-    loss: Loss = "squares"
+    loss: Literal["squares", *LOSSES] = "squares"  # type: ignore[valid-type]
     scale: Annotated[Literal["auto"] | Annotated[OfTarget, Gt(0)], Either()] = "auto"
     weight: Literal["sample", "curve"] = "sample"
     shape: (

@@ -14,7 +14,7 @@ from math import comb
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, IntArray, by_blocks, in_blocks, picked, stacked
+from mapmore_cli.domain.arrays import Array, Ends, IntArray, by_blocks, in_blocks, picked, stacked
 from mapmore_cli.domain.fits import MemoryModel, Scaling, StateSet
 from mapmore_cli.domain.models import CurveFunction, Memory, Pieces, SegmentFunction
 from mapmore_cli.domain.recording import Curve, Dataset
@@ -124,7 +124,7 @@ class Arx:
     order: int
     theta: Array
 
-    def as_memory(self, curves: Sequence[Curve], limits: tuple[float, float]) -> Memory:
+    def as_memory(self, curves: Sequence[Curve], limits: Ends) -> Memory:
         """Return the ARX as a model with memory. Its time step is that of the samples of `curves`;
         a run has diverged if it is far outside the `limits` of the target.
 

@@ -4,14 +4,14 @@ They are read like the recordings of a spec, and returned as lines of CSV.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
-from mapmore_cli.domain.errors import DataError, UsageError
+from mapmore_cli.domain.errors import DataError, UsageError, Warn
 from mapmore_cli.domain.models import Model
 from mapmore_cli.ingestion.files import Log, Meter
 from mapmore_cli.ingestion.samples import Samples, read_tables
@@ -75,7 +75,7 @@ def foreign_lines(
     options: TableOptions,
     ways: Sequence[Sequence[str]],
     units: Mapping[str, str],
-    warn: Callable[[str], None],
+    warn: Warn,
 ) -> Iterator[str]:
     """Yield the lines of a CSV table of quantities in the given `units`, with the columns of the
     first set in `ways` that the file has. A column `recording`, with numbers or texts, is included

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mapmore_cli.checking.applied import issues_of, issues_without_curves
 from mapmore_cli.checking.findings import Cause, Issue, is_for_the_spec
-from mapmore_cli.domain.errors import DataError, MapmoreError, SpecError
+from mapmore_cli.domain.errors import DataError, MapmoreError, SpecError, Warn
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.fitting.stage import Progress
 from mapmore_cli.ingestion.dataset import build_dataset
@@ -50,7 +50,7 @@ def inspect(
     loaded: LoadedSpec,
     run_dir: Path | None = None,
     progress: Progress = lambda *_: None,
-    warn: Callable[[str], None] = lambda _: None,
+    warn: Warn = lambda _: None,
     before: Inspection | None = None,
 ) -> Inspection:
     """Apply every rule. If an earlier inspection is given as `before`, data that it has read with

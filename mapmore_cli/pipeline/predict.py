@@ -13,7 +13,7 @@ from itertools import islice
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray, columns_at
-from mapmore_cli.domain.errors import DataError, UsageError
+from mapmore_cli.domain.errors import DataError, UsageError, Warn
 from mapmore_cli.domain.models import Formula, Model
 from mapmore_cli.domain.results import SimulatedRun
 from mapmore_cli.modelling.inverse import LOWEST, invert, solve_for_input
@@ -147,7 +147,7 @@ def predicted_lines(
     lines: Iterable[str],
     label: str,
     chunk: int = CHUNK,
-    warn: Callable[[str], None] = lambda _: None,
+    warn: Warn = lambda _: None,
     derivatives: bool = False,
     interval: float | None = None,
     turned_for: str | None = None,

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mapmore_cli.domain.errors import DataError, SpecError, UsageError
+from mapmore_cli.domain.errors import DataError, SpecError, UsageError, Warn
 from mapmore_cli.fitting.stage import Stage, Workspace
 from mapmore_cli.storage.run_folder import VALIDATION, RunFiles
 from mapmore_cli.study.experiment import ExperimentSpec, Muscle
@@ -210,7 +210,7 @@ def drawn_figure(
     name: str,
     key: str | None,
     suffix: str,
-    warn: Callable[[str], None],
+    warn: Warn,
     looks: Sequence[str] = (),
     models: Sequence[str] = (),
 ) -> tuple[bytes, str | None]:

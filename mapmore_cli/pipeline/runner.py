@@ -16,8 +16,15 @@ from pathlib import Path
 from typing import TypedDict
 
 from mapmore_cli.checking import findings
-from mapmore_cli.domain.errors import DataError, MapmoreError, RunWarning, SpecError, WriteError
-from mapmore_cli.fitting.stage import Progress, Stage, Warn, Workspace
+from mapmore_cli.domain.errors import (
+    DataError,
+    MapmoreError,
+    RunWarning,
+    SpecError,
+    Warn,
+    WriteError,
+)
+from mapmore_cli.fitting.stage import Progress, Stage, Workspace
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.pipeline.processors import one_blas_thread
 from mapmore_cli.pipeline.staleness import (

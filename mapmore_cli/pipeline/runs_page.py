@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mapmore_cli.domain.errors import Warn
 from mapmore_cli.domain.scores import OWN, REPEATABILITY, deciding
 from mapmore_cli.pipeline.runs_rows import MARK, PAGE, Row, rows_of
 from mapmore_cli.storage.atomic import refusals_told, refuse_irregular, write_own
@@ -29,7 +30,7 @@ POINTS, WIDTH, HEIGHT = 40, 120, 36
 
 
 def write_runs_page(
-    runs: Path, finished: Sequence[Finished], warn: Callable[[str], None] = lambda _message: None
+    runs: Path, finished: Sequence[Finished], warn: Warn = lambda _message: None
 ) -> None:
     """Write `RUNS/index.html` with the present rows of runs that still exist, and new rows for the
     `finished` runs. If nothing has changed, nothing is written.

@@ -9,7 +9,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, by_blocks, row_by_row
 from mapmore_cli.domain.compared import Normaliser
-from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.domain.errors import SpecError, Warn
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset
@@ -18,7 +18,7 @@ from mapmore_cli.domain.scores import EFFECTS_SEEN, OWN, REPEATABILITY, STRUCTUR
 from mapmore_cli.fitting.competitors import Contest, Forecasts, Rival
 from mapmore_cli.fitting.kinds.choices import ModelChoices
 from mapmore_cli.fitting.left_out import Said, left_out, trained_on, was_searched
-from mapmore_cli.fitting.stage import Progress, Warn, Workspace
+from mapmore_cli.fitting.stage import Progress, Workspace
 from mapmore_cli.modelling.forecast import forecast_each
 from mapmore_cli.modelling.kinds import outside_range, parameters
 from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths_of

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from mapmore_cli.domain.fits import MemoryFit, StateSet
-from mapmore_cli.reporting.table import Cell, Table
+from mapmore_cli.reporting.table import Cells, Table
 
 
 def states_table(states: StateSet) -> Table:
     """Return everything that training estimated about the states: the oscillators, the ranges of
     inputs for operators, and the scales.
     """
-    rows: list[tuple[Cell, ...]] = []
+    rows: list[Cells] = []
     for name, (hertz, damping) in states.resonances.items():
         rows.append((name, "oscillator that it drives", None, None, hertz, damping))
     for name, ends in states.ranges.items():
@@ -32,7 +32,7 @@ def identified_table(fit: MemoryFit) -> Table:
     """Return the operator parameters that training estimated; without rows if the dictionary left
     none free.
     """
-    rows: list[tuple[Cell, ...]] = []
+    rows: list[Cells] = []
     if (numbers := fit.identified) is not None:
         columns = (numbers.numbers.tolist(), numbers.errors.tolist(), numbers.held.tolist())
         for name, value, error, held in zip(numbers.names, *columns, strict=True):

@@ -17,7 +17,7 @@ from mapmore_cli.domain.scores import (
     deciding,
 )
 from mapmore_cli.modelling.validation.comparison import Comparison
-from mapmore_cli.reporting.table import MODEL, Cell, Column, Table, cells_of, title_of
+from mapmore_cli.reporting.table import MODEL, Cells, Column, Table, cells_of, title_of
 
 FLOOR_NOTE = (
     f"{REPEATABILITY}: not a model, but the difference between repeated measurements, that is, "
@@ -98,16 +98,14 @@ def curve_scores_table(scores: Sequence[Score], units: Mapping[str, str]) -> Tab
     return Table.of("curve_scores", "Scores by curve", ("curve", *columns), cells)
 
 
-def _metrics(
-    scores: Sequence[Score], unit: str
-) -> tuple[list[Column | str], list[tuple[Cell, ...]]]:
+def _metrics(scores: Sequence[Score], unit: str) -> tuple[list[Column | str], list[Cells]]:
     """Return the columns and rows of a table of scores. A column without any value is left out."""
     shown = {
         one.heading.replace("UNIT", unit): name
         for name, one in MEASURES.items()
         if one.heading and (one.shown is None or any(map(one.shown, scores)))
     }
-    rows: list[tuple[Cell, ...]] = [(s.model, s.split, *cells_of(s, shown)) for s in scores]
+    rows: list[Cells] = [(s.model, s.split, *cells_of(s, shown)) for s in scores]
     return [MODEL, "data", *shown], rows
 
 
@@ -266,7 +264,7 @@ def changes_table(comparison: Comparison) -> Table:
         f"RMS difference [{unit}] .3g": "rms",
         f"largest difference [{unit}] .3g": "largest",
     }
-    rows: list[tuple[Cell, ...]] = []
+    rows: list[Cells] = []
     for curve in comparison.by_effect:
         place = ", ".join(f"{name} {value:.4g}" for name, value in curve.place.items())
         rows.append((*cells_of(curve, columns), place))
@@ -306,7 +304,7 @@ def search_table(search: Search) -> Table:
         "above the best [%] .1f": "excess",
         "standard error [%] .1f": "spread",
     }
-    rows: list[tuple[Cell, ...]] = []
+    rows: list[Cells] = []
     marks = {"best": search.best, "chosen": search.chosen}
     order = sorted(enumerate(search.tried), key=lambda one: (bool(one[1].failure), one[1].excess))
     for number, one in order:

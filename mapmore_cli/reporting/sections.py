@@ -51,11 +51,12 @@ def shown_by(fit: Fit | None) -> Paged | None:
 
 
 def sections_of(inputs: ReportInputs) -> tuple[Section, ...]:
-    """Return the sections of a run's page. Each kind of model with tables of its own has a
-    section.
+    """Return the sections of a run's page. Each kind of model with tables of its own has a section,
+    which stands before the folded ones.
     """
     kinds = dict.fromkeys(filter(None, map(shown_by, inputs.fits.values())))
-    return (*SECTIONS[:3], *(kind.section() for kind in kinds), *SECTIONS[3:])
+    first = sum(not section.folded for section in SECTIONS)
+    return (*SECTIONS[:first], *(kind.section() for kind in kinds), *SECTIONS[first:])
 
 
 def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:

@@ -13,7 +13,7 @@ from mapmore_cli.domain.scores import OWN, ScoreTable
 from mapmore_cli.modelling.kinds import equations, parameters
 from mapmore_cli.modelling.literature.linear import half_width
 from mapmore_cli.modelling.validation.metrics import information_criteria
-from mapmore_cli.reporting.table import Cell, Table
+from mapmore_cli.reporting.table import Cells, Table
 from mapmore_cli.reporting.tables import coefficient_rows
 
 COLUMNS = ("part", "term", "coefficient #.6g", "standard error .3g", "t .3g", "ERR [%] .4f")
@@ -35,7 +35,7 @@ def summary_table(fit: FitResult, model: Model, scores: ScoreTable, weighed: boo
     equations of the model in physical units; the assumptions of the standard errors; and the
     coefficients whose 95 % interval includes zero.
     """
-    rows, unclear = list[tuple[Cell, ...]](), list[str]()
+    rows, unclear = list[Cells](), list[str]()
     notes, sizes = list[str](), list[str]()
     outputs = list(zip(fit.each, model.each, scores.each, strict=True))
     for own, one, table in outputs:

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 Cell = str | int | float | None
 """Contents of a cell; None and NaN mean a missing number."""
 
+Cells = tuple[Cell, ...]
+"""A row of a table."""
+
 MISSING = "–"
 EQUATION = r"{{\raggedright\strut ${}$\strut\par}}"
 
@@ -81,7 +84,7 @@ class Table:
     name: str
     title: str
     columns: tuple[Column, ...]
-    rows: tuple[tuple[Cell, ...], ...]
+    rows: tuple[Cells, ...]
     notes: tuple[str, ...] = ()
 
     @classmethod

@@ -25,7 +25,7 @@ from mapmore_cli.modelling.literature.own import units_of_parameters
 from mapmore_cli.modelling.validation.repeatability import floors
 from mapmore_cli.modelling.validation.residuals import SAME
 from mapmore_cli.reporting.inputs import ReportInputs
-from mapmore_cli.reporting.table import Cell, Column, Columns, Table, cells_of
+from mapmore_cli.reporting.table import Cells, Column, Columns, Table, cells_of
 
 
 def bands_table(sizes: Sequence[ErrorBand], unit: str) -> Table:
@@ -48,7 +48,7 @@ def recordings_table(dataset: Dataset) -> Table:
     reasons = list(dict.fromkeys(reason for one in dataset.recordings for reason in one.dropped))
     columns = ("recording", "file", "read", "kept")
     dropped = [Column(f"dropped: {reason}") for reason in reasons]
-    rows: list[tuple[Cell, ...]] = []
+    rows: list[Cells] = []
     uneven = []
     for one in dataset.recordings:
         counts = [one.dropped.get(reason, 0) for reason in reasons]
@@ -79,7 +79,7 @@ def levels_table(dataset: Dataset, along: str | None = None, whole: Dataset | No
     """
     level = f"level [{dataset.unit(dataset.level)}] .6g" if dataset.level else "level"
     columns = ["curve", level, "train", "validate", "recordings"]
-    rows: list[tuple[Cell, ...]] = []
+    rows: list[Cells] = []
     for curve in (whole or dataset).curves:
         held_out = int(np.count_nonzero(curve.held_out))
         counts = (curve.size - held_out, held_out)
@@ -169,7 +169,7 @@ def terms_table(fit: FitResult) -> Table:
     return Table.of("terms", "Selected terms", columns, rows, *notes)
 
 
-def _term_rows(segment: SegmentFit) -> Iterator[tuple[Cell, ...]]:
+def _term_rows(segment: SegmentFit) -> Iterator[Cells]:
     chosen = segment.selection
     running = np.cumsum(chosen.err)
     for step, term in enumerate(segment.terms):
@@ -213,7 +213,7 @@ def coefficients_table(fit: FitResult, unit: str, model: Model | None = None) ->
         *("segment", "term", "theta", "standard error .3g", "t .3g", "± 95 % .3g"),
         *("lower", "upper", f"theta × y_slope [{unit}]", f"± 95 % [{unit}] .3g"),
     )
-    rows: list[tuple[Cell, ...]] = []
+    rows: list[Cells] = []
     unknown: list[str] = []
     for piece, row in coefficient_rows(fit, model):
         theta, width, slope = row["coefficient"], row["width"], piece.scaling.y_slope
@@ -283,7 +283,7 @@ def shape_table(inputs: ReportInputs) -> Table:
     """
     unit, shape = inputs.model.output.unit, inputs.model.shape
     known = {(one.quantity, one.word): one for one in (shape.kept if shape else ())}
-    rows: list[tuple[Cell, ...]] = []
+    rows: list[Cells] = []
     for one in inputs.violations:
         row = (one.asked.quantity, one.asked.word, one.amount, 100 * one.share, one.place or None)
         kept = known.get(row[:2])
@@ -360,7 +360,7 @@ def formulas_table(inputs: ReportInputs) -> Table:
     return Table.of("formulas", "Parameters of the fitted formulas", columns, rows, *notes)
 
 
-def _formula_rows(name: str, role: str, formula: FormulaFit) -> Iterator[tuple[Cell, ...]]:
+def _formula_rows(name: str, role: str, formula: FormulaFit) -> Iterator[Cells]:
     head = (name, role, formula.status.replace("_", " "))
     if formula.failed:
         yield *head, *[None] * 6, formula.method, None, None, formula.samples

@@ -16,7 +16,7 @@ import json
 import math
 import os
 import platform
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import cache, lru_cache
 from importlib.metadata import version
@@ -27,7 +27,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, TypeAdapter
 
-from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.errors import DataError, Warn
 from mapmore_cli.domain.foreign import csv_cell
 from mapmore_cli.domain.scores import Score, ScoreTable
 from mapmore_cli.storage.atomic import content_of, write_own
@@ -206,9 +206,7 @@ def load_origin(run_dir: Path) -> Origin | None:
         return None
 
 
-def load_records(
-    run_dir: Path, warn: Callable[[str], None] = lambda _message: None
-) -> dict[str, StageRecord]:
+def load_records(run_dir: Path, warn: Warn = lambda _message: None) -> dict[str, StageRecord]:
     """Return the committed stages of a run by name; if `run.json` is damaged, warn and return an
     empty dict.
 

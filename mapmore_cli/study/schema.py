@@ -171,8 +171,8 @@ def reference() -> str:
         _section(title, section) for title, section in sections.items() if "properties" in section
     ]
     units = {name: "the target" if name in OF_TARGET else "1" for name in METRICS}
-    lower = quoted((name for name, measure in MEASURES.items() if measure.at_least), " and ")
-    return "\n".join([*tables, _METRICS.format(lower)]) + "".join(
+    lower = quoted(name for name, measure in MEASURES.items() if measure.at_least)
+    return "\n".join([*tables, _METRICS.format(" and ".join(lower.rsplit(", ", 1)))]) + "".join(
         f"| `{name}` | {METRICS[name]} | {unit} |\n" for name, unit in units.items()
     )
 

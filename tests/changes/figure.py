@@ -16,5 +16,5 @@ from mapmore_cli.reporting.figures import scatter
 from mapmore_cli.study.sections.report import Report
 assert "scatter" in Report().figures and callable(scatter.draw)
 """
-TEST = "reporting/test_reporting_page.py::test_every_figure_has_a_file_and_a_place"
+TEST = "reporting/test_reporting_page.py::test_figures_and_sections_have_their_files"
 HALVES = {"that is not drawn": (PLACED, TEST), "without a place": (DRAWN, TEST)}

@@ -25,6 +25,6 @@ assert abs(data.keep[0].above - 26.85) < 1e-12
 HALVES = {
     "in a unit that nobody knows": (
         {UNITS: [(ROW, f'{ROW}        "temperature": "celsus",\n')]},
-        "study/test_units.py::test_every_canonical_unit_is_known",
+        "study/test_units.py::test_every_canonical_quantity_has_a_name_and_a_unit_that_are_known",
     )
 }

@@ -1,12 +1,29 @@
 """`check`, `schema` and `batch`."""
 
+import ast
 import json
 import re
+from inspect import getsource, signature
+from textwrap import dedent
 
 import pytest
 from cli_samples import write_study
 
+from mapmore_cli.cli.app import MODULES, ORDER, _function
+from mapmore_cli.domain.plugins import entry_points
 from mapmore_cli.study.schema import json_schema
+
+
+def test_every_command_has_a_place_in_the_order_of_the_work():
+    assert sorted(ORDER) == sorted({*MODULES, *entry_points("commands")})
+
+
+@pytest.mark.parametrize("name", ORDER)
+def test_every_option_is_used(name):
+    function = _function(name)
+    nodes = ast.walk(ast.parse(dedent(getsource(function))))
+    read = {node.id for node in nodes if isinstance(node, ast.Name)}
+    assert {*signature(function).parameters} - read == set()
 
 
 def test_check_says_what_was_found_and_writes_nothing(study, document, mapmore):

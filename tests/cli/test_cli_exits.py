@@ -4,6 +4,7 @@ did not ask for it.
 
 import errno
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -90,8 +91,12 @@ def test_whatever_ends_a_run_is_told_in_a_line_with_its_remedy(
     assert all(line.startswith("  ") for line in remedy)
 
 
-def test_there_is_a_test_for_every_error_class():
+def test_every_error_class_has_a_test_a_code_of_its_own_and_a_row_of_the_page():
     assert {kind for kind, _ in MENDABLE} == set(errors.MapmoreError.__subclasses__())
+    page = (Path(__file__).parents[2] / "docs/messages.md").read_text(encoding="utf-8")
+    codes = [code for _, code in MENDABLE]
+    rows = map(int, re.findall(r"^\| (\d+) \|", page, re.MULTILINE))
+    assert codes == [row for row in rows if 1 < row < 128]
 
 
 @pytest.mark.parametrize("place", ["front", "end"])

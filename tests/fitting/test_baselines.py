@@ -17,10 +17,13 @@ from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.models import Memory, Model
 from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.domain.scores import OWN, REPEATABILITY
 from mapmore_cli.fitting import baselines
 from mapmore_cli.modelling import learners
 from mapmore_cli.modelling.learners import LEARNERS
+from mapmore_cli.modelling.literature import names
 from mapmore_cli.modelling.signals.sampling import even_share
+from mapmore_cli.modelling.simple import SIMPLE
 from mapmore_cli.study.loader import load
 
 SPEC = """\
@@ -68,15 +71,23 @@ def test_a_smooth_surface_is_learnt_from_training_samples_alone(name):
     assert np.sqrt(np.mean((first[curve.held_out] - force) ** 2)) < 0.2 * np.std(force)
 
 
-def test_no_learner_stops_early_and_all_have_a_seed():
+def test_learners_have_a_title_a_name_of_their_own_and_a_seed():
+    """Competitors are named alike whatever they are: formulas, simple models and black boxes."""
+    assert all(learner.title for learner in LEARNERS.values())
+    assert not {*LEARNERS} & {OWN, REPEATABILITY, *SIMPLE, *names()}
+    made = (learner.make(1) for learner in LEARNERS.values())
+    assert {one.get_params().get("random_state", 0) for one in made} == {0}
+
+
+def test_no_learner_stops_early():
     x = np.linspace(-2, 2, 40)[:, None]
     y = np.sin(2 * x[:, 0]) + np.random.default_rng(0).normal(0, 0.1, 40)
-    process, boosting, network = (one.make(1) for one in LEARNERS.values())
+    made = [LEARNERS[name].make(1) for name in ("gaussian_process", "gradient_boosting", "mlp")]
+    process, boosting, network = made
     boosting.fit(x, y)
     assert boosting.n_iter_ == 300
     assert process.fit(x, y).predict(x) == pytest.approx(np.sin(2 * x[:, 0]), abs=0.15)
     assert network.hidden_layer_sizes == (32, 32)
-    assert [one.random_state for one in (process, boosting, network)] == [0, 0, 0]
 
 
 def test_every_learner_of_the_module_is_declared():

@@ -5,7 +5,11 @@ that explains them.
 from __future__ import annotations
 
 import re
+from collections import Counter
+from importlib import import_module
+from inspect import isfunction
 from pathlib import Path
+from pkgutil import iter_modules
 from typing import Any
 
 import numpy as np
@@ -14,6 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from recorded import workbook
 
+from mapmore_cli.checking import applied, rules
 from mapmore_cli.domain.errors import DataError, FitError, SpecError
 from mapmore_cli.modelling.validation.repeatability import monotone_floor
 from mapmore_cli.pipeline.inspection import inspect
@@ -495,7 +500,24 @@ def test_check_says_of_a_shape_what_the_run_says(tmp_path):
     assert told.value.message.partition(" differences")[0].rpartition(" ")[0] in issue.message
 
 
-def test_every_issue_that_a_rule_can_raise_is_on_the_page_and_no_other():
+def test_every_rule_of_the_folder_is_applied_once():
+    files = [
+        import_module(f"{rules.__name__}.{file.name}") for file in iter_modules(rules.__path__)
+    ]
+    written = [
+        part
+        for file in files
+        for name, part in vars(file).items()
+        if isfunction(part)
+        and part.__module__ == file.__name__
+        and name[0] != "_"
+        and part.__annotations__["return"] == "Issues"
+    ]
+    lists = (*applied.OF_RECORDINGS, *applied.OF_CURVES, *applied.OF_CHECK)
+    assert Counter(lists) == Counter(written)
+
+
+def test_every_issue_that_a_rule_can_raise_is_tried_and_on_the_page_and_no_other():
     project = Path(__file__).resolve().parents[2]
     sources = (project / "mapmore_cli").rglob("*.py")
     raised = {
@@ -511,6 +533,8 @@ def test_every_issue_that_a_rule_can_raise_is_on_the_page_and_no_other():
     ]
     assert raised == {id_ for row in rows for id_ in re.findall(r"`([a-z-]+)`", row)}
     assert len(raised) > 10
+    tests = "".join(path.read_text() for path in (project / "tests").rglob("test_*.py"))
+    assert [id_ for id_ in raised if f'"{id_}"' not in tests and f"[{id_}]" not in tests] == []
 
 
 def test_the_clean_study_has_no_issues(tmp_path):

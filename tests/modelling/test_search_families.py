@@ -9,7 +9,7 @@ import pytest
 import yaml
 from common import curve_of, dataset_of
 
-from mapmore_cli.annexes.search import choosing
+from mapmore_cli.annexes.search import choosing, searching
 from mapmore_cli.annexes.search.bench import Bench, Slice
 from mapmore_cli.annexes.search.candidate import MOST_PARAMETERS, offered_structures
 from mapmore_cli.annexes.search.choosing import choose_structure
@@ -91,6 +91,13 @@ def spec_of(candidate, of):
     return ExperimentSpec.model_validate(
         {"name": "made", "data": data, "target": {"column": of.target}, **sections}
     )
+
+
+def test_every_file_of_candidates_is_tried_and_all_that_its_head_says_is_read():
+    files = {path.stem: path for path in Path(searching.__file__).parent.glob("families/*.yaml")}
+    assert sorted(files) == sorted((*FAMILIES, *ROUNDS))
+    for name in files:
+        assert {*family(name)} - {"timed", "kind", "fit", "candidates"} == set()
 
 
 @pytest.mark.parametrize("name", SITUATIONS)

@@ -16,6 +16,7 @@ from mapmore_cli.modelling.kinds import equations
 from mapmore_cli.reporting import figures as figures_folder
 from mapmore_cli.reporting.order import FIGURES
 from mapmore_cli.reporting.report import write_report
+from mapmore_cli.reporting.sections import SECTIONS
 
 EVERYTHING = {"figures": tuple(FIGURES), "formats": ("html", "csv", "svg")}
 
@@ -32,10 +33,14 @@ def page(folder):
     return Page((folder / "index.html").read_text(encoding="utf-8"))
 
 
-def test_every_figure_has_a_file_and_a_place():
+def test_figures_and_sections_have_their_files():
     folder = Path(figures_folder.__file__).parent
     drawn = {path.stem for path in folder.glob("*.py") if "\ndef draw(" in path.read_text()}
     assert drawn == {*FIGURES} - {*entry_points("figures")}
+    sections = {section.id for section in SECTIONS}
+    assert {*FIGURES.values()} <= sections
+    templates = (folder.parent / "templates/sections").iterdir()
+    assert {path.stem.partition("_")[0] for path in templates} <= {"explore", *sections}
 
 
 def page_of(inputs, out, figures=tuple(FIGURES)):
@@ -44,20 +49,9 @@ def page_of(inputs, out, figures=tuple(FIGURES)):
 
 
 def test_files(folder):
-    assert {path.name for path in folder.glob("*.svg")} == {
-        "data.svg",
-        "fit.svg",
-        "fit_training.svg",
-        "error.svg",
-        "residuals.svg",
-        "residual_map.svg",
-        "surface.svg",
-        "surface_3d.svg",
-        "nrmse.svg",
-        "bands.svg",
-        "segments.svg",
-        "segments_levels.svg",
-        "terms.svg",
+    drawn = {*FIGURES} - {*entry_points("figures")}
+    assert {path.stem for path in folder.glob("*.svg")} == {
+        *(*drawn, "fit_training", "segments_levels")
     }
     names = {path.stem for path in (folder / "tables").glob("*.csv")}
     assert {
@@ -164,7 +158,8 @@ def test_accessible(page):
 def test_links_lead_somewhere_and_section_ids_are_unique(page, folder):
     ids = [attrs["id"] for _, attrs in page.tags if attrs.get("id")]
     sections = [attrs["id"] for attrs in page.named("h2")]
-    assert len(sections) == len(set(sections)) == 9
+    assert {*sections} == {"explore", *(section.id for section in SECTIONS)}
+    assert len(sections) == len(SECTIONS) + 1
     assert all(ids.count(name) == 1 for name in sections)
     assert all(attrs["href"].removeprefix("#") in sections for attrs in page.named("a"))
     for attrs in page.named("use"):

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.modelling.expressions.states import IDENTIFIER
 from mapmore_cli.study import units
 from mapmore_cli.study.units import (
     can_convert,
@@ -42,9 +43,17 @@ def test_default_units(name, changes, rates, unit):
     assert default_unit(name, changes, rates) == unit
 
 
-def test_every_canonical_unit_is_known():
-    for unit in units.CANONICAL.values():
+def test_every_canonical_quantity_has_a_name_and_a_unit_that_are_known():
+    for name, unit in units.CANONICAL.items():
+        assert IDENTIFIER.fullmatch(name)
         units.check_unit(unit)
+
+
+def test_every_unit_that_is_suggested_or_spelt_otherwise_is_known():
+    for unit in units._KNOWN:
+        units._pint_unit(unit)
+    assert {*units._SPELLINGS.values()} <= units._KNOWN
+    assert not {*units._SPELLINGS} & units._KNOWN
 
 
 # Factors from the definitions of the units (BIPM; the pound and the inch are exact since 1959).

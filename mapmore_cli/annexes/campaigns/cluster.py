@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.annexes.campaigns.sealed import run_and_seal
 from mapmore_cli.annexes.campaigns.workers import ended, worker_died
-from mapmore_cli.domain.errors import MapmoreError, UsageError, WriteError
+from mapmore_cli.domain.errors import MapmoreError, UsageError, Warn, WriteError
 from mapmore_cli.pipeline.jobs import Finished, Job
 from mapmore_cli.pipeline.processors import variables_set
 from mapmore_cli.storage.atomic import TEMPORARY, refusals_told, write_own
@@ -86,7 +86,7 @@ def run_on_cluster(
     scheduler: str | Path,
     runs: Path,
     tell: Callable[[int, str], None],
-    say: Callable[[str], None],
+    say: Warn,
 ) -> Generator[tuple[int, Finished | BaseException], None, None]:
     """Do numbered jobs on the workers of a scheduler, given by its address or by the file that it
     wrote; yield like `workers.ended`.

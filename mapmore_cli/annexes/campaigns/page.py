@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mapmore_cli.domain.errors import SpecError, UsageError, error_text
+from mapmore_cli.domain.errors import SpecError, UsageError, Warn, error_text
 from mapmore_cli.reporting.order import RUN_PAGE
 from mapmore_cli.reporting.scripts import joined, scripts
 from mapmore_cli.reporting.table import Table, environment, to_csv
@@ -32,7 +32,7 @@ def write_page(
     campaign: Campaign,
     results: Mapping[str, Finished | BaseException],
     runs: Path,
-    warn: Callable[[str], None] = lambda _message: None,
+    warn: Warn = lambda _message: None,
 ) -> tuple[Path, tuple[Table, ...]]:
     """Write `RUNS/CAMPAIGN/index.html` with its figures and tables. `results` holds the results of
     its runs by name, in order. `warn` is called for files there that somebody changed.
@@ -73,9 +73,7 @@ def write_page(
     return folder / "index.html", tables
 
 
-def _ways_made(
-    folder: Path, texts: Mapping[str, str], warn: Callable[[str], None]
-) -> dict[str, list[str]]:
+def _ways_made(folder: Path, texts: Mapping[str, str], warn: Warn) -> dict[str, list[str]]:
     """Move the files that somebody changed since the last page to the trash. Return, for each file
     of the page, the hashes that it may have from now on: as the last page wrote it, or as this page
     does.

@@ -15,7 +15,7 @@ from mapmore_cli.domain.scores import (
     Score,
     deciding,
 )
-from mapmore_cli.reporting.table import MODEL, Cell, Column, Columns, Table
+from mapmore_cli.reporting.table import MODEL, Cell, Cells, Column, Columns, Table
 
 Pooled = Mapping[str, Score]
 """The decisive scores of a run, by model: all curves pooled, for the held-out rows if there are
@@ -92,7 +92,7 @@ def nrmse_table(scores: CampaignScores) -> Table:
     best of `best_of`.
     """
     models, runs = scores.models, scores.pooled
-    rows: list[tuple[Cell, ...]] = [
+    rows: list[Cells] = [
         (name, *(100 * run[model].nrmse if model in run else None for model in models))
         for name, run in runs.items()
     ]
@@ -131,7 +131,7 @@ def models_table(scores: CampaignScores) -> Table:
     def place(score: Score) -> tuple[bool, bool, float]:
         return score.model != OWN, score.model == REPEATABILITY, _known(score.nrmse)
 
-    rows: list[tuple[Cell, ...]] = []
+    rows: list[Cells] = []
     for name, run in scores.pooled.items():
         own_rmse = run[OWN].rmse if OWN in run else math.nan
         for score in sorted(run.values(), key=place):
@@ -193,7 +193,7 @@ def published_table(scores: CampaignScores) -> Table:
     """Return the table of RMSE and NRMSE for held-out data of every model in a publication, beside
     the printed numbers; columns without numbers are left out.
     """
-    rows: list[tuple[Cell, ...]] = []
+    rows: list[Cells] = []
     for name, paper in scores.published.items():
         for model, score in scores.pooled.get(name, {}).items():
             rmse, nrmse = paper.shown_rmse(model), paper.nrmse.get(model)

@@ -19,7 +19,7 @@ from mapmore_cli.annexes.drafting.sources import started
 from mapmore_cli.annexes.drafting.studies import Study
 from mapmore_cli.checking.evidence import MUCH
 from mapmore_cli.domain.arrays import Array, IntArray
-from mapmore_cli.domain.errors import DataError, SpecError
+from mapmore_cli.domain.errors import DataError, SpecError, Warn
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import IngestSlice, Meter, Source, find_sources
@@ -44,9 +44,7 @@ class _Columns(Data):
         return frozenset(column.column for column in self.columns.values())
 
 
-def read_draft(
-    draft: Draft, folder: Path, measured: str, warn: Callable[[str], None] = lambda _: None
-) -> Dataset:
+def read_draft(draft: Draft, folder: Path, measured: str, warn: Warn = lambda _: None) -> Dataset:
     """Return the dataset of a draft, in its units. Raises DataError if it cannot be made."""
     data = Data.model_validate(draft.data)
     units = {name: default_unit(name) for name in data.quantities} | draft.spec.get("units", {})

@@ -6,7 +6,7 @@ Titles, units and the person decide the meaning of columns; it is never guessed 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -30,7 +30,7 @@ from mapmore_cli.annexes.drafting.studies import Study, find_studies
 from mapmore_cli.annexes.drafting.understanding import Understood, understood
 from mapmore_cli.annexes.drafting.written_columns import with_columns, with_strain
 from mapmore_cli.checking.evidence import Unequal, unequal
-from mapmore_cli.domain.errors import DataError, SpecError, UsageError
+from mapmore_cli.domain.errors import DataError, SpecError, UsageError, Warn
 from mapmore_cli.storage.readers import READERS
 
 NOTHING_SAID = Answers()
@@ -234,7 +234,7 @@ def start(
     single: bool = False,
     answers: Answers = NOTHING_SAID,
     ask: Ask | None = None,
-    tell: Callable[[str], None] = lambda _: None,
+    tell: Warn = lambda _: None,
 ) -> Start:
     """Draft specs for every study under `path`, or for the largest one only, with relative paths
     from `folder`.

@@ -18,7 +18,6 @@ from mapmore_cli.annexes.exporting.python_module import module_file
 from mapmore_cli.annexes.exporting.table import lookup_table, table_files, tex_equations
 from mapmore_cli.annexes.exporting.templates import (
     Wanted,
-    Warn,
     identifier,
     name_of_output,
     names_of_inputs,
@@ -27,7 +26,7 @@ from mapmore_cli.annexes.exporting.templates import (
 )
 from mapmore_cli.annexes.exporting.verifying import middle
 from mapmore_cli.domain import plugins
-from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.domain.errors import UsageError, Warn
 from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.programs import program_of
 

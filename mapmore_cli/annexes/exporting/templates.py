@@ -19,15 +19,13 @@ from xml.sax.saxutils import quoteattr
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from mapmore_cli.annexes.exporting.words import FILES, TAKEN, identifiers, words_of
-from mapmore_cli.domain.errors import DataError, UsageError
+from mapmore_cli.domain.errors import DataError, UsageError, Warn
 from mapmore_cli.domain.foreign import PLAIN, plain, tex_text, xml_text
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.expressions.functions import FUNCTIONS, HELPER
 from mapmore_cli.modelling.expressions.states import IDENTIFIER
 from mapmore_cli.modelling.programs import program_of
-
-Warn = Callable[[str], None]
 
 
 @dataclass(frozen=True)

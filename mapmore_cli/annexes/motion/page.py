@@ -14,7 +14,7 @@ from mapmore_cli.domain.fits import Fit
 from mapmore_cli.domain.models import Model
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.sections import Section
-from mapmore_cli.reporting.table import MODEL, Cell, Column, Columns, Table
+from mapmore_cli.reporting.table import MODEL, Cells, Column, Columns, Table
 
 
 def show(model: Model) -> View:
@@ -63,7 +63,7 @@ def sections_table(fits: Mapping[str, MotionFit], unit: str) -> Table:
         *("largest pole .3f", f"steady output at its upper end [{unit}] .4g"),
         *(f"RMSE of the search [{unit}] .3g", "samples", "solver", "iterations", "simulations"),
     )
-    rows: list[tuple[Cell, ...]] = []
+    rows: list[Cells] = []
     for name, fit in fits.items():
         motion, solver = fit.model, fit.solver.replace("_", " ")
         for section, search in zip(motion.sections, fit.searches, strict=True):
@@ -105,7 +105,7 @@ def waveforms_table(inputs: ReportInputs, motion: Motion) -> Table:
         for log, samples in enumerate(curve.logs)
         if curve.held_out[samples].all()
     ]
-    rows: list[tuple[Cell, ...]] = []
+    rows: list[Cells] = []
     for number, recording, samples in held_out:
         columns = inputs.dataset.curves[number].columns
         u, measured = (columns[name][samples] for name in (motion.input, inputs.dataset.target))

@@ -9,7 +9,7 @@ from mapmore_cli.cli.compared import search_document
 from mapmore_cli.cli.console import Document, View, members
 from mapmore_cli.domain.results import Search
 from mapmore_cli.reporting.score_tables import search_table
-from mapmore_cli.reporting.table import Cell, Column, Columns, Table, cells_of
+from mapmore_cli.reporting.table import Cell, Cells, Column, Columns, Table, cells_of
 from mapmore_cli.study.yaml_dumper import as_overrides
 
 
@@ -23,7 +23,7 @@ def of_tuning(tuning: Tuning) -> View:
         "above the best [%] .1f": "excess",
         "standard error [%] .1f": "spread",
     }
-    documents, rows, lines = list[Document](), list[tuple[Cell, ...]](), list[str]()
+    documents, rows, lines = list[Document](), list[Cells](), list[str]()
     for trial in tuning.trials:
         failure = trial.failure or None
         documents.append({**members(trial, *keys, "folds=errors"), "failure": failure})
@@ -87,7 +87,7 @@ def of_plan(plan: Plan) -> View:
             f"{heading} [{unit}] .3g" for heading in ("half width", "after", "expected error")
         ]
     columns += ["cost .3g"] if costs else []
-    documents, rows = list[Document](), list[tuple[Cell, ...]]()
+    documents, rows = list[Document](), list[Cells]()
     for number, candidate in enumerate(plan.candidates, 1):
         keys = ("kind", "gap", "half_width", "after", "error", "cost")
         documents.append({**candidate.at, **members(candidate, *keys)})

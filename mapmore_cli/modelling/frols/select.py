@@ -4,7 +4,7 @@ by a criterion.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import NamedTuple
@@ -24,7 +24,31 @@ NO_GAIN = 1e-28
 # a regressor is dependent if `q'q <= RANK_TOLERANCE p'p`, because the remainder is then rounding
 # error
 RANK_TOLERANCE = 1e-24
-CRITERIA = ("tolerance", "bic", "ebic", "aicc", "press")  # rules for the number of terms
+Price = Callable[[IntArray, int, int], Array]
+"""Function that returns the price of each number k of terms, (k,), for n samples and M candidates;
+a criterion is the smallest `n ln(SSE/n)` plus this price.
+"""
+
+
+def _aicc(k: IntArray, n: int, _candidates: int) -> Array:
+    freedom = n - k - 1
+    return np.where(freedom > 0, 2 * k + 2 * k * (k + 1) / np.maximum(freedom, 1), np.inf)
+
+
+PRICES: Mapping[str, Price] = {
+    "bic": lambda k, n, _candidates: k * np.log(n),
+    "ebic": lambda k, n, candidates: k * np.log(n) + 2 * k * np.log(candidates),
+    "aicc": _aicc,
+}
+"""Information criteria by name.
+
+- `bic`: `k ln n` (Schwarz 1978);
+- `ebic`: larger than `bic` by `2 k ln M`, because the best of M candidates fit some noise by chance
+  (Chen and Chen 2008, Biometrika 95, with gamma = 1, and with `M^k` as the number of subsets of k
+  candidates);
+- `aicc`: `2k + 2k(k+1)/(n-k-1)` (Hurvich and Tsai 1989).
+"""
+CRITERIA = ("tolerance", *PRICES, "press")  # rules for the number of terms
 
 
 @dataclass(frozen=True)
@@ -196,26 +220,14 @@ def to_explain(blocks: Blocks, samples: int, yy: float, uncertainty: Array | Non
 ROUNDING = 1e-30
 
 
-def fewest_terms(criterion: str, unexplained: Array, n: int, candidates: int = 0) -> int:
-    """Return the number of terms with the smallest value of a criterion; if two numbers have equal
-    values, the smaller number. For several outputs, the criterion is summed.
+def fewest_terms(criterion: str, unexplained: Array, n: int, candidates: int) -> int:
+    """Return the number of terms with the smallest value of a criterion in `PRICES`; if two numbers
+    have equal values, the smaller number. For several outputs, the criterion is summed.
 
     `unexplained` (k,), or (m, k) of m outputs, is `SSE / y'y` after 1, 2, ... terms of n samples.
-
-    - `bic`: `n ln(SSE/n) + k ln n` (Schwarz 1978);
-    - `ebic`: larger than `bic` by `2 k ln M`, because the best of M `candidates` fit some noise by
-      chance (Chen and Chen 2008, Biometrika 95, with gamma = 1, and with `M^k` as the number of
-      subsets of k candidates);
-    - `aicc`: `n ln(SSE/n) + 2k + 2k(k+1)/(n-k-1)` (Hurvich and Tsai 1989).
     """
     outputs = np.atleast_2d(unexplained)
-    k = np.arange(1, outputs.shape[1] + 1)
-    price = k * np.log(n)
-    if criterion == "aicc":
-        freedom = n - k - 1
-        price = np.where(freedom > 0, 2 * k + 2 * k * (k + 1) / np.maximum(freedom, 1), np.inf)
-    if criterion == "ebic":
-        price = price + 2 * k * np.log(candidates)
+    price = PRICES[criterion](np.arange(1, outputs.shape[1] + 1), n, candidates)
     left = np.sum(n * np.log(np.maximum(outputs, ROUNDING)), axis=0)
     return int(np.argmin(left + len(outputs) * price)) + 1
 

@@ -7,9 +7,10 @@ P. J. Huber, *Robust Statistics*, Wiley 1981, chapter 7; A. E. Beaton and J. W. 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,17 +19,42 @@ from mapmore_cli.domain.fits import Selection
 from mapmore_cli.modelling.frols.correlated import MOST, correlated_errors
 from mapmore_cli.modelling.frols.moments import Blocks, weighted
 
-TUNING = {"huber": 1.345, "bisquare": 4.685}
-"""Size of a residual, in units of the scale, above which a sample has less weight (`huber`) or none
-(`bisquare`). With these values, the loss is 95 % efficient for normal noise.
-"""
-
 ROUNDS = 10  # largest number of rounds of reweighting with the same terms
 SETTLED = 1e-8  # if every weight changes by less than this, a further round changes nothing
 # weight that replaces zero; a sample with this weight has no influence beyond rounding errors
 LEAST_WEIGHT = 1e-12
 MAD = 1.4826  # ratio of the standard deviation of normal noise to its median absolute deviation
 EXACT = 1e-12  # fraction of the target; smaller residuals are rounding error, which is no scale
+
+
+class RobustLoss(NamedTuple):
+    """A loss that gives large residuals less weight.
+
+    - `tuning`: size of a residual r, in units of the scale, above which a sample has less weight.
+      The loss is then 95 % efficient for normal noise.
+    - `weight`: function that returns the weights w, (n,), at the sizes `|r|/tuning`.
+    - `slope`: function that returns the derivative of `w(r) r`, (n,), at the weights.
+    """
+
+    tuning: float
+    weight: Callable[[Array], Array]
+    slope: Callable[[Array], Array]
+
+
+LOSSES: Mapping[str, RobustLoss] = {
+    "huber": RobustLoss(
+        1.345, lambda size: 1 / np.maximum(size, 1.0), lambda weights: weights == 1.0
+    ),
+    "bisquare": RobustLoss(
+        4.685,
+        lambda size: np.maximum(np.maximum(1 - size**2, 0.0) ** 2, LEAST_WEIGHT),
+        lambda weights: np.sqrt(weights) * (5 * np.sqrt(weights) - 4),
+    ),
+}
+"""Robust losses by name: `w = min(1, 1.345/|r|)`, and `w = (1 - (r/4.685)^2)^2`, which is zero
+beyond 4.685.
+"""
+
 FEW = 5
 """With fewer curves than this, sums over curves say little, and standard errors from them would be
 a guess.
@@ -41,7 +67,7 @@ class Weighing:
 
     - `uncertainty`: standard deviation of each sample, (n,). ERR, `sse` and `yy` of a selection
       then refer to the weighted columns.
-    - `loss`: `squares`, or `huber` or `bisquare`, which give large residuals less weight.
+    - `loss`: `squares`, or one of the `LOSSES`, which give large residuals less weight.
     - `scale`: scale of the residuals; None for 1.4826 times their median absolute value.
     - `curves`: curve of each sample, (n,), if the residuals of a curve are correlated.
     - `alike`: True if all curves have the same weight, whatever their number of samples.
@@ -186,14 +212,8 @@ def scale_of(residual: Array, y: Array) -> float:
 
 
 def loss_weights(loss: str, residual: Array) -> Array:
-    """Return the weights of residuals that are given in units of the scale, shape (n,).
-
-    `huber`: `min(1, 1.345/|r|)`. `bisquare`: `(1 - (r/4.685)^2)^2`, and zero beyond 4.685.
-    """
-    size = np.abs(residual) / TUNING[loss]
-    if loss == "huber":
-        return 1 / np.maximum(size, 1.0)
-    return np.asarray(np.maximum(np.maximum(1 - size**2, 0.0) ** 2, LEAST_WEIGHT))
+    """Return the weights of residuals that are given in units of the scale, shape (n,)."""
+    return LOSSES[loss].weight(np.abs(residual) / LOSSES[loss].tuning)
 
 
 def numbered_curves(labels: IntArray | None, terms: int) -> IntArray | None:
@@ -238,11 +258,5 @@ def sandwich_errors(
         spread, share = inverse, square / (n - k)
     else:
         spread, share = inverse @ (inverse.T @ sums), count / (count - 1) * (n - 1) / (n - k)
-    slope = 1.0 if weights is None else _mean_slope(loss, weights)
+    slope = 1.0 if weights is None else float(np.mean(LOSSES[loss].slope(weights)))
     return np.asarray(np.sqrt(share) * np.linalg.norm(spread, axis=1) / slope)
-
-
-def _mean_slope(loss: str, weights: Array) -> float:
-    """Return the mean derivative of `w(r) r`, which depends on the weights only."""
-    root = np.sqrt(weights)
-    return float(np.mean(weights == 1.0 if loss == "huber" else root * (5 * root - 4)))

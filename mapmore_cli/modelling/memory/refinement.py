@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg.lapack import dtbtrs
 
-from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.arrays import Array, BoolArray, Ends
 from mapmore_cli.modelling.frols.correlated import correlated_errors
 from mapmore_cli.modelling.memory.simulation import ReadyPiece, Trajectory
 
@@ -112,7 +112,7 @@ class FreeRunProblem:
 
     pieces: Callable[[Array], Sequence[ReadyPiece]]
     counted: Sequence[BoolArray]
-    bounds: tuple[float, float]
+    bounds: Ends
     ridge: Array
     free_constant: bool
     between: Array

@@ -20,7 +20,7 @@ from mapmore_cli.modelling.expressions.families import fits_whole, refuse_beyond
 from mapmore_cli.modelling.frols import Regression, Weighing, frols, frols_together
 from mapmore_cli.modelling.frols.moments import moments, standard, standardised
 from mapmore_cli.modelling.frols.ridge import Regularised, choose_ridge, prune, ridge_press, select
-from mapmore_cli.modelling.frols.select import fewest_terms, in_units, widened
+from mapmore_cli.modelling.frols.select import PRICES, fewest_terms, in_units, widened
 from mapmore_cli.modelling.memory.records import Record, complete
 from mapmore_cli.modelling.memory.states import evaluate_states
 from mapmore_cli.modelling.selection import MemoryRecipe, Stop
@@ -194,8 +194,9 @@ class _Ridged:
         if stop == "press":
             errors = ridge_press(self.blocks, self.data, self.sizes)
             return self.among(self.sizes[int(np.argmin(errors))], stop)
-        if stop in ("bic", "aicc"):
-            return self.among(self.sizes[fewest_terms(stop, unexplained, samples) - 1], stop)
+        if stop in PRICES:
+            count = fewest_terms(stop, unexplained, samples, len(self.standard.spread) - 1)
+            return self.among(self.sizes[count - 1], stop)
         enough = np.flatnonzero(unexplained <= self.recipe.tolerance)
         if self.recipe.stop == "tolerance" and len(enough):
             return self.among(self.sizes[enough[0]], "tolerance")

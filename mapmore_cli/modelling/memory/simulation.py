@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray, Value, row_count
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, Ends, IntArray, Value, row_count
 from mapmore_cli.modelling.expressions import evaluate
 from mapmore_cli.modelling.memory.feedback import Feedback
 from mapmore_cli.modelling.memory.records import AtSample, complete
@@ -99,7 +99,7 @@ class ReadyPiece:
         self,
         theta: Array,
         constant: float,
-        bounds: tuple[float, float],
+        bounds: Ends,
         horizon: int | None = None,
         before: Array | None = None,
     ) -> Trajectory:
@@ -177,7 +177,7 @@ def refuse_unknown_beginning(piece: ReadyPiece) -> None:
         )
 
 
-def divergence_bounds(limits: tuple[float, float]) -> tuple[float, float]:
+def divergence_bounds(limits: Ends) -> Ends:
     """Return the smallest and largest output that a run may have, from the training range."""
     low, high = limits
     reach = DIVERGED * (high - low if high > low else max(abs(high), 1.0))

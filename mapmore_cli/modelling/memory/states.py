@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns, column_in, extremes
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, Ends, column_in, extremes
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import MemoryModel, StateSet
 from mapmore_cli.modelling.expressions.operator import Setting, along
@@ -139,7 +139,7 @@ def resolve_states(
 
     Raises DataError if a quantity is missing, or no training sample has a value of every state.
     """
-    ranges: dict[str, tuple[float, float]] = {}
+    ranges: dict[str, Ends] = {}
     found_already = dict(resonances)
     states = StateSet(
         tuple(names),
@@ -193,7 +193,7 @@ def with_ranges(records: Sequence[Record], recipe: MemoryRecipe) -> tuple[str, .
     return placed(recipe.dictionary, tuple(zip(resolved.names, low, high, strict=True)))
 
 
-def _range(values: Array, name: str) -> tuple[float, float]:
+def _range(values: Array, name: str) -> Ends:
     values = values[np.isfinite(values)]
     if not len(values):
         raise DataError(

@@ -17,7 +17,7 @@ from math import inf
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, Ends
 from mapmore_cli.domain.joining import TRANSITIONS, Fusion, Side
 from mapmore_cli.domain.models import CurveFunction, Pieces, SegmentFunction
 from mapmore_cli.modelling.expressions import Expression, Name, Number, add, call, derivative, parse
@@ -351,7 +351,7 @@ def zones_of(curve: CurveFunction, body: Pieces) -> dict[str, tuple[Array, Array
 
 
 def _side_conditions(
-    x: Expression, limits: tuple[float, float], sides: tuple[Side, Side]
+    x: Expression, limits: Ends, sides: tuple[Side, Side]
 ) -> tuple[tuple[Condition, Side, float], ...]:
     """Return, for each of the two sides, the condition that an input lies outside its limit, the
     extrapolation on this side, and the limit.
@@ -361,7 +361,7 @@ def _side_conditions(
 
 def _held_places(
     x: Expression,
-    limits: tuple[float, float],
+    limits: Ends,
     sides: tuple[Side, Side],
     words: Sequence[str] = ("saturate", "continue_linear"),
 ) -> list[tuple[Condition, Expression]]:
@@ -376,7 +376,7 @@ def _held_places(
 
 
 def _beyond_with(
-    x: Expression, limits: tuple[float, float], sides: tuple[Side, Side], word: str
+    x: Expression, limits: Ends, sides: tuple[Side, Side], word: str
 ) -> list[tuple[Condition, Expression]]:
     """Return, for each side whose extrapolation is `word`, the condition that x lies outside the
     limit, and the distance of x from the limit.

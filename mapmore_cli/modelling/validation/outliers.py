@@ -8,10 +8,10 @@ import numpy as np
 
 from mapmore_cli.domain.recording import Dataset, uncertainty_of
 from mapmore_cli.domain.results import Forecast, Outlier
-from mapmore_cli.modelling.frols.weighing import TUNING, scale_of
+from mapmore_cli.modelling.frols.weighing import LOSSES, scale_of
 from mapmore_cli.modelling.selection import Fit
 
-FAR = TUNING["bisquare"]
+FAR = LOSSES["bisquare"].tuning
 """Size of a residual from which on a sample is listed, in units of the scale. The `bisquare` loss
 ignores residuals of this size.
 """

@@ -31,7 +31,7 @@ import h5py
 import numpy as np
 
 from mapmore_cli.domain.arrays import LONG
-from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.errors import DataError, Warn
 from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
@@ -86,7 +86,6 @@ _latest: dict[tuple[int, ...], Any] = {}
 
 REMEMBERED = 6
 
-Warn = Callable[[str], None]
 T = TypeVar("T")
 NO_UNITS: Units = {}
 

@@ -21,6 +21,7 @@ from pydantic import (
 
 from mapmore_cli.domain.declared import Either, Name, OfTarget
 from mapmore_cli.domain.scores import Published
+from mapmore_cli.modelling.validation.metrics import NORMALISERS
 from mapmore_cli.study.fields import (
     Metric,
     PathOrName,
@@ -204,7 +205,7 @@ class Validate(Section):
     as_: Quantity | None = Field(default=None, alias="as")
     against: Annotated[list[Annotated[str | Competitor, Either()]], Field(max_length=100)] = []
     simple: bool = True
-    normaliser: Literal["max", "range"] = "max"
+    normaliser: Literal[tuple(NORMALISERS)] = "max"  # type: ignore[valid-type]
     intervals: bool = False
     require: dict[str, Annotated[Metric | dict[Quantity, Metric], Either()]] = {}
 

@@ -3,6 +3,8 @@
 Billings 2013, section 3.4: the error reduction ratios of a candidate are added over the outputs.
 """
 
+from typing import get_args
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,6 +13,8 @@ from textbook import frols_streamed
 
 from mapmore_cli.modelling.frols import Regression, Weighing, frols_together
 from mapmore_cli.modelling.frols.moments import blocks_of_rows
+from mapmore_cli.modelling.frols.select import CRITERIA
+from mapmore_cli.modelling.selection import Stop
 
 
 def on_paper(P, Y, terms):
@@ -73,7 +77,7 @@ def test_no_output_alone_would_choose_these(data):
     assert any(shared != one for one in alone)
 
 
-@pytest.mark.parametrize("stop", ["bic", "ebic", "aicc", "press"])
+@pytest.mark.parametrize("stop", [rule for rule in CRITERIA if rule != "tolerance"])
 @given(st.integers(0, 10_000))
 def test_an_output_and_its_double_have_as_many_terms_as_it_has_alone(stop, seed):
     """The second of two terms is as good as what it costs."""
@@ -85,7 +89,11 @@ def test_an_output_and_its_double_have_as_many_terms_as_it_has_alone(stop, seed)
     assert found.chosen.tolist() == alone.chosen.tolist()
 
 
-@pytest.mark.parametrize("stop", ["tolerance", "bic", "aicc", "press"])
+def test_a_spec_offers_rules_that_there_are():
+    assert {*get_args(Stop)} <= {*CRITERIA, "free_run"}
+
+
+@pytest.mark.parametrize("stop", CRITERIA)
 def test_proportional_outputs_choose_what_one_chooses(data, stop):
     P, Y = data
     y = Y[:, 0]

@@ -9,6 +9,7 @@ from scipy.stats import t as student
 from textbook import textbook
 
 from mapmore_cli.modelling.frols import Weighing, frols
+from mapmore_cli.modelling.frols.weighing import LOSSES, loss_weights
 
 TRUE = np.array([2.0, -1.0, 0.5])
 
@@ -61,7 +62,18 @@ def test_robust_fits_of_a_given_scale_are_the_minima_that_scipy_finds():
     np.testing.assert_allclose(fitted(P, y, loss="bisquare", scale=0.1)[0], least, atol=1e-5)
 
 
-@pytest.mark.parametrize("loss", ["huber", "bisquare"])
+@pytest.mark.parametrize("loss", LOSSES)
+def test_a_loss_has_the_slope_of_its_weighted_residual_and_is_efficient_for_normal_noise(loss):
+    """Its efficiency is the square of the mean slope by the mean square of `w(r) r`."""
+    r, h = np.linspace(-9, 9, 36_001) + 1e-5, 1e-7
+    density = np.exp(-(r**2) / 2) / np.sqrt(2 * np.pi) * (r[1] - r[0])
+    above, psi, below = (x * loss_weights(loss, x) for x in (r + h, r, r - h))
+    slope = LOSSES[loss].slope(loss_weights(loss, r))
+    np.testing.assert_allclose(slope, (above - below) / (2 * h), atol=1e-5)
+    assert (density @ slope) ** 2 / (density @ psi**2) == pytest.approx(0.95, abs=1e-4)
+
+
+@pytest.mark.parametrize("loss", LOSSES)
 def test_with_a_tenth_of_gross_outliers_coefficients_are_within_three_standard_errors(loss):
     for seed in range(10):
         P, y = with_outliers(seed)

@@ -6,13 +6,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from common import files_without_parts
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from literature_cases import DAMPING, PLANTED, STATIC, grid, motion, noisy, noisy_wrist
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.expressions import evaluate
-from mapmore_cli.modelling.literature import get, names, reference
+from mapmore_cli.modelling.literature import COMPONENTS, Formula, formulas, get, names, reference
+
+
+def test_every_file_of_the_folder_declares_a_formula_of_a_known_component():
+    assert files_without_parts("formulas", Formula, formulas) == set()
+    assert {get(name).component for name in names()} <= {*COMPONENTS}
+    assert all(get(name).reference for name in names())
+
 
 EVERY = [*STATIC, *(name for name in DAMPING if name in PLANTED)]
 every = pytest.mark.parametrize("name", EVERY)

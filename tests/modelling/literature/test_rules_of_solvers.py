@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -23,10 +24,15 @@ from mapmore_cli.modelling.literature.solvers import (
     simplex,
     variable_projection,
 )
+from mapmore_cli.study.sections.model import FitMethod
 
 
 def end(cost, converged=True, x=(0.0,)):
     return End(np.array(x), cost, converged)
+
+
+def test_a_spec_offers_every_method():
+    assert get_args(FitMethod) == tuple(METHODS)
 
 
 def test_a_coordinate_touches_within_a_millionth_of_its_range():

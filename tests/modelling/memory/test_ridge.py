@@ -21,6 +21,7 @@ from mapmore_cli.modelling.frols.ridge import (
     ridge_press,
     select,
 )
+from mapmore_cli.modelling.frols.select import PRICES
 from mapmore_cli.modelling.memory.selectors import Regressors, selector
 
 
@@ -87,13 +88,13 @@ def test_nothing_of_a_target_without_variance_is_unexplained():
     assert data.unexplained(np.array([0]), np.array([0.0])) == 0.0
 
 
-@pytest.mark.parametrize("stop", ["press", "bic", "tolerance", "none of it"])
+@pytest.mark.parametrize("stop", ["press", *PRICES, "tolerance", "none of it"])
 def test_coefficients_are_those_of_the_squares_and_the_penalty(stop):
     """In the units of the candidates, and as many terms as the rule prefers."""
     P, y = problem(40, 5, 3)
     names = [f"x{i}" for i in range(5)]
     given = Regressors(tuple(map(parse, names)), dict(zip(names, P.T, strict=True)), y)
-    rule = stop if stop in ("press", "bic") else "tolerance"
+    rule = "tolerance" if stop == "none of it" else stop
     asked = recipe_of("y", names, max_terms=4, ridge=0.01, stop=rule)
     subsets, data = (own := selector(given, asked)).sizes, own.data
     shares = np.array([data.unexplained(one, data.coefficients(one)) for one in subsets])
@@ -108,9 +109,11 @@ def test_coefficients_are_those_of_the_squares_and_the_penalty(stop):
     assert theta == pytest.approx(np.linalg.solve(normal, Z.T @ (y - y.mean())))
     assert found.constant == pytest.approx(y.mean() - theta @ P[:, chosen].mean(axis=0))
     k = np.arange(1, 5)
-    expected = {
+    few, large = k * np.log(40), 2 * k * np.log(5)
+    prices = {"bic": few, "ebic": few + large, "aicc": 2 * k + 2 * k * (k + 1) / (39 - k)}
+    assert prices.keys() == PRICES.keys()
+    expected = {name: np.argmin(40 * np.log(shares) + price) for name, price in prices.items()} | {
         "press": np.argmin(ridge_press(own.blocks, data, subsets)),
-        "bic": np.argmin(40 * np.log(shares) + k * np.log(40)),
         "tolerance": 1,
         "none of it": 3,
     }

@@ -3,10 +3,12 @@
 import shutil
 import subprocess
 import sys
+from xml.etree.ElementTree import fromstring
 
 import numpy as np
 import pytest
 from common import NO_OCTAVE, OCTAVE
+from matplotlib.mathtext import MathTextParser
 
 from mapmore_cli.annexes.exporting.templates import source
 from mapmore_cli.modelling.expressions import derivative, evaluate, parse
@@ -120,6 +122,13 @@ def compare(command, folder, close, rows=slice(None)):
         FUNCTIONS, found.reshape(expected.shape)[rows].T, expected[rows].T, strict=True
     ):
         np.testing.assert_allclose(ours, theirs, rtol=close, err_msg=name)
+
+
+def test_equations_can_be_typeset():
+    """By Matplotlib, which knows the functions of LaTeX, and by a browser."""
+    for name, row in FUNCTIONS.items():
+        MathTextParser("path").parse(f"${row.texts['latex'].replace('#', 'x')}$")
+        assert fromstring(f"<math>{row.texts['mathml']}</math>").text != "#", name
 
 
 @pytest.mark.parametrize("name", list(FUNCTIONS))

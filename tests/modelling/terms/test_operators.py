@@ -8,14 +8,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from common import files_without_parts
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from datasets.rig.muscle import stop as rig_stop
-from mapmore_cli.modelling.expressions import Name
+from mapmore_cli.modelling.expressions import Name, operators
 from mapmore_cli.modelling.expressions.operator import (
     FLOATS,
+    Operator,
     Setting,
     along,
     from_rest,
@@ -162,6 +164,10 @@ def test_a_resting_source_keeps_the_recursion_at_rest(name):
     assert rule.next(
         FLOATS, *[rule.rest(1.5)] * rule.own, *[1.5] * (rule.source + 1)
     ) == pytest.approx(rule.rest(1.5), abs=1e-12)
+
+
+def test_every_file_of_the_folder_declares_an_operator():
+    assert files_without_parts("operators", Operator, operators) == set()
 
 
 def test_a_family_writes_the_operators_that_name_it():

@@ -1,11 +1,21 @@
 """What holds for every reader: it tells of what is no file of its kind."""
 
 import sys
+from pathlib import Path
 
 import pytest
+from common import files_without_parts
 from reading import refusal
 
+from mapmore_cli.storage import readers
 from mapmore_cli.storage.readers import READERS
+from mapmore_cli.storage.tables import Reader
+
+
+def test_every_file_of_the_folder_declares_a_reader_that_a_test_names():
+    assert files_without_parts("readers", Reader, readers) == set()
+    tests = "".join(path.read_text() for path in Path(__file__).parent.glob("test_*.py"))
+    assert [name for name in READERS if f'"{name}"' not in tests] == []
 
 
 def test_no_two_readers_claim_a_suffix():
