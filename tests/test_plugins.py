@@ -1,7 +1,6 @@
 """Somebody else's package: the template adds its parts, and a broken one harms nothing."""
 
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -219,6 +218,6 @@ def test_a_family_of_structures_is_offered_to_the_search(folder, monkeypatch):
 
 def test_the_test_of_the_template_passes(folder):
     script = "import test_operator; test_operator.test_a_washout_is_found()"
-    path = os.pathsep.join([str(folder / "path"), str(folder / "template")])
-    finished = process(sys.executable, "-c", script, env={"PYTHONPATH": path}, timeout=60)
+    path = {"PYTHONPATH": str(folder / "path")}
+    finished = process(sys.executable, "-c", script, cwd=folder / "template", env=path)
     assert finished.returncode == 0, finished.stderr
