@@ -19,10 +19,8 @@ class Tendon(Body):
     """
 
     muscle: Annotated[Model, "the muscle alone"]
-    stiffness: Annotated[
-        Number, "stiffness of the tendon, in the unit of the force divided by that of the length"
-    ]
-    force: Annotated[Number, "force of the tendon at a length of zero"] = 0.0
+    stiffness: Annotated[Number, "of the tendon, in the unit of the force over that of the length"]
+    force: Annotated[Number, "that the tendon carries where the length is zero"] = 0.0
 
     @property
     def models(self) -> tuple[Model, ...]:
