@@ -225,6 +225,13 @@ def test_a_plug_in_replaces_no_command_and_prints_into_no_document(folder):
     assert (without.returncode, "No such command" in without.stderr) == (2, True)
 
 
+def test_the_test_of_the_template_passes(folder):
+    script = "import test_operator; test_operator.test_a_washout_is_found()"
+    path = {"PYTHONPATH": str(folder / "path")}
+    finished = process(sys.executable, "-c", script, cwd=folder / "template", env=path)
+    assert finished.returncode == 0, finished.stderr
+
+
 def test_a_family_of_structures_is_offered_to_the_search(folder, monkeypatch):
     monkeypatch.syspath_prepend(folder / "path")
     for remembered in (plugins._installed, plugins.entry_points, plugins.load):
@@ -236,13 +243,6 @@ def test_a_family_of_structures_is_offered_to_the_search(folder, monkeypatch):
     (product,) = structure.sections["dictionary"]
     washout = {"of": ["pressure", "strain"], "tau": [0.5, 2]}
     assert product["products"]["of"] == ["pressure", "strain", {"washout": washout}]
-
-
-def test_the_test_of_the_template_passes(folder):
-    script = "import test_operator; test_operator.test_a_washout_is_found()"
-    path = os.pathsep.join([str(folder / "path"), str(folder / "template")])
-    finished = process(sys.executable, "-c", script, env={"PYTHONPATH": path}, timeout=60)
-    assert finished.returncode == 0, finished.stderr
 
 
 def test_an_interrupt_of_the_user_is_no_fault_of_a_plugin():
