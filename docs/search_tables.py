@@ -273,7 +273,7 @@ def row(name: str, runs: Path) -> tuple[Cell, ...]:
         key=lambda model: errors[model],
     )
     best = min(errors[box], errors[simple])
-    kind = "table" if search.rule.startswith("the fewest") else "recording"
+    kind = "table" if name.partition(",")[0] in LATEST else "recording"
     told = "" if errors[OWN] <= WORSE * best else says_so(alerts_without_rivals(files))
     seconds = round(sum(tried.seconds for tried in search.tried))
     shown = (

@@ -71,9 +71,10 @@ class Bench:
     out.
 
     Each fold, (n,), covers all samples, curve after curve. The first `blocks` folds leave out
-    stretches of curves, the others whole levels, recordings or their ends. The `weights`, (f,), add
-    up to 1. If the study holds out an end (`ends`), only folds that leave out an end have a weight.
-    The `study` holds evenly thinned samples, including held-out ones, whose outputs are not used.
+    stretches of curves, the others whole levels, recordings or their ends. Their `weights`, (f,),
+    count relative to each other. If the study holds out an end (`ends`), only folds that leave out
+    an end have a weight. The `study` holds evenly thinned samples, including held-out ones, whose
+    outputs are not used.
     """
 
     dataset: Dataset
@@ -121,7 +122,7 @@ class Bench:
             situation,
             (*blocks, *parts),
             len(blocks),
-            weights / weights.sum(),
+            weights,
             left_out,
             f"each of {len(parts)} {name}" if parts else "",
             part,
@@ -173,7 +174,8 @@ def _parts(
     taught = [
         fold for fold in folds if all(np.ptp(x[samples.training & ~fold]) > 0 for x in columns)
     ]
-    some = [taught[place] for place in even_share(np.arange(len(taught)), MOST_PARTS)]
+    places = even_share(np.arange(len(taught)), MOST_PARTS)
+    some = [samples.training & taught[place] for place in places]
     name = "recordings" if of is None else f"{'groups of outermost ' * ends}levels"
     return name, some, asked, ends and bool(some)
 
@@ -186,7 +188,7 @@ def _ends(samples: Curve) -> list[BoolArray]:
     for log in samples.logs:
         rows = log[samples.training[log]]
         left[rows] = np.arange(len(rows), 0, -1) / len(rows)
-    return [samples.training & (left <= share) for share in BEHIND]
+    return [left <= share for share in BEHIND]
 
 
 def _standing(inputs: Sequence[str], study: Dataset, whole: BoolArray) -> str | None:
@@ -213,8 +215,8 @@ def _values(dataset: Dataset, of: str) -> Array:
 def _neighbours(
     dataset: Dataset, study: Dataset, whole: BoolArray, of: str
 ) -> tuple[list[BoolArray], bool]:
-    """Return folds, (n,), that leave out training samples at neighbouring values, in the same way
-    as the study holds out samples. Also return True if these values lie at an end of the range. If
+    """Return folds, (n,), that leave out the samples at neighbouring values, in the same way as the
+    study holds out samples. Also return True if these values lie at an end of the range. If
     the study holds out values beyond an end of the training values, one fold leaves out the same
     number of values at that end. Another fold leaves out one value more, because a choice by a
     single fold is uncertain. Otherwise, each fold leaves out inner neighbours, as many as the study
@@ -239,8 +241,7 @@ def _neighbours(
         row = min(max(map(len, gaps), default=1), most)
         out += [*sliding_window_view(trained[1:-1], row)]
     at = np.repeat(at_curves, [curve.size for curve in dataset.curves])
-    training = pooled_samples(dataset).training
-    return [training & np.isin(at, some) for some in out], ends
+    return [np.isin(at, some) for some in out], ends
 
 
 BEYOND, WIDEST = 1 / 4, 1 / 3
@@ -295,12 +296,12 @@ def _from_ends(dataset: Dataset, name: str, of_each: bool) -> tuple[Array, Array
 
 
 def _fair(samples: Curve) -> list[BoolArray]:
-    """Return folds, (n,), that leave out the training samples of one log each, for all logs whose
-    size is within the limits `FAIR`. Return an empty list if fewer than two logs have such a size.
+    """Return folds, (n,), that leave out one log each, for all logs whose size is within the limits
+    `FAIR`. Return an empty list if fewer than two logs have such a size.
     """
     logs = samples.origin
     assert logs is not None
     sizes = np.bincount(logs, samples.training)
     low, high = (bound * (sizes @ sizes) / sizes.sum() for bound in FAIR)
     fair = np.flatnonzero((low <= sizes) & (sizes <= high))
-    return [samples.training & (logs == number) for number in fair] if len(fair) > 1 else []
+    return [logs == number for number in fair] if len(fair) > 1 else []

@@ -11,7 +11,7 @@ import numpy as np
 
 from mapmore_cli.annexes.search.bench import Bench
 from mapmore_cli.annexes.search.black_boxes import SHOWN, Left, Outcome
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, root_mean_square
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.results import Search
 from mapmore_cli.modelling.literature.backbone import pooled_training
@@ -22,15 +22,13 @@ BY_MEAN = (
     "(2 to 20 %), or a plain model within 2 % of the best"
 )
 BY_MEDIAN = (
-    "the structure with the smallest median over the folds of its error relative to that of other "
-    "structures, after 5 % of the logarithm of its number of parameters was added, or a plain "
-    "model within 2 % of it"
+    "the structure with the smallest median error after 5 % of the logarithm of its number of "
+    "parameters was added, or a plain model within 2 % of it"
 )
 
-BY_ENDS = "; because an end is held out, only the folds that leave an end out decide"
-BY_ONE_END = (
-    "; because an end is held out and only one fold leaves an end out, all folds decide among the "
-    "structures that err at most 20 % more than the best on this fold"
+BY_ENDS = (
+    "; because an end is held out, only the folds that leave an end out decide, but if there is "
+    "only one of them, all folds decide among the structures within 20 % of the best on this one"
 )
 
 PLAIN = ("simple", "formula")
@@ -55,19 +53,19 @@ def choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: int | None
     target = bench.dataset.target
     scale = float(np.ptp(pooled_training(bench.dataset.curves)[target])) or 1.0
     errors = on_common_rows([outcomes[number][1] for number in usable]) / scale
-    decide, over_time = bench.weights > 0, most is None
-    rank = simplest_of(sizes, errors[:, decide], bench.weights[decide], eligible, over_time)
-    alone = bench.ends and decide.sum() == 1
-    if alone:  # a single error is too uncertain for the simplest structure within 20 % of the best
+    decide, over_time, counts = bench.weights > 0, most is None, sizes.tolist()
+    rank = simplest_of(counts, errors[:, decide], bench.weights[decide], eligible, over_time)
+    if bench.ends and decide.sum() == 1:
+        # a single error is too uncertain to take the simplest structure within 20 % of the best
         eligible &= rank.excess <= WITHIN[1]
-        rank = simplest_of(sizes, errors, None, eligible, over_time)
+        rank = simplest_of(counts, errors, None, eligible, over_time)
     front = undominated(sizes, np.where(eligible, rank.excess, np.inf))
     as_good = front & (rank.excess <= WITHIN[0]) & (sizes <= sizes[rank.chosen])
     simple = np.flatnonzero(as_good & np.isin(kinds, PLAIN)).tolist()
     chosen = min(simple, key=lambda i: (sizes[i], rank.excess[i]), default=rank.chosen)
     for place, number in enumerate(usable):
         blocks, parts = (
-            float(np.sqrt(np.mean(of**2))) if of.size else np.nan
+            root_mean_square(of) if of.size else np.nan
             for of in np.split(errors[place], [bench.blocks])
         )
         tried[number] = replace(
@@ -87,7 +85,7 @@ def choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: int | None
         tuple(tried),
         usable[rank.best],
         usable[chosen],
-        f"{BY_MEDIAN if over_time else BY_MEAN}{BY_ONE_END if alone else BY_ENDS * bench.ends}",
+        f"{BY_MEDIAN if over_time else BY_MEAN}{BY_ENDS * bench.ends}",
     )
 
 

@@ -199,11 +199,8 @@ def refine(problem: FreeRunProblem, start: Array) -> Point:
     vector, last, horizon = start, 0, FIRST if fed_back else longest
     while True:
         whole = horizon >= longest
-        reached = (
-            minimise(problem, vector, None, THOROUGH)
-            if whole
-            else minimise(problem, vector, horizon, QUICK)
-        )
+        effort = THOROUGH if whole else QUICK
+        reached = minimise(problem, vector, None if whole else horizon, effort)
         if np.isfinite(reached.error):
             if whole:
                 return reached

@@ -114,7 +114,11 @@ class _Compiler:
         match statement:
             case Let(name, value):
                 part = part_of(value, known)
-                return lambda values, shared, _n: values.update({name: part(values, shared)})
+
+                def let(values: Values, shared: Shared, _n: int) -> None:
+                    values[name] = part(values, shared)
+
+                return let
             case Use(names, function, arguments):
                 return self._use(
                     names, function, [part_of(argument, known) for argument in arguments]

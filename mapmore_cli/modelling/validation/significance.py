@@ -9,7 +9,7 @@ from itertools import product
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
+from mapmore_cli.domain.arrays import Array, BoolArray
 
 LEAST_FOR_PERMUTATION, MOST_FOR_PERMUTATION = 6, 14
 """Numbers of values between which all combinations of signs are tried. With fewer values, no
@@ -92,8 +92,8 @@ number of parameters.
 class Ranked:
     """Indices of the model with the smallest error and of the model that is chosen.
 
-    `excess` and `spread`, (s,) each: the mean over the folds of ln(error of a model / error of the
-    best), and its standard error. With medians, `excess` is the difference of two medians.
+    `excess` and `spread`, (s,) each: the mean (or median) over the folds of ln(error of a model /
+    error of the best), and the standard error of the mean.
     """
 
     best: int
@@ -103,7 +103,7 @@ class Ranked:
 
 
 def simplest_of(
-    sizes: Sequence[int] | IntArray,
+    sizes: Sequence[int],
     errors: Array,
     weights: Array | None = None,
     eligible: BoolArray | None = None,
@@ -121,10 +121,8 @@ def simplest_of(
     section 3.4.3) would mostly show the differences between folds.
 
     - `eligible`: True for the models that may be chosen, (s,).
-    - `median`: if True, the model with the smallest median over the folds of ln(error of the model
-      / median error of the eligible models on this fold), plus `PRICE` ln(size), is chosen. A
-      stretch of a recording may differ much from all others, and must not decide alone. It may
-      also be hard for all models, which says nothing about one of them.
+    - `median`: if True, the model with the smallest median over the folds plus `PRICE` ln(size) is
+      chosen. A stretch of a recording may differ much from all others, and must not decide alone.
 
     >>> errors = np.array([[0.3, 0.5, 0.4], [0.2, 0.401, 0.3], [0.2, 0.4, 0.301]])
     >>> ranked = simplest_of([1, 2, 8], errors)
@@ -135,13 +133,10 @@ def simplest_of(
     folds = errors.shape[1]
     share = np.full(folds, 1 / folds) if weights is None else weights / weights.sum()
     logs = np.log(np.clip(np.nan_to_num(errors, nan=LOST, posinf=LOST), NOTHING, LOST))
-    may = np.full(len(sized), True) if eligible is None else eligible
-    if median:
-        hard = np.median(logs[may], axis=0)
-        middle = np.array([_median(each, share) for each in logs - hard])
-    else:
-        middle = _total(logs * share)
-    score = np.where(may, middle + PRICE * np.log(sized) * median, np.inf)
+    middle = np.array([_median(each, share) for each in logs]) if median else _total(logs * share)
+    score = np.where(
+        True if eligible is None else eligible, middle + PRICE * np.log(sized) * median, np.inf
+    )
     order = np.lexsort((score, sized))
     best = int(order[np.argmin(score[order])])  # of models with equal scores, the simplest
     differences = logs - logs[best]
