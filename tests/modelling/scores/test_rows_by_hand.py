@@ -1,9 +1,16 @@
-"""What rows of a score table decide: limits, tables of one target, and which rows are shown."""
+"""What rows of a score table and tests of residuals decide, and how those of several outputs are
+joined.
+"""
 
 import math
+from dataclasses import replace
 
+import numpy as np
 import pytest
+from scipy import stats
 
+from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.domain.results import Forecast, ResidualTest, Validation
 from mapmore_cli.domain.scores import (
     MEASURES,
     METRICS,
@@ -74,3 +81,51 @@ def test_rows_of_held_out_data_decide_if_there_are_any():
 def test_an_error_that_was_printed_as_a_bound_is_marked():
     printed = Published("a paper", rmse={"a": 1.5, "b": 2.0}, rmse_at_least={"b": 1.2345})
     assert [printed.shown_rmse(name) for name in "abc"] == [1.5, ">= 1.23", None]
+
+
+@pytest.mark.parametrize("name", ["autocorrelation", "strain"])
+@pytest.mark.parametrize("count", [1, 7, 26])
+def test_more_values_outside_than_noise_explains_fail_a_test(name, count):
+    """By the binomial distribution; the correlation of a residual with itself is not tested."""
+    own = int(name == "autocorrelation")
+    for beyond in range(count + 1):
+        values = np.where(np.arange(count + own) < beyond + own, -2.0, 1.0)
+        found = ResidualTest(name, np.arange(count + own), values, np.full(count + own, 1.5))
+        assert (found.tested, found.beyond) == (count, beyond)
+        assert found.fails == (stats.binom.sf(beyond - 1, count, 0.05) < 0.01)
+        words = "lags" if own else "checks of strain"
+        assert found.words == f"{beyond} of {count} {words}"
+    at_bound = ResidualTest(name, np.arange(3), np.full(3, -1.5), np.full(3, 1.5))
+    assert at_bound.beyond == 0
+
+
+def test_a_run_diverges_at_the_first_row_of_each_stretch_that_it_loses():
+    values = np.array([np.nan, 1.0, np.nan, np.nan, 2.0, np.nan])
+    run = Forecast(values, np.arange(6) > 0, values)
+    assert run.diverged == (2, 5)
+    assert Forecast(values, np.ones(6, dtype=bool)).diverged == ()
+    assert Forecast(values, np.ones(6, dtype=bool), values).diverged == (0, 2, 5)
+    assert Forecast.of(values).ready.all()
+
+
+def test_validations_of_outputs_are_joined_in_one_table():
+    def fit(status):
+        return FormulaFit("a", {}, {}, status, "-", 0, 1.0, 0.0, 9)
+
+    x = np.arange(20.0)
+    bent, noise = (ResidualTest("x", x, values, np.full(20, 5.0)) for values in (x, 0 * x))
+    formulas = {"a": fit("failed"), "b": fit("at_bound")}
+    other = Validation(
+        {}, {"a": fit("failed")}, (row("strain"),), {"strain": "1"}, warnings=("v", "w")
+    )
+    whole = Validation(
+        {}, formulas, (row(),), {"force": "N"}, warnings=("w",), residual_tests=(bent, noise),
+        others=(other,),
+    )  # fmt: skip
+    table = whole.table
+    assert [score.target for score in table.scores] == ["force", "strain"]
+    assert (table.units, table.failed) == ({"force": "N", "strain": "1"}, ("a",))
+    assert table.warnings == ("w", "v")
+    said = "the errors are not noise alone (14 of 20 checks of x are outside)"
+    assert (table.alerts, whole.alert, other.alert) == ({"force": said}, said, "")
+    assert whole.each == (replace(whole, others=()), other)
