@@ -64,10 +64,6 @@ def sure(model, error):
 
 
 class TestResolution:
-    def test_at_common_levels_it_is_half_of_the_interval(self):
-        found = compare(sure(muscle("a"), 50.0), sure(muscle("b", 1.05, scatter=0.02), 50.0))
-        assert found.resolution == pytest.approx((found.interval[1] - found.interval[0]) / 2)
-
     def test_models_that_are_unsure_between_levels_cannot_tell(self):
         levels = (150.0, 250.0, 350.0, 390.0)
         first, later = muscle("a"), muscle("b", 1.05, levels=levels)

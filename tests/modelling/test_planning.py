@@ -4,8 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from reading import refused
 from scipy.stats import multivariate_normal
 from sklearn.gaussian_process import GaussianProcessRegressor, kernels
@@ -72,28 +70,6 @@ def committee_of(measured):
     return points.Committee(
         measured, places, {"none": (0 * measured.y, 0 * places[:, 0]), "plane": plane}
     )
-
-
-@settings(max_examples=5)
-@given(st.integers(6, 12))
-def test_points_differ_and_make_the_map_surer(count):
-    committee = committee_of(map_of(count))
-    found, (before, after) = points.next_points(committee, ("pressure", "strain"), 5, {})
-    assert len({tuple(one.at.values()) for one in found}) == 5
-    assert (committee.deviation >= 0).all()
-    assert after.mean() < before.mean()
-    assert all(one.after <= one.half_width for one in found)
-
-
-def test_a_dear_quantity_is_changed_seldom():
-    names = ("pressure", "strain")
-    free, _ = points.next_points(committee_of(map_of()), names, 6, {})
-    dear, _ = points.next_points(
-        committee_of(map_of()), names, 6, {"pressure": 1.0, "strain": 1000.0}
-    )
-    assert len({one.at["strain"] for one in dear}) < len({one.at["strain"] for one in free})
-    assert dear[0].cost == 1001.0
-    assert min(one.cost for one in dear) == 1.0
 
 
 @pytest.mark.parametrize("prices", [{}, {"strain": 5.0}, {"pressure": 0.5, "strain": 3.0}])
@@ -221,12 +197,3 @@ def test_a_map_forecast_stops():
     assert found.more is None
     assert 0 < found.least <= found.widest
     assert points.until(committee_of(map_of()), 1e9).more == 0
-
-
-def test_an_input_that_stays_has_no_say_in_a_smooth_surface():
-    x = np.linspace(0, 1, 30)
-    still = np.column_stack([x, np.full(30, 7.0)])
-    wave = np.sin(5 * x)
-    predicted = smooth(still, wave)(still)
-    np.testing.assert_allclose(predicted, wave, atol=0.02)
-    np.testing.assert_allclose(predicted, smooth(x[:, None], wave)(x[:, None]), atol=1e-3)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 from export_samples import WITH_MEMORY
 
+from mapmore_cli.annexes.exporting.exports import exported
 from mapmore_cli.annexes.sums import Part, Sum
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.programs import program_of
@@ -16,6 +17,12 @@ from mapmore_cli.modelling.programs import program_of
 def test_queues_are_as_long_as_the_oldest_value_that_is_recalled(name, sizes):
     """`pressure[k-3]` beside `pressure[k-2]` needs three values, not two and not five."""
     assert {*program_of(WITH_MEMORY[name]).kept.queues.values()} == sizes
+
+
+@pytest.mark.parametrize("name", WITH_MEMORY)
+def test_a_program_computes_sample_by_sample_what_the_model_predicts(name):
+    """Its Python is run beside the model; a difference would be an error."""
+    assert exported(WITH_MEMORY[name], "py")
 
 
 def at_step(step):

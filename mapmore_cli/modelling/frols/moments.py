@@ -203,10 +203,9 @@ def _mean_and_variance(blocks: Blocks) -> tuple[Array, Array, Array]:
     with np.errstate(over="ignore", invalid="ignore"):
         for P, y in blocks():
             Z = np.column_stack([P, y])
-            if samples == 0 and len(y):
-                origin = Z[0].copy()
             if len(y):
-                Z -= origin
+                origin = origin if samples else Z[0]
+                Z = Z - origin
                 sums, squares = sums + Z.sum(axis=0), squares + np.einsum("ij,ij->j", Z, Z)
             samples += len(y)
         if samples == 0:

@@ -151,7 +151,7 @@ def damping_component(rest: Array, curve: Curve) -> Array:
     """
     if curve.at_rest is None:
         return rest
-    component = rest.copy()
-    for rows in curve.logs:
-        component[rows] = without_steady_state(rest[rows], curve.at_rest[rows])
-    return component
+    at_rest = curve.at_rest
+    return curve.together(
+        [without_steady_state(rest[rows], at_rest[rows]) for rows in curve.stretches]
+    )

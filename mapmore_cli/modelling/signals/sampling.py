@@ -57,7 +57,7 @@ def spread_repeated(time: Array) -> Array:
     """
     stamps, place, counts = np.unique(time, return_inverse=True, return_counts=True)
     if len(stamps) == 1:
-        return time.copy()
+        return time
     steps = np.diff(stamps, append=2 * stamps[-1] - stamps[-2])
     first = np.cumsum(counts) - counts
     return time + steps[place] * (np.arange(len(time)) - first[place]) / counts[place]

@@ -240,33 +240,3 @@ def test_a_selection_among_some_candidates_counts_all_of_them():
     assert wide.runner_up.tolist() == [among[1 - found.chosen[0]], -1]
     np.testing.assert_array_equal(wide.err_all[:, among], found.err_all)
     assert np.isnan(wide.err_all[:, [0, 2, 4]]).all()
-
-
-@given(st.integers(0, 10_000), st.integers(2, 10), st.booleans())
-def test_remainders_of_a_basis_are_those_of_an_orthogonalisation_written_out(seed, M, large):
-    """Powers in 0..1 lose digits, so some candidates get an explicit remainder, each one once."""
-    rng = np.random.default_rng(seed)
-    P = rng.uniform(0, 1, 40)[:, None] ** np.arange(M)
-    y = P @ rng.normal(size=M) + 1e-3 * rng.normal(size=40)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(engine, "SMALL", 0 if large else 2**16)
-        rest = engine.BasisRemainders(P, y, M)
-    chosen = []
-    while rest.live.any():
-        chosen.append(int(np.nanargmax(rest.reductions()[1])))
-        row = rest.choose(chosen[-1])
-        Q = np.linalg.qr(P[:, chosen])[0]
-        other, left = P - Q @ (Q.T @ P), y - Q @ (Q.T @ y)
-        other, left = other - Q @ (Q.T @ other), left - Q @ (Q.T @ left)
-        live = rest.live
-        assert (rest.sse, abs(row[-1])) == pytest.approx((left @ left, abs(Q[:, -1] @ y)), rel=1e-6)
-        squares, products = np.sum(other**2, axis=0), other.T @ left
-        np.testing.assert_allclose(rest.squares[live], squares[live], rtol=1e-5)
-        size = np.sqrt(squares * (left @ left))
-        assert (np.abs(rest.products - products)[live] <= 1e-5 * size[live]).all()
-        assert len({*rest.explicit.tolist()}) == len(rest.explicit)
-        assert {*rest.explicit[live[rest.explicit]].tolist()} == {
-            number
-            for number in np.flatnonzero(live)
-            if rest.squares[number] < (1e-6 if large else 1e-2) * (P[:, number] @ P[:, number])
-        }

@@ -12,6 +12,7 @@ from mapmore_cli.annexes.sums import Part, joint
 from mapmore_cli.annexes.sums.joint import (
     fit_jointly,
     joint_formula,
+    refuse_shared_names,
     split,
     sum_of,
 )
@@ -182,6 +183,27 @@ def test_the_equations_begin_with_what_is_added_up():
 
 
 ALONE, RENAMED = {}, {"pressure": "p1", "strain": "s"}
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "shared"),
+    [
+        ({}, {}, "pressure"),  # the first of those that both have
+        ({"pressure": "p1"}, {}, "pressure"),
+        ({}, {"pressure": "p2"}, "pressure"),
+        ({"pressure": "p1"}, {"pressure": "p2"}, "strain"),
+        ({"strain": "s"}, {"strain": "s", "pressure": "p2"}, "pressure"),
+        (RENAMED, RENAMED, None),
+    ],
+)
+def test_an_input_of_two_parts_is_renamed_in_both(first, second, shared):
+    names = ("pressure", "strain")
+    parts = [("a", names, first), ("b", ("own", *names), second), ("c", ("load", "time"), {})]
+    if shared is None:
+        refuse_shared_names(parts)
+    else:
+        with pytest.raises(SpecError, match=f"a and b both have an input `{shared}`"):
+            refuse_shared_names(parts)
 
 
 @pytest.mark.parametrize(

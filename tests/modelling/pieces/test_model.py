@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from common import curve_of, weight_of
-from dense_model import segment_at
+from common import curve_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from surfaces import at, built, changed, curves, force, joined
@@ -13,7 +12,6 @@ from surfaces import at, built, changed, curves, force, joined
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.kinds import (
     equations,
-    outside_range,
     parameters,
     predict,
     rules,
@@ -159,14 +157,6 @@ def test_a_narrow_segment_beside_a_wide_one_does_not_explode_in_the_zone():
     assert np.abs(predict(carried, at(150, strain)) - 500 * np.exp(-strain / 0.1)).max() > 500
 
 
-def test_outside_range_follows_each_curves_own_range():
-    flags = outside_range(
-        built(),
-        at([80, 80, 115, 115, 350, 79, 351], [0.09, 0.0901, 0.1074, 0.1076, 0.225, 0.01, 0.01]),
-    )
-    assert flags.tolist() == [False, True, False, True, False, True, True]
-
-
 def test_too_few_samples_for_a_segment():
     with pytest.raises(
         DataError, match=r"pressure=80/strain:1: 2 training sample\(s\), too few for 3 term"
@@ -177,47 +167,6 @@ def test_too_few_samples_for_a_segment():
 def test_a_term_that_is_not_finite_names_the_segment():
     with pytest.raises(DataError, match="pressure=80/strain:1"):
         built(dictionary=("log(strain - 2)",))
-
-
-@pytest.mark.parametrize("extrapolation", ["continue", "zero", "saturate"])
-def test_weights_make_the_model(extrapolation):
-    """The weights times the segment functions are what is added to the backbone."""
-    samples = curves(held_out=())
-    ways = {
-        "hold": "none",
-        "max_terms": 1,
-        "extrapolation": {"pressure": (extrapolation, extrapolation)},
-    }
-    model = joined(
-        built(samples, fit_formula("polynomial_2", samples, "force"), **ways), shrink=0.3
-    )
-    rng = np.random.default_rng(0)
-    columns = at(rng.uniform(60, 380, 50), rng.uniform(0.0, 0.085, 50))
-    segments, pieces = model.body.segments, np.zeros(50)
-    for curve in model.body.curves:
-        for segment in curve.segments:
-            values = [
-                segment_at(model, curve, segment, {"strain": x}, {}) for x in columns["strain"]
-            ]
-            pieces += weight_of(model.body, {segment.id}, columns) * values
-    np.testing.assert_allclose(
-        pieces, predict(replace(model, body=replace(model.body, backbone=None)), columns), atol=1e-6
-    )
-    middle = at(200, 0.03)
-    names = {segment.id for segment in segments}
-    for groups in ([names], [{name} for name in names]):
-        assert sum(weight_of(model.body, own, middle) for own in groups) == pytest.approx([0.3])
-
-
-@settings(max_examples=20)
-@given(st.floats(0.0, 0.085))
-def test_continuous_across_levels(strain):
-    model = built(curves())
-    coarse, fine = (
-        np.abs(np.diff(predict(model, at(np.linspace(60, 380, n), strain)))).max()
-        for n in (1001, 4001)
-    )
-    assert fine < 0.4 * coarse + 1e-9
 
 
 def words_of(model):

@@ -5,8 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from common import curve_of
-from hypothesis import given
-from hypothesis import strategies as st
 from surfaces import recipe as settings_of
 
 from mapmore_cli.domain.errors import DataError
@@ -48,16 +46,6 @@ def built(curves, level, *terms):
         target="damping", level=level, cuts=cuts, dictionary=terms, scaling="max_abs"
     )
     return build("d", curves, made, QUANTITIES)
-
-
-@given(
-    st.lists(st.tuples(st.floats(-50, 600), st.sampled_from([-1.0, 1.0])), min_size=1, max_size=30)
-)
-def test_weights_of_direction_and_pressure_sum_to_one(points):
-    pressure, way = (np.array(values) for values in zip(*points, strict=True))
-    constant = built([curve(p) for p in (80.0, 150.0, 350.0)], "pressure", "1")
-    found = predict(constant, {"pressure": pressure, "direction": way})
-    assert np.allclose(found, 1.0, atol=1e-12)
 
 
 def test_each_direction_has_terms_of_its_own():

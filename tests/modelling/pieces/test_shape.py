@@ -22,9 +22,7 @@ from mapmore_cli.modelling.inverse import UNIQUE, invert
 from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.pieces.recipe import Cuts
-from mapmore_cli.modelling.ranges import limits
 from mapmore_cli.modelling.shape.least_squares import least_squares_under
-from mapmore_cli.modelling.shape.region import region_within
 from mapmore_cli.modelling.shape.stencils import POINTS
 from mapmore_cli.modelling.shape.support import LEVEL, RUNS, refuse_unsupported
 from mapmore_cli.modelling.shape.violations import known_shape, verified, with_shape
@@ -344,23 +342,6 @@ def test_what_a_shape_costs_is_noted_from_a_tenth_on(times, notes):
     assert found.shape.training == pytest.approx(times * found.shape.training_without)
     assert found.shape.training_without == pytest.approx(np.sqrt(square))
     assert len(found.notes) == len(plain.notes) + notes
-
-
-def test_samples_are_averaged_in_cells_of_the_range():
-    """4096 of them, but at least four along an input."""
-    rng = np.random.default_rng(0)
-    for count, least, most in ((1, 4000, 4097), (2, 65 * 60, 65 * 65), (7, 4**7 / 2, 5**7)):
-        names = [f"x{k}" for k in range(count)]
-        n = 40_000
-        columns = {name: rng.uniform(0, 1, n) for name in (*names, "y")}
-        one = Curve("a", None, columns, np.zeros(n, bool), ("a",))
-        ranges = [CurveRange("all", None, dict.fromkeys(names, (0.0, 1.0)))]
-        fit = recipe(shape={"x0": "increasing"}, beyond=0.5).fit
-        region = region_within(tuple(limits(ranges, None)), (one,), "y", names, fit)
-        assert region.ends == dict.fromkeys(names, (-0.5, 1.5))
-        assert least <= len(region.values) <= most
-        assert region.counts.sum() == n
-        assert region.values @ region.counts == pytest.approx(columns["y"].sum())
 
 
 def test_a_promise_names_what_is_kept_along_which_input():
