@@ -267,11 +267,6 @@ def test_the_same_table_gets_the_same_scores(table, columns, fitted):
     np.testing.assert_array_equal(found.predict(table), fitted(pressure=P, strain=E))
 
 
-def test_labels_that_are_numbers_are_no_places():
-    with pytest.raises(DataError, match="no column '0'"):
-        mm.fit(Frame({10: P, 1: E, 2: F}), columns=BY_NUMBER, **SECTIONS)
-
-
 class Lazy:
     """A query of polars: it has no values, and is slow to tell its columns."""
 
@@ -296,7 +291,6 @@ class Levels(list):
             Frame(TABLE, [*TABLE, "force"]),
             "'force' exists more than once",
         ),
-        ({**TABLE, "pressure": P[:, None]}, "has the shape"),
         (
             {**TABLE, "pressure": P * UNITS.mm},
             "column 'pressure': unit 'millimeter'",

@@ -139,12 +139,6 @@ def fitted():
     return mm.fit(FRAME, segment={"strain": {"method": "even", "count": 4}}, **SECTIONS)
 
 
-def test_canonical_names_need_no_columns():
-    frame = {"pressure": 100 * BAR, "strain": EPS, "force": FRAME["F"], "note": ["x"] * len(BAR)}
-    sections = {key: value for key, value in SECTIONS.items() if key != "columns"}
-    assert mm.fit(frame, **sections).scores.of_model()["r2"] > 0.98
-
-
 HALVES = slice(None, 100), slice(100, None)
 
 
@@ -333,11 +327,6 @@ def test_mistakes_are_told_with_remedies(change, kind, message):
 def test_what_is_no_table(table):
     with pytest.raises(SpecError):
         mm.fit(table, **SECTIONS)
-
-
-def test_columns_of_different_length():
-    with pytest.raises(DataError, match="different length"):
-        mm.fit({**FRAME, "F": FRAME["F"][1:]}, **SECTIONS)
 
 
 def test_a_file_is_a_table_too(tmp_path):

@@ -1,9 +1,17 @@
-"""Prices and values that a person gives to `plan` and `tune`."""
+"""What a person gives to `plan` and `tune`, and how trials are compared."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
+from mapmore_cli.annexes.planning import commands, tuning
 from mapmore_cli.annexes.planning.commands import _prices_of, _values_of
-from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.annexes.planning.planning import _size_of
+from mapmore_cli.annexes.planning.results import Trial
+from mapmore_cli.annexes.planning.tuning import _ranked
+from mapmore_cli.domain.errors import FitError, UsageError
+from mapmore_cli.reporting.table import Table
 
 
 def test_prices_are_above_zero():
@@ -22,3 +30,65 @@ def test_values_of_settings_are_yaml():
             _values_of([text])
     with pytest.raises(UsageError, match="given twice"):
         _values_of(["a=1", "a=2"])
+
+
+def test_sizes_are_numbers_or_shares_of_the_largest_value():
+    sizes = [_size_of(text, 300.0) for text in ("2%", " 0.5 % ", "4", "1e-3")]
+    assert sizes == pytest.approx([6, 1.5, 4, 1e-3])
+    for text in ("", "%", "0", "-2%", "inf", "nan", "2 N"):
+        with pytest.raises(UsageError, match="--until"):
+            _size_of(text, 300.0)
+
+
+def trial(parameters, *errors, failure=""):
+    return Trial({"a": parameters}, parameters, errors, failure=failure)
+
+
+def test_trials_are_compared_with_the_best_and_the_simplest_as_good_is_chosen():
+    folds = SimpleNamespace(left_out="level", full_scale="range")
+    failed = trial(9, failure="singular")
+    trials = [failed, trial(5, 1.0, 2.0, 4.0), trial(2, 1.1, 1.9, 4.1), trial(1, 9.0, 9.0, 9.0)]
+    tuned = _ranked("study", folds, trials)
+    assert (tuned.name, tuned.left_out, tuned.full_scale) == ("study", "level", "range")
+    assert (tuned.best.parameters, tuned.chosen.parameters) == (5, 2)
+    assert [each.parameters for each in tuned.trials] == [9, 5, 2, 1]
+    assert tuned.trials[0] is failed
+    assert tuned.best.excess == 0
+    logs = np.log([1.1, 0.95, 4.1 / 4])
+    assert tuned.chosen.excess == pytest.approx(logs.mean())
+    assert tuned.chosen.spread == pytest.approx(logs.std(ddof=1) / np.sqrt(3))
+    with pytest.raises(FitError, match=r"study: no combination could be fitted .*: singular"):
+        _ranked("study", folds, [failed])
+
+
+@pytest.mark.parametrize(
+    ("errors", "failure"),
+    [((1.0, 4.0), ""), ((1.0, np.nan, np.inf), "no finite prediction on 2 of 3 folds")],
+)
+def test_a_combination_is_tried_on_every_fold(monkeypatch, errors, failure):
+    monkeypatch.setattr(tuning, "refit", lambda choices, dataset: (choices, dataset))
+    monkeypatch.setattr(tuning, "parameters", lambda model: len(model))
+    monkeypatch.setattr(tuning, "errors_of", lambda folds, fit: [*folds.errors, *fit(())[2:]])
+    folds = SimpleNamespace(dataset="d", errors=errors)
+    tried = tuning._try_settings({"a": 1}, "choices", folds)
+    assert (tried.settings, tried.parameters, tried.failure) == ({"a": 1}, 2, failure)
+    assert tried.errors == (() if failure else errors)
+    assert failure or tried.error == pytest.approx(2)  # the geometric mean
+
+    def refuse(*_):
+        raise FitError("is singular")
+
+    monkeypatch.setattr(tuning, "refit", refuse)
+    assert tuning._try_settings({}, "choices", folds) == Trial({}, failure="is singular")
+
+
+def test_tables_and_drawings_are_written_by_their_endings(tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(commands, "write_figure", lambda path, figure: drawn.append((path, figure)))
+    monkeypatch.setattr("mapmore_cli.annexes.planning.drawing.drawing_of", lambda result: result)
+    table = Table.of("t", "T", ("a",), [(1.5,)])
+    paths = [tmp_path / name for name in ("a.csv", "a.tex", "a.svg")]
+    commands.write_results(paths, table, "result")
+    assert drawn == [(tmp_path / "a.svg", "result")]
+    assert (tmp_path / "a.csv").read_text().splitlines() == ["a", "1.5"]
+    assert "tabular" in (tmp_path / "a.tex").read_text()

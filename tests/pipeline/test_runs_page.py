@@ -1,6 +1,7 @@
 """The page of all runs: one row for each output, kept in the page itself."""
 
 import json
+import os
 import re
 import shutil
 import time
@@ -13,11 +14,15 @@ import numpy as np
 import pytest
 from common import curve_of
 
-from mapmore_cli.domain.errors import WriteError
+from mapmore_cli.domain.errors import SpecError, WriteError
+from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.scores import Alert, Score, ScoreTable
+from mapmore_cli.modelling import kinds
 from mapmore_cli.pipeline import runs_page
+from mapmore_cli.pipeline.report import _in_units, faults_of
 from mapmore_cli.pipeline.runs_page import write_runs_page
-from mapmore_cli.pipeline.runs_rows import MARK, Row, rows_of
+from mapmore_cli.pipeline.runs_rows import MARK, Row, known_alerts, rows_of
+from mapmore_cli.reporting.inputs import FigureStyle
 
 HOSTILE = "</script><script>alert(1)</script>\"'&"
 
@@ -201,3 +206,58 @@ def test_a_long_curve_is_drawn_by_forty_of_its_samples():
     measured, level = map(places, runs_page._picture(validation, dataset))
     assert (len(measured), len(level)) == (40, 40)
     np.testing.assert_allclose(measured[[0, -1]], [[1, 35], [119, 1]])
+
+
+ROW = Row("a", "Peano", "", "a.csv", "force", "validate", {}, (), 0.0, ("", ""))
+
+
+@pytest.mark.parametrize(
+    ("errors", "own", "best"),
+    [
+        ({}, None, None),
+        ({"mapmore": 2.0}, 2.0, None),
+        ({"sarosi": 3.0, "mapmore": 2.0, "cubic": 2.5, "plane": 9.0}, 2.0, ("cubic", 2.5)),
+    ],
+)
+def test_the_best_of_the_others_is_that_of_the_smallest_error(errors, own, best):
+    row = replace(ROW, nrmse=errors, ended=86400 + 3600 + 59)
+    assert (row.own, row.best_other, row.day) == (own, best, "1970-01-02 01:00")
+
+
+def test_alerts_are_known_while_the_scores_are_those_of_the_page(folder):
+    run = folder.finish("a", alerts=(Alert("x", "first", "fit"), Alert("y", "second", "fit")))
+    assert known_alerts(run.run_dir) is None  # there is no page
+    write_runs_page(folder.runs, [run, folder.finish("b")])
+    assert known_alerts(run.run_dir) == run.alerts
+    assert known_alerts(folder.runs / "b") == ()
+    assert known_alerts(folder.runs / "c") is None
+    os.utime(run.run_dir / "scores.json", ns=(0, 0))  # another run has ended since
+    assert known_alerts(run.run_dir) is None
+
+
+def test_equations_in_other_units_are_named_by_what_differs(monkeypatch):
+    asked = []
+    monkeypatch.setattr(kinds, "equations", lambda _, factors: asked.append(factors) or ("e",))
+    names = {"pressure": "kPa", "pressure_rate": "kPa/s", "strain": "1"}
+    inputs = tuple(Quantity(name, unit) for name, unit in names.items())
+    rate = SimpleNamespace(name="pressure_rate", of="pressure", kind="rate")
+    model = SimpleNamespace(signals=(rate,), inputs=inputs)
+    assert _in_units(model, {}) == _in_units(model, {"pressure": "kPa"}) == {}
+    assert _in_units(model, {"pressure": "bar"}) == {
+        "pressure in bar, pressure_rate in bar/s": ("e",)
+    }
+    assert _in_units(model, {"strain": "%"}) == {"strain in %": ("e",)}
+    for found, wanted in zip(
+        asked, ({"pressure": 100, "pressure_rate": 100}, {"strain": 0.01}), strict=True
+    ):
+        assert found == pytest.approx(wanted, rel=1e-12)
+
+
+def test_fonts_and_formulas_of_figures_are_looked_at():
+    style = FigureStyle()
+    assert faults_of(style) == []
+    assert faults_of(replace(style, font="DejaVu Sans", labels={"force": "$F$ (N)"})) == []
+    (warning,) = faults_of(replace(style, font="No Such Font"))
+    assert "'No Such Font' is not installed here" in warning
+    with pytest.raises(SpecError, match=r"report.style.labels.force: '\$\\\\nothing\$' cannot be"):
+        faults_of(replace(style, labels={"force": r"$\nothing$"}))

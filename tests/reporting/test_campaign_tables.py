@@ -5,8 +5,10 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
+from matplotlib.figure import Figure
 from report_builder import Page, score
 
+from mapmore_cli.annexes.campaigns.figure import BEST_OTHER, MOST_RUNS, campaign_figures
 from mapmore_cli.annexes.campaigns.page import render_campaign
 from mapmore_cli.annexes.campaigns.tables import (
     CampaignScores,
@@ -184,3 +186,47 @@ def test_runs_with_few_models_in_common_are_listed():
         [None, 1.5, 2.0, 0.5, None, 5.0, None, 2 / 3, None]
     )
     assert not CampaignScores(runs_of("a mapmore 2 sarosi 4; b mapmore 1")).sparse
+
+
+def drawn_lines(drawing):
+    """The dots of each model: errors in per cent, and the rows of the runs."""
+    ax = Figure().subplots()
+    drawing.panels[0].draw(ax)
+    return {
+        line.get_label(): (line.get_xdata().tolist(), line.get_ydata().tolist())
+        for line in ax.lines
+    }, ax
+
+
+def test_the_figure_of_a_campaign_has_a_row_for_each_run():
+    runs = runs_of(
+        "a mapmore 2 sarosi 4 other 3 repeatability 1; b mapmore 1 sarosi 5; c mapmore 0 sarosi 2"
+    )
+    (drawing,) = campaign_figures(CampaignScores(runs, relative_to="sarosi"))
+    lines, ax = drawn_lines(drawing)
+    assert {name: (pytest.approx(x), rows) for name, (x, rows) in lines.items()} == {
+        "mapmore": ([2, 1], [0, 1]),
+        "sarosi": ([4, 5, 2], [0, 1, 2]),
+        BEST_OTHER: ([3, 5, 2], [0, 1, 2]),
+        REPEATABILITY: ([1], [0]),
+    }
+    orders = [line.get_zorder() for line in ax.lines]
+    assert orders == sorted(orders, reverse=True)  # the own model is on top
+    assert ax.get_xscale() == "log"
+    assert "error is rounding only: mapmore in c." in drawing.alt
+    assert "runs are drawn" not in drawing.alt
+    for few in ("a mapmore 2 sarosi 4", "a repeatability 1; b repeatability 2"):
+        assert campaign_figures(CampaignScores(runs_of(few))) == []
+    without = campaign_figures(CampaignScores(runs_of("a mapmore 2; b mapmore 3")))
+    assert [*drawn_lines(without[0])[0]] == ["mapmore"]
+
+
+def test_of_very_many_runs_some_are_drawn_and_the_best_is_among_them():
+    runs = {f"r{n}": [row("mapmore", 0.5 if n == 7 else 1 + n)] for n in range(3 * MOST_RUNS)}
+    (drawing,) = campaign_figures(CampaignScores(runs))
+    errors, rows = drawn_lines(drawing)[0]["mapmore"]
+    assert MOST_RUNS <= len(errors) <= MOST_RUNS + 1
+    assert min(errors) == pytest.approx(0.5)
+    assert errors[-1] == pytest.approx(3 * MOST_RUNS)
+    assert rows == [*range(len(rows))]
+    assert f"{len(rows)} of {3 * MOST_RUNS} runs are drawn" in drawing.alt

@@ -7,7 +7,7 @@ import pytest
 from mapmore_cli.checking.rules.fits import _most_terms
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.fitting.kinds.dictionary import bounds_of, terms_of
-from mapmore_cli.study.sections.dictionary import DictionaryEntry
+from mapmore_cli.study.sections.dictionary import DictionaryEntry, numbers_of
 
 
 def entry(**settings):
@@ -48,3 +48,15 @@ def test_a_segment_has_no_more_terms_than_the_dictionary(of, most):
     dictionary = [entry(**polynomial(*of))] if of else []
     spec = SimpleNamespace(fit=SimpleNamespace(max_terms=3), dictionary=dictionary)
     assert _most_terms(SimpleNamespace(spec=spec)) == most
+
+
+def test_numbers_of_states_are_given_or_spread():
+    """Of time constants, from ten steps to a quarter of the longest piece."""
+
+    def numbers(**settings):
+        entry = DictionaryEntry.model_validate({"slow": {"of": ["x"], **settings}})
+        return [*numbers_of("slow", entry.slow, 0.01, 40.0)]
+
+    assert numbers(tau=[0.5, 2.0]) == [(0.5,), (2.0,)]
+    assert numbers(count=3) == [(0.1,), (1.0,), (10.0,)]
+    assert numbers() == []

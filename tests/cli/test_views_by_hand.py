@@ -1,0 +1,218 @@
+"""What commands print of comparisons, checks and errors, by hand."""
+
+import errno
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_samples import hand_model
+from common import rows_of
+
+from mapmore_cli.checking.findings import Issue
+from mapmore_cli.cli import console
+from mapmore_cli.cli.compare import _limit
+from mapmore_cli.cli.compared import of_campaign, of_campaigns, of_comparisons, of_inspection
+from mapmore_cli.cli.console import exit_code, print_document, settle, spec_of
+from mapmore_cli.cli.predict import _constants_of
+from mapmore_cli.domain.errors import DataError, LimitMissed, UsageError, WriteError
+from mapmore_cli.modelling.validation.comparison import Comparison, CurveChange, TermChange
+from mapmore_cli.pipeline.inspection import Inspection
+from mapmore_cli.storage import run_record
+from mapmore_cli.storage.run_record import Origin
+
+CURVES = (
+    CurveChange("p=1", 1.0, 50, 1.04, 0.6, 1.0, 2.0, -3.25, {"strain": 0.123456, "pressure": 1.0}),
+    CurveChange("p=2", 2.0, 50, 1.08, 0.4, 2.0, 4.0, 7.5, {"strain": 0.1, "pressure": 2.0}),
+)
+CHANGED = Comparison(
+    "a", "b", "N", CURVES, 1.056, (1.05, 1.062), (1.052, 1.06), 0.001, None, 0.02, 0.006,
+    (TermChange("p=1/1", "strain", 1.0, 2.0, 0.4, "as noise"),),
+)  # fmt: skip
+SIZE = "force is 1.0560 times that of old (95 % interval 1.0500 to 1.0620, 2 curves)"
+SAME = replace(CHANGED, ratio=1.0, interval=(0.985, 1.015), narrow=(0.99, 1.01))
+WITHIN = "force is 1.0000 times that of old (95 % interval 0.9850 to 1.0150, 2 curves)"
+UNCLEAR = "The data cannot show whether new has changed by more than 2 %: "
+
+
+@pytest.mark.parametrize(
+    ("comparison", "sentence"),
+    [
+        (CHANGED, f"new has changed: {SIZE}. The largest effect is at p=2: +7.5 N at strain 0.1, "
+                  "pressure 2."),
+        (replace(CHANGED, same_recordings=True), "new was made from the same recordings as old: a "
+                  f"difference comes from the settings, not from the muscle: {SIZE}."),
+        (SAME, f"new is the same within 2 %: {WITHIN}; two one-sided tests show this (90 % "
+               "interval 0.9900 to 1.0100)."),
+        (replace(CHANGED, resolution=0.06), f"{UNCLEAR}{SIZE}; a change of less than 6 % cannot be "
+                                            "detected with these data."),
+        (replace(CHANGED, resolution=1.0), f"{UNCLEAR}{SIZE}; the curves contain no information "
+                                           "about it."),
+    ],
+)  # fmt: skip
+def test_the_answer_of_a_comparison(comparison, sentence):
+    shown = of_comparisons(["old", "new"], [comparison])
+    assert shown.lines == (sentence,)
+    assert (shown.document["before"], shown.document["after"]) == ("old", "new")
+    assert shown.document["interval_90"] == comparison.narrow
+    assert [term["moved"] for term in shown.document["terms"]] == [True]
+    assert ("campaigns" in shown.document, len(shown.tables)) == (False, 1)
+
+
+def test_cautions_about_a_comparison():
+    heavy = (replace(CURVES[0], weight=0.67), replace(CURVES[1], weight=0.33, interpolated=True))
+    doubtful = replace(CHANGED, curves=heavy, settings=("fit.max_terms: 1 -> 2", "fuse: a -> b"))
+    shown = of_comparisons(["old", "mid", "new"], [SAME, doubtful])
+    assert shown.lines[1:] == (
+        "The settings differ: fit.max_terms: 1 -> 2; fuse: a -> b.",
+        "67 % of the weight lies on one curve, p=1: the result describes mainly this curve.",
+        "The levels of the two models differ, so that one of them is interpolated between its "
+        "curves.",
+    )
+    later = [(each["after"], each["answer"]) for each in shown.document["campaigns"]]
+    assert (later, len(shown.tables)) == ([("mid", "same"), ("new", "changed")], 2)
+    lighter = replace(doubtful, curves=(replace(CURVES[0], weight=0.66), CURVES[1]), settings=())
+    assert len(of_comparisons(["old", "new"], [lighter]).lines) == 1
+    results = {"x": doubtful, "y": CHANGED, "z": SAME}
+    whole = of_campaigns(["old@1", "new"], results)
+    assert whole.lines[0] == "3 runs: 2 changed, 1 same."
+    assert whole.lines[1:] == (f"x: {shown.lines[1]}",)
+    assert [(run["run"], run["ratio"]) for run in whole.document["runs"]] == [
+        *(("x", 1.056), ("y", 1.056), ("z", 1.0)),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "limit"),
+    [(None, None), ("changed", None), ("0", 0.0), ("0.03", 0.03), ("1e3", 1000.0)],
+)
+def test_the_change_that_fails(text, limit):
+    assert _limit(text) == limit
+    for wrong in ("", "-0.1", "inf", "nan", "3 %"):
+        with pytest.raises(UsageError, match="neither `changed` nor a relative change"):
+            _limit(wrong)
+
+
+ISSUE = Issue("warning", "spikes", "s.yaml:1:2", "there are spikes", "take them out", "data")
+
+
+def test_issues_of_a_study_and_of_a_campaign():
+    lines = ("warning: s.yaml:1:2: there are spikes [spikes]", "  take them out")
+    for issues, questions, shown in (
+        ((ISSUE,), ("is it kPa?",), (*lines, "not confirmed: is it kPa?")),
+        ((), ("is it kPa?",), ("not confirmed: is it kPa?",)),
+        ((), (), ("No issues.",)),
+    ):
+        view = of_inspection(Inspection(None, issues, (None, Path())), questions)
+        assert (view.lines, view.document["issues"]) == (shown, issues)
+    some, none = (Inspection(None, issues, (None, Path())) for issues in ((ISSUE,), ()))
+    campaign = of_campaign({"a": some, "b": none, "c": DataError("no data", "look")})
+    error = f"error: {DataError('no data', 'look')}"
+    assert campaign.lines == ("a:", *lines, "b: no issues", "c:", error)
+    assert campaign.document["runs"]["a"] == {"issues": (ISSUE,)}
+
+
+def test_documents_hold_no_numbers_that_json_lacks(capsys):
+    document = {1: np.array([1.5, np.nan]), "issue": ISSUE, "none": (float("-inf"), np.int64(3))}
+    print_document(document)
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["1"] == [1.5, None]
+    assert printed["none"] == [None, 3]
+    assert printed["issue"]["place"] == "s.yaml:1:2"
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "document"),
+    [
+        (DataError("no data", "look"), 4, {"message": "no data", "remedy": "look", "exit_code": 4}),
+        (LimitMissed("more than 3"), 6, None),
+        (KeyboardInterrupt(), 130, None),
+        (ValueError("oh"), 1, {"exit_code": 1, "remedy": None}),
+    ],
+)
+def test_an_error_is_a_line_a_code_and_a_document(capsys, error, code, document):
+    assert exit_code(error) == code
+    for as_json in (False, True):
+        assert settle(error, debug=False, as_json=as_json) == code
+        out, err = capsys.readouterr()
+        assert "Traceback" not in err
+        if as_json and document:
+            assert document.items() <= json.loads(out)["error"].items()
+        else:
+            assert out == ""
+    settle(error, debug=True, as_json=False)
+    assert type(error).__name__ in capsys.readouterr().err
+
+
+def test_a_full_disk_is_named_and_a_closed_pipe_is_not(capsys, monkeypatch):
+    silenced = []
+    monkeypatch.setattr(console, "_silence_stdout", lambda: silenced.append(True))
+    assert settle(BrokenPipeError(errno.EPIPE, "x"), debug=False, as_json=False) == 141
+    assert capsys.readouterr().err == ""
+    assert settle(OSError(errno.ENOSPC, "x"), debug=False, as_json=False) == WriteError.exit_code
+    assert "no space left" in capsys.readouterr().err
+    assert len(silenced) == 2
+    assert settle(OSError(errno.EIO, "x"), debug=False, as_json=False) == 1
+
+
+def test_a_run_stands_for_its_spec_and_its_settings(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    runs = tmp_path / "runs"
+    (runs / "a").mkdir(parents=True)
+    (tmp_path / "a").mkdir()  # is the folder of its study
+    (tmp_path / "b").mkdir()
+    (tmp_path / "s.yaml").touch()
+    assert console.folder_of(Path("a"), runs) == runs / "a"
+    assert console.folder_of(Path("b"), runs) == Path("b")
+    assert console.folder_of(Path("c"), runs) == runs / "c"
+    origins = {runs / "a": Origin("../../s.yaml", "", ("x=1",)), Path("b"): Origin("")}
+    monkeypatch.setattr(run_record, "load_origin", origins.get)
+    assert spec_of(Path("a"), ["y=2"], runs) == (Path("s.yaml"), ["x=1", "y=2"])
+    for other in ("b", "c", "s.yaml"):
+        assert spec_of(Path(other), ["y=2"], runs) == (Path(other), ["y=2"])
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    rows_of("""
+predict MODEL                                       give either a TABLE or --grid
+predict MODEL t.csv --grid pressure=1               give either a TABLE or --grid
+predict MODEL --grid pressure=1 --as pressure       --as needs a TABLE
+predict MODEL t.csv --as pressure --derivatives     --as needs a TABLE
+predict MODEL t.csv --as pressure --interval 0.9    --as needs a TABLE
+predict MODEL t.csv --as force                      --as: the model has no input 'force'
+predict MODEL - --decimal ,                         stdin is always read as CSV
+predict MODEL t.csv --set force=1                   the model has no input 'force'
+predict MODEL t.csv --set pressure=x                --set pressure=x:
+figure runs nothing                                 there is no figure 'nothing'
+figure runs fit --data a.csv                        --data needs one panel
+figure runs fit -o a.gif                            figures cannot be written as .gif
+clean s.yaml --runs . --now                         --now needs --yes
+clean s.yaml --runs none                            none: this folder does not exist
+tune s.yaml --over fit.max_terms=1,2 --budget 3     --budget limits a search
+export MODEL --to table --grid pressure=1           --grid: no values for strain
+export MODEL --to table --grid strain=1,pressure=1  --grid: pressure has a single point
+"""),
+)
+def test_options_that_contradict_each_other(mapmore, model_file, words, says):
+    Path("t.csv").write_text("pressure,strain\n150,0.05\n")
+    mapmore(*words.replace("MODEL", str(model_file)).split(), code=2, says=says)
+
+
+def test_constants_of_a_command_are_in_the_units_of_the_model():
+    model = hand_model()
+    given = ["pressure=1.5 bar", " strain = 20 %", "pressure=200"]
+    assert _constants_of(model, given[:2]) == {"pressure": 150.0, "strain": 0.2}
+    assert _constants_of(model, given)["pressure"] == 200.0
+
+
+def test_records_are_shown_by_their_stages(tmp_path, mapmore):
+    record = {"stages": {"ingest": {"seconds": 0.254, "why": "forced"}, "fit": {}}}
+    (tmp_path / "run.json").write_text(json.dumps(record))
+    shown = [line.split() for line in mapmore("show", "run.json", code=0).stdout.splitlines()]
+    assert ["ingest", "0.25", "forced"] in shown
+    assert any(words[:1] == ["fit"] for words in shown)
+    for text in ("[]", "{}", '{"stages": 3}', '{"stages": {"a": {"seconds": "x"}}}'):
+        (tmp_path / "run.json").write_text(text)
+        mapmore("show", "run.json", code=4, says="is neither a scores.json nor a run.json")
