@@ -30,8 +30,10 @@ from mapmore_cli.storage.run_record import RUN_RECORD, written_files
 from mapmore_cli.storage.seals import SEAL
 from mapmore_cli.storage.tables.lines import TEXT_ERRORS
 
-MARKS = (b"mapmore", b"_predicted")
-"""Texts in what mapmore writes under names of its own choice; the second is in titles of tables."""
+MARKS = (b"mapmore", b"_predicted", b"schema_version")
+"""Texts in what mapmore writes under names of its own choice: the second is in titles of tables,
+and the third in specs.
+"""
 
 WRITABLE = 0o222
 """Permissions of which a read-only file has none."""
@@ -39,9 +41,11 @@ WRITABLE = 0o222
 
 def refuse_needed(path: Path) -> None:
     """Raise WriteError if a file is in the place of an output and is still needed: a file that the
-    command reads, a file of a run, or a read-only file. A link is refused too.
+    command reads, a file of a run, or a read-only file. A link and a folder are refused too.
     """
     refuse_irregular(path)
+    if path.is_dir():
+        raise WriteError(f"{path}: is a folder, and the output is a file", "name a file in it")
     if not path.is_file():
         return
     if is_read(path):
@@ -126,7 +130,8 @@ def refuse_foreign_file(path: Path) -> None:
     A file that is still needed is refused too.
     """
     refuse_needed(path)
-    if path.is_file() and not any(mark in content_of(path) for mark in MARKS):
+    data = content_of(path) if path.is_file() else b""
+    if data and not any(mark in data for mark in MARKS):
         raise WriteError(
             f"{path}: exists, and mapmore has not written it, so it is not replaced",
             "move it away, or choose another place with -o",

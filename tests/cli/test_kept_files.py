@@ -39,7 +39,10 @@ OUTPUTS = {
     ("plan", "--output"): [("plan bench.yaml -o", "bench_300.csv")],
     ("tune", "--output"): [("tune bench.yaml --over fit.max_terms=1,2 -o", "bench_300.csv")],
     ("compare", "--figure"): [(f"compare {MODEL} {MODEL} --figure", "final.svg")],
-    ("init", "--output"): [("init bench_100.csv --yes --force -o", "bench_100.csv")],
+    ("init", "--output"): [
+        ("init bench_100.csv --yes --force -o", "bench_100.csv"),
+        ("init bench_100.csv --yes --force -o", "bench_200.csv"),
+    ],
     ("export", "--output"): [(f"export {MODEL} --to csv --grid {GRID} -o", "mine")],
 }
 """What each option for an output may not replace, after the command that is called with it."""

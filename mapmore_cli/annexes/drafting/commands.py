@@ -12,7 +12,7 @@ from typer import Argument, Option
 from mapmore_cli.cli.console import STANDARD, Quiet
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import UsageError, WriteError
-from mapmore_cli.storage.outputs import write_chosen, write_text
+from mapmore_cli.storage.outputs import refuse_foreign_file, write_chosen, write_text
 
 if TYPE_CHECKING:
     from mapmore_cli.annexes.drafting.draft import Draft
@@ -159,11 +159,17 @@ def init(
 
 
 def _refuse(files: Iterable[Path], force: bool) -> None:
-    """Raise WriteError if some files exist already, unless `force` allows to replace them."""
-    existing = [str(path) for path in files if path.exists() and not force]
-    if existing:
+    """Raise WriteError if some files exist already. With `force`, raise it only if one of them is
+    neither a YAML file nor written by mapmore, for example a recording.
+    """
+    existing = [path for path in files if path.exists()]
+    if force:
+        for path in existing:
+            if path.suffix not in (".yaml", ".yml"):
+                refuse_foreign_file(path)
+    elif existing:
         raise WriteError(
-            f"{', '.join(existing)}: already exists",
+            f"{', '.join(map(str, existing))}: already exists",
             "use --force to replace it, or -o to write elsewhere",
         )
 
@@ -175,6 +181,8 @@ def _write(files: Mapping[Path, tuple[str, Draft]], force: bool, reporter: Repor
     from mapmore_cli.annexes.drafting.page import draft_page
     from mapmore_cli.study.schema import write_schema_beside
 
+    if force:
+        _refuse(files, force)
     free = {path: file for path, file in files.items() if force or not path.exists()}
     existing = files.keys() - free.keys()
     for path, (text, draft) in free.items():

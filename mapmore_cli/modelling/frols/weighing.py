@@ -55,6 +55,11 @@ LOSSES: Mapping[str, RobustLoss] = {
 beyond 4.685.
 """
 
+DEPENDENT = 1e-10  # columns with smaller singular values, as a share of the largest, are dependent
+FREEDOM, GROSS = 3, 20.0
+"""Smallest number of degrees of freedom of the other samples, and the studentised residual, with
+which a sample counts as a gross outlier; normal noise has such a residual once in 10 000 samples.
+"""
 FEW = 5
 """With fewer curves than this, sums over curves say little, and standard errors from them would be
 a guess.
@@ -214,6 +219,29 @@ def scale_of(residual: Array, y: Array) -> float:
 def loss_weights(loss: str, residual: Array) -> Array:
     """Return the weights of residuals that are given in units of the scale, shape (n,)."""
     return LOSSES[loss].weight(np.abs(residual) / LOSSES[loss].tuning)
+
+
+def without_leverage(robust: Array, P: Array, y: Array) -> Array:
+    """Return the residuals of a robust fit, (n,), in units of their scale; if this fit was bent by
+    one gross outlier, return the externally studentised residuals of least squares instead.
+
+    A robust loss does not resist an outlier of large leverage, for example at the end of a short
+    segment: the fit passes through it. The residual of a sample from the fit of all others, in
+    units of its standard deviation, `t_i = r_i / (s_i sqrt(1 - h_i))` with `s_i^2 = (r'r - r_i^2/(1
+    - h_i))/(n - k - 1)`, shows it (Cook and Weisberg 1982, eq 2.1.15; h is the leverage).
+    """
+    # a column may stand twice
+    Q, values, _ = np.linalg.svd(P / (np.linalg.norm(P, axis=0) + (P == 0).all(axis=0)), False)
+    Q = Q[:, values > DEPENDENT * values[0]]
+    n, k = Q.shape
+    if n - k - 1 < FREEDOM:
+        return robust
+    r, left = y - Q @ (Q.T @ y), np.maximum(1 - np.sum(Q**2, axis=1), EXACT)
+    others = np.maximum((r @ r - r**2 / left) / (n - k - 1), EXACT * (r @ r) / n)
+    deleted = r / np.sqrt(others * left) if r.any() else r
+    worst = np.argmax(np.abs(deleted))
+    hidden = abs(deleted[worst]) > GROSS and abs(robust[worst]) < max(TUNING.values())
+    return np.asarray(deleted if hidden else robust)
 
 
 def numbered_curves(labels: IntArray | None, terms: int) -> IntArray | None:

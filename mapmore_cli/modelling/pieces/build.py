@@ -53,7 +53,7 @@ from mapmore_cli.modelling.expressions.syntax import names_in
 from mapmore_cli.modelling.frols import TIE_TOLERANCE, Regression, Weighing
 from mapmore_cli.modelling.frols.engine import choose, choose_together, reads_once
 from mapmore_cli.modelling.frols.select import Stopping
-from mapmore_cli.modelling.frols.weighing import Choice, loss_weights
+from mapmore_cli.modelling.frols.weighing import FREEDOM, Choice, loss_weights, without_leverage
 from mapmore_cli.modelling.literature.backbone import residual_of
 from mapmore_cli.modelling.pieces.placement import placements, span
 from mapmore_cli.modelling.pieces.recipe import Recipe
@@ -237,6 +237,8 @@ def _best_placement(
 
 # number of samples for each term in the fit that finds outliers
 SAMPLES_PER_TERM = 3
+# largest number of samples of which one may have so much leverage that a robust loss misses it
+SHORT = 200
 
 
 @dataclass(frozen=True)
@@ -316,7 +318,8 @@ def _robust(
 
     Outliers are found by two robust fits with a free offset, which no anchor constrains. One fit
     has as many terms as the segment. The other has so many that it follows the curve closely. The
-    residuals of each fit give weights, with which the first terms can be chosen. These two sets of
+    residuals of each fit give weights, with which the first terms can be chosen; an outlier that
+    bends both fits to itself is found by leaving it out. These two sets of
     weights are compared with equal weights. The set that leads to the smallest scale of the
     residuals is used.
     """
@@ -329,8 +332,12 @@ def _robust(
             selection = choice.selection
             chosen = [free[i] for i in selection.chosen]
             blocks = output.weighing.rows(partial(output.blocks, chosen, scaling))()
-            left = np.concatenate([y - P @ selection.theta for P, y in blocks])
-            weights = loss_weights(recipe.fit.loss, left / selection.scale)
+            left = np.concatenate([y - P @ selection.theta for P, y in blocks]) / selection.scale
+            if n <= SHORT:
+                every = free if n - len(free) > FREEDOM else chosen
+                ((P, y),) = output.weighing.rows(partial(output.blocks, every, scaling))()
+                left = without_leverage(left, P, y)
+            weights = loss_weights(recipe.fit.loss, left)
             anchored.append(output.placements(recipe, scaling.variables, weights)[place])
             starting.append(replace(output, weighing=replace(output.weighing, start=weights)))
         ways += [

@@ -190,3 +190,17 @@ def test_a_value_that_is_not_finite_is_found_in_any_block():
         ),
     ):
         fit_together(segment, samples, [*TERMS, parse("log(1.5 - strain)")], [made])
+
+
+@pytest.mark.parametrize("n", [10, pytest.param(14, marks=pytest.mark.long)])
+def test_one_gross_outlier_in_a_short_segment_moves_it_no_more_than_its_absence(n):
+    """At an end, a cubic passes through it: a robust loss alone does not see it."""
+    x, noise = np.linspace(0, 0.25, n), np.random.default_rng(n).normal(0, 0.3, n)
+    y, how = 300 * (1 - 3 * x) + noise, {"loss": "bisquare", "max_terms": 3, "tolerance": 0.0}
+    whole = fitted(x, y, **how)
+    for place in range(n):
+        rest = np.arange(n) != place
+        inner = slice(*np.searchsorted(PLACES, (x[rest][0], x[rest][-1])))
+        absent = np.abs(fitted(x[rest], y[rest], **how) - whole)[inner].max()
+        bent = np.abs(fitted(x, y + 300.0 * ~rest, **how) - whole)[inner].max()
+        assert bent < max(1.0, 2 * absent), place
