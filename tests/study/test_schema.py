@@ -161,6 +161,27 @@ def test_every_key_is_read():
     assert unread - NOTES - {"extends"} == set()
 
 
+def words_in(file):
+    """Texts and names of functions in a file, without docstrings and declared choices."""
+    nodes = [*ast.walk(ast.parse(file.read_text(encoding="utf-8")))]
+    literal = (one for one in nodes if getattr(getattr(one, "value", 0), "id", "") == "Literal")
+    declared = {inner for one in literal for inner in ast.walk(one)}
+    declared |= {one.value for one in nodes if isinstance(one, ast.Expr)}
+    return {
+        getattr(one, "value", getattr(one, "name", ""))
+        for one in {*nodes} - declared
+        if isinstance(one, ast.Constant | ast.FunctionDef)
+    }
+
+
+def test_every_choice_of_a_key_is_looked_for():
+    """A choice that is only declared would do what another one does."""
+    choices = re.findall(r"'enum': \[('.*?)\]", str(json_schema()))
+    words = {word for each in choices for word in ast.literal_eval(f"[{each}]")}
+    assert {"pchip", "bisquare", "residual_map"} <= words
+    assert words - set().union(*map(words_in, PACKAGE.rglob("*.py"))) == set()
+
+
 def test_every_score_says_in_words_what_it_means():
     assert not any(meaning.startswith("[") for meaning in METRICS.values())
     assert {"rmse"} <= OF_TARGET < {*METRICS}
