@@ -10,9 +10,10 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import cycle
-from typing import Any
+from typing import Any, get_args
 
 from mapmore_cli.domain import plugins
+from mapmore_cli.domain.declared import Beyond
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.joining import TRANSITIONS
 from mapmore_cli.domain.models import Model, Pieces
@@ -217,7 +218,6 @@ def _sides(fitted: Sides) -> list[tuple[str, str]]:
     behaviour of the model comes first.
     """
     titles = {"continue_linear": "continue straight"}
-    ways = ("continue", "continue_linear", "saturate", "zero")
-    known: dict[Sides, str] = {(way, way): titles.get(way, way) for way in ways}
+    known: dict[Sides, str] = {(way, way): titles.get(way, way) for way in get_args(Beyond)}
     chosen = {fitted: known.get(fitted, "as fitted")}
     return [(json.dumps(ends), title) for ends, title in (chosen | known).items()]
