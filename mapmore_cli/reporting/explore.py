@@ -10,10 +10,12 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import cycle
-from typing import Any
+from typing import Any, get_args
 
 from mapmore_cli.domain import plugins
+from mapmore_cli.domain.declared import Beyond
 from mapmore_cli.domain.errors import MapmoreError
+from mapmore_cli.domain.joining import TRANSITIONS
 from mapmore_cli.domain.models import Model, Pieces
 from mapmore_cli.modelling.programs import program_of
 from mapmore_cli.reporting.competitors import is_known
@@ -139,7 +141,7 @@ def _steps_of(model: Model) -> set[float]:
 def bare_of(model: Model) -> tuple[Model, str]:
     """Return what a page needs to join the pieces of a model in other ways. The first result is the
     model without limits of its segment functions outside their samples. The second is JavaScript
-    code that gives access to its curves and segments with their slopes.
+    code that gives access to its curves, its segments with their slopes, and all transitions.
 
     `rejoin` replaces the functions of the curves.
     """
@@ -154,11 +156,19 @@ def bare_of(model: Model) -> tuple[Model, str]:
     by_curve = [[next(segments) for _ in curve.segments] for curve in body.curves]
     names = "], [".join(map(", ".join, by_curve))
     slopes = "], [".join(", ".join(f"{one}_slopes" for one in own) for own in by_curve)
+    courses = ", ".join(f"{name}: {_course(one.words)}" for name, one in TRANSITIONS.items())
     more = (
-        f", segments: [[{names}]], slopes: [[{slopes}]], "
+        f", segments: [[{names}]], slopes: [[{slopes}]], transitions: {{ {courses} }}, "
         f"rejoin: (f) => {{ [{', '.join(curves)}] = f; }}"
     )
     return bare, more
+
+
+def _course(words: str) -> str:
+    """Return the words of a transition as a function in JavaScript."""
+    first, _, rest = words.removeprefix("w = ").partition(" up to t = 1/2, then ")
+    text = f"t < 0.5 ? {first} : {rest}" if rest else first
+    return "(t) => " + re.sub(r"([a-z]\w+)\(", r"Math.\1(", text).replace("^", " ** ")
 
 
 def pieces_of(model: Model, equations: Mapping[str, str]) -> dict[str, Any]:
@@ -174,6 +184,7 @@ def pieces_of(model: Model, equations: Mapping[str, str]) -> dict[str, Any]:
         "sides": {name: _sides(sides[name]) for name in free},
         "choose": f"Choose {cut} above to see the pieces along it.",
         "level": body.level,
+        "transitions": [(name, name) for name in TRANSITIONS],
         "variables": list(body.variables),
         "joint": {
             "z_s": fusion.z_s,
@@ -207,7 +218,6 @@ def _sides(fitted: Sides) -> list[tuple[str, str]]:
     behaviour of the model comes first.
     """
     titles = {"continue_linear": "continue straight"}
-    ways = ("continue", "continue_linear", "saturate", "zero")
-    known: dict[Sides, str] = {(way, way): titles.get(way, way) for way in ways}
+    known: dict[Sides, str] = {(way, way): titles.get(way, way) for way in get_args(Beyond)}
     chosen = {fitted: known.get(fitted, "as fitted")}
     return [(json.dumps(ends), title) for ends, title in (chosen | known).items()]

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.arrays import Array, Ends, IntArray
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling.kinds import fed_back
 from mapmore_cli.modelling.programs import program_of
@@ -69,7 +69,7 @@ def study_of(inputs: ReportInputs, key: str) -> dict[str, Any]:
     return study | {"record": record, "knobs": knobs, "frequency": frequency}
 
 
-def _span(curves: Sequence[Curve], name: str) -> tuple[float, float]:
+def _span(curves: Sequence[Curve], name: str) -> Ends:
     """Return the smallest and largest value of a quantity; 0 and 1 if it has none."""
     values = np.concatenate([curve.columns[name] for curve in curves])
     values = values[np.isfinite(values)]
@@ -105,7 +105,7 @@ def _knob(name: str, ends: Sequence[float], value: float) -> dict[str, Any]:
     return {"name": name, "low": low, "high": high, "step": step, "value": start}
 
 
-def _knob_of_input(name: str, span: tuple[float, float], value: float) -> dict[str, Any]:
+def _knob_of_input(name: str, span: Ends, value: float) -> dict[str, Any]:
     """Return the slider of an input, which goes beyond its training range."""
     return _knob(f"input:{name}", _reach(*span)["ends"], value)
 
@@ -121,7 +121,7 @@ def _numbers(values: Array) -> list[float | None]:
     return [float(f"{one:.7g}") if np.isfinite(one) else None for one in values.tolist()]
 
 
-def _samples(inputs: ReportInputs, spans: Mapping[str, tuple[float, float]]) -> dict[str, Any]:
+def _samples(inputs: ReportInputs, spans: Mapping[str, Ends]) -> dict[str, Any]:
     """Return the samples of the page, evenly thinned to `MOST_TRAINED` samples of training data and
     `MOST_SAMPLES` held-out ones; the samples of each button; and the sliders of the inputs in
     `spans`, which start at the middle sample of the first held-out curve, or in the middle of all

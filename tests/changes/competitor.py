@@ -20,6 +20,15 @@ assert np.allclose(learned("nearest", x, x[:, 0] ** 2)(x + 0.1), x[:, 0] ** 2)
 assert title_of("nearest") == "Nearest neighbours"
 """
 HALVES = {
+    "without a title": (
+        {
+            LEARNERS: [
+                (TABLE, MADE + TABLE),
+                (ROW, DECLARED.replace("Nearest neighbours", "") + ROW),
+            ]
+        },
+        "fitting/test_baselines.py::test_learners_have_a_title_a_name_of_their_own_and_a_seed",
+    ),
     "without its learner": ({LEARNERS: [(ROW, DECLARED + ROW)]}, "an import"),
     "that is not declared": (
         {LEARNERS: [(TABLE, MADE + TABLE)]},

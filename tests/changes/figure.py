@@ -17,4 +17,9 @@ from mapmore_cli.study.sections.report import Report
 assert "scatter" in Report().figures and callable(scatter.draw)
 """
 TEST = "reporting/test_reporting_page.py::test_figures_and_sections_have_their_files"
-HALVES = {"that is not drawn": (PLACED, TEST), "without a place": (DRAWN, TEST)}
+ASTRAY = {ORDER: [(ROW, f'{ROW}    "scatter": "fitt",\n')]}
+HALVES = {
+    "that is not drawn": (PLACED, TEST),
+    "without a place": (DRAWN, TEST),
+    "in no section": ({**DRAWN, **ASTRAY}, TEST),
+}

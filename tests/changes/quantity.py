@@ -22,9 +22,11 @@ data = load(Path("heat.yaml")).spec.data
 assert abs(data.columns["temperature"].offset - 5 / 9) < 1e-12
 assert abs(data.keep[0].above - 26.85) < 1e-12
 """
+TEST = "study/test_units.py::test_every_canonical_quantity_has_a_name_and_a_unit_that_are_known"
 HALVES = {
-    "in a unit that nobody knows": (
-        {UNITS: [(ROW, f'{ROW}        "temperature": "celsus",\n')]},
-        "study/test_units.py::test_every_canonical_quantity_has_a_name_and_a_unit_that_are_known",
-    )
+    "in a unit that nobody knows": ({UNITS: [(ROW, f'{ROW}        "heat": "celsus",\n')]}, TEST),
+    "with a name that no spec may write": (
+        {UNITS: [(ROW, f'{ROW}        "of air": "K",\n')]},
+        TEST,
+    ),
 }

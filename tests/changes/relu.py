@@ -30,6 +30,7 @@ assert np.array_equal(evaluate(parse("relu(x)"), {"x": x}), [0, 0, 2])
 assert "max" in to_latex(parse("relu(x)"))
 """
 HALVES = {
+    "without a text in TeX": (_with(ROW.replace("            latex", "            # latex")), ROOM),
     "without a text in C": (_with(ROW.replace('            c="x <= 0 ? 0 : x",\n', "")), ROOM),
     "that loses NaN in MATLAB": (_with(ROW.replace(" + 0 / (x == x)", "")), ROOM),
     "with another slope": (_with(ROW.replace("0.5 + 0.5*sign(x)", "sign(x)")), ROOM),

@@ -21,8 +21,13 @@ assert abs(row.mape - 0.1) < 1e-12
 assert "MAPE [%]" in [column.heading for column in score_table([row], {"force": "N"}).columns]
 assert "| `mape` | mean absolute error as a fraction" in reference()
 """
+ROOM = "modelling/scores/test_metrics.py::"
 HALVES = {
+    "whose unit is only in its heading": (
+        {SCORES: [(END, BEGIN + FORMULA.replace("[%] .2f", "[UNIT]") + REST)]},
+        f"{ROOM}test_headings_name_the_unit_of_the_target_and_a_smaller_error_is_on_the_better_side",
+    ),
     "without its formula": ({SCORES: [(END, BEGIN + REST)]}, "an import"),
-    "which no test knows": (PATCH, "modelling/scores/test_metrics.py::"
+    "which no test knows": (PATCH, f"{ROOM}"
         "test_numbers_of_long_recordings_are_those_of_whole_arrays"),
 }  # fmt: skip

@@ -19,7 +19,14 @@ from test_foreign_text import needs_compiler
 
 from mapmore_cli.annexes.exporting.exports import exported, snippet
 from mapmore_cli.annexes.exporting.templates import OWN, identifier
-from mapmore_cli.annexes.exporting.words import FILES, KEYWORDS, LIBRARY, TAKEN, identifiers
+from mapmore_cli.annexes.exporting.words import (
+    FILES,
+    KEYWORDS,
+    LIBRARY,
+    TAKEN,
+    WORDS,
+    identifiers,
+)
 from mapmore_cli.annexes.sums import Part, Sum
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
@@ -56,6 +63,11 @@ def test_octave_has_no_other_functions():
     words = [name for name in names if name.isidentifier() and name[0] != "_" and len(name) > 1]
     assert len(words) > 1000
     assert {word.lower() for word in words} <= FILES | {one.lower() for one in OWN}
+
+
+def test_functions_of_the_library_are_words_in_both_precisions():
+    names = {row.texts["c"] for row in FUNCTIONS.values() if row.is_in_library("c")}
+    assert {*names, *(f"{name}f" for name in names)} <= WORDS
 
 
 def test_no_function_and_no_file_is_called_by_a_word():

@@ -5,11 +5,7 @@ that explains them.
 from __future__ import annotations
 
 import re
-from collections import Counter
-from importlib import import_module
-from inspect import isfunction
 from pathlib import Path
-from pkgutil import iter_modules
 from typing import Any
 
 import numpy as np
@@ -501,20 +497,10 @@ def test_check_says_of_a_shape_what_the_run_says(tmp_path):
 
 
 def test_every_rule_of_the_folder_is_applied_once():
-    files = [
-        import_module(f"{rules.__name__}.{file.name}") for file in iter_modules(rules.__path__)
-    ]
-    written = [
-        part
-        for file in files
-        for name, part in vars(file).items()
-        if isfunction(part)
-        and part.__module__ == file.__name__
-        and name[0] != "_"
-        and part.__annotations__["return"] == "Issues"
-    ]
+    text = "".join(path.read_text() for path in Path(rules.__file__).parent.glob("*.py"))
+    written = re.findall(r"^def ([a-z]\w*)\(.*\) -> Issues:", text, re.MULTILINE)
     lists = (*applied.OF_RECORDINGS, *applied.OF_CURVES, *applied.OF_CHECK)
-    assert Counter(lists) == Counter(written)
+    assert sorted(rule.__name__ for rule in lists) == sorted(written)
 
 
 def test_every_issue_that_a_rule_can_raise_is_tried_and_on_the_page_and_no_other():

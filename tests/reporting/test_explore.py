@@ -16,6 +16,7 @@ from report_builder import build
 from test_memory_report import report_of
 
 from mapmore_cli.domain import plugins
+from mapmore_cli.domain.joining import TRANSITIONS
 from mapmore_cli.modelling.kinds import predict, simulate
 from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.modelling.validation.intervals import (
@@ -29,6 +30,7 @@ from mapmore_cli.reporting.report import render_page, write_report
 from mapmore_cli.reporting.scripts import joined, json_text, scripts, text_of
 
 JOINTS = [
+    *({"z_s": 0.3, "transition": name, "hold": "none", "side": "zero"} for name in TRANSITIONS),
     {"z_s": 0.0, "transition": "linear", "hold": "samples", "side": "continue"},
     {"z_s": 0.1, "transition": "quadratic", "hold": "samples", "side": "zero"},
     {"z_s": 0.5, "transition": "cubic", "hold": "none", "side": "continue_linear"},
@@ -42,7 +44,8 @@ const tasks = JSON.parse(readFileSync("tasks.json", "utf8"));
 const answers = tasks.map(({ key, pieces: { curves, variables }, names, joint, rows }) => {
     const code = models[key];
     code.rejoin(curves.map((curve, k) => (
-        joinedCurve(curve, code.segments[k], code.slopes[k], variables, names, joint))));
+        joinedCurve(curve, code.segments[k], code.slopes[k], variables, names, joint,
+            code.transitions[joint.transition]))));
     return rows.map((row) => code.evaluate(...row));
 });
 writeFileSync("answers.json", JSON.stringify(answers));

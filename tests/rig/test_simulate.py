@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from typing import get_args, get_type_hints
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ from rig_cases import DATASETS, spec
 
 from datasets.rig.simulate import (
     COLUMNS,
+    SENSED,
     SET_STEPS,
+    Experiment,
     causes_of,
     csv_text,
     decimals,
@@ -76,6 +79,12 @@ def test_every_shipped_recording_has_its_spec():
             study = spec(path)
             shipped = {file.name for file in (DATASETS / path).parent.glob(f"{study.output}_*.csv")}
             assert shipped == {f"{study.output}_{label(cause)}.csv" for cause in causes_of(study)}
+
+
+def test_every_experiment_says_what_it_measures():
+    types = {get_args(get_type_hints(kind)["type"])[0] for kind in get_args(Experiment)}
+    assert types == SENSED.keys()
+    assert set().union(*SENSED.values()) <= COLUMNS.keys()
 
 
 def test_the_steps_are_those_of_the_paper():

@@ -5,6 +5,7 @@ of a spec.
 import ast
 import json
 import re
+from functools import cache
 from pathlib import Path
 
 import jsonschema
@@ -130,8 +131,12 @@ ALIASES = {"validate": "validation", "with": "partners", "as": "as_"}
 REFUSING = ("_contradictions", "__post_init__")
 
 
-def attributes_read(file):
-    tree = ast.parse(file.read_text(encoding="utf-8"))
+@cache
+def trees():
+    return [ast.parse(file.read_text(encoding="utf-8")) for file in PACKAGE.rglob("*.py")]
+
+
+def attributes_read(tree):
     refusing = {
         inner
         for node in ast.walk(tree)
@@ -155,10 +160,30 @@ def test_every_key_is_read():
         for key in section.get("properties", {})
     }
     assert {"max_gap", "min_samples", "sum", "order"} <= keys
-    files = [file for file in PACKAGE.rglob("*.py") if not file.name.startswith("check_")]
-    read = set().union(*map(attributes_read, files))
+    read = set().union(*map(attributes_read, trees()))
     unread = {key for key in {*keys, *schema["properties"]} if ALIASES.get(key, key) not in read}
     assert unread - NOTES - {"extends"} == set()
+
+
+def words_in(tree):
+    """Texts and names of functions in a file, without docstrings and declared choices."""
+    words, declared = set(), set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Subscript) and getattr(node.value, "id", "") == "Literal":
+            declared.update(ast.walk(node))
+        elif isinstance(node, ast.Expr):
+            declared.add(node.value)
+        elif isinstance(node, ast.Constant | ast.FunctionDef) and node not in declared:
+            words.add(getattr(node, "value", getattr(node, "name", "")))
+    return words
+
+
+def test_every_choice_of_a_key_is_looked_for():
+    """A choice that is only declared would do what another one does."""
+    choices = re.findall(r"'enum': \[('.*?)\]", str(json_schema()))
+    words = {word for each in choices for word in ast.literal_eval(f"[{each}]")}
+    assert {"pchip", "bisquare", "residual_map"} <= words
+    assert words - set().union(*map(words_in, trees())) == set()
 
 
 def test_every_score_says_in_words_what_it_means():

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from mapmore_cli.checking.findings import Issue
-from mapmore_cli.domain.arrays import Array, extremes, joined
+from mapmore_cli.domain.arrays import Array, Ends, extremes, joined
 from mapmore_cli.domain.recording import Dataset, Recording
 from mapmore_cli.study.experiment import ExperimentSpec
 from mapmore_cli.study.units import convert
@@ -58,7 +58,7 @@ class Subject:
         values: Array = joined(columns)
         return values if unit is None else convert(values, self.units[name], unit)
 
-    def span(self, name: str) -> tuple[float, float]:
+    def span(self, name: str) -> Ends:
         """Return the smallest and the largest value of a quantity that every recording has."""
         ends = [
             extremes(recording.columns[name])

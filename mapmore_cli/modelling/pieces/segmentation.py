@@ -14,6 +14,7 @@ from mapmore_cli.domain.arrays import (
     Array,
     BoolArray,
     Columns,
+    Ends,
     IntArray,
     Rows,
     blocks_where,
@@ -287,9 +288,7 @@ def segment_curve(
     for cell in product(*(enumerate(pairwise(ends), 1) for ends in boundaries.values())):
         place, sides = tuple(i for i, _ in cell), [ends for _, ends in cell]
 
-        def inside(
-            trains: BoolArray, *values: Array, limits: Sequence[tuple[float, float]] = sides
-        ) -> BoolArray:
+        def inside(trains: BoolArray, *values: Array, limits: Sequence[Ends] = sides) -> BoolArray:
             within = [
                 (x >= low) & (x <= high) for x, (low, high) in zip(values, limits, strict=True)
             ]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, Ends
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.literature.backbone import pooled_training
@@ -52,7 +52,7 @@ class Region:
         return float(np.ptp(self.values))
 
     @property
-    def ends(self) -> dict[str, tuple[float, float]]:
+    def ends(self) -> dict[str, Ends]:
         """Smallest and largest value of each input in the region."""
         margin = {
             input_range.name: self.fit.beyond * (input_range.high - input_range.low).max()

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, Ends
 
 SAME = 1e-12
 """Share of a number by which another differs from it by rounding alone."""
@@ -28,7 +28,7 @@ class Axis:
     low: float = math.inf
     high: float = -math.inf
     least: float = math.inf
-    limits: tuple[float, float] | None = None
+    limits: Ends | None = None
     logarithmic: bool = False
     subs: Sequence[float] = (1.0,)
     most: int = 5
@@ -44,7 +44,7 @@ class Axis:
             self.high = max(self.high, float(finite.max()))
 
     @property
-    def ends(self) -> tuple[float, float]:
+    def ends(self) -> Ends:
         """Start and end of the axis, in the unit of the data."""
         if self.limits is not None:
             return self.limits

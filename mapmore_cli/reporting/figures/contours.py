@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, Ends
 
 Outline = tuple[list[float], list[float]]
 """Corners of a region in their order: their horizontal places, and their heights."""
@@ -34,9 +34,7 @@ def outlines_above(x: Array, heights: Array, z: Array, level: float) -> list[Out
     return outlines + [_closed(region) for region in regions]
 
 
-def _go_on(
-    regions: Sequence[Outline], intervals: Sequence[tuple[float, float]], height: float
-) -> None:
+def _go_on(regions: Sequence[Outline], intervals: Sequence[Ends], height: float) -> None:
     """Extend the open regions by a row. A left and a right corner are added to each."""
     for (across, up), ends in zip(regions, intervals, strict=True):
         across.extend(ends)
@@ -51,7 +49,7 @@ def _closed(region: Outline) -> Outline:
     return across[::2] + across[::-2], up[::2] + up[::-2]
 
 
-def _intervals(x: Array, z: Array, level: float) -> list[tuple[float, float]]:
+def _intervals(x: Array, z: Array, level: float) -> list[Ends]:
     """Return the intervals of x in which `z` is at least a level. `x` and `z`, (n,) each, are one
     row of the grid.
     """

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
+from mapmore_cli.domain.arrays import Array, BoolArray, Ends, IntArray
 from mapmore_cli.domain.models import Formula, Pieces
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.domain.scores import OWN
@@ -72,7 +72,7 @@ class CurveFit:
     far_off: Sequence[str]
     interval: tuple[Array, Array] | None
     pieces: Sequence[IntArray]
-    shaded: Sequence[tuple[float, float]]
+    shaded: Sequence[Ends]
 
     def predicted(self, model: str) -> bool:
         """Return False if the model has no prediction because its fit failed."""
@@ -154,7 +154,7 @@ def _axis(inputs: ReportInputs) -> Quantity:
     return time if inputs.timed else inputs.in_curve
 
 
-def held_out_spans(x: Array, held_out: BoolArray) -> list[tuple[float, float]]:
+def held_out_spans(x: Array, held_out: BoolArray) -> list[Ends]:
     """Return runs of held-out samples along sorted `x` as (start, end), each reaching halfway to
     the neighbouring training samples; empty for scattered samples, or if there are no training
     samples.
@@ -166,7 +166,7 @@ def held_out_spans(x: Array, held_out: BoolArray) -> list[tuple[float, float]]:
     return [(float(middle[start]), float(middle[end])) for start, end in edges]
 
 
-def _plateaus(curve: Curve) -> list[tuple[float, float]]:
+def _plateaus(curve: Curve) -> list[Ends]:
     if curve.at_rest is None:
         return []
     times = [curve.columns["time"][rows[curve.at_rest[rows]]] for rows in curve.logs]

@@ -1,20 +1,18 @@
 // Join pieces within a curve (M2 eq 9-12) in other ways than the model does. The code of the model
 // still treats levels and the backbone.
-const TRANSITIONS = {
-  linear: (t) => t,
-  quadratic: (t) => (t < 0.5 ? 2 * t ** 2 : 1 - 2 * (1 - t) ** 2),
-  cubic: (t) => 3 * t ** 2 - 2 * t ** 3,
-};
 
 /** Return start and end of the transition zone at each inner boundary (M2 eq 10 and 11). */
 export const zonesOf = (ends, z_s) => ends.slice(1, -1).map((at, i) => (
   [at - z_s * (at - ends[i]), at + z_s * (ends[i + 2] - at)]));
 
-/** Return the weights of the pieces along one variable at x; at most two are not zero. */
+/**
+ * Return the weights of the pieces along one variable at x; at most two are not zero. A weight has
+ * the course `transition`, which is a function of the place from 0 to 1 in a zone.
+ */
 export function weightsAt(x, zones, transition) {
   const rises = zones.map(([start, end]) => {
     if (x <= start) return 0;
-    return x < end ? TRANSITIONS[transition]((x - start) / (end - start)) : 1;
+    return x < end ? transition((x - start) / (end - start)) : 1;
   });
   return [1, ...rises].map((rise, i) => rise - (rises[i] ?? 0));
 }
@@ -31,9 +29,10 @@ function heldBetween(segment, zones, ends, place, name, joint) {
 
 /**
  * Return a curve as a function of its free inputs, in the order of `names`, and of the level if
- * there is one. `functions` and `slopes` are those of the segments, without any limits.
+ * there is one. `functions` and `slopes` are those of the segments, without any limits;
+ * `transition` is as in `weightsAt`.
  */
-export function joinedCurve(curve, functions, slopes, variables, names, joint) {
+export function joinedCurve(curve, functions, slopes, variables, names, joint, transition) {
   const zones = curve.boundaries.map((ends) => zonesOf(ends, joint.z_s));
   const held = curve.segments.map((segment) => variables.map((name, j) => (
     heldBetween(segment, zones[j], curve.boundaries[j], segment.cell[j], name, joint))));
@@ -61,7 +60,7 @@ export function joinedCurve(curve, functions, slopes, variables, names, joint) {
       if (side !== "continue") x[j] = typeof side === "number" ? side : end;
     }
     const weights = variables.map((_, j) => (
-      weightsAt(x[columns[j]], zones[j], joint.transition)));
+      weightsAt(x[columns[j]], zones[j], transition)));
     return curve.segments.reduce((sum, { cell }, k) => {
       const weight = cell.reduce((w, place, j) => w * weights[j][place - 1], 1);
       return weight === 0 ? sum : sum + weight * segmentAt(k, x, straight);

@@ -23,8 +23,9 @@ export function explorePieces(box, study, values) {
 
   /** Return the joined model; the code of the model adds the levels and the backbone. */
   function joined(how) {
+    const transition = code.transitions[how.transition];
     code.rejoin(curves.map((curve, k) => (
-      joinedCurve(curve, code.segments[k], code.slopes[k], variables, free, how))));
+      joinedCurve(curve, code.segments[k], code.slopes[k], variables, free, how, transition))));
     return (x) => ask(code, "evaluate", x);
   }
 
@@ -60,7 +61,7 @@ export function explorePieces(box, study, values) {
     const x = level === null ? at : { ...at, [level]: curve.level };
     const zones = curve.boundaries.map((ends) => zonesOf(ends, how.z_s));
     const place = variables.indexOf(along.name);
-    const shares = (j, one) => weightsAt(one, zones[j], how.transition);
+    const shares = (j, one) => weightsAt(one, zones[j], code.transitions[how.transition]);
     const cells = variables.map((name, j) => shares(j, x[name]).findIndex((one) => one > 0) + 1);
     const here = curve.segments.filter(({ cell }) => (
       cell.every((one, j) => j === place || one === cells[j])));
