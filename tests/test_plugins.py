@@ -1,7 +1,6 @@
 """Somebody else's package: the template adds its parts, and a broken one harms nothing."""
 
 import json
-import os
 import re
 import shutil
 import signal
