@@ -8,7 +8,7 @@ import pytest
 from common import curve_of, dataset_of
 
 from mapmore_cli.checking.evidence import Unequal, spikes, unequal
-from mapmore_cli.checking.rules import Subject, curves, odd_values, pairs, samples
+from mapmore_cli.checking.rules import Subject, curves, odd_values, pairs, samples, signs
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.study.experiment import ExperimentSpec
 
@@ -103,13 +103,13 @@ def test_ends_near_zero_are_no_clipping():
 @pytest.mark.parametrize(("above", "told"), [(0.95, True), (1.05, False)])
 def test_a_force_whose_squares_pull_by_less_than_a_hundredth(above, told):
     force = np.array([np.sqrt(above), 0, -np.sqrt(99)])
-    assert len(found(samples.force_never_pulls, {"force": force})) == told
-    assert found(samples.force_never_pulls, {"force": np.zeros(3)}) == []
+    assert len(found(signs.force_never_pulls, {"force": force})) == told
+    assert found(signs.force_never_pulls, {"force": np.zeros(3)}) == []
     both = subject_of({"force": 0.2 * force}, {"force": [30.0, -1.0]})
-    messages = [issue.message for issue in samples.force_never_pulls(both)]
+    messages = [issue.message for issue in signs.force_never_pulls(both)]
     assert len(messages) == 0  # 2 N are less than a tenth of 30 N
     both = subject_of({"force": 0.4 * force}, {"force": [30.0, -1.0]})
-    messages = [issue.message for issue in samples.force_never_pulls(both)]
+    messages = [issue.message for issue in signs.force_never_pulls(both)]
     assert [message.startswith("r0.csv") for message in messages] == [True] * told
 
 

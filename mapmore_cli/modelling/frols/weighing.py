@@ -240,7 +240,8 @@ def without_leverage(robust: Array, P: Array, y: Array) -> Array:
     others = np.maximum((r @ r - r**2 / left) / (n - k - 1), EXACT * (r @ r) / n)
     deleted = r / np.sqrt(others * left) if r.any() else r
     worst = np.argmax(np.abs(deleted))
-    hidden = abs(deleted[worst]) > GROSS and abs(robust[worst]) < max(loss.tuning for loss in LOSSES.values())
+    tuning = max(loss.tuning for loss in LOSSES.values())
+    hidden = abs(deleted[worst]) > GROSS and abs(robust[worst]) < tuning
     return np.asarray(deleted if hidden else robust)
 
 

@@ -79,7 +79,7 @@ def test_recordings_have_one_step_or_only_an_order():
     )
     pair = curve_at(np.array([0.0, 0.05]), name="pair")
     for odd in (other, pair):
-        apart = r"0\.[01]\d* s apart, but those of other recordings 0\.1 s"
+        apart = r"0\.[01]\d* s apart, but those of other recordings are 0\.1 s"
         with pytest.raises(DataError, match=f"{odd.id}: its samples are {apart}"):
             time_step([*even, odd])
     with pytest.raises(DataError, match="other: its samples are"):
