@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from pathlib import PurePath
 
 from mapmore_cli.annexes.exporting.c_source import c_files, mujoco_files, simulink_files
 from mapmore_cli.annexes.exporting.fmu import input_names, unit_file
@@ -108,10 +109,23 @@ def exported(
         raise UsageError(f"there is no export to {to!r}", f"choose one of {', '.join(EXPORTERS)}")
     wanted, files = Wanted(single, grid, verify, warn), dict[str, str | bytes]()
     for output in [model] if to in SEVERAL else model.each:
-        files |= EXPORTERS[to](output, wanted)
+        of_output = EXPORTERS[to](output, wanted)
+        _refuse_odd(to, of_output)
+        files |= of_output
     if to not in _ADDED:
         files = {
             name: with_notice(name, data) if isinstance(data, str) else data
             for name, data in files.items()
         }
     return {name: data.encode() if isinstance(data, str) else data for name, data in files.items()}
+
+
+def _refuse_odd(to: str, files: object) -> None:
+    """Raise UsageError if a plug-in does not return files, or files for other folders."""
+    fault = ""
+    if not isinstance(files, Mapping):
+        fault = f"returns {type(files).__name__} instead of files by name"
+    elif odd := [name for name in files if PurePath(name).name != name]:
+        fault = f"names the file {odd[0]!r}, which is not a plain name"
+    if fault:
+        raise UsageError(f"the plug-in of the export {to!r} {fault}", "ask its authors")
