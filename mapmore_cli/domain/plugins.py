@@ -11,6 +11,7 @@ parts are used.
 
 from __future__ import annotations
 
+import io
 import os
 import signal
 import sys
@@ -24,7 +25,7 @@ from pkgutil import iter_modules
 from threading import current_thread, main_thread
 from traceback import walk_tb
 from types import FrameType
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, TextIO, TypeVar, cast
 
 from mapmore_cli.domain.errors import UsageError
 
@@ -197,13 +198,26 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
     return by_name
 
 
+class _ToStderr(io.TextIOBase):
+    """A stream that writes to stderr. If a plugin closes it, stderr stays open."""
+
+    def write(self, text: str) -> int:
+        return sys.stderr.write(text)
+
+    def flush(self) -> None:
+        sys.stderr.flush()
+
+    def fileno(self) -> int:
+        return sys.stderr.fileno()
+
+
 @contextmanager
 def printing_to_stderr() -> Iterator[None]:
     """Redirect everything that is printed within the context to stderr, also by libraries in C and
     by child processes, because stdout is for results only.
     """
     sys.stdout.flush()
-    with redirect_stdout(sys.stderr):
+    with redirect_stdout(cast(TextIO, _ToStderr())):
         kept = os.dup(1)
         os.dup2(2, 1)
         try:

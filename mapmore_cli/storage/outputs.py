@@ -26,9 +26,6 @@ from mapmore_cli.storage.atomic import (
     write_own,
 )
 from mapmore_cli.storage.inputs import is_read
-from mapmore_cli.storage.run_record import RUN_RECORD, written_files
-from mapmore_cli.storage.seals import SEAL
-from mapmore_cli.storage.tables.lines import TEXT_ERRORS
 
 MARKS = (b"mapmore", b"_predicted", b"schema_version")
 """Texts in what mapmore writes under names of its own choice: the second is in titles of tables,
@@ -61,6 +58,9 @@ def refuse_needed(path: Path) -> None:
 
 def _run_with(path: Path) -> Path | None:
     """Return the folder of the run to which a file belongs, or None."""
+    from mapmore_cli.storage.run_record import RUN_RECORD, written_files
+    from mapmore_cli.storage.seals import SEAL
+
     place = Path(os.path.realpath(path))
     for folder in place.parents:
         if (folder / RUN_RECORD).is_file():
@@ -94,6 +94,8 @@ def written_as_text(path: Path) -> Iterator[TextIO]:
     Errors of the file system inside the block count as errors of this file, and become WriteErrors.
     Raises BrokenPipeError if nobody reads any more.
     """
+    from mapmore_cli.storage.tables.lines import TEXT_ERRORS
+
     try:
         with written(path) as raw:
             # the gzip header gets no name and no time, so that the same table gives the same bytes

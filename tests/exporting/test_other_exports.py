@@ -300,3 +300,17 @@ def test_a_python_file_with_memory_goes_on_from_a_state():
     rows = zip(*(columns[quantity.name] for quantity in memory.inputs), strict=True)
     found = np.array([code["force"](*row, state) for row in rows])
     assert difference(found, predict(memory, columns)) < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("files", "words"),
+    [
+        (["a"], "returns list instead of files by name"),
+        ({"a.c": "", "../b.c": ""}, "names the file '../b.c', which is not a plain name"),
+        ({"/tmp/b.c": ""}, "names the file '/tmp/b.c'"),
+    ],
+)
+def test_a_plugin_writes_files_of_plain_names(files, words, monkeypatch):
+    monkeypatch.setitem(EXPORTERS, "odd", lambda _model, _wanted: files)
+    with pytest.raises(UsageError, match=f"the plug-in of the export 'odd' {words}"):
+        exported(pieces(), "odd")

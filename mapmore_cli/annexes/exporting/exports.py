@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
+from pathlib import PurePath
 from typing import NamedTuple
 
 from mapmore_cli.annexes.exporting.c_source import c_files, mujoco_files, simulink_files
@@ -120,10 +121,23 @@ def exported(
         raise UsageError(f"there is no export to {to!r}", f"choose one of {', '.join(EXPORTERS)}")
     form, files = EXPORTERS[to], dict[str, str | bytes]()
     for output in [model] if form.whole else model.each:
-        files |= form.write(output, Wanted(single, grid, verify, warn))
+        of_output = form.write(output, Wanted(single, grid, verify, warn))
+        _refuse_odd(to, of_output)
+        files |= of_output
     if form.notice:
         files = {
             name: with_notice(name, data) if isinstance(data, str) else data
             for name, data in files.items()
         }
     return {name: data.encode() if isinstance(data, str) else data for name, data in files.items()}
+
+
+def _refuse_odd(to: str, files: object) -> None:
+    """Raise UsageError if a plug-in does not return files, or files for other folders."""
+    fault = ""
+    if not isinstance(files, Mapping):
+        fault = f"returns {type(files).__name__} instead of files by name"
+    elif odd := [name for name in files if PurePath(name).name != name]:
+        fault = f"names the file {odd[0]!r}, which is not a plain name"
+    if fault:
+        raise UsageError(f"the plug-in of the export {to!r} {fault}", "ask its authors")
