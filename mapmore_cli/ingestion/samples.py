@@ -170,6 +170,12 @@ def _sum_of_parts(raw: RawTable, clock: SourceColumn) -> Array:
     return time
 
 
+def _filled_down(values: Array) -> Array:
+    """Return a column, (n,), in which every NaN has the value above it, if there is one."""
+    filled = np.where(np.isfinite(values), np.arange(len(values)), 0)
+    return np.asarray(values[np.maximum.accumulate(filled)])
+
+
 def _in_model_units(raw: RawTable, table: Logs, data: Data, units: Mapping[str, str]) -> Samples:
     """Return `value * scale + offset` in the model's unit, minus its mean at rest; NaN for numbers
     that mean missing values. A column of standard deviations is converted as differences.
@@ -191,6 +197,8 @@ def _in_model_units(raw: RawTable, table: Logs, data: Data, units: Mapping[str, 
             values[known] += going_on(values[known], (*(second * turn for turn in TURNS), 2.0**32))
         elif column.unwrap is not None:
             values = unwrapped(values, column.unwrap)
+        elif column.texts == "down":
+            values = _filled_down(values)
         values = values[taken]
         columns[name] = (
             values

@@ -13,8 +13,6 @@ from tempfile import TemporaryDirectory
 
 import pytest
 from export_samples import formula
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from test_foreign_text import needs_compiler
 
 from mapmore_cli.annexes.exporting.exports import exported, snippet
@@ -30,7 +28,6 @@ from mapmore_cli.annexes.exporting.words import (
 from mapmore_cli.annexes.sums import Part, Sum
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.modelling.expressions.functions import FUNCTIONS
 
 ROWS = {**KEYWORDS, **LIBRARY, "templates": " ".join(OWN)}
 EVERY = sorted(
@@ -92,11 +89,6 @@ def test_a_name_begins_with_a_letter_and_is_short_enough_to_be_distinguished(nam
     assert all(one[0].isalpha() and len(one) < 60 for one in found)
 
 
-NAMES = st.sampled_from(EVERY)
-INPUTS = st.sampled_from([one for one in EVERY if one not in FUNCTIONS])
-"""A quantity cannot be called as a function of terms."""
-
-
 def check(name, inputs, output, to):
     """Compiled or run, and compared with `predict`, by the exporter itself."""
     model, told = called(name, inputs, output), []
@@ -126,13 +118,4 @@ def check(name, inputs, output, to):
 @pytest.mark.parametrize(("name", "inputs", "output"), FAULTS)
 def test_words_that_a_target_reserves(name, inputs, output):
     for to in ("c", "py", "js", "simulink", "table"):
-        check(name, inputs, output, to)
-
-
-@needs_compiler
-@pytest.mark.long
-@settings(max_examples=200)
-@given(NAMES, st.tuples(INPUTS, INPUTS), NAMES, st.sampled_from(TO))
-def test_any_words_in_any_target(name, inputs, output, to):
-    if len({one.lower() for one in (*inputs, output)}) == 3:
         check(name, inputs, output, to)

@@ -27,6 +27,7 @@ import specs
 import structures
 import studies
 import tables
+import words
 from driver import explore
 
 TARGETS = (
@@ -41,6 +42,7 @@ TARGETS = (
     (structures.DAMAGED, 10),
     (drafts.TARGET, 100),
     (exports.EXPORTS, 100),
+    (words.TARGET, 10),
     (forged.TARGET, 1),
     (exports.FREE_TEXTS, 10),
     (specs.RUNS, 400),

@@ -18,6 +18,7 @@ import specs
 import structures
 import studies
 import tables
+import words
 from driver import LONGEST, Fault, Target, explore
 from pages import DOCS, read_rows
 
@@ -39,6 +40,7 @@ pytestmark = pytest.mark.filterwarnings("ignore")
         (drafts.TARGET, 6),
         (exports.FREE_TEXTS, 25),
         (exports.EXPORTS, 8),
+        (words.TARGET, 26),
         (studies.FOLDERS, 4),
         (studies.RUNS, 2),
     ],
@@ -170,6 +172,21 @@ def test_what_the_page_says_was_tried_adds_up():
         assert {name for _, name in asked} <= names
         others = re.findall(r"(\d+) of (?:seed \d+|other seeds)", commands)
         assert sum(map(int, [*(count for count, _ in asked), *others])) == int(tried)
+
+
+def test_what_the_page_says_was_made_adds_up():
+    """Every input has passed, was refused, or is a fault; the command makes as many, or more where
+    it was interrupted.
+    """
+    heading, *rows = read_rows(PAGE, "made")
+    assert heading == ["what", "command", "made", "passed", "refused", "faults"]
+    targets = {target.name for target in (studies.FOLDERS, studies.RUNS, words.TARGET)}
+    asked = [re.fullmatch(r"run\.py (\d+) \d+ (\w+)(, interrupted)?", row[1]) for row in rows]
+    assert {one[2] for one in asked} == targets
+    for one, row in zip(asked, rows, strict=True):
+        made, *outcomes = map(int, row[2:])
+        assert made == sum(outcomes)
+        assert made == int(one[1]) or (one[3] and made < int(one[1]))
 
 
 def test_the_trials_of_disturbed_commands_add_up():

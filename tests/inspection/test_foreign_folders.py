@@ -93,15 +93,6 @@ def test_rows_of_means_are_told(tmp_path):
     assert one.columns["Trial"].max() == 2
 
 
-def test_a_text_in_the_first_row_of_its_block_alone_is_told(tmp_path):
-    trials(tmp_path / "a.csv", ["T01", *[""] * 3, "T02", ""])
-    lines = (tmp_path / "a.csv").read_text().splitlines()
-    bare = [line if at % 40 == 1 else f",{line.split(',', 1)[1]}" for at, line in enumerate(lines)]
-    (tmp_path / "a.csv").write_text("\n".join([lines[0], *bare[1:]]))
-    with pytest.raises(UsageError, match="Trial has neither numbers nor texts that occur in"):
-        drafted(tmp_path, answers=answers_of(recordings="Trial"))
-
-
 # Files
 # --------------------------------------------------------------------------------------------------
 

@@ -265,6 +265,19 @@ def test_labelled_values_are_refused_with_a_command_that_keeps_their_names(tmp_p
     assert preview(tmp_path / "serial.csv").titles == ("t", "p", "F")
 
 
+@pytest.mark.parametrize("mark", [",", ";", "\t", " "])
+def test_arrows_behind_stamps_are_refused_with_a_command_that_leaves_them_out(tmp_path, mark):
+    """As the serial monitor of the Arduino writes them; other lines are left out, too."""
+    lines = ["10:21:30.001 -> Booting..."]
+    lines += [f"10:21:31.{k:03} -> {2.5 * k:.2f}{mark}{-k}" for k in range(40)]
+    (tmp_path / "serial.txt").write_text("\n".join(lines) + "\n")
+    with pytest.raises(DataError) as refused:
+        drafted(tmp_path)
+    command = refused.value.remedy.split("for example with: ")[1]
+    subprocess.run(command, shell=True, cwd=tmp_path, check=True)
+    assert len(preview(tmp_path / "serial.csv").numeric) == 3
+
+
 @pytest.mark.parametrize("said", [{}, {"sample_time": "10ms"}, {"no_clock": True}])
 def test_rows_without_a_clock_are_asked_for_their_step(tmp_path, said):
     u = 50 + 40 * np.sin(T[:600])

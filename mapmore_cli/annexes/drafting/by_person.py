@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 
 from mapmore_cli.annexes.drafting.columns import Table, TitledColumn, find, listed, unit_of_clock
@@ -75,31 +76,45 @@ def refuse_choice(table: Table, where: str, path: str, is_map: bool) -> UsageErr
     if is_map:
         return _refuse_map(table, where, path)
     columns = listed(table)
-    clock = next((place for place, one in columns.items() if one.may_be_clock), None)
-    if len(columns) < 3:
-        clock = None  # with two columns, the first is the input, even if it looks like a clock
+    clock, question, time, more = _clock_among(columns, table)
+    remarks = {clock: question}
     *drive, follow = [place for place in columns if place != clock] or [0]
-    time = "" if clock is None else f",time={clock}:{unit_of_clock(columns[clock].values)}"
-    how = (
-        f"mapmore init {path} --target ... --inputs ...  (titles, or numbers of the list)"
-        if any(one.title for one in table.values())
-        else f"mapmore init {path} --target force={follow}:N --inputs "
-        f"pressure={drive[-1] if drive else follow}:bar{time}  (numbers of the list)"
-    )
     apart = next((one for one in table.values() if one.blocks), None)
     if apart is not None:
-        how = how.replace("  (", f" --recordings {apart.asked_for}  (")
+        more += f" --recordings {apart.asked_for}"
+        remarks[apart.place] = "constant in blocks of rows: is each block a recording?"
         columns = {one.place: one for one in table.values() if one is apart or one.place in columns}
-    rows = [f"  {place}  {one.described}" for place, one in columns.items()]
+    how = (
+        f"mapmore init {path} --target ... --inputs ...{more}  (titles, or numbers of the list)"
+        if any(one.title for one in table.values())
+        else f"mapmore init {path} --target force={follow}:N --inputs "
+        f"pressure={drive[-1] if drive else follow}:bar{time}{more}  (numbers of the list)"
+    )
     rows = [
-        f"{row}{'  always increases: is it a clock?' if place == clock else ''}"
-        f"{'  constant in blocks of rows: is each block a recording?' if one is apart else ''}"
-        for row, (place, one) in zip(rows, columns.items(), strict=True)
+        f"  {place}  {one.described}" + (f"  {remarks[place]}" if place in remarks else "")
+        for place, one in columns.items()
     ]
     heading = (
         f"{where}: the titles do not say which column is to be predicted. Columns that change:"
     )
     return UsageError("\n".join([heading, *rows]), f"complete this: {how}")
+
+
+def _clock_among(
+    columns: Mapping[int, TitledColumn], table: Table
+) -> tuple[int | None, str, str, str]:
+    """Return the column that may be a clock or counts the rows, the question about it, and what the
+    example of the command says about it in the list of inputs and as an option.
+    """
+    has_clock = any(one.is_time for one in table.values())
+    for place, one in columns.items() if len(columns) > 2 else ():  # of two columns, one drives
+        if one.counts and not (one.unit or has_clock):
+            how_long = "counts the rows: how long is the time between them?"
+            return place, how_long, "", " --sample-time 10ms"
+        if one.may_be_clock:
+            time = f",time={place}:{unit_of_clock(one.values)}"
+            return place, "always increases: is it a clock?", time, ""
+    return None, "", "", ""
 
 
 def _refuse_map(table: Table, where: str, path: str) -> UsageError:

@@ -48,9 +48,10 @@ class TitledColumn:
         Its title; empty if it has none.
     values
         One array `(n,)` for each file; none for a column of texts.
-    texts, numbered
+    texts, numbered, is_filled_down
         The different texts in its cells; and for each file an array `(n,)` with the number of each
-        cell's text, counted from 1. Both are empty for a column of numbers.
+        cell's text, counted from 1. Both are empty for a column of numbers. The last is True if
+        empty cells have the text above them.
     quantity
         The quantity that its title names; empty for none.
     plain
@@ -69,6 +70,7 @@ class TitledColumn:
     source: str
     texts: Sequence[str] = ()
     numbered: Sequence[Array] = ()
+    is_filled_down: bool = False
 
     @property
     def kind(self) -> str:
@@ -197,7 +199,8 @@ class TitledColumn:
         confirm it.
         """
         if self.texts:
-            return NamedColumn(self.column, "1", "you; texts are numbered", texts=True)
+            how = "down" if self.is_filled_down else True
+            return NamedColumn(self.column, "1", "you; texts are numbered", texts=how)
         if self.unit or name not in CANONICAL:
             why = f"{self.source or 'title'}; {range_of(self.values, self.unit or '1')}"
             return NamedColumn(self.column, self.unit or "1", why)
@@ -229,9 +232,9 @@ SUMMARIES = {
 FEWEST_ROWS = 5
 """Smallest mean number of rows in the recordings that a column distinguishes."""
 
-Texts = tuple[Sequence[str], Sequence[Array]]
-"""The different texts of a column; and for each file an array `(n,)` with the number of each cell's
-text, counted from 1.
+Texts = tuple[Sequence[str], Sequence[Array], bool]
+"""The different texts of a column; for each file an array `(n,)` with the number of each cell's
+text, counted from 1; and True if empty cells have the text above them.
 """
 
 Table = Mapping[Column, TitledColumn]
@@ -247,8 +250,10 @@ def read_titles(layout: Layout, raw: Raw, texts: Mapping[Column, Texts] | None =
         column: _read_title(column, place, title, raw.get(column, ()), unit)
         for place, (column, title, unit) in enumerate(lines)
     }
-    for column, (words_of_column, numbers) in (texts or {}).items():
-        table[column] = replace(table[column], texts=words_of_column, numbered=numbers)
+    for column, (words_of_column, numbers, is_down) in (texts or {}).items():
+        table[column] = replace(
+            table[column], texts=words_of_column, numbered=numbers, is_filled_down=is_down
+        )
     return table
 
 
@@ -303,7 +308,8 @@ def find(table: Table, wanted: Column, option: str, texts: bool = False) -> Titl
     if texts and empty is not None:
         raise UsageError(
             f"{option}: {empty.called} has neither numbers nor texts that occur in several rows",
-            "if a text also applies to the rows below it, write it into each of these rows",
+            "a text that stands only in the first of its rows applies to the empty cells below it, "
+            "if the first row of the table has one",
         )
     if len(near) != 1:
         kind = "" if texts else " of numbers"

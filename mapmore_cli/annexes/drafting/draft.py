@@ -46,7 +46,7 @@ class NamedColumn:
     The quantity is `value * scale + offset` in `unit`, which is empty if a person named the column
     without a unit. `is_called` is True if a person gave the quantity its name. `parts` holds the
     columns of a clock in parts, and their units. `texts` is True if the cells are texts, which are
-    then numbered.
+    then numbered, and `down` if a text also applies to the empty cells below it.
     """
 
     column: Column
@@ -57,7 +57,7 @@ class NamedColumn:
     offset: float = 0.0
     is_called: bool = field(default=False, compare=False)
     parts: dict[Column, str] = field(default_factory=dict)
-    texts: bool = False
+    texts: bool | str = False
 
     def refers_to(self, name: str) -> bool:
         """Return True if a person named the column only by its name or index."""

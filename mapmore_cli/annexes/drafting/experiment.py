@@ -10,6 +10,7 @@ import numpy as np
 from mapmore_cli.annexes.drafting.answers import Hold
 from mapmore_cli.annexes.drafting.draft import Conditions
 from mapmore_cli.checking.evidence import two_digits
+from mapmore_cli.checking.rules.curves import FEWEST
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.modelling.signals.cycles import split_cycles
@@ -66,7 +67,8 @@ def find_held(
 
     The quantity that a person names is used. If nobody names one, it is the only input whose values
     are in names of files or which stays constant in each recording. If there is none in a table
-    without a clock, it is the only input that takes a few values repeatedly. `conditions` are
+    without a clock, it is the only input that takes a few values repeatedly, each in enough samples for a
+    curve. `conditions` are
     values from names.
 
     Raises
@@ -90,6 +92,9 @@ def find_held(
     if asked is None and len(levels) != 1:
         return None
     of = asked or next(iter(levels))
+    samples = sum(len(one.columns[of]) for one in recordings)
+    if asked is None and is_table and samples < FEWEST * len(levels[of]):
+        return None  # these values are steps of what moved while another quantity was held
     swept = next((name for name in inputs if name not in (of, *levels, *conditions)), None)
     at, within = levels.get(of, []), None
     if not at:

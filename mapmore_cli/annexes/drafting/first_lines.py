@@ -12,6 +12,7 @@ from mapmore_cli.annexes.drafting.layout import Layout
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import reader_of, suffix_of
 from mapmore_cli.storage.tables import Top
+from mapmore_cli.storage.tables.cells import stamp_of
 
 # a line of labelled values, as microcontrollers print them: `t:12,p:3.4`
 _LABELLED = re.compile(r"\s*[A-Za-z_]\w*\s*[:=]\s*[-+]?[.\d]\S*")
@@ -80,15 +81,29 @@ def comment_among(path: Path, layout: Layout) -> str | None:
     return None
 
 
-def refuse_labelled(path: Path, tops: Sequence[Top]) -> None:
-    """Raise DataError for a text whose cells are labelled values. The remedy is a command that
-    writes the labels as titles.
+def refuse_serial(path: Path, tops: Sequence[Top]) -> None:
+    """Raise DataError for a text of a serial monitor whose cells are labelled values, or in which
+    an arrow stands between the time and the values. The remedy is a command that writes the labels
+    as titles, or a separator instead of the arrow.
     """
-    rows = (top.rows[len(top.rows) // 2] for top in tops if top.rows)
-    if any(len(row) > 1 and all(_LABELLED.fullmatch(str(cell)) for cell in row) for row in rows):
-        titles = "1{h;s/ *[:=] *[^,;[:space:]]*//g;p;g;}"
-        line = f"sed -E '{titles};s/[A-Za-z_][A-Za-z_0-9]* *[:=] *//g' '{path.name}'"
-        raise DataError(
-            f"{path.name}: its cells have the form `name:number`; write the names into the first "
-            f"line only, for example with: {line} > '{path.stem}.csv'"
-        )
+    middle = [
+        (top.settings.get("delimiter", ","), top.rows[len(top.rows) // 2])
+        for top in tops
+        if top.rows
+    ]
+    how = what = ""
+    for mark, row in middle:
+        cells = [*map(str, row)]
+        begin = " ".join(cells[:3]) if mark == "whitespace" else "".join(cells[:1])
+        time, arrow, value = begin.partition(" -> ")
+        if len(cells) > 1 and arrow and value and stamp_of(time) is not None:
+            between = {"tab": r"\t", "whitespace": " "}.get(mark, mark)
+            how = rf"sed -n 's/ -> \([-+.0-9]\)/{between}\1/p'"
+            what = "an arrow stands between the time and the values; write their separator instead"
+        elif len(cells) > 1 and all(map(_LABELLED.fullmatch, cells)):
+            titles = "1{h;s/ *[:=] *[^,;[:space:]]*//g;p;g;}"
+            how = f"sed -E '{titles};s/[A-Za-z_][A-Za-z_0-9]* *[:=] *//g'"
+            what = "its cells have the form `name:number`; write the names into the first line only"
+        if how:
+            line = f"{how} '{path.name}' > '{path.stem}.csv'"
+            raise DataError(f"{path.name}: {what}, for example with: {line}")

@@ -14,7 +14,7 @@ from mapmore_cli.annexes.drafting.first_lines import COMMENT
 from mapmore_cli.annexes.drafting.layout import Layout
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.storage.tables import Top
-from mapmore_cli.storage.tables.below import MAP_COLUMNS
+from mapmore_cli.storage.tables.below import MAP_COLUMNS, is_label
 from mapmore_cli.storage.tables.cells import stamp_of
 from mapmore_cli.study.units import check_unit
 
@@ -27,7 +27,8 @@ Row = Sequence[Any]
 @dataclass(frozen=True)
 class FoundTable:
     """A table in the first rows of a file. From the row with index `first` on, `rows` have `wide`
-    cells, with numbers in the columns `numeric`.
+    cells, with numbers in the columns `numeric`. The rows `labelled` say in their first cell what
+    the others hold.
     """
 
     top: Top
@@ -35,6 +36,7 @@ class FoundTable:
     wide: int
     numeric: tuple[int, ...]
     first: int
+    labelled: Sequence[Row] = ()
 
     @property
     def columns(self) -> list[list[Any]]:
@@ -48,6 +50,8 @@ class FoundTable:
         Consecutive numbers in the first line are titles instead.
         """
         above = [at for at in range(self.first) if nonempty(self.rows[at])]
+        if self.labelled:
+            return None
         top = self.first if self._is_without_corner(self.first) or not above else above[-1]
         if not self._is_without_corner(top):
             return None
@@ -100,6 +104,11 @@ class FoundTable:
             settings |= {"skip_rows": skipped} if skipped else {}
         counts = Counter(filter(None, titles)) if header else Counter[str]()
         columns = [title if counts[title] == 1 else at for at, title in enumerate(titles)]
+        words = [[*line, *[""] * width] for line in others if line != units]
+        for at, title in enumerate(titles):
+            if counts[title] != 1 and titled is not None:
+                parts = dict.fromkeys([*(line[at] for line in words), title])
+                titles[at] = " ".join(filter(None, parts))
         return Layout(
             reader,
             self.top.addresses or tuple(columns),
@@ -132,6 +141,9 @@ class FoundTable:
             if not filled and all(map(_are_units, lines.values())):
                 continue
             cells = ["" if cell is None else str(cell).strip() for cell in self.rows[place]]
+            if any(self.rows[place] is line for line in self.labelled):
+                lines[place] = ["", *cells[1:]]
+                continue
             if len(cells) == self.wide + 1 and cells[0] in REMARKS:
                 cells = cells[1:]
             has_number = any(map(self.top.is_number, filled)) and not _are_units(cells)
@@ -143,14 +155,15 @@ class FoundTable:
         return lines
 
     def line_of_titles(self, lines: Mapping[int, list[str]]) -> int | None:
-        """Return the line with the most texts that names at least half of the columns of numbers
-        and is not a line of units. If several have as many texts, return the first; if all are
-        remarks, the last.
+        """Return the line with the most different texts that names at least half of the columns of
+        numbers and is not a line of units. If several have as many texts, return the first; if all
+        are remarks, the last.
         """
 
         def rank(line: int) -> tuple[bool, int, int]:
             is_remark = str(self.rows[line][0]).strip().startswith(REMARKS)
-            return not is_remark, len(nonempty(lines[line])), line if is_remark else -line
+            texts = {cell for cell in nonempty(lines[line]) if not self.top.is_number(cell)}
+            return not is_remark, len(texts), line if is_remark else -line
 
         names = {
             line: nonempty([cells[at] for at in self.numeric]) for line, cells in lines.items()
@@ -178,7 +191,9 @@ def table_in(top: Top) -> FoundTable | None:
         for place, cells in enumerate(lower)
         if 2 * sum(map(top.is_number, cells)) > len(cells)
     )
-    labelled = _labelled_lines(rows, [row for row in rows[len(rows) // 2 :] if len(row) == wide])
+    labelled = _labelled_lines(
+        rows, [row for row in rows[len(rows) // 2 :] if len(row) == wide], top
+    )
 
     def has_numbers(row: Row) -> bool:
         if len(row) != wide or any(row is line for line in labelled):
@@ -189,11 +204,12 @@ def table_in(top: Top) -> FoundTable | None:
         return count > 0 and (count == len(cells) or not _are_units([*map(str, cells)]))
 
     def is_between(place: int) -> bool:
-        """Return True for a comment between two rows of the table."""
+        """Return True for a comment between two rows of the table, or a row with a remark behind
+        its numbers.
+        """
         around = rows[max(place - 1, 0)], rows[min(place + 1, len(rows) - 1)]
-        return COMMENT.match(str(rows[place][0]).encode()) is not None and all(
-            map(has_numbers, around)
-        )
+        is_comment = COMMENT.match(str(rows[place][0]).encode()) is not None
+        return all(map(has_numbers, around)) and (is_comment or has_numbers(rows[place][:wide]))
 
     filled = [place for place, row in enumerate(rows) if nonempty(row)]
     words = (place for place in filled if not has_numbers(rows[place]))
@@ -201,19 +217,21 @@ def table_in(top: Top) -> FoundTable | None:
     first = next((place for place in filled if place > above), None)
     if len(numeric) < 2 or first is None:
         return None
-    return FoundTable(top, rows, wide, numeric, first)
+    return FoundTable(top, rows, wide, numeric, first, labelled)
 
 
-def _labelled_lines(rows: Sequence[Row], lower: Sequence[Row]) -> list[Row]:
+def _labelled_lines(rows: Sequence[Row], lower: Sequence[Row], top: Top) -> list[Row]:
     """Return the lines at the beginning that say in their first cell what they hold, for example
-    `Name:`, `Unit:` and `Count:`, if there are at least three of them; the first cells of the
-    `lower` rows are empty.
+    `Name:`, `Unit:` and `Count:`. If the first cells of the `lower` rows are empty, there are at
+    least three such lines; if they hold numbers, the label ends with a colon or an equals sign.
     """
-    if not lower or any(nonempty(row[:1]) for row in lower):
-        return []
+    firsts = nonempty([row[0] for row in lower])
     filled = [row for row in rows if nonempty(row)]
-    labelled = [*takewhile(lambda row: nonempty(row[:1]) and len(row) == len(lower[0]), filled)]
-    return labelled if len(labelled) > 2 else []
+    wide = [row for row in filled if lower and len(row) == len(lower[0])]
+    if firsts and all(map(top.is_number, firsts)):
+        return [row for row in wide if is_label(row[0])]
+    labelled = [*takewhile(lambda row: nonempty(row[:1]) and row in wide, filled)]
+    return labelled if len(labelled) > 2 and not firsts else []
 
 
 def _steps_of(cells: Sequence[Any], is_number: Callable[[Any], bool]) -> list[float]:

@@ -18,8 +18,9 @@ class Layout:
       column that has none.
     - `alike`: the sheets of a workbook that have this layout, if there are several. `left` are the
       other sheets of the workbook.
-    - `tables`: numbers and titles of the tables in the file that have this layout, if the file has
-      several tables below each other or side by side. `left` are the other tables.
+    - `tables`: numbers of the tables in the file that have this layout, if the file has several
+      tables below each other or side by side. `left` are the other tables. `above` holds the words
+      above each of the tables, which may differ from file to file.
     - `numeric`: indices of columns of numbers.
     """
 
@@ -31,7 +32,8 @@ class Layout:
     numeric: tuple[int, ...] = field(compare=False)
     alike: tuple[str, ...] = ()
     left: tuple[str, ...] = ()
-    tables: tuple[tuple[int, str], ...] = ()
+    tables: tuple[int, ...] = ()
+    above: tuple[str, ...] = field(default=(), compare=False)
 
     @property
     def is_map(self) -> bool:

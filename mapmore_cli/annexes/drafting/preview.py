@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 
-from mapmore_cli.annexes.drafting.first_lines import LINES, comment_among, refuse_labelled, unread
+from mapmore_cli.annexes.drafting.first_lines import LINES, comment_among, refuse_serial, unread
 from mapmore_cli.annexes.drafting.found_table import FoundTable, nonempty, table_in
 from mapmore_cli.annexes.drafting.layout import Layout
 from mapmore_cli.domain.errors import DataError
@@ -40,7 +40,7 @@ def preview(path: Path) -> Layout:
         raise DataError(": ".join(filter(None, [fault.message, fault.remedy]))) from fault
     if (width := max((len(row) for top in tops for row in top.rows), default=0)) > WIDEST:
         raise DataError(f"{path.name}: has {width} columns, more than {WIDEST}", remedy)
-    refuse_labelled(path, tops)
+    refuse_serial(path, tops)
     tables = [table for top in tops if (table := table_in(top)) is not None]
     if not tables:
         lines = f" in its first {len(tops[0].rows)} lines" if tops and tops[0].rows else ""
@@ -90,7 +90,8 @@ def _with_tables_below(path: Path, best: FoundTable, layout: Layout, reader: Rea
     whole.settings.pop("skip_rows", None)
     return replace(
         whole,
-        tables=tuple((at, one.title) for at, one in alike),
+        tables=tuple(at for at, _ in alike),
+        above=tuple(one.title for _, one in alike),
         left=(*layout.left, *left),
         alike=layout.alike,
     )

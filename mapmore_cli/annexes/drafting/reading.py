@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from mapmore_cli.annexes.drafting.columns import Table, Texts, find, read_titles
+from mapmore_cli.annexes.drafting.columns import FEWEST_ROWS, Table, Texts, find, read_titles
 from mapmore_cli.annexes.drafting.draft import Column, Draft
 from mapmore_cli.annexes.drafting.names import told_by_names
 from mapmore_cli.annexes.drafting.sources import started
@@ -105,21 +105,27 @@ def table_of(study: Study, folder: Path) -> Table:
 
 def _read_texts(section: Mapping[str, Any], folder: Path, column: Column) -> dict[Column, Texts]:
     """Return the different texts of a column, and the numbers of its cells' texts; an empty mapping
-    if texts seldom occur more than once.
+    if texts seldom occur more than once. A text of which the cells below are empty applies to them.
     """
-    entry = {"column": column, "texts": True}
-    data = Data.model_validate(
-        {**section, "columns": {"label": entry}, "recordings": {"of": "label"}}
-    )
-    some = _some_of(find_sources(data.files, folder, bad=data.skip_bad_files))
-    meter = Meter(some, lambda *_: None)
-    tables = [
-        one for source in some for one in read_tables(source, data, data, {"label": "1"}, meter)
-    ]
-    numbers = [x[np.isfinite(x)] for x in (np.asarray(one.columns["label"]) for one in tables)]
-    words = [*meter.texts["label"]]
-    is_again = 2 * len(words) <= sum(map(len, numbers)) and all(map(len, numbers))
-    return {column: (words, numbers)} if is_again else {}
+    for how in (True, "down"):
+        entry = {"column": column, "texts": how}
+        data = Data.model_validate(
+            {**section, "columns": {"label": entry}, "recordings": {"of": "label"}}
+        )
+        some = _some_of(find_sources(data.files, folder, bad=data.skip_bad_files))
+        meter = Meter(some, lambda *_: None)
+        tables = [
+            one for source in some for one in read_tables(source, data, data, {"label": "1"}, meter)
+        ]
+        cells = [np.asarray(one.columns["label"]) for one in tables]
+        numbers = [x[np.isfinite(x)] for x in cells]
+        words, is_down = [*meter.texts["label"]], how == "down"
+        is_again = (FEWEST_ROWS if is_down else 2) * len(words) <= sum(map(len, numbers))
+        # a text above which cells are empty is a remark
+        is_everywhere = len(words) > 1 and [*map(len, cells)] == [*map(len, numbers)]
+        if is_again and all(map(len, numbers)) and (is_everywhere or not is_down):
+            return {column: (words, numbers, is_down)}
+    return {}
 
 
 def _some_of(sources: Sequence[Source]) -> Sequence[Source]:

@@ -29,6 +29,7 @@ class Study:
     study, with the reasons.
 
     `variants` are the layouts of files with other units, for example bar if most files have kPa.
+    `above` holds the words above each table of a file.
     """
 
     files: tuple[Path, ...]
@@ -36,6 +37,7 @@ class Study:
     name: str = ""
     bad: Mapping[Path, str] = field(default_factory=dict)
     variants: Mapping[Path, Layout] = field(default_factory=dict)
+    above: Mapping[Path, Sequence[str]] = field(default_factory=dict)
 
     def __str__(self) -> str:
         return f"{len(self.files)} file{'s' if len(self.files) > 1 else ''}"
@@ -80,7 +82,7 @@ class Study:
         several.
         """
         if self.layout.tables:
-            places: list[Section] = [{"table": at} for at, _ in self.layout.tables]
+            places: list[Section] = [{"table": at} for at in self.layout.tables]
         else:
             is_told = len(self.files) == 1 or self.layout.left
             places = [{"sheet": sheet} for sheet in (is_told and self.layout.alike) or ()]
@@ -91,11 +93,13 @@ class Study:
         """The name of each recording: its path in the folder; for a single file, its sheet or the
         text above its table; both if tables are in several files.
         """
-        titles, is_one = dict(self.layout.tables), len(self.files) == 1
+        is_one = len(self.files) == 1
         stems = {file: stem_of(relative_name(file, self.folder)) for file in self.files}
         names = []
         for file, place in self.parts:
-            title = titles.get(place.get("table", 0), "") if is_one or titles else ""
+            above = self.above.get(file, self.layout.above)
+            titles = dict(zip(self.layout.tables, above, strict=True))
+            title = titles.get(place.get("table", 0), "")
             title = title or (place.get("sheet", "") if is_one else "")
             names.append(title if is_one and title else f"{stems[file]} {title}".strip())
         return names
@@ -123,6 +127,7 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
     copies = _copies(readable)  # a copy that nobody reads is no reason to leave a file out
     left_out: list[str] = []
     bad: dict[Path, str] = {}
+    above: dict[Path, Sequence[str]] = {}
     seen: dict[tuple[str, tuple[bytes, ...]], Layout] = {}
     layouts: dict[str, tuple[Layout, list[Path]]] = {}
     for file in every:
@@ -141,10 +146,11 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
             bad[file] = "holds no table that could be read"
             continue
         seen[like] = layout
-        kind = repr(replace(layout, numeric=()))
+        above[file] = layout.above
+        kind = repr(replace(layout, numeric=(), above=()))
         layouts.setdefault(kind, (layout, []))[1].append(file)
     commented = [(_with_comments(layout, files), files) for layout, files in layouts.values()]
-    studies = [replace(one, bad=bad) for one in _joined(commented)]
+    studies = [replace(one, bad=bad, above=above) for one in _joined(commented)]
     studies.sort(key=lambda study: (-len(study.files), study.files[0]))
     folders = [study.folder for study in studies]
     named = (replace(one, name=_name(one, folders.count(one.folder) == 1)) for one in studies)
@@ -214,7 +220,7 @@ def _joined(layouts: Sequence[tuple[Layout, list[Path]]]) -> list[Study]:
     families: dict[str, list[tuple[Layout, list[Path]]]] = {}
     for layout, files in layouts:
         identities = sorted(_identities(layout).values(), key=repr)
-        bare = replace(layout, columns=(), titles=(), units=(), numeric=())
+        bare = replace(layout, columns=(), titles=(), units=(), numeric=(), above=())
         families.setdefault(repr((bare, identities)), []).append((layout, files))
     studies = []
     for family in families.values():

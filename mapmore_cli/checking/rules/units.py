@@ -11,6 +11,7 @@ from mapmore_cli.checking.rules import Issue, Issues, Subject
 from mapmore_cli.storage.readers import READERS
 from mapmore_cli.storage.tables import Top
 from mapmore_cli.storage.tables.cells import shortened
+from mapmore_cli.study.sections.logs import FileEntry
 from mapmore_cli.study.units import can_convert, convert, default_unit, is_same, unit_of
 
 
@@ -65,8 +66,9 @@ def _header(subject: Subject, source: str) -> Top | None:
     """Return the header lines of a file, if it has several."""
     data = subject.spec.data
     peek = READERS[data.reader].peek
-    if peek is None or int(data.header) < 2:
-        return None
+    has_tables = [one for one in data.files if isinstance(one, FileEntry) and one.table is not None]
+    if peek is None or int(data.header) < 2 or data.table is not None or has_tables:
+        return None  # the first lines of a file are not those of a table below others
     for top in peek(subject.folder / source, data.skip_rows + int(data.header)):
         if all(
             getattr(data, key) == value

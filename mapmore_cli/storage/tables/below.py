@@ -22,11 +22,16 @@ table.
 
 @dataclass(frozen=True)
 class Below:
-    """One of several tables: the words above it, its header lines, and its rows."""
+    """One of several tables: the words in each line above it, its header lines, and its rows."""
 
-    title: str
+    above: Sequence[str]
     header: Sequence[Row]
     rows: Sequence[Row]
+
+    @property
+    def title(self) -> str:
+        """The words above the table."""
+        return " ".join(filter(None, self.above))
 
 
 def tables_below(rows: Iterable[Row], header: int, is_number: Callable[[Any], bool]) -> list[Below]:
@@ -35,7 +40,8 @@ def tables_below(rows: Iterable[Row], header: int, is_number: Callable[[Any], bo
 
     A table has `header` lines of words directly above its numbers. It ends at a line without
     numbers. If tables have no header lines, it also ends at a blank line, and where at least
-    `FEWEST` rows with another number of cells begin. Any other row that has too few or too many
+    `FEWEST` rows with another number of cells begin. Lines with a label in their first cell belong
+    to the header if numbers stand below the label. Any other row that has too few or too many
     cells stays in its table, so that its reader can refuse it.
     """
     found: list[Below] = []
@@ -58,6 +64,9 @@ def tables_below(rows: Iterable[Row], header: int, is_number: Callable[[Any], bo
         filled = [cell for cell in cells if _text(cell)]
         count = sum(map(is_number, filled))
         has_numbers = count > 1 or 0 < count == len(filled)
+        if body and is_label(body[0][1][0]) and is_number(cells[0]):
+            words += body  # lines such as `Maximum:;1;2` above a first column of numbers
+            body = []
         if body:
             is_next = _is_next(body, (number, cells))
             is_titled = 0 < header <= len(words) and len(body) >= FEWEST
@@ -66,7 +75,14 @@ def tables_below(rows: Iterable[Row], header: int, is_number: Callable[[Any], bo
                 close()
         (body if has_numbers else words).append((number, cells))
     close()
-    return found
+    # more lines above one table than above another are the head of the file
+    lines = min((len(one.above) for one in found if one.above), default=0)
+    return [replace(one, above=one.above[-lines:]) for one in found]
+
+
+def is_label(cell: Any) -> bool:
+    """Return True if a cell says what the other cells of its line hold, for example `Unit:`."""
+    return _text(cell)[1:].endswith((":", "="))
 
 
 def _is_next(rows: Sequence[Row], row: Row) -> bool:
@@ -82,12 +98,12 @@ def _side_by_side(above: Sequence[Row], header: Sequence[Row], rows: Sequence[Ro
     """
     blocks = _repeated_columns([cells for _, cells in header])
     if not blocks:
-        return [Below(_joined(cell for _, cells in above for cell in cells), header, rows)]
+        return [Below([_joined(cells) for _, cells in above], header, rows)]
     words = [[_joined(cells[block]) for block in blocks] for _, cells in above]
-    titles = [_joined(parts) for parts in zip(*filter(all, words), strict=True)]
+    titles = [*zip(*filter(all, words), strict=True)]
     shared = [(number, cells[blocks[0]]) for number, cells in header]
     tables = []
-    for block, title in zip(blocks, titles or [""] * len(blocks), strict=True):
+    for block, title in zip(blocks, titles or [()] * len(blocks), strict=True):
         parts = [(number, _padded(cells[block], blocks[0].stop)) for number, cells in rows]
         tables.append(Below(title, shared, [part for part in parts if _joined(part[1])]))
     return tables
@@ -160,7 +176,7 @@ def _map_as_table(rows: Iterable[Row], label: str) -> Below:
     ]
     if not cells:
         raise DataError(f"{label}: is no map of cells", "correct `skip_rows`, or leave out `table`")
-    return Below("", [(top[0], MAP_COLUMNS)], cells)
+    return Below((), [(top[0], MAP_COLUMNS)], cells)
 
 
 def _joined(cells: Iterable[Any]) -> str:

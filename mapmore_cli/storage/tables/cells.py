@@ -190,6 +190,8 @@ class CellReader:
         is missing. Raises NotANumber.
         """
         if isinstance(cell, Lacking):
+            if self.texts is not None and not cell.text:
+                return math.nan  # one of merged cells, whose text stands in the first of them
             raise NotANumber("", cell.said, cell.remedy)
         cell = cell.decode("utf-8", "replace") if isinstance(cell, bytes) else cell
         value = number_of(cell, self.decimal, self.thousands)

@@ -242,8 +242,8 @@ def guess_encoding(path: Path) -> str:
 
 
 def encoding_of(head: bytes) -> str:
-    """Return the encoding of the first bytes of a text: `utf-8`, a form of UTF-16, or otherwise the
-    one that Windows calls ANSI.
+    """Return the encoding of the first bytes of a text: `utf-8`, a form of UTF-16, one in which
+    Chinese or Japanese is written, or otherwise the one that Windows calls ANSI.
     """
     head = head.rstrip(PADDING)
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
@@ -252,12 +252,38 @@ def encoding_of(head: bytes) -> str:
         # the upper bytes of plain letters in UTF-16 are zero
         if halves.count(0) > 0.35 * len(head):
             return name
-    for name in ("utf-8", "cp1252"):
-        with suppress(UnicodeDecodeError):
-            # the last character of `head` may be cut off, which this decoder accepts
-            codecs.getincrementaldecoder(name)().decode(head)
+    for name in ("utf-8", "gb18030", "shift_jis", "cp1252"):
+        if _is_written_in(head, name):
             return name
     return "latin-1"
+
+
+_PAIRS = {
+    "gb18030": (rb"[\x00-\x7f]|[\xa1-\xf7][\xa1-\xfe]", rb"[\xb0-\xd7]."),
+    "shift_jis": (rb"[\x00-\x7f]|[\x81-\x9f][\x40-\x7e\x80-\xfc]", rb"[\x82-\x9f]."),
+}
+"""Characters of texts in which one or two bytes are a character, and its frequent letters. A text
+in a European language has single bytes above 0x7f; two small letters with accents in a row look
+like a rare Chinese letter.
+"""
+
+
+def _is_written_in(head: bytes, name: str) -> bool:
+    """Return True if the first bytes of a text can be decoded, and have the form of the encoding.
+    At least half of the characters of two bytes must then be frequent letters.
+    """
+    try:
+        # the last character of `head` may be cut off, which this decoder accepts
+        codecs.getincrementaldecoder(name)().decode(head)
+    except UnicodeDecodeError:
+        return False
+    if name not in _PAIRS:
+        return True
+    character, frequent = _PAIRS[name]
+    rest = re.sub(character, b"", head)
+    pairs = [one for one in re.findall(character, head) if len(one) == 2]
+    letters = [one for one in pairs if re.fullmatch(frequent, one)]
+    return len(rest) <= 1 and 2 * len(letters) >= len(pairs) > 0
 
 
 def csv_records(

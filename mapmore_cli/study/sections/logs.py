@@ -154,7 +154,9 @@ class SourceColumn(Section):
       character as their decimal separator, the decimal separator of this column is the other one of
       point and comma. Example: `"."`
     - `texts`: Whether the cells are texts, such as `T01`. Every text then gets a number, counted
-      from 1 in the order of the texts. For `recordings` and `groups` only. Example: `true`
+      from 1 in the order of the texts. With `down`, an empty cell has the text of the cell above
+      it, as in a workbook that names a specimen only in the first of its rows. For `recordings` and
+      `groups` only. Example: `true`
     - `columns`: For `time` only: the columns of a clock that is spread over several columns. Their
       values are added. Example: `[date, hour, min]`
     - `format`: For `time` only: the format of the time stamps, in the codes of Python's `strptime`.
@@ -169,7 +171,7 @@ class SourceColumn(Section):
     rest: Seconds | None = None
     unwrap: Annotated[Annotated[float, Field(gt=0)] | Literal[True], Either()] | None = None
     thousands: Thousands | None = None
-    texts: bool = False
+    texts: Annotated[Literal["down"] | bool, Either()] = False
     columns: list[Annotated[str | int, Either()]] = []
     format: Annotated[str | list[str], Either()] | None = None
 
