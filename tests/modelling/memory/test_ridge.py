@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from memory_samples import recipe_of
+from memory_samples import recipe_of, record, wandering
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.frols import frols
+from mapmore_cli.modelling.frols.correlated import correlated_errors
 from mapmore_cli.modelling.frols.moments import gram, moments, standard, standardised, weighted
 from mapmore_cli.modelling.frols.ridge import (
     RIDGES,
@@ -23,6 +24,7 @@ from mapmore_cli.modelling.frols.ridge import (
 )
 from mapmore_cli.modelling.frols.select import PRICES
 from mapmore_cli.modelling.memory.selectors import Regressors, selector
+from mapmore_cli.modelling.memory.training import TrainingData
 
 
 def blocks_of(P, y, *cuts):
@@ -119,6 +121,29 @@ def test_coefficients_are_those_of_the_squares_and_the_penalty(stop):
     }
     assert len(chosen) == expected[stop] + 1
     assert (len(subsets), own.forward.size) == (4, 5)
+
+
+@pytest.mark.parametrize("ridge", [0.0, 0.02])
+def test_standard_errors_allow_for_correlation_along_recordings(ridge):
+    """With a ridge, of centred columns and with the penalty; not with a robust loss."""
+    records = []
+    for n in (90, 60):
+        x = wandering(n, seed=n)
+        z = np.random.default_rng(n).normal(size=n)
+        records.append(record(x=x, z=z, y=x - 0.3 * z + np.cumsum(z) / 9 + 2))
+    columns = [np.concatenate([one.columns[name] for one in records]) for name in ("x", "z", "y")]
+    asked = recipe_of("y", ["x", "z"], max_terms=2, ridge=ridge)
+    data = TrainingData(records, asked)
+    found = data.fit(data.selector.best())
+    theta, names = found.model.theta, found.model.terms
+    P, y = np.column_stack([columns["xz".index(name)] for name in names]), columns[2]
+    residual = y - P @ theta - found.model.constant
+    penalty = ridge * len(y) * P.var(axis=0)
+    errors, worth = correlated_errors(P - P.mean(axis=0) * (ridge > 0), residual, [90, 60], penalty)
+    np.testing.assert_allclose(found.model.theta_error, errors)
+    assert found.selection.worth == worth
+    robust = TrainingData(records, replace(asked, ridge=0.0, loss="huber"))
+    assert np.isnan(robust.fit(robust.selector.best()).selection.worth)
 
 
 @given(**CASES, power=st.sampled_from([-1000, -600, 600, 900]))

@@ -153,10 +153,40 @@ def test_a_plateau_lies_between_rise_and_fall_in_any_unit(rise, vent, height, se
     )
 
 
-def test_the_slower_signal_settles_last():
-    early, _ = find_plateau(TIME, step(), {})
-    late, _ = find_plateau(TIME, step(), {"strain": step(0.4)})
-    assert late > early + 0.3
+def ramped(held, after=20):
+    """Rest for a second, a rise to 100 in steps of 10, each .1 s long, a hold, and rest again."""
+    return np.concatenate(
+        [np.zeros(10), np.arange(0, 100, 10.0), np.full(held, 100.0), np.zeros(after)]
+    )
+
+
+def test_a_plateau_is_a_band_around_the_final_value():
+    """It begins when the last signal is within 5 % of its span for good, ends when the first one
+    leaves, and lasts half as long as the rise from a tenth to nine tenths.
+    """
+    time, first = np.arange(100) / 10 + 7, 20
+    for held, after in ((30, 20), (30, 0), (6, 20)):
+        pressure = ramped(held, after)
+        found = find_plateau(time[: len(pressure)], pressure, {})
+        assert found == pytest.approx((time[first], time[first + held - 1]))
+    with pytest.raises(DataError, match=r"constant for 0\.4 s after a rise that takes 0\.9 s"):
+        find_plateau(time[:45], ramped(5), {})
+    pressure, strain = ramped(30), 4 * (np.arange(70) > 5)
+    settled = find_plateau(time[:70], pressure, {"strain": 3.0 * strain})
+    assert settled == pytest.approx((time[20], time[49]))
+    moves = np.where(np.arange(70) < 26, 0.0, 1.0)
+    moves[[30, 44]] = 0.96, 0.94
+    found = find_plateau(time[:70], pressure, {"strain": moves})
+    assert found == pytest.approx((time[26], time[43]))
+    moves[32] = 1.06  # the band is left for a moment
+    found = find_plateau(time[:70], pressure, {"strain": np.where(moves > 1, 0.9, moves)})
+    assert found == pytest.approx((time[33], time[43]))
+    even = np.arange(70) % 2 == 0
+    assert find_plateau(time[:70], pressure + np.where(even, 2.2, -2.2), {})[0] == time[20]
+    with pytest.raises(
+        DataError, match=r"the pressure never rises; it stays between -2\.6 and 102\.6"
+    ):
+        find_plateau(time[:70], pressure + np.where(np.arange(70) % 2, 2.6, -2.6), {})
 
 
 @pytest.mark.parametrize(
