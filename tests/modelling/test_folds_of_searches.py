@@ -8,7 +8,10 @@ import pytest
 from common import curve_of, dataset_of
 
 from mapmore_cli.annexes.search import bench, stretches
+from mapmore_cli.annexes.search.choosing import choose_structure
 from mapmore_cli.annexes.search.situation import Situation
+from mapmore_cli.domain.errors import FitError
+from mapmore_cli.domain.results import Tried
 from mapmore_cli.study.sections.split import Between
 
 
@@ -129,3 +132,57 @@ def test_neighbouring_values_are_left_out_as_the_study_does(out, folds, ends):
     values = np.concatenate([curve.columns["p"] for curve in kept])
     assert [np.unique(values[fold]).tolist() for fold in found] == folds
     assert at_ends == ends
+
+
+def outcome(family, parameters, *errors, failure=""):
+    tried = Tried(family, family, {}, parameters, failure=failure)
+    return tried, [(np.full(3, error), np.ones(3, dtype=bool)) for error in errors]
+
+
+def chosen_of(*outcomes, most=None, ends=False):
+    """What is chosen where the last fold does not decide, and the target has a range of ten."""
+    found = SimpleNamespace(
+        dataset=dataset_of({"x": np.zeros(3), "y": np.array([0.0, 10, 5])}, output="y"),
+        weights=np.array([0.5, 0.5, 0.0]),
+        **{"blocks": 2, "left_out": "stretch", "parts_left_out": "level", "ends": ends},
+    )
+    return choose_structure(outcomes, found, most)
+
+
+LONG = outcome("longer", 20, 1.0, 1.0, 5.0)
+BOX, FAILED = outcome("black box", 0, 0.5, 0.5, 0.5), outcome("tables", 1, failure="singular")
+
+
+@pytest.mark.parametrize(
+    ("family", "parameters", "error", "chosen"),
+    [
+        ("simple", 18, 1.015, 1),  # plain, and within 2 % of the best
+        ("formula", 18, 1.015, 1),
+        ("tables", 18, 1.015, 0),
+        ("simple", 18, 1.03, 0),
+        ("simple", 21, 1.001, 0),  # longer than what is as good
+    ],
+)
+def test_a_plain_structure_is_preferred_if_it_is_as_good(family, parameters, error, chosen):
+    search = chosen_of(LONG, outcome(family, parameters, error, error, 9.0), BOX, FAILED)
+    assert (search.best, search.chosen, search.scale) == (0, chosen, 10.0)
+    assert (search.left_out, search.parts, search.target) == ("stretch", "level", "y")
+    first, second, _, failed = search.tried
+    assert first.errors == pytest.approx((0.1, 0.1, 0.5))
+    assert (first.error, first.parts, first.excess) == pytest.approx((0.1, 0.5, 0))
+    assert second.excess == pytest.approx(np.log(error))
+    assert failed.failure == "singular"
+    assert "smallest median error" in search.rule
+
+
+def test_the_fewest_parameters_decide_where_they_are_limited():
+    long, short = outcome("longer", 20, 1.0, 1.1, 1.0), outcome("tables", 4, 1.05, 1.05, 1.0)
+    search = chosen_of(long, short, most=20, ends=True)
+    assert (search.best, search.chosen) == (0, 1)
+    assert "fewest parameters" in search.rule
+    assert "only the folds that leave an end out decide" in search.rule
+    assert chosen_of(long, short, most=19).best == 1
+    with pytest.raises(FitError, match=r"no structure could be fitted .*: singular"):
+        chosen_of(BOX, FAILED, long, most=19)
+    with pytest.raises(FitError, match="there was no time for any"):
+        chosen_of(BOX)

@@ -1,0 +1,76 @@
+"""Tables of models of motion, by hand."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from mapmore_cli.annexes.motion.body import HARD, Motion, MotionFit, MotionSection, SectionSearch
+from mapmore_cli.annexes.motion.page import sections_table, show_fit, waveforms_table
+from mapmore_cli.annexes.motion.simulation import motion_errors
+from mapmore_cli.annexes.sums.fitted import _unit
+from mapmore_cli.domain.recording import Quantity
+
+SECTIONS = (
+    MotionSection("1", 1, "all", -0.2, 0.9, np.array([0.3, 0.1])),
+    MotionSection("2", 2, "all", 0.1, 0.2, np.array([0.5, 0.2])),
+)
+MOTION = Motion("u", "y", 0.25, HARD, (2.0,), False, 0.0, ("u", "1"), SECTIONS, (0.0, 5.0))
+SEARCHES = tuple(
+    SectionSearch(section.id, 30, 0.125, 400, np.array([3.0, 2.0, 1.0])) for section in SECTIONS
+)
+FIT = MotionFit(MOTION, "particle_swarm", SEARCHES)
+
+
+def test_parameters_poles_and_gains_of_sections():
+    table = sections_table({"mapmore": FIT}, "mm")
+    first, second = table.rows
+    search = (0.125, 30, "particle swarm", 2, 400)
+    poles = 0.5, 0.1 + np.sqrt(0.11)  # of z^2 - P2 z - P1
+    steady = (0.3 * 2 + 0.1) / 0.3, (0.5 * 5 + 0.2) / 0.7  # at the upper end of each section
+    for row, head, radius, output in (
+        (first, ("1", "below 2", -0.2, 0.9, 0.3, 0.1), poles[0], steady[0]),
+        (second, ("2", "from 2 on", 0.1, 0.2, 0.5, 0.2), poles[1], steady[1]),
+    ):
+        assert row == ("mapmore", *head, *map(pytest.approx, (radius, output)), *search)
+    assert table.headings[5:7] == ("P3", "weight of 1")
+    assert "Samples are 0.25 s apart." in table.notes
+    assert len(table.notes) == 2
+    shown, (same,) = show_fit(FIT)
+    assert same.rows == table.rows
+    first, _ = shown["motion"]["sections"]
+    assert first["gain"] == pytest.approx(0.3 / 0.3)
+    assert np.ravel(first["poles"]) == pytest.approx([0.5, 0, 0.4, 0])
+
+
+@pytest.mark.parametrize("shown", [None, "some samples"])
+def test_errors_are_those_of_whole_recordings_that_were_held_out(shown):
+    n = 24
+    u = np.sin(2 * np.pi * np.arange(n) / 12)
+    columns = {"u": np.tile(u, 3), "y": np.tile(2 * u, 3)}
+    origin = np.repeat([0, 1, 2], n)
+    held_out = (origin > 0) & (np.arange(3 * n) != 2 * n)  # one sample of the third trains
+    curve = SimpleNamespace(
+        columns=columns,
+        held_out=held_out,
+        recordings=("a", "b", "c"),
+        logs=[np.flatnonzero(origin == number) for number in range(3)],
+    )
+    rng = np.random.default_rng(0)
+    good = columns["y"] + 0.1 * rng.normal(size=3 * n)
+    predictions = {"mapmore": [good], "lost": [np.where(origin == 1, np.nan, good)]}
+    inputs = SimpleNamespace(
+        target=Quantity("y", "mm"),
+        validation=SimpleNamespace(shown=shown, predictions=predictions),
+        dataset=SimpleNamespace(curves=[curve], target="y"),
+    )
+    rows = waveforms_table(inputs, MOTION).rows
+    b = slice(n, 2 * n)
+    errors = motion_errors(columns["y"][b], good[b], columns["u"][b], 0.25)
+    assert rows == (() if shown else (("b", "mapmore", *errors),))
+
+
+def test_inputs_of_a_sum_that_are_quantities_have_their_units():
+    dataset = SimpleNamespace(unit={"p1": "kPa", "s": "mm"}.get)
+    texts = ("p1", "-s", "0.1 - s", "2*s", "p1 + s", "-p1")
+    assert [_unit(text, dataset) for text in texts] == ["kPa", "mm", "1", "1", "1", "kPa"]
