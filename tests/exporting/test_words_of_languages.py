@@ -28,6 +28,7 @@ from mapmore_cli.annexes.exporting.words import (
 from mapmore_cli.annexes.sums import Part, Sum
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.modelling.expressions.functions import FUNCTIONS
 
 ROWS = {**KEYWORDS, **LIBRARY, "templates": " ".join(OWN)}
 EVERY = sorted(
