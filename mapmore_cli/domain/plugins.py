@@ -74,6 +74,9 @@ def parts(
                     raise ValueError(f"there is already a `{part.name}`")
                 if not isinstance(part.value, form):
                     raise TypeError(f"{type(part.value).__name__} is no {form.__name__}")
+                check = getattr(part.value, "checked", None)
+                if check and type(part.value) is form:  # tests check mapmore's own parts
+                    check()
                 added.append(Added(part.name, part.value, part.source))
         # a plugin may raise any exception, and the other parts must still work
         except Exception as fault:
