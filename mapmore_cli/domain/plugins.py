@@ -53,7 +53,8 @@ def parts(
 
     The name of a part is its attribute `name`, or the name of its entry point. If two have the same
     name, the first counts; ValueError if both are mapmore's own. Names that are `reserved` have
-    another meaning in mapmore, so that a part with such a name is left out.
+    another meaning in mapmore, so that a part with such a name is left out. If the type has a
+    method `checked` that raises an error, the part of a plug-in is left out too.
     """
     names = set[str]()
     for module in iter_modules(sys.modules[package].__path__) if package else ():
