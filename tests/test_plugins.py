@@ -23,6 +23,7 @@ TEMPLATE = Path(__file__).resolve().parents[1] / "docs" / "examples" / "plugin"
 BROKEN = """
 [mapmore.formulas]
 f = broken
+bent = bent
 [mapmore.readers]
 r = broken
 odd = odd
@@ -70,6 +71,10 @@ def loud(as_json: bool = False):
 
 loud.__annotations__["as_json"] = __import__("mapmore_cli.cli.console").cli.console.AsJson
 """
+BENT = """
+from mapmore_cli.modelling.literature.formula import Formula
+FORMULA = Formula("bent", "-", ("pressure",), ("a", "b"), "a*exp(b*pressure)")
+"""
 LATE = """
 from types import ModuleType
 from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
@@ -88,6 +93,7 @@ operators  o      ZeroDivisionError
 operators  wrong  no Operator
 operators  zz     there is already a `washout`
 formulas   f      ZeroDivisionError
+formulas   bent   not linear in a parameter that `nonlinear` lacks
 readers    r      ZeroDivisionError
 readers    odd    Odd
 readers    stops  KeyboardInterrupt
@@ -154,6 +160,7 @@ def folder(tmp_path_factory):
     offline = ("--no-index", "--disable-pip-version-check", "--target")
     subprocess.run([*pip, *offline, place / "path", place / "template"], check=True)
     (place / "path" / "broken.py").write_text("1/0\n")
+    (place / "path" / "bent.py").write_text(BENT)
     (place / "path" / "late.py").write_text(LATE)
     (place / "path" / "loud.py").write_text(LOUD)
     (place / "path" / "odd.py").write_text(ODD)

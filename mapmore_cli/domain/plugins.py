@@ -57,7 +57,8 @@ def parts(
 
     The name of a part is its attribute `name`, or the name of its entry point. If two have the same
     name, the first counts; ValueError if both are mapmore's own. Names that are `reserved` have
-    another meaning in mapmore, so that a part with such a name is left out.
+    another meaning in mapmore, so that a part with such a name is left out. If the type has a
+    method `checked` that raises an error, the part of a plug-in is left out too.
     """
     names = set[str]()
     for module in iter_modules(sys.modules[package].__path__) if package else ():
@@ -78,6 +79,9 @@ def parts(
                     raise ValueError(f"there is already a `{part.name}`")
                 if not isinstance(part.value, form):
                     raise TypeError(f"{type(part.value).__name__} is no {form.__name__}")
+                check = getattr(part.value, "checked", None)
+                if check and type(part.value) is form:  # tests check mapmore's own parts
+                    check()
                 added.append(Added(part.name, part.value, part.source))
         # a plugin may raise any exception, and the other parts must still work
         except Exception as fault:

@@ -61,8 +61,9 @@ def alerts_of(
         target = scored.scores[0].target if len(outputs) > 1 and scored.scores else ""
         found += ((*alert, target) for alert in _of_output(curves, own, scored))
     if search:
-        for note in search.notes:
-            found.append(("black box" if note == search.outdone else "search", note, ""))
+        found += (
+            ("black box" if note == search.outdone else "search", note, "") for note in search.notes
+        )
     found += (("check", doubt, "") for doubt in doubts)
     if unconfirmed:
         found.append(("unconfirmed", unconfirmed_sentence(len(unconfirmed)), ""))

@@ -68,9 +68,9 @@ def export(
     from mapmore_cli.storage.artefacts import read_model
 
     used = {"--float": single, "--grid": grid is not None, "--pressure": pressure is not None}
-    for option in (name for name, is_used in used.items() if is_used):
+    for option, is_used in used.items():
         forms = [f"--to {name}" for name, form in EXPORTERS.items() if option in form.options]
-        if f"--to {to}" not in forms:
+        if is_used and f"--to {to}" not in forms:
             raise UsageError(
                 f"{option} works with {' and '.join(forms)} only",
                 f"leave {option} out, or choose another form",
