@@ -174,15 +174,6 @@ def test_an_arx_is_found():
         np.testing.assert_allclose(found[80:], output[80:], rtol=0, atol=most)
 
 
-def test_a_run_that_diverges_has_no_prediction():
-    """What doubles while it trains goes on to do so."""
-    y = np.where(np.arange(400) < 40, 2.0 ** np.arange(400.0), 1.0)
-    data = dataset_of({"u": np.ones(400), "y": y}, held_out=np.arange(400) >= 40)
-    _, (found,) = simple.arx(data, ["u"])
-    assert np.isfinite(found[:10]).all()
-    assert np.isnan(found[-100:]).all()
-
-
 def test_a_run_has_diverged_at_a_thousand_times_the_largest_output_of_all_blocks():
     y = np.ones(40_000)
     y[30_000] = -8.0

@@ -180,6 +180,34 @@ def test_a_start_that_explodes_is_tamed_by_short_horizons():
     np.testing.assert_allclose(refine(one, start).vector[:2], [0.95, 0.05], atol=0.01)
 
 
+def test_an_error_is_that_of_the_samples_that_count_and_the_penalty():
+    """Within the bounds of the coefficients; of a run that leaves the limits it is infinite."""
+    x, y = np.random.default_rng(3).uniform(-1, 1, (2, 30))
+    ready = course(["y[k-1]", "x"], ("y[k-1]", "x"), x, y)
+    counted, ridge = np.arange(29) % 3 > 0, np.array([2.0, 0.5])
+    between = np.array([[-0.5, -9.0, -9.0], [0.5, 9.0, 9.0]])
+    problem = FreeRunProblem(lambda _: (ready,), (counted,), (-5.0, 5.0), ridge, True, between)
+    run = [y[0]]
+    for k in range(1, 30):
+        run.append(0.5 * run[-1] + 0.8 * x[k] + 0.1)
+    left = (y - run)[1:][counted]
+    found = problem.at(np.array([0.7, 0.8, 0.1]))
+    assert found.vector.tolist() == [0.5, 0.8, 0.1]
+    np.testing.assert_allclose(found.residuals, left)
+    assert found.error == pytest.approx(left @ left + 2 * 0.5**2 + 0.5 * 0.8**2)
+    assert problem.at(np.array([0.5, 0.8, 6.0])).error == np.inf
+
+
+def test_states_are_scaled_by_their_training_range():
+    states = state_set("x", "y[k-1]", low=[-1.0, 3.0], high=[3.0, 3.0])
+    scaling = memory_model(["x"], [1.0], states, constant=0.5, limits=(0.0, 1.0)).scaling
+    assert (scaling.rule, scaling.slope.tolist()) == ("range", [0.25, 0.0])
+    assert (scaling.intercept.tolist(), scaling.y_slope, scaling.y_intercept) == ([0.25, 0], 1, 0.5)
+    plain = memory_model(["x"], [1.0], state_set("x", "y[k-1]"), limits=(0.0, 1.0)).scaling
+    assert (plain.rule, plain.slope.tolist()) == ("none", [1, 1])
+    assert plain.intercept.tolist() == [0, 0]
+
+
 DICTIONARY = ("y[k-1]", "x[k-1]", "y[k-1]^2", "y[k-1]^3", "x[k-1]*y[k-1]", "x[k-1]^2")
 RUNNING = {"criterion": "free_run", "stop": "free_run"}
 

@@ -205,7 +205,8 @@ def test_stencils_compare_neighbours_along_one_quantity(word, reach, quantity):
     axes = {"a": np.cumsum(rng.random(9)), "b": np.cumsum(rng.random(10)), "still": np.ones(1)}
     columns = nodes_of(axes)
     inside, values = rng.random(90) < 0.95, rng.normal(size=90)
-    found = stencils_on(axes, ShapeWord(quantity, word), inside, reach)
+    of = "force" if word == "positive" else quantity
+    found = stencils_on(axes, ShapeWord(of, word), inside, reach)
     points = POINTS[word] * reach
     table = np.arange(90).reshape(9, 10)
     lines = (table.T if quantity == "a" or points == 1 else table).tolist()
@@ -237,7 +238,7 @@ def test_stencils_compare_neighbours_along_one_quantity(word, reach, quantity):
         some.of(values[np.unique(found.nodes[[2, 0]])]), found.of(values)[[2, 0]]
     )
     places = ", ".join(f"{n} = {x[found.nodes[0]].mean():.4g}" for n, x in columns.items())
-    assert found.told == f"{quantity}: {word} at {places}"
+    assert found.told == f"{of}: {word} at {places}"
 
 
 def test_each_word_of_each_quantity_is_asked():

@@ -20,12 +20,6 @@ from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import MEASURES, OF_TARGET
 from mapmore_cli.modelling.validation import metrics
 from mapmore_cli.modelling.validation.metrics import bands, normaliser
-from mapmore_cli.modelling.validation.residuals import (
-    PARTS,
-    autocorrelation,
-    cross_correlation,
-    means_over,
-)
 
 
 def score(measured, predicted, scale=None, **more):
@@ -241,58 +235,3 @@ def test_held_out_samples_decide_where_there_are_any_and_empty_bands_are_left_ou
         (1, pytest.approx(9.0)),
         (1, pytest.approx(90.0)),
     ]
-
-
-@given(st.integers(0, 10**6), st.integers(40, 120))
-def test_one_piece_is_the_textbook_formula(seed, n):
-    random = np.random.default_rng(seed)
-    e, u = random.normal(2, 1, n), random.normal(-3, 2, n)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(arrays, "ROWS", 7)
-        found = autocorrelation([e])
-    c, d = e - e.mean(), u - u.mean()
-    for lag, value in zip(found.x, found.values, strict=True):
-        np.testing.assert_allclose(
-            value, sum(c[t] * c[t + int(lag)] for t in range(n - int(lag))) / sum(c**2), atol=1e-12
-        )
-    crossed = cross_correlation("u", [e], [u])
-    for lag, value in zip(crossed.x.astype(int), crossed.values, strict=True):
-        pairs = [(t, t + lag) for t in range(n) if 0 <= t + lag < n]
-        np.testing.assert_allclose(
-            value, sum(d[a] * c[b] for a, b in pairs) / np.sqrt(sum(c**2) * sum(d**2)), atol=1e-12
-        )
-
-
-def test_noise_stays_within_the_bounds_nineteen_times_in_twenty():
-    random = np.random.default_rng(11)
-    own = [autocorrelation([random.normal(size=150), random.normal(size=250)]) for _ in range(60)]
-    crossed = [
-        cross_correlation("u", [random.normal(size=400)], [random.normal(size=400)])
-        for _ in range(60)
-    ]
-    parts = [means_over("u", random.normal(size=400), random.uniform(size=400)) for _ in range(60)]
-    for tests in (own, crossed, parts):
-        assert 0.02 < sum(test.beyond for test in tests) / sum(test.tested for test in tests) < 0.08
-
-
-def test_pieces_do_not_touch():
-    """The end of one piece tells nothing of the beginning of the next."""
-    ramp = np.linspace(-1, 1, 40)
-    apart, joined = (
-        autocorrelation([ramp, -ramp, ramp]),
-        autocorrelation([np.concatenate([ramp, -ramp, ramp])]),
-    )
-    total = 3 * np.sum(ramp**2)
-    np.testing.assert_allclose(apart.values[1], 3 * np.sum(ramp[:-1] * ramp[1:]) / total)
-    assert joined.values[1] > apart.values[1]  # +1 meets +1 where they were put together
-
-
-def test_parts_are_values_where_there_are_few_else_as_many_samples_each():
-    random = np.random.default_rng(6)
-    level = random.choice([80.0, 150.0, 250.0], 300)
-    errors = np.where(level == 150, 1.0, 0.0) + random.normal(0, 0.5, 300)
-    found = means_over("level", errors - errors.mean(), level)
-    assert found.x.tolist() == [80.0, 150.0, 250.0]
-    assert found.beyond == 3
-    assert found.values[1] == np.mean((errors - errors.mean())[level == 150])
-    assert len(means_over("u", errors, random.uniform(size=300)).x) == PARTS
