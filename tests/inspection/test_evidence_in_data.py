@@ -28,15 +28,6 @@ def recording(**columns):
 
 
 T = np.arange(0, 40, 0.02)
-LOOP = 1 - np.abs(T / 20 - 1)
-
-
-def test_steps_are_told_from_sweeps():
-    def rests(pressure):
-        return settling([recording(time=T, pressure=pressure)]).share_between
-
-    assert rests(500 * (np.floor(10 * LOOP) / 10)) > 0.5 > rests(2000 * LOOP)
-    assert settling([recording(time=T, pressure=0 * T + 100)]) is None
 
 
 def test_one_signal_in_two_units_is_found_and_a_loop_is_none():
@@ -116,6 +107,7 @@ def test_shares_of_settled_samples_at_two_rates(step, unit, window):
 
 def test_no_rate_without_a_clock_that_goes_on():
     pressure = np.sin(T)
+    assert settling([recording(time=T, pressure=0 * T + 100)]) is None
     for time in (0 * T, np.where(T == 20, 0, T), np.where(T < 20, T, T + 100)[:1002]):
         assert settling([recording(time=time, pressure=pressure[: len(time)])]) is None
 

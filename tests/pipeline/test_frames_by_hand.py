@@ -1,6 +1,7 @@
 """Columns of tables in memory: which are meant, in which units, and what a fit says of them."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -8,7 +9,11 @@ import pytest
 
 from mapmore_cli.api.fitted import Scores, Study
 from mapmore_cli.domain.errors import DataError, SpecError
+from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.scores import Score, ScoreTable
+from mapmore_cli.pipeline import notebooks
+from mapmore_cli.pipeline.notebooks import LoadedModel
+from mapmore_cli.pipeline.records import Reading
 from mapmore_cli.pipeline.tables_in_memory import (
     canonical_columns,
     column_of,
@@ -169,3 +174,54 @@ def test_a_spec_of_a_fit_reads_its_tables_from_memory(tmp_path):
     assert "../out/spec_data/recording_1.h5" in text or "spec_data/recording_1.h5" in text
     assert (tmp_path / "out" / "spec_data" / "recording_1.h5").is_file()
     assert "max_terms: 3" not in text
+
+
+class Echo(LoadedModel):
+    """A model that returns the inputs with which it is called."""
+
+    def __call__(self, **inputs):
+        return {name: values.tolist() for name, values in inputs.items()}
+
+
+@pytest.fixture
+def echo():
+    rate = SimpleNamespace(name="rate")
+    quantities = {"inputs": (Quantity("u", "N"), Quantity("rate", "N/s"))}
+    quantities["outputs"] = (Quantity("y", "N"), Quantity("z", "N"))
+    return Echo(SimpleNamespace(signals=(rate,), of=lambda name: f"of {name}", **quantities))
+
+
+def test_rates_are_columns_of_a_frame_without_a_clock(echo, monkeypatch):
+    known = []
+
+    def reading(_model, names):
+        known.append({*names})
+        return Reading(("u",), (), ("z",))
+
+    monkeypatch.setattr(notebooks, "reading_of", reading)
+    frame = {"u": [1.0, 2.0], "z": [3.0, 4.0]}
+    assert echo.predict(frame) == {"u": [1, 2], "z": [3, 4]}
+    assert echo.predict({**frame, "time": [0.0, 1.0]}) == {"u": [1, 2], "z": [3, 4]}
+    scaled = {"u": {"column": "U", "unit": "kN", "scale": 2.0}}
+    assert echo.predict({"U": [1.0], "z": [5.0]}, scaled) == {"u": [2000], "z": [5]}
+    assert known == [{"u", "z", "rate"}, {"u", "z", "time"}, {"u", "U", "z", "rate"}]
+
+
+def test_one_of_several_outputs_is_named(echo):
+    assert echo.of("z").model == "of z"
+    with pytest.raises(TypeError, match="this model has the outputs y, z; got 'x'"):
+        echo.of("x")
+
+
+def test_files_of_an_export_are_written_into_a_folder(echo, tmp_path, monkeypatch):
+    asked = []
+
+    def export(model, to, warn, **options):
+        asked.append((model, to, options))
+        return {"m.c": "int", "m.h": b"\x00"}
+
+    monkeypatch.setattr(notebooks.plugins, "load", lambda *_: export)
+    folder = tmp_path / "new" / "folder"
+    assert echo.export("c", folder, single=True) == [folder / "m.c", folder / "m.h"]
+    assert ((folder / "m.c").read_text(), (folder / "m.h").read_bytes()) == ("int", b"\x00")
+    assert asked == [(echo.model, "c", {"single": True})]
