@@ -43,7 +43,7 @@ def refuse_needed(path: Path) -> None:
     """
     refuse_irregular(path)
     if path.is_dir():
-        raise WriteError(f"{path}: is a folder, and the output is a file", "name a file in it")
+        raise WriteError(f"{path}: cannot be written (it is a folder)", "name a file in it")
     if not path.is_file():
         return
     if is_read(path):

@@ -28,13 +28,15 @@ OUTPUTS = {
         ("batch broken.yaml --jobs 1 --summary", "bench_100.csv"),
     ],
     ("predict", "--output"): [
-        (f"predict {MODEL} wanted.csv -o", "wanted.csv"),
-        (f"predict {MODEL} wanted.csv -o", "hard.csv"),
-        (f"predict {MODEL} wanted.csv -o", MODEL),
+        (f"predict {MODEL} wanted.csv --delimiter , -o", "wanted.csv"),
+        (f"predict {MODEL} wanted.csv --delimiter , -o", "hard.csv"),
+        (f"predict {MODEL} wanted.csv --delimiter , -o", MODEL),
         (f"predict {MODEL} --grid {GRID} -o", "runs/bench/scores.csv"),
         (f"predict {MODEL} --grid {GRID} -o", "runs/bench/run.json"),
     ],
-    ("invert", "--output"): [(f"invert {MODEL} forces.csv --for pressure -o", "forces.csv")],
+    ("invert", "--output"): [
+        (f"invert {MODEL} forces.csv --delimiter , --for pressure -o", "forces.csv")
+    ],
     ("figure", "--out"): [("figure bench fit -o", "final.svg")],
     ("figure", "--data"): [("figure bench fit --curve 200 -o new.svg --data", "bench_200.csv")],
     ("plan", "--output"): [("plan bench.yaml -o", "bench_300.csv")],
