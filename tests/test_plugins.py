@@ -165,7 +165,9 @@ def folder(tmp_path_factory):
     (place / "path" / "loud.py").write_text(LOUD)
     (place / "path" / "odd.py").write_text(ODD)
     (place / "path" / "stops.py").write_text("raise KeyboardInterrupt")
-    (place / "path" / "ends.py").write_text("import sys\nsys.stdout.close()\nraise SystemExit(3)")
+    (place / "path" / "ends.py").write_text(
+        "import os, sys\nos.chdir('/')\nsys.stdout.close()\nraise SystemExit(3)"
+    )
     # another package may have our name
     for name, points in {"zbroken": BROKEN, "mapmore": "[mapmore.commands]\nfit = broken"}.items():
         about = place / "path" / f"{name}-1.0.dist-info"

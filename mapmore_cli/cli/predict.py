@@ -199,9 +199,9 @@ def _lines_of(
             "other tables cannot be used",
             "write the table to a file, and give the path of the file",
         )
-    if table != STANDARD:
-        note_read([table])
+    # a table of the model's names may be replaced by its prediction, which keeps all its columns
     if table != STANDARD and is_foreign(table, options):
+        note_read([table])
         lines = foreign_lines(table, options, ways, units_of(model, ways), reporter.warn)
         return lines, table.name
     return _open_table(
@@ -368,6 +368,7 @@ def adapt(
         dimension_of(family)
         lines, label = None, ""
         if table is not None:
+            note_read([table])
             ways = [names_of_points(family)]
             lines, label = _lines_of(table, family, ways, options, reporter)
         model = adapt(family, lines, label, _constants_of(family, given))

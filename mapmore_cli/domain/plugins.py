@@ -17,7 +17,7 @@ import signal
 import sys
 import warnings
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager, redirect_stdout
+from contextlib import chdir, contextmanager, redirect_stdout
 from functools import cache
 from importlib import import_module
 from importlib.metadata import Distribution, EntryPoint, distributions
@@ -240,8 +240,8 @@ def load(group: str, name: str) -> Any:
             if _is_ours(point):
                 return point.load()
             # what another package prints or changes while it is imported reaches neither stdout nor
-            # the rules for warnings
-            with printing_to_stderr(), warnings.catch_warnings():
+            # the rules for warnings, and paths still start at the current folder
+            with printing_to_stderr(), warnings.catch_warnings(), chdir(os.curdir):
                 return point.load()
         # an import may raise anything, also SystemExit and KeyboardInterrupt
         except BaseException as fault:

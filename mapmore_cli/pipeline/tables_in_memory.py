@@ -14,6 +14,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.pipeline.frames import Door, labels_of
 from mapmore_cli.storage.atomic import make_folder, replacing
+from mapmore_cli.storage.outputs import refuse_foreign_file
 from mapmore_cli.storage.tables import IN_MEMORY, RawTable, known_names
 from mapmore_cli.storage.tables.cells import CellReader
 from mapmore_cli.study.fields import as_target
@@ -172,12 +173,17 @@ def section_of(tables: Iterable[str], columns: Mapping[str, Entry]) -> dict[str,
 
 
 def write_tables(tables: Mapping[str, RawTable], folder: Path) -> list[Path]:
-    """Write every table in memory to a separate HDF5 file in `folder`, and return their paths."""
+    """Write every table in memory to a separate HDF5 file in `folder`, and return their paths.
+    Raises WriteError as `refuse_foreign_file` does, before any file is written.
+    """
     folder.parent.mkdir(parents=True, exist_ok=True)
     make_folder(folder)
     paths = [folder / f"{name}.h5" for name in tables]
+    for path in paths:
+        refuse_foreign_file(path)
     for path, table in zip(paths, tables.values(), strict=True):
         with replacing(path) as raw, h5py.File(raw, "w") as file:
+            file.attrs["creator"] = "mapmore"
             for name, values in table.columns.items():
                 file.create_dataset(name, data=values, track_times=False)
     return paths

@@ -12,6 +12,7 @@ import io
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import IO, TextIO
 
@@ -42,7 +43,7 @@ def refuse_needed(path: Path) -> None:
     """
     refuse_irregular(path)
     if path.is_dir():
-        raise WriteError(f"{path}: is a folder, and the output is a file", "name a file in it")
+        raise WriteError(f"{path}: cannot be written (it is a folder)", "name a file in it")
     if not path.is_file():
         return
     if is_read(path):
@@ -132,8 +133,11 @@ def refuse_foreign_file(path: Path) -> None:
     A file that is still needed is refused too.
     """
     refuse_needed(path)
-    data = content_of(path) if path.is_file() else b""
-    if data and not any(mark in data for mark in MARKS):
+    if not path.is_file() or path.stat().st_size == 0:
+        return
+    with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as data:
+        ours = any(data.find(mark) >= 0 for mark in MARKS)
+    if not ours:
         raise WriteError(
             f"{path}: exists, and mapmore has not written it, so it is not replaced",
             "move it away, or choose another place with -o",
@@ -161,4 +165,4 @@ def write_chosen(folder: Path, files: Mapping[str, bytes]) -> list[Path]:
 
 
 def _holds(path: Path, data: bytes) -> bool:
-    return path.is_file() and content_of(path) == data
+    return path.is_file() and path.stat().st_size == len(data) and content_of(path) == data

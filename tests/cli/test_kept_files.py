@@ -10,6 +10,7 @@ import typer
 
 from mapmore_cli.cli.app import app
 from mapmore_cli.domain.errors import WriteError
+from mapmore_cli.pipeline.tables_in_memory import tables_of, write_tables
 from mapmore_cli.storage.inputs import files_read, note_read
 from mapmore_cli.storage.outputs import write_bytes, write_chosen
 
@@ -27,13 +28,15 @@ OUTPUTS = {
         ("batch broken.yaml --jobs 1 --summary", "bench_100.csv"),
     ],
     ("predict", "--output"): [
-        (f"predict {MODEL} wanted.csv -o", "wanted.csv"),
-        (f"predict {MODEL} wanted.csv -o", "hard.csv"),
-        (f"predict {MODEL} wanted.csv -o", MODEL),
+        (f"predict {MODEL} wanted.csv --delimiter , -o", "wanted.csv"),
+        (f"predict {MODEL} wanted.csv --delimiter , -o", "hard.csv"),
+        (f"predict {MODEL} wanted.csv --delimiter , -o", MODEL),
         (f"predict {MODEL} --grid {GRID} -o", "runs/bench/scores.csv"),
         (f"predict {MODEL} --grid {GRID} -o", "runs/bench/run.json"),
     ],
-    ("invert", "--output"): [(f"invert {MODEL} forces.csv --for pressure -o", "forces.csv")],
+    ("invert", "--output"): [
+        (f"invert {MODEL} forces.csv --delimiter , --for pressure -o", "forces.csv")
+    ],
     ("figure", "--out"): [("figure bench fit -o", "final.svg")],
     ("figure", "--data"): [("figure bench fit --curve 200 -o new.svg --data", "bench_200.csv")],
     ("plan", "--output"): [("plan bench.yaml -o", "bench_300.csv")],
@@ -131,3 +134,14 @@ def test_files_read_within_a_command_are_kept_until_its_end(tmp_path):
             write_bytes(tmp_path / "a", b"b")
     write_bytes(tmp_path / "a", b"c")
     assert (tmp_path / "a").read_text() == "c"
+
+
+def test_tables_in_memory_replace_no_recording_of_the_user(tmp_path):
+    """`Fitted.to_yaml` writes them beside the spec, under names of its own."""
+    tables, place = tables_of([{"x": [1.0, 2.0]}], {"x": "x"}, {"x": "1"}), tmp_path / "a_data"
+    (path,) = write_tables(tables, place)
+    assert write_tables(tables, place) == [path]
+    path.write_text("mine")
+    with pytest.raises(WriteError, match="mapmore has not written it"):
+        write_tables(tables, place)
+    assert path.read_text() == "mine"

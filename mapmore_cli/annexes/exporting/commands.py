@@ -44,7 +44,7 @@ def export(
 ) -> None:
     """Write a model in another language.
 
-    The files have the name of the model.
+    The files have the name of the model. They replace only files that mapmore has written.
 
     `c` needs only math.h, allocates no memory and has no global state. `fmu` is a unit for
     co-simulation with FMI 2.0, `fmu3` with FMI 3.0. `py` is one Python file without any dependency,
