@@ -67,9 +67,8 @@ def find_held(
 
     The quantity that a person names is used. If nobody names one, it is the only input whose values
     are in names of files or which stays constant in each recording. If there is none in a table
-    without a clock, it is the only input that takes a few values repeatedly, each in enough samples for a
-    curve. `conditions` are
-    values from names.
+    without a clock, it is the only input that takes a few values repeatedly, each in enough samples
+    for a curve. `conditions` are values from names.
 
     Raises
     ------

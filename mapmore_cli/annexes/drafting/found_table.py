@@ -104,11 +104,10 @@ class FoundTable:
             settings |= {"skip_rows": skipped} if skipped else {}
         counts = Counter(filter(None, titles)) if header else Counter[str]()
         columns = [title if counts[title] == 1 else at for at, title in enumerate(titles)]
-        words = [[*line, *[""] * width] for line in others if line != units]
+        words = [[*lines[at], *[""] * width] for at in sorted(lines) if lines[at] != units]
         for at, title in enumerate(titles):
             if counts[title] != 1 and titled is not None:
-                parts = dict.fromkeys([*(line[at] for line in words), title])
-                titles[at] = " ".join(filter(None, parts))
+                titles[at] = " ".join(filter(None, dict.fromkeys(line[at] for line in words)))
         return Layout(
             reader,
             self.top.addresses or tuple(columns),
