@@ -104,11 +104,9 @@ class FoundTable:
             settings |= {"skip_rows": skipped} if skipped else {}
         counts = Counter(filter(None, titles)) if header else Counter[str]()
         columns = [title if counts[title] == 1 else at for at, title in enumerate(titles)]
-        words = [[*line, *[""] * width] for line in others if line != units]
-        for at, title in enumerate(titles):
-            if counts[title] != 1 and titled is not None:
-                parts = dict.fromkeys([*(line[at] for line in words), title])
-                titles[at] = " ".join(filter(None, parts))
+        if header and titled is not None:
+            words = {at: line for at, line in lines.items() if line != units}
+            titles = _told_apart(titles, words, titled)
         return Layout(
             reader,
             self.top.addresses or tuple(columns),
@@ -232,6 +230,21 @@ def _labelled_lines(rows: Sequence[Row], lower: Sequence[Row], top: Top) -> list
         return [row for row in wide if is_label(row[0])]
     labelled = [*takewhile(lambda row: nonempty(row[:1]) and row in wide, filled)]
     return labelled if len(labelled) > 2 and not firsts else []
+
+
+def _told_apart(
+    titles: Sequence[str], lines: Mapping[int, Sequence[str]], titled: int
+) -> list[str]:
+    """Return titles in which one that repeats has the words of all header `lines`, and an empty one
+    those below line `titled`, because words above it may be about the whole file.
+    """
+    counts = Counter(filter(None, titles))
+    whole = list[str]()
+    for place, title in enumerate(titles):
+        words = (lines[at][place : place + 1] for at in sorted(lines) if title or at > titled)
+        parts = dict.fromkeys(part for cells in words for part in cells if part)
+        whole.append(title if counts[title] == 1 else " ".join(parts))
+    return whole
 
 
 def _steps_of(cells: Sequence[Any], is_number: Callable[[Any], bool]) -> list[float]:
