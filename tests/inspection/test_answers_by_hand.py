@@ -105,7 +105,7 @@ def named(text, option="--inputs", known=None):
 def test_ranges_and_patterns_of_columns_mean_all_that_move_but_the_time():
     assert [*named("0..3")] == [*named("3..0")] == [*named("S*")] == [*named("s?")] == ["s1", "s2"]
     assert [*named("*")] == ["s1", "s2", "force"]
-    for text, words in (("a*", "no column that moves is"), ("x=s*", "2 columns that move are")):
+    for text, words in (("a*", "no column whose values"), ("x=s*", "2 columns whose values")):
         with pytest.raises(UsageError, match=words):
             named(text)
     assert named("x=f*")["x"].column == "force"

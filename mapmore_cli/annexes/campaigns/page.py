@@ -192,7 +192,7 @@ def run_names(
         first = owners.setdefault(folder.lower(), owner)
         if first is not owner:
             raise UsageError(
-                f"{first} and {owner} have the same name, '{folder}'",
+                f"{first} and {owner} have the same name, '{folder}', and would share a folder",
                 "give each run a `name` of its own",
             )
     return names

@@ -134,7 +134,7 @@ def read_positive(option: str, unit: str, example: str, text: str) -> float:
     except SpecError as fault:
         raise UsageError(f"{option}: {fault.message}", fault.remedy or remedy) from fault
     if not 0 < value < math.inf:
-        raise UsageError(f"{option}: {text} is not positive", remedy)
+        raise UsageError(f"{option}: {text} is not larger than zero", remedy)
     return value
 
 

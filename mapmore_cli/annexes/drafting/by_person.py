@@ -59,7 +59,9 @@ def _each(said: Named, table: Table, option: str) -> Named:
         members = [x for x in members if not x.is_time]
         if not members or (one.is_called and len(members) > 1):
             several = (
-                f"{len(members)} columns that move are" if members else "no column that moves is"
+                f"{len(members)} columns whose values change are"
+                if members
+                else "no column whose values change is"
             )
             remedy = ", ".join(x.called for x in members or table.values() if x.values)
             raise UsageError(f"{option}: {several} called {wanted}", f"name one of these: {remedy}")

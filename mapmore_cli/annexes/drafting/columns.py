@@ -308,8 +308,8 @@ def find(table: Table, wanted: Column, option: str, texts: bool = False) -> Titl
     if texts and empty is not None:
         raise UsageError(
             f"{option}: {empty.called} has neither numbers nor texts that occur in several rows",
-            "a text that stands only in the first of its rows applies to the empty cells below it, "
-            "if the first row of the table has one",
+            "write the text into every row to which it belongs; empty cells take the text above "
+            "them only if the first row of the table contains a text",
         )
     if len(near) != 1:
         kind = "" if texts else " of numbers"

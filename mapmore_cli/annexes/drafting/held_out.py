@@ -48,7 +48,7 @@ def with_split(
     if not held_out:
         raise UsageError(
             f"--validate {way}: there are too few values or recordings to hold some of them out",
-            f"write {LAST_SAMPLES}, or an input",
+            f"write `--validate {LAST_SAMPLES}` for the last samples, or name an input",
         )
     return draft.with_data("split", {"validate": held_out}, f"{'you; ' if wanted else ''}{why}")
 

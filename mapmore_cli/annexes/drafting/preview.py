@@ -31,15 +31,16 @@ def preview(path: Path) -> Layout:
     column = f"{{column: {reader.column}, unit: kPa}}"
     remedy = f"write `columns` by hand, for example `pressure: {column}`"
     if reader.peek is None:
-        raise DataError(
-            f"{path.name}: it cannot be determined which of its arrays are columns", remedy
-        )
+        raise DataError(f"{path.name}: `init` cannot see which arrays in it are columns", remedy)
     try:
         tops = list(reader.peek(path, LINES))
     except DataError as fault:  # the error of the reader says how to save the file in another form
         raise DataError(": ".join(filter(None, [fault.message, fault.remedy]))) from fault
     if (width := max((len(row) for top in tops for row in top.rows), default=0)) > WIDEST:
-        raise DataError(f"{path.name}: has {width} columns, more than {WIDEST}", remedy)
+        raise DataError(
+            f"{path.name}: has {width} columns, more than {WIDEST}, too many for `init`",
+            remedy,
+        )
     refuse_serial(path, tops)
     tables = [table for top in tops if (table := table_in(top)) is not None]
     if not tables:

@@ -81,7 +81,7 @@ def table_of(study: Study, folder: Path) -> Table:
     column is left.
     """
     layout, section = study.layout, started(study.of_layout, folder).data
-    remedy = "give it at least one column of numbers"
+    remedy = "a recording needs at least one column of numbers: leave the file out, or correct it"
     last = DataError(f"{study.files[0].name}: no column has numbers", remedy)
     try:
         raw = _read_columns(section, folder, layout.columns)

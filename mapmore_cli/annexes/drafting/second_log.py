@@ -50,7 +50,8 @@ def with_second_log(draft: Draft, second: Study, folder: Path, target: str, said
     if not {"time", "pressure"} <= columns.keys() or "time" not in draft.data["columns"]:
         raise DataError(
             f"{second.files[0].name}: contains the pressure, but the two logs have no common clock",
-            "write `join` by hand",
+            "name the column of the clock with --columns; or, if both logs have the same rows, "
+            "write `data.join` by hand with `on: row`",
         )
     steps = np.diff(table[columns["time"].column].values[0])
     usual = convert(float(np.median(steps[steps > 0])), columns["time"].unit, "s")

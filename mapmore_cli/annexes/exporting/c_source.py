@@ -216,8 +216,9 @@ def simulink_files(model: Model, _wanted: Wanted) -> dict[str, str]:
     """
     if runs_over_time(model):
         raise UsageError(
-            "a C Caller block keeps no state, and this model has memory",
-            "export it as fmu, which Simulink imports",
+            "`--to simulink` writes a function for a C Caller block, which cannot keep the memory "
+            "of this model from one call to the next",
+            "write `--to fmu`, and import the FMU into Simulink",
         )
     source = c_source(model)
     used = [f"{source.name}_{form}" for form in ("eval", "valid", *names_of_inputs(model.outputs))]

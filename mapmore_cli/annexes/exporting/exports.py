@@ -140,4 +140,6 @@ def _refuse_odd(to: str, files: object) -> None:
     elif odd := [name for name in files if PurePath(name).name != name]:
         fault = f"names the file {odd[0]!r}, which is not a plain name"
     if fault:
-        raise UsageError(f"the plug-in of the export {to!r} {fault}", "ask its authors")
+        raise UsageError(
+            f"the plug-in of the export {to!r} {fault}", "ask its authors, or uninstall it"
+        )

@@ -59,7 +59,8 @@ def findings(spec: ExperimentSpec) -> Iterator[Finding]:
     if model.mask != "input" and not model.direction:
         yield Finding(
             "model.mask:",
-            "`mask` separates rise from fall, but the sections have no direction",
+            "`mask` names the quantity whose direction divides rise from fall, but without "
+            "`direction: true` the sections do not distinguish the two",
             "add `direction: true`",
         )
     if model.solver == "swarm" and (

@@ -111,7 +111,7 @@ def _outline(records: Sequence[Record], recipe: MotionRecipe) -> Motion:
     """Return the model with the places of its sections, without parameters."""
     u = np.concatenate([record.columns[recipe.input][record.training] for record in records])
     if not len(u):
-        raise DataError("there is no training sample", "keep more samples")
+        raise DataError("there is no training sample", "loosen `data.keep`, or hold out less")
     if np.ptp(u) == 0:
         raise DataError(
             f"the input `{recipe.input}` is {u[0]:.6g} at all {len(u)} training samples",

@@ -131,7 +131,7 @@ def simulate(motion: Motion, columns: Columns) -> Array:
             raise FitError(
                 f"section {section.id} of the model of `{motion.output}` is unstable: it "
                 f"has a pole at {section.radius:.6g}, outside the unit circle",
-                "fit the model again: every solver gives stable sections",
+                "repeat the run that made this model, because a fit gives stable sections only",
             )
     parts = uninterrupted(columns["time"], motion.step) if "time" in columns else [slice(None)]
     return np.concatenate([_along(columns_at(columns, part), motion) for part in parts])

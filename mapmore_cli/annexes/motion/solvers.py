@@ -130,7 +130,10 @@ def swarm(problem: Problem, recipe: MotionRecipe) -> Found:
     best, history = fly(lambda x: problem.rmse(x[0], x[1], x[2:]), walls, problem.random, begin)
     p1, p2, p3 = best.tolist()
     if not stable(p1, p2):
-        raise FitError("the swarm found no stable section", "use `solver: least_squares`")
+        raise FitError(
+            "`solver: swarm` found no stable parameters for a section",
+            "use `solver: least_squares`",
+        )
     return Found(p1, p2, np.array([p3]), history[-1], problem.evaluations, np.array(history))
 
 

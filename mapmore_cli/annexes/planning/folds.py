@@ -68,8 +68,9 @@ def folds_of(dataset: Dataset, choices: ModelChoices, normaliser: str, by_level:
     folds = list(zip(*(_block_masks(curve, along) for curve in dataset.curves), strict=True))
     if any(not any(mask.any() for mask in fold) for fold in folds):
         raise DataError(
-            f"no curve has {BLOCKS} training samples: no block can be left out",
-            "keep more samples",
+            f"every curve has fewer than {BLOCKS} training samples, but {BLOCKS} blocks of them "
+            "must be left out in turn to compare settings",
+            "loosen `data.keep`, hold out less, or add recordings",
         )
     of = "curve" if along else "recording"
     left_out = f"each of {BLOCKS} contiguous blocks of the training samples of every {of}"

@@ -79,12 +79,13 @@ def of_points(
     names = tuple(quantity for quantity in inputs if np.ptp(columns[quantity]) > 0)
     if not names:
         raise DataError(
-            f"{name}: all training samples have the same inputs", "measure a second place first"
+            f"{name}: all training samples have the same inputs, so that no range is known",
+            "measure a second combination of inputs first",
         )
     if len(names) > max(STEPS):
         raise SpecError(
-            f"{name}: a plan is possible for few inputs only, and this map has {len(names)}",
-            f"plan with at most {max(STEPS)} inputs",
+            f"{name}: a plan is possible for at most {max(STEPS)} inputs, but {len(names)} vary",
+            "plan with a study in which the other inputs are constant",
         )
     check_prices(prices, names)
     x, y = spread_out(
@@ -100,7 +101,7 @@ def of_points(
     if not free.any():
         raise DataError(
             f"{name}: all places of a grid of {steps} steps have been measured",
-            "extend a range, or measure the same places again",
+            "extend the range of an input, or measure the same places again",
         )
     formulas = formulas_of(dataset, measured, places)
 

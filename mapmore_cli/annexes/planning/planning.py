@@ -59,8 +59,9 @@ def plan(
     if dataset.level is not None and points is None:
         if wanted is not None:
             raise UsageError(
-                "--until: no forecast is possible for levels",
-                "add, for example, `--points 5`, or leave out --until",
+                "--until: the number of further measurements can be forecast for points only, but "
+                "this study has levels",
+                "add, for example, `--points 5` to plan points, or leave out --until",
             )
         planned = _of_levels(loaded.spec.name, whole, prices)
     else:
@@ -115,7 +116,7 @@ def _of_levels(name: str, whole: Dataset, prices: Mapping[str, float]) -> Planne
     if len(places) < 2:
         raise DataError(
             f"{name}: there is only one level of {level}",
-            "measure its lowest and its highest value first",
+            "a plan fills gaps between levels: measure the lowest and the highest level first",
         )
     order = np.argsort(-np.diff(places), kind="stable")
     middles = tuple(

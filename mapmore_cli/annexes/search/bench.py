@@ -105,7 +105,7 @@ class Bench:
         if not blocks and not parts:
             raise DataError(
                 "`model: {type: auto}` leaves out training samples, and there are too few of them",
-                "keep more samples",
+                "loosen `data.keep`, hold out less, or add recordings",
             )
         weight = 2 / 3 if asked else 1 / 2 if situation.timed else 1 / 4
         if len(parts) == 1:  # there is only one inner level

@@ -89,7 +89,8 @@ class SumMaker(Maker):
         joint = _jointly(formulas, given.dataset, None)
         if joint.failed:
             raise FitError(
-                f"the fit of {joint.name} failed: {'; '.join(joint.notes)}", "use other formulas"
+                f"the fit of {joint.name} failed: {'; '.join(joint.notes)}",
+                "choose other formulas in `model.sum`",
             )
         return FitResult(joint)
 

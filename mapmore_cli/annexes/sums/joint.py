@@ -89,7 +89,7 @@ def actuator(force: Model, pressure: Model) -> Model:
     if rates := [signal.name for signal in force.signals if signal.of == output.name]:
         raise DataError(
             f"{force.name} needs {rates[0]}, which {pressure.name} does not predict",
-            "fit the force without this rate",
+            f"fit {force.name} without this rate",
         )
     if kinds.fed_back(pressure):
         raise DataError(
@@ -134,7 +134,10 @@ def refuse_shared_names(inputs_of: Sequence[tuple[str, Sequence[str], Mapping[st
                 f"{{{name}: {name}_2}}`"
             )
             one = f"if it is the same quantity, write `inputs: {{{name}: {name}}}` for both"
-            raise SpecError(f"{first} and {second} both have an input `{name}`", f"{remedy}; {one}")
+            raise SpecError(
+                f"{first} and {second} both have an input `{name}`, which may be two quantities",
+                f"{remedy}; {one}",
+            )
 
 
 def own_inputs(part: Summand, columns: Columns) -> Columns:
@@ -195,8 +198,8 @@ def _numbered(formula: Formula, number: int) -> Formula:
     """Return a formula with a number appended to its names."""
     if type(formula) is not Formula or formula.dimensions:
         raise SpecError(
-            f"{formula.name} cannot be fitted within a sum",
-            "use another formula, or add up models of other runs",
+            f"{formula.name} cannot be fitted together with other formulas in a sum",
+            "use another formula, or fit it in a run of its own, and name its spec as `model`",
         )
 
     def own(name: str | None) -> str:

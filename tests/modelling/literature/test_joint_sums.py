@@ -116,7 +116,7 @@ def test_a_joint_formula_is_the_signed_sum_of_its_parts(name, seed, sign):
 
 @pytest.mark.parametrize("name", ["sarosi_hinged", "tondu_lopez_fixed_area"])
 def test_a_formula_with_a_fit_of_its_own_is_refused(name):
-    with pytest.raises(SpecError, match=f"{name} cannot be fitted within a sum"):
+    with pytest.raises(SpecError, match=f"{name} cannot be fitted together with"):
         joint_formula((summand(name), summand("sarosi")))
 
 

@@ -158,7 +158,7 @@ def test_a_swarm_begins_in_the_declared_ranges_and_stays_among_stable_sections(m
     assert found.rmse == pytest.approx(np.sqrt(np.mean(np.concatenate(left) ** 2)))
     assert (found.p1, found.p2, *found.weights, found.evaluations) == (0.2, 0.3, -0.4, 1)
     monkeypatch.setattr(solvers, "fly", lambda *_: (np.array([0.9, 0.3, 1.0]), [1.0]))
-    with pytest.raises(FitError, match="no stable section"):
+    with pytest.raises(FitError, match="no stable parameters"):
         solvers.swarm(problem, recipe())
 
 
