@@ -20,7 +20,7 @@ from scipy.io import loadmat
 
 import mapmore_cli as mm
 from mapmore_cli.annexes.exporting.commands import export
-from mapmore_cli.annexes.exporting.exports import EXPORTERS, exported
+from mapmore_cli.annexes.exporting.exports import EXPORTERS, Form, exported
 from mapmore_cli.annexes.exporting.python_module import python_module
 from mapmore_cli.annexes.exporting.templates import NOTICE
 from mapmore_cli.domain.errors import DataError, UsageError
@@ -311,6 +311,6 @@ def test_a_python_file_with_memory_goes_on_from_a_state():
     ],
 )
 def test_a_plugin_writes_files_of_plain_names(files, words, monkeypatch):
-    monkeypatch.setitem(EXPORTERS, "odd", lambda _model, _wanted: files)
+    monkeypatch.setitem(EXPORTERS, "odd", Form(lambda _model, _wanted: files))
     with pytest.raises(UsageError, match=f"the plug-in of the export 'odd' {words}"):
         exported(pieces(), "odd")

@@ -130,9 +130,14 @@ def test_columns_that_move_are_listed_with_the_command():
         place: replace(one, title="", column=place, quantity="", unit="")
         for place, one in enumerate(TABLE.values())
     }
-    error = refuse_choice(bare, "a.csv", "folder", is_map=False)
-    assert "--target force=4:N --inputs pressure=2:bar,time=0:ms" in error.remedy
-    assert "always increases" in error.message.splitlines()[1]
+    for step, example, question in (
+        (2.0, "pressure=2:bar,time=0:ms  (", "always increases"),
+        (1.0, "pressure=2:bar --sample-time 10ms  (", "counts the rows"),
+    ):
+        clock = replace(bare[0], values=[step * np.arange(4.0)])
+        error = refuse_choice(bare | {0: clock}, "a.csv", "folder", is_map=False)
+        assert f"--target force=4:N --inputs {example}" in error.remedy
+        assert question in error.message.splitlines()[1]
     two = {place: bare[place] for place in (0, 4)}  # of two columns, the first is the input
     error = refuse_choice(two, "a.csv", "folder", is_map=False)
     assert "--target force=4:N --inputs pressure=0:bar  (" in error.remedy
