@@ -10,9 +10,7 @@ from typing import Any
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables import TableRequest
-
-Row = tuple[int, Sequence[Any]]
-"""Number of a row in the file, counted from 1, and its cells."""
+from mapmore_cli.storage.tables.rows import Row
 
 FEWEST = 2
 """Smallest number of rows of a table. A single row of numbers belongs to the text above the next
