@@ -28,7 +28,7 @@ from mapmore_cli.storage.tables import (
     locate_columns,
     reading,
 )
-from mapmore_cli.storage.tables.below import Below, Row, chosen_table, tables_below
+from mapmore_cli.storage.tables.below import Below, chosen_table, tables_below
 from mapmore_cli.storage.tables.cells import NUMBER, holds_number
 from mapmore_cli.storage.tables.lines import (
     UNREADABLE,
@@ -37,7 +37,7 @@ from mapmore_cli.storage.tables.lines import (
     guess_encoding,
     open_lines,
 )
-from mapmore_cli.storage.tables.rows import Wanted, values_of_rows, wanted_of
+from mapmore_cli.storage.tables.rows import Row, Wanted, values_of_rows, wanted_of
 from mapmore_cli.storage.tables.thousands import may_be_grouped, refuse_grouped
 
 WHITESPACE = "whitespace"

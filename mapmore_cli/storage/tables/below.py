@@ -10,9 +10,7 @@ from typing import Any
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables import TableRequest
-
-Row = tuple[int, Sequence[Any]]
-"""Number of a row in the file, counted from 1, and its cells."""
+from mapmore_cli.storage.tables.rows import Row
 
 FEWEST = 2
 """Smallest number of rows of a table. A single row of numbers belongs to the text above the next
@@ -75,9 +73,21 @@ def tables_below(rows: Iterable[Row], header: int, is_number: Callable[[Any], bo
                 close()
         (body if has_numbers else words).append((number, cells))
     close()
-    # more lines above one table than above another are the head of the file
-    lines = min((len(one.above) for one in found if one.above), default=0)
-    return [replace(one, above=one.above[-lines:]) for one in found]
+    return _without_head(found)
+
+
+def _without_head(tables: Sequence[Below]) -> list[Below]:
+    """Return the tables, without the head of the file among the words above the first ones: the
+    lines in excess of those above any later table.
+    """
+    later = [len(one.above) for one in tables if one.rows[0][0] > tables[0].rows[0][0]]
+    lines = max(later, default=0)
+    return [
+        replace(one, above=one.above[-lines:])
+        if lines and one.rows[0][0] == tables[0].rows[0][0]
+        else one
+        for one in tables
+    ]
 
 
 def is_label(cell: Any) -> bool:

@@ -280,10 +280,10 @@ def _is_written_in(head: bytes, name: str) -> bool:
     if name not in _PAIRS:
         return True
     character, frequent = _PAIRS[name]
-    rest = re.sub(character, b"", head)
     pairs = [one for one in re.findall(character, head) if len(one) == 2]
     letters = [one for one in pairs if re.fullmatch(frequent, one)]
-    return len(rest) <= 1 and 2 * len(letters) >= len(pairs) > 0
+    is_whole = re.fullmatch(rb"(?:%b)*[\x81-\xfe]?" % character, head, re.DOTALL) is not None
+    return is_whole and 2 * len(letters) >= len(pairs) > 0
 
 
 def csv_records(
