@@ -30,6 +30,15 @@ def test_damping_is_not_seen_in_a_record_at_rest_and_motion_shows_it(fastest, se
     assert any("not identified" in note and "b0" in note for note in notes) != seen
 
 
+def test_data_that_determine_a_linear_formula_are_not_said_to_leave_a_choice():
+    rng = np.random.default_rng(2)
+    columns = {"pressure": rng.uniform(80, 350, 200), "strain": rng.uniform(0, 0.2, 200)}
+    truth = dict.fromkeys(get("polynomial_2").parameters, 1.0)
+    force = get("polynomial_2").predict(truth, columns) + rng.normal(0, 1e-6, 200)
+    fit = get("polynomial_2").fit(columns, force)
+    assert (fit.status, fit.rank, fit.notes) == ("converged", len(truth), ())
+
+
 @pytest.mark.parametrize("freedom", [1, 5, 84])
 def test_half_width_is_that_of_the_t_distribution(freedom):
     assert half_width(2.0, freedom) == pytest.approx(2.0 * student.ppf(0.975, freedom), rel=1e-9)
