@@ -148,7 +148,7 @@ def test_limits_are_compared_with_the_held_out_rows_of_the_models_own_outputs():
 def test_rows_that_were_measured_once_do_not_count(monkeypatch):
     """A repeatability of two curves: three of five samples have a repetition."""
     asked = []
-    others = (np.array([1.0, np.nan, 24.0]), np.array([np.nan, 10.0]))
+    others = (np.array([1.0, 14.0, np.nan]), np.array([np.nan, 10.0]))
     for name in ("repeats", "repeated_cycles"):
         monkeypatch.setattr(
             scoring, name, lambda *said, of=name: asked.append((of, *said)) or others
@@ -166,6 +166,8 @@ def test_rows_that_were_measured_once_do_not_count(monkeypatch):
         (row,) = (row for row in found if row.curve == "all")
         assert (row.model, row.target, row.n) == ("repeatability", "y", 3)
         assert row.rmse == pytest.approx(np.sqrt((1 + 16 + 0) / 3))
+        spread = np.sum((np.array([0, 10, 10]) - 20 / 3) ** 2)
+        assert row.rrse == pytest.approx(np.sqrt(17 / spread))
     (name, _, target, along, _), (other, *_, driven, _) = asked
     assert (name, target, along) == ("repeats", "y", ["x"])
     assert (other, driven) == ("repeated_cycles", "x")
