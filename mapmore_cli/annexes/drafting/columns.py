@@ -307,9 +307,10 @@ def find(table: Table, wanted: Column, option: str, texts: bool = False) -> Titl
     )
     if texts and empty is not None:
         raise UsageError(
-            f"{option}: {empty.called} has neither numbers nor texts that occur in several rows",
-            "a text that stands only in the first of its rows applies to the empty cells below it, "
-            "if the first row of the table has one",
+            f"{option}: {empty.called} cannot be used, because it has no numbers, and no text "
+            "occurs in several of its rows",
+            "write the text into each row to which it applies; empty cells below a text repeat it "
+            "only if the first row of the table has a text",
         )
     if len(near) != 1:
         kind = "" if texts else " of numbers"

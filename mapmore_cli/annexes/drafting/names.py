@@ -247,9 +247,10 @@ def _asked_for(hold: Hold, series: Sequence[Series]) -> Series:
     if asked is None:
         listed = ", ".join(dict.fromkeys(next(iter(numbers.values())).shown for numbers in series))
         raise UsageError(
-            f"--hold: no column and no number in the names is called {hold.name}",
-            f"the names have {listed or 'no number that varies'}; give the word beside a number "
-            f"with `--hold {hold.name}=WORD:UNIT`, or write `--hold none`",
+            f"--hold: {hold.name} is neither a column nor a number in the names of the files",
+            f"the names of the files contain {listed or 'no number that varies'}; if the "
+            f"number has another word beside it, write `--hold {hold.name}=WORD:UNIT`; if nothing "
+            "was held, write `--hold none`",
         )
     return asked
 
