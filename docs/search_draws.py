@@ -250,7 +250,7 @@ def summary(rows: Sequence[tuple[Cell, ...]]) -> Table:
         "geometric mean .2f",
         "worst .2f",
         f"above {WORSE:g} times .0f",
-        "of these told .0f",
+        "of these reported .0f",
         "found / best in the list .2f",
     )
     lines = []

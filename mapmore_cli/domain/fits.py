@@ -275,7 +275,7 @@ class FormulaFit(Fit):
     samples: Annotated[Count, "number of samples of the fit"]
     notes: Notes = ()
     rivals: Annotated[tuple[Optimum, ...], "other minima with nearly the same error"] = ()
-    definition: str = ""
+    definition: Annotated[str, "text of a family or of a formula of the user's own"] = ""
     errors_note: ErrorsNote = LOWER_BOUND
 
     @property

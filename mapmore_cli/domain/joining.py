@@ -44,8 +44,9 @@ TRANSITIONS: Mapping[str, Transition] = {
 class Joining(Settings):
     """Rules for joining segment functions, in the spec and in the model (M2 eq 9-11).
 
-    - `transition`: Course of a weight over a transition zone (M2 figure 5). `linear` has kinks at
-      the ends of the zone, smoother courses have none. Example: `cubic`
+    - `transition`: Course of a weight over a transition zone (M2 figure 5). With `linear`, the
+      slope of the output jumps at the ends of the zone; with the other two, it is continuous.
+      Example: `cubic`
     - `z_s`: Distance by which a transition zone reaches to each side of a boundary, as a fraction
       of the segment. A wider zone is smoother, but mixes the functions over a larger range.
       Example: `0.25`

@@ -41,7 +41,7 @@ def uncertainty_of(name: str) -> str:
 class Quantity:
     """A measured or modelled quantity."""
 
-    name: Annotated[QuantityName, "canonical name"]
+    name: Annotated[QuantityName, "its name, such as `force`"]
     unit: Annotated[Label, "its unit, such as `kPa`, `1` or `N`"]
 
     @property
@@ -243,7 +243,7 @@ class Dataset:
 
 @dataclass(frozen=True)
 class Signal:
-    """An input that is computed from another one over time.
+    """A rate of change or a direction of motion: an input that is computed from another quantity.
 
     A rate is `factor` times the derivative by the time in seconds. `seconds` is the number of
     seconds in one unit of the time.

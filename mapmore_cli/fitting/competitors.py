@@ -273,8 +273,8 @@ class Contest:
         """Results of the static run in `needs`."""
         if self.static_run is None:
             raise SpecError(
-                "validate.against: a competitor is fitted to the data of a static run, and "
-                "there is none",
+                "validate.against: a competitor is fitted to the data of a static run, but "
+                "this spec names no such run",
                 "add `needs: {static: my-static.yaml}`",
             )
         return RunFiles(self.static_run)

@@ -215,7 +215,7 @@ def with_joined(
                 f"{log.name}: contains {len(others)} recordings, but {source.name} contains "
                 f"{len(found)}"
             )
-            raise DataError(what, "Join a file with the same number of recordings, or with one.")
+            raise DataError(what, "join files with as many recordings, or with a single recording")
         pairs = zip(found, others if len(others) > 1 else others * len(found), strict=True)
         both = _by_row if join.on == "row" else _by_time
         found = [

@@ -203,7 +203,7 @@ def predicted_lines(
         for start in diverged:
             warn(
                 f"{label}:row {block[start].line}: the free run diverges, so that there is "
-                "no prediction until it is started again"
+                "no prediction up to the next gap or the end of the recording"
             )
         predicted += sum(not cell.startswith(",") for cell in cells)
         beyond += sum("true" in cell.split(",") for cell in cells)

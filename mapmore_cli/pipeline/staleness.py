@@ -54,7 +54,7 @@ class Needed:
 
     @property
     def last(self) -> str:
-        """Name of the last stage of the other run that is needed."""
+        """Name of the last stage of the other run whose result this run needs."""
         return MODEL_STAGE if self.need.compared or self.need.overrides else "report"
 
     def is_kept(self, runs: Path) -> bool:

@@ -34,8 +34,9 @@ def columns_in(frame: object, column: Column) -> list[Hashable]:
     """Return the labels that a column of the spec means: none if there is no such column, several
     if it is ambiguous.
 
-    The identical label is preferred. A text also means a label that is written like it. A number
-    means an index, counted from 0, if no label is a number.
+    The identical label is preferred. A text also matches a label of another type that looks the
+    same as text, such as `"3"` and 3. A number is an index, counted from 0, if no label is a
+    number.
     """
     labels = labels_of(frame) or ()
     exact: list[Hashable] = [
@@ -60,7 +61,8 @@ def canonical_columns(frame: object, target: object) -> dict[str, dict[str, str]
     if not columns:
         known = known_names("", names, "The frame has")
         raise SpecError(
-            "columns: no column of the frame has a canonical name",
+            "columns: no column of the frame is called like a quantity that mapmore knows, such as "
+            "`force`",
             f'assign the columns: columns={{"force": {{"column": "F"}}}}. {known}',
         )
     return columns

@@ -74,8 +74,7 @@ def refuse_irregular(place: Path) -> None:
         )
     if is_special(place):
         raise WriteError(
-            f"{place}: is no file but a pipe, a socket or a device, which mapmore has not made and "
-            "does not replace",
+            f"{place}: is a pipe, a socket or a device, and mapmore replaces only its own files",
             "move it away",
         )
 

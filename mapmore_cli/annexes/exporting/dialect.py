@@ -83,8 +83,8 @@ class Dialect:
         return HELPER.format(name)
 
     def helpers(self, *lines: str) -> dict[str, Code]:
-        """Return the functions that occur in the lines and that the library of the language lacks,
-        by name: the expression of x that an export writes as a helper.
+        """Return the expressions of x that an export writes as helper functions, by the name of the
+        helper: those of all functions in the lines that the library of the language lacks.
         """
         called = set(re.findall(r"\w+(?=\()", "\n".join(lines)))
         return {

@@ -105,7 +105,7 @@ def unit_file(model: Model, wanted: Wanted, standard: int = 2) -> dict[str, byte
 
 
 def fmu_sources(model: Model, tool: str, standard: int = 2) -> UnitSources:
-    """Return the texts of a unit of FMI 2 or 3; `tool` is the program and version that makes it.
+    """Return the texts in an FMU of FMI 2 or 3; `tool` is the program and version that makes it.
 
     Raises the same errors as `c_source.c_source`.
     """

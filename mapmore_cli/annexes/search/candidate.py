@@ -191,10 +191,11 @@ WORD = re.compile(r"[A-Z][A-Z_]+|\bN\b")
 
 
 def filled(part: Any, words: Mapping[str, Any]) -> Any:
-    """Return a part of a spec with its words filled in.
+    """Return a part of a spec in which the placeholders (words in capitals) are replaced by their
+    values, `words`.
 
-    A word with several values is replaced by all of them in a list. `{every: TEXT, WORD: values,
-    ...}` is replaced by the text for each of the values.
+    In a list, a placeholder with several values is replaced by all of them. `{every: TEXT, WORD:
+    values, ...}` is replaced by one copy of the text for each of the values.
     """
     match part:
         case str():

@@ -182,8 +182,8 @@ class Operator:
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """Return how many numbers the name of a state may have; zero is among them if training can
-        estimate them.
+        """Return how many numbers the name of a state may contain. If training can estimate the
+        numbers, the name may also contain none.
         """
         return (0, len(self.parameters)) if self.found else (len(self.parameters),)
 

@@ -216,8 +216,8 @@ def minimise(
     problem: FreeRunProblem, start: Array, horizon: int | None, effort: tuple[int, float]
 ) -> Point:
     """Search by the Levenberg-Marquardt method at one horizon (None for a free run). A step is
-    rejected if it raises the error or if its run diverges. The `effort` is the largest number of
-    iterations and the relative gain at which the search stops.
+    rejected if it raises the error or if its run diverges. The search stops after `effort[0]`
+    iterations, or if an iteration reduces the error by less than the share `effort[1]`.
 
     SciPy's trust-region method ends in other minima, which are not lower on the whole.
     """

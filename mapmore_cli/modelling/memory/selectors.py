@@ -78,7 +78,7 @@ def regressors(
     if not len(y):
         raise DataError(
             "no training sample has a history as long as the longest delay",
-            "use fewer steps of delay, or longer recordings",
+            "remove the longest delays, or use longer recordings",
         )
     lengths = tuple(len(output) for _, output in parts if len(output))
     return Regressors(tuple(terms), pooled, y, np.concatenate(sigma) if sigma else None, lengths)

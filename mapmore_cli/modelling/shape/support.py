@@ -203,12 +203,13 @@ def _contradiction(
 
 
 def _confirmed(region: Region, asked: ShapeWord, cells: IntArray) -> bool:
-    """Return True if the plane through some cells, which may bend along the other inputs,
-    contradicts a sign by more than `CONFIRMED` of its standard errors.
+    """Return True if a surface through some cells contradicts a sign by more than `CONFIRMED`
+    standard errors of its slope. The surface is linear in the quantity of the sign and quadratic in
+    the other inputs.
 
     Between scattered cells, the output is interpolated linearly in long and thin simplices. It may
-    fall there although the true output, which bends, rises. The residuals of a plane include the
-    rest of the bend.
+    fall there although the true, curved output rises. The residuals of the surface contain the
+    curvature that it cannot follow, so that the standard error grows with it.
     """
     others = [name != asked.quantity for name in region.names]
     x = region.places[cells]

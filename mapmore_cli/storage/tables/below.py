@@ -185,7 +185,11 @@ def _map_as_table(rows: Iterable[Row], label: str) -> Below:
         for place, value in across
     ]
     if not cells:
-        raise DataError(f"{label}: is no map of cells", "correct `skip_rows`, or leave out `table`")
+        raise DataError(
+            f"{label}: contains no cell below a value in the first line, so it cannot be read with "
+            "`table: map`",
+            "correct `skip_rows`, or leave out `table`",
+        )
     return Below((), [(top[0], MAP_COLUMNS)], cells)
 
 

@@ -47,13 +47,14 @@ def may_be_grouped(values: Array) -> bool:
 
 
 def refuse_grouped(cells: Iterable[tuple[int, object]], decimal: str, column: str) -> None:
-    """Raise NotANumber for a column whose cells, each with its row, are whole numbers up to 999 and
-    numbers with exactly three decimals, such as 1.050, because no program writes decimals in that
-    way.
+    """Raise NotANumber for a column in which the mark for decimals probably separates thousands.
+    `cells` contains each cell with its row; `column` describes the place, with `{row}` for the row.
 
-    A program that drops zeros at the end would write 1.05, and one that keeps them would write
-    950.000. Without such a zero, the numbers with decimals must be tiny beside the whole ones.
-    `column` describes the place, with `{row}` for the row.
+    Such a column contains whole numbers up to 999 and numbers with exactly three decimals, for
+    example 950 and 1.050. No program writes decimals in this way: one that drops zeros at the end
+    would write 1.05, and one that keeps them would write 950.000. If no number ends with a zero,
+    this argument fails. Then the column is refused only if its numbers with decimals are tiny
+    beside its whole numbers.
     """
     grouped = re.compile(rf"[+-]?[1-9]\d{{0,2}}{re.escape(decimal)}\d{{3}}")
     first, zeros, largest, most = (0, ""), Counter[bool](), 0.0, 0.0

@@ -381,10 +381,10 @@ def entries_of(
 
 
 def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
-    """Yield, for every text of a family that names quantities, its place, the text itself, and True
-    for an expression or False for the name of a state.
+    """Yield every text in an entry of a dictionary that names quantities, with its place before it
+    and, after it, True for an expression or False for the name of a state.
 
-    `loc` is the place of the family. Families inside it are left out.
+    `loc` is the place of the entry. Entries inside it are left out.
     """
     if isinstance(family, list):
         yield from (((*loc, place), text, True) for place, text in enumerate(family))
