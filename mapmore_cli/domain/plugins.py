@@ -73,11 +73,11 @@ def parts(
             added = list[Added[P]]()
             for part in _parts_in(group, name, load(group, name)):
                 if not isinstance(part.name, str):
-                    raise TypeError("its name is no text")
+                    raise TypeError("its name is not a text")
                 if part.name in names:
                     raise ValueError(f"there is already a `{part.name}`")
                 if not isinstance(part.value, form):
-                    raise TypeError(f"{type(part.value).__name__} is no {form.__name__}")
+                    raise TypeError(f"{type(part.value).__name__} is not a {form.__name__}")
                 added.append(Added(part.name, part.value, part.source))
         # a plugin may raise any exception, and the other parts must still work
         except Exception as fault:

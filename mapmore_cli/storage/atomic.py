@@ -74,9 +74,8 @@ def refuse_irregular(place: Path) -> None:
         )
     if is_special(place):
         raise WriteError(
-            f"{place}: is no file but a pipe, a socket or a device, which mapmore has not made and "
-            "does not replace",
-            "move it away",
+            f"{place}: is a pipe, a socket or a device, which mapmore does not replace with a file",
+            "move it away, or name another place",
         )
 
 

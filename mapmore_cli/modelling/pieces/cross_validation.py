@@ -114,7 +114,7 @@ def _of_fold(
     if formula is not None and formula.failed:
         raise FitError(
             f"the fit of {formula.name} failed with a part of the data left out",
-            "use another backbone",
+            "write another formula as `backbone`",
         )
     model = build("fold", training, _of_fewer_samples(recipe), quantities, formula)
     rows = pooled(list(zip(curves, left_out, strict=True)))

@@ -175,7 +175,11 @@ def _map_as_table(rows: Iterable[Row], label: str) -> Below:
         for place, value in across
     ]
     if not cells:
-        raise DataError(f"{label}: is no map of cells", "correct `skip_rows`, or leave out `table`")
+        raise DataError(
+            f"{label}: contains no map, in which the first line and the first column hold the "
+            "values of two quantities, and the other cells those of a third",
+            "correct `skip_rows`, or remove `table: map` if the file is an ordinary table",
+        )
     return Below((), [(top[0], MAP_COLUMNS)], cells)
 
 
