@@ -205,7 +205,7 @@ def freeze(
             reporter.say(f"{place.name}: made from {PurePosixPath(spec).name or 'no known spec'}")
             if settings:
                 reporter.warn(
-                    f"{place.name}: the spec alone makes a different model, because this "
-                    f"one was made with {' '.join(f'--set {setting}' for setting in settings)}; "
-                    "write these settings into the spec to repeat it"
+                    f"{place.name}: the spec alone makes a different model, because this one was "
+                    f"made with {' '.join(f'--set {setting}' for setting in settings)}; write "
+                    "these settings into the spec, so that the model can be made again"
                 )

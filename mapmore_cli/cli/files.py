@@ -168,7 +168,10 @@ def figure(
         f"figures cannot be written as {out.suffix or 'a file without an ending'}",
     )
     if data is not None and curve is None:
-        raise UsageError("--data needs one panel", "name the panel with --curve")
+        raise UsageError(
+            "--data writes the numbers of one panel, and no panel is named",
+            "name the panel with --curve",
+        )
     wanted = [model.strip() for model in (models or "").split(",") if model.strip()]
     folder = folder_of(run, runs)
     load_records(folder)  # the sources of the run count as files that this command reads

@@ -74,11 +74,11 @@ def parts(
             added = list[Added[P]]()
             for part in _parts_in(group, name, load(group, name)):
                 if not isinstance(part.name, str):
-                    raise TypeError("its name is no text")
+                    raise TypeError("its name is not a text")
                 if part.name in names:
                     raise ValueError(f"there is already a `{part.name}`")
                 if not isinstance(part.value, form):
-                    raise TypeError(f"{type(part.value).__name__} is no {form.__name__}")
+                    raise TypeError(f"{type(part.value).__name__} is not a {form.__name__}")
                 check = getattr(part.value, "checked", None)
                 if check and type(part.value) is form:  # tests check mapmore's own parts
                     check()

@@ -199,8 +199,8 @@ class Contest:
             quantities_named = ", ".join(differing) or other.output.name
             raise SpecError(
                 f"validate.against: the model of {other.name} has other quantities or units "
-                f"({quantities_named})",
-                "compare runs with the same quantities and units",
+                f"({quantities_named}) than this study",
+                "compare with a run that has the same quantities and units",
             )
         return forecast_each(other, self.dataset.curves, target)
 
@@ -273,9 +273,9 @@ class Contest:
         """Results of the static run in `needs`."""
         if self.static_run is None:
             raise SpecError(
-                "validate.against: a competitor is fitted to the data of a static run, but "
-                "this spec names no such run",
-                "add `needs: {static: my-static.yaml}`",
+                "validate.against: a competitor is fitted to the data of a static run, and this "
+                "spec names no such run",
+                "add `needs: {static: my-static.yaml}` with the spec of your static run",
             )
         return RunFiles(self.static_run)
 

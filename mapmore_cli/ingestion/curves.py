@@ -112,8 +112,8 @@ def with_damping(recording: Recording, force: str, static: Model, warn: Warn) ->
     on = columns[PLATEAU] == 1.0
     if beyond[on].mean() > MOSTLY:
         warn(
-            f"{recording.name}: its plateau lies outside the training range of the static "
-            f"model {static.name}"
+            f"{recording.name}: its plateau lies outside the training range of the static model "
+            f"{static.name}, which therefore guesses the static force there; train it in this range"
         )
     damping = without_steady_state(columns[force] - static_force, on)
     return replace(recording, columns={**columns, STATIC_FORCE: static_force, DAMPING: damping})

@@ -221,7 +221,7 @@ def _mended(
     if lost := len(whole) - len(left):
         warnings.append(
             f"{samples.label}: {lost} of {len(whole)} pieces between gaps (`data.gaps`) "
-            "have no sample left"
+            "have no sample left; check `keep` and `gaps`"
         )
     return [
         Recording(

@@ -255,7 +255,7 @@ def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> I
         if scales and told.is_scaled and column.scale != 1.0:
             yield (
                 f"{what} is scaled by the file itself, and `scale: {column.scale:g}` scales "
-                "it again"
+                "it again; remove `scale` if only one of the two is meant"
             )
         declared = column.unit or units[name]
         free = column.unit is None and (
@@ -269,7 +269,7 @@ def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> I
         if unit is None:
             yield (
                 f"{what} is in '{shortened(told.unit)}' according to the file, but is read in "
-                f"{declared}"
+                f"{declared}; check `unit`, because the unit of the file is unknown here"
             )
         elif not is_same(unit, declared):
             remedy = (

@@ -58,8 +58,9 @@ def _positive_deviation(
         row = int(faulty[0])
         raise DataError(
             f"data.uncertainty.{name}: the uncertainty is {sigma[row]:.3g} at the value "
-            f"{curve.columns[name][row]:g} (sample {row + 1} of {curve.id}), but its median in "
-            f"this curve is {median:.3g}",
+            f"{curve.columns[name][row]:g} (sample {row + 1} of {curve.id}), and its median in "
+            f"this curve is {median:.3g}; it must not be missing or almost zero, because "
+            "this sample would then outweigh all others",
             "give each group an uncertainty; if it is a fraction of the value, add a minimum "
             f"with `derive`, for example `sd: sqrt(0.25 + (0.02*{name})^2)`, and name that "
             "quantity",

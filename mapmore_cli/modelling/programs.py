@@ -31,11 +31,11 @@ def program_of(model: Model) -> Program:
             f"the parts of {model.name} were trained with different time steps, "
             f"{min(steps):g} s and {max(steps):g} s"
         )
-        raise DataError(reason, "train them with the same time step")
+        raise DataError(reason, "train them with the same time step (`resample`)")
     if len(m.kept.fed_back) > 1:
         raise DataError(
             f"the parts of {model.name} must start from measured values of different outputs "
-            f"({', '.join(m.kept.fed_back)})",
+            f"({', '.join(m.kept.fed_back)}), but an exported model can start from one only",
             "export the parts one by one",
         )
     with numbers_in_reach(model):

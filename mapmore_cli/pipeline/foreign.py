@@ -126,7 +126,10 @@ def _samples(
                 continue
             raise
         if others:
-            raise DataError(f"{path.name}: holds several recordings", "name one sheet or file")
+            raise DataError(
+                f"{path.name}: holds several recordings, and `predict` reads one at a time",
+                "name one sheet or file",
+            )
         return samples
     raise AssertionError
 

@@ -202,8 +202,9 @@ def predicted_lines(
         cells, diverged = predictor.cells(label, block, table.values(block, places), runs)
         for start in diverged:
             warn(
-                f"{label}:row {block[start].line}: the free run diverges, so that there is "
-                "no prediction up to the next gap or the end of the recording"
+                f"{label}:row {block[start].line}: the prediction grows without limit, because the "
+                "model gets its own predictions as past outputs; the rows up to the next gap or "
+                "recording stay empty, and the model cannot be used for these inputs"
             )
         predicted += sum(not cell.startswith(",") for cell in cells)
         beyond += sum("true" in cell.split(",") for cell in cells)

@@ -185,7 +185,7 @@ def _diverged(name: str, curve: Curve, row: int, dataset: Dataset) -> str:
         at += f" ({curve.columns['time'][row]:g} {dataset.unit('time')})"
     return (
         f"{name}: its free run diverges on {curve.recordings[log]} at {at}, so that it has "
-        "no scores there"
+        "no scores there (in a free run, a model gets its own predictions as past outputs)"
     )
 
 

@@ -106,7 +106,7 @@ def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
             circle = " -> ".join(step.name for step in (*chain, other))
             raise SpecError(
                 f"{loaded.name}: these runs need each other in a circle: {circle}",
-                "remove one of them",
+                "remove one of these names from its spec",
             )
         refuse_circle(load(other), chain)
 

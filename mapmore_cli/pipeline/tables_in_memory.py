@@ -61,8 +61,8 @@ def canonical_columns(frame: object, target: object) -> dict[str, dict[str, str]
     if not columns:
         known = known_names("", names, "The frame has")
         raise SpecError(
-            "columns: no column of the frame is called like a quantity that mapmore knows, such as "
-            "`force`",
+            "columns: no column of the frame has the name of a quantity that mapmore knows, such "
+            "as pressure, strain or force",
             f'assign the columns: columns={{"force": {{"column": "F"}}}}. {known}',
         )
     return columns

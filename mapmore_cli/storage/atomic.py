@@ -74,8 +74,8 @@ def refuse_irregular(place: Path) -> None:
         )
     if is_special(place):
         raise WriteError(
-            f"{place}: is a pipe, a socket or a device, and mapmore replaces only its own files",
-            "move it away",
+            f"{place}: is a pipe, a socket or a device, which mapmore does not replace with a file",
+            "move it away, or name another place",
         )
 
 

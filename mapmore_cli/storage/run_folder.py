@@ -187,7 +187,7 @@ def refuse_foreign(folder: Path, record: str) -> None:
         raise WriteError(
             f"{folder}: holds files that mapmore did not write there "
             f"({', '.join(others[:3])}{more})",
-            "give it another `name`, or choose another folder with --runs",
+            "give the study another `name`, or choose another folder with --runs",
         )
 
 

@@ -87,7 +87,7 @@ def explain_fault(error: Exception, source: SourceText) -> NoReturn:
         at = position_at(source, error.position)
         fail(
             at,
-            f"control character #x{int(error.character):04x}",
+            f"the text contains the control character #x{int(error.character):04x}",
             "give the path of a spec, which is plain text; this seems to be a data file",
         )
     context = getattr(error, "context_mark", None)

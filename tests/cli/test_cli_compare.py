@@ -134,7 +134,7 @@ def test_a_difference_of_settings_is_not_the_muscle_s(campaigns, mapmore):
     assert said.stdout == f"{campaigns / 'x' / 'fused@x'}\n"
     assert "fused@x: made from bench.yaml" in said.stderr
     assert "the spec alone makes a different model" in said.stderr
-    assert "made with --set fuse.z_s=0.1; write these" in said.stderr
+    assert "made with --set fuse.z_s=0.1; write these settings into the spec" in said.stderr
 
 
 def test_a_key_that_a_later_version_has_is_no_other_setting(campaigns, mapmore, tmp_path):

@@ -186,7 +186,7 @@ predict MODEL - --decimal ,                         stdin is always read as CSV
 predict MODEL t.csv --set force=1                   the model has no input 'force'
 predict MODEL t.csv --set pressure=x                --set pressure=x:
 figure runs nothing                                 there is no figure 'nothing'
-figure runs fit --data a.csv                        --data needs one panel
+figure runs fit --data a.csv                        --data writes the numbers of one panel
 figure runs fit -o a.gif                            figures cannot be written as .gif
 clean s.yaml --runs . --now                         --now needs --yes
 clean s.yaml --runs none                            none: this folder does not exist

@@ -102,7 +102,10 @@ def test_pieces_without_samples_are_left_out_with_a_warning(ingest):
         warnings=warnings,
     )
     assert [(c.id, c.size) for c in dataset.curves] == [("a#1", 2), ("a#2", 2)]
-    assert warnings[0] == "a.csv: 1 of 3 pieces between gaps (`data.gaps`) have no sample left"
+    assert warnings[0] == (
+        "a.csv: 1 of 3 pieces between gaps (`data.gaps`) have no sample left; check `keep` and "
+        "`gaps`"
+    )
     with pytest.raises(DataError, match="no sample is left"):
         ingest(
             {"a.csv": logged(0, 0.1, 1, 1.1)},

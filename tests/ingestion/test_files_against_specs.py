@@ -86,7 +86,8 @@ def test_units_that_the_file_contradicts(ingest, units, spec, told):
 @pytest.mark.parametrize("word", ["counts", "a.u.", "Messwert", "m**9**9**9"])
 def test_words_that_nobody_knows_are_told(ingest, word):
     assert read(ingest, hdf5(F=word), columns=columns())[1] == [
-        f"a.h5: 'F' is in '{word}' according to the file, but is read in N"
+        f"a.h5: 'F' is in '{word}' according to the file, but is read in N; "
+        "check `unit`, because the unit of the file is unknown here"
     ]
 
 
@@ -95,7 +96,10 @@ def test_a_factor_of_the_file_and_one_of_the_spec(ingest):
     with h5py.File(stream, "a") as file:
         file["F"].attrs["scale_factor"] = 0.1
     _, warnings = read(ingest, stream.getvalue(), columns=columns(force={"scale": 0.1}))
-    assert warnings == ["a.h5: 'F' is scaled by the file itself, and `scale: 0.1` scales it again"]
+    assert warnings == [
+        "a.h5: 'F' is scaled by the file itself, and `scale: 0.1` scales it again; remove `scale` "
+        "if only one of the two is meant"
+    ]
 
 
 def test_units_by_meaning():

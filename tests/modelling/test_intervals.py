@@ -112,7 +112,7 @@ def test_there_is_no_interval_outside_of_the_training_range(
 
 
 def test_what_cannot_be_is_refused():
-    with pytest.raises(DataError, match="has no left-out residuals") as told:
+    with pytest.raises(DataError, match="has no errors on left-out data") as told:
         interval(line(), {"pressure": np.array([150.0])}, 0.95)
     assert "intervals: true" in str(told.value.remedy)
     for level in (0.0, 1.0, 95.0, -0.5, float("nan")):

@@ -52,7 +52,7 @@ def test_columns_with_names_of_quantities_need_no_entry():
     frame = {"force": [1.0], "strain_rate": [1.0], "tip x": [1.0], "colour": [1.0]}
     assert [*canonical_columns(frame, "static")] == ["force", "strain_rate"]
     assert [*canonical_columns(frame, "colour")] == ["force", "strain_rate", "colour"]
-    with pytest.raises(SpecError, match="no column of the frame is called like a quantity"):
+    with pytest.raises(SpecError, match="no column of the frame has the name of a quantity"):
         canonical_columns({"colour": [1.0]}, "static")
     other = {"force": [1.0], "P": [1.0]}
     assert with_canonical_columns([frame], {"x": "colour"}, ["strain_rate"]) == {

@@ -195,7 +195,7 @@ def test_a_spec_with_one_slip_is_read_or_refused_with_a_place(place, slip):
         ("name: !!timestamp 2024-01-01\n", ["tag !!timestamp"]),
         ("name: !!int x\n", ["'x' is not a valid int"]),
         ("name: " + "9" * 5000, ["spec.yaml:1:7"]),
-        ("name: a\0b\n", ["spec.yaml:1:8: control character #x0000"]),
+        ("name: a\0b\n", ["spec.yaml:1:8: the text contains the control character #x0000"]),
         (b"name: a\nmuscle: {name: caf\xe9}\n", ["spec.yaml:2:19: byte 0xe9 is not UTF-8",
             "save the file as UTF-8"]),
         ("name: grün\n".encode("utf-16"), ["spec.yaml:1:1: byte 0xff is not UTF-8"]),

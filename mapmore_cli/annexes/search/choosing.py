@@ -27,8 +27,9 @@ BY_MEDIAN = (
 )
 
 BY_ENDS = (
-    "; because an end is held out, only the folds that leave an end out decide, but if there is "
-    "only one of them, all folds decide among the structures within 20 % of the best on this one"
+    "; because an end of an input is held out, only the folds (left-out parts) that leave an end "
+    "out decide; if there is only one, all folds decide among the structures within 20 % of the "
+    "best on this one"
 )
 
 PLAIN = ("simple", "formula")

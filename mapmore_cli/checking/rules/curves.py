@@ -159,8 +159,8 @@ def even_steps(subject: Subject) -> Issues:
             "warning",
             "memory-breaks",
             subject.where("data"),
-            f"the memory starts again after {gaps} within recordings; half of the pieces "
-            f"have {middle} samples or fewer",
+            f"the model forgets its past after {gaps} within recordings; half of the parts "
+            f"between gaps have {middle} samples or fewer",
             f"add `resample: {step:.6g} s` to `data`, and `gaps: "
             f"{{longer_than: ..., action: split}}` for gaps that are too long to fill",
         )

@@ -18,7 +18,7 @@ from mapmore_cli.modelling.shape.support import refuse_unsupported
 from mapmore_cli.study.checks.competitors import formula_called, rivals_of
 from mapmore_cli.study.sections.dictionary import remembers
 
-FEWER = "use fewer segments, lower `fit.max_terms`, or keep more samples of this curve"
+FEWER = "use fewer segments, lower `fit.max_terms`, or loosen `data.keep` to have more samples"
 
 
 def short_segments(subject: Subject) -> Issues:

@@ -30,7 +30,7 @@ def added_up(_path: str) -> Model:
     unknown.
     """
     raise SpecError(
-        "a sum of models of other runs cannot be fitted by itself",
+        "a sum of models of other runs cannot be fitted here, where these runs are unknown",
         "use the specs of the added models instead",
     )
 

@@ -157,7 +157,9 @@ def state(text: str) -> State:
     tokens = Tokens(text)
     parsed = read_state(tokens, tokens.take())
     if tokens.next.kind != "end":
-        raise ExpressionError(f"{text!r} continues after the name of a state", tokens.next.position)
+        raise ExpressionError(
+            f"{text!r} contains more than the name of one state", tokens.next.position
+        )
     return parsed
 
 

@@ -126,7 +126,9 @@ class Formula:
         if any(
             derivative(self._fitted_expression, name).names & {*self.linear} for name in self.linear
         ):
-            raise ValueError(f"{self.name}: not linear in a parameter that `nonlinear` lacks")
+            raise ValueError(
+                f"{self.name}: not linear in a parameter that is missing in `nonlinear`"
+            )
         return self
 
     def starting_from(self, start: str) -> Formula:

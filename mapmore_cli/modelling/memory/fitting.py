@@ -26,7 +26,9 @@ LATE = 0.25
 STARTS = 3  # number of sets of starting values of operators that are refined
 SHORT = 2048  # number of training samples on which these sets are compared
 
-DIVERGES = "use another `fit.stop`, fewer delayed outputs, or a ridge"
+DIVERGES = (
+    "write another `fit.stop`, use fewer delayed outputs in the dictionary, or set `fit.ridge`"
+)
 
 Progress = Callable[[int, int], None]
 
@@ -71,7 +73,9 @@ def fit_with_memory(
     point = _refined(problem, choice, start[in_chosen], near)
     if not np.isfinite(point.error):
         raise DataError(
-            "the free run of the chosen terms diverges on the training samples", DIVERGES
+            "the model of the chosen terms grows without limit on the training samples, when it "
+            "gets its own predictions as past outputs (free run)",
+            DIVERGES,
         )
     vector = point.vector
     if in_chosen.any():
@@ -200,7 +204,7 @@ def _sized_in_free_run(
     if not np.isfinite(errors).any():
         raise DataError(
             "on the last quarter of the training samples, the free run of every candidate model "
-            "diverges or has no history",
+            "diverges, or begins too late (a free run uses its own predictions as past outputs)",
             DIVERGES,
         )
     return sizes[int(np.argmin(errors))], np.array(errors)

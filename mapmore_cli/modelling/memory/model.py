@@ -187,7 +187,8 @@ class MemoryVerbs(Verbs):
             if (np.clip(rest, *divergence_bounds(memory.limits)) == rest).all():
                 return base + rest
         raise FitError(
-            "fit.shape: with constant inputs, the output of the fitted model does not settle",
+            "fit.shape: with constant inputs, the output of the fitted model does not settle, so "
+            "that its shape at rest cannot be checked",
             "use fewer delays of the output, or remove `fit.shape`",
         )
 

@@ -77,8 +77,8 @@ def regressors(
     y = np.concatenate([output for _, output in parts])
     if not len(y):
         raise DataError(
-            "no training sample has a history as long as the longest delay",
-            "remove the longest delays, or use longer recordings",
+            "no training sample has as many samples before it as the longest delay needs",
+            "remove the longest delays from the dictionary, or use longer recordings",
         )
     lengths = tuple(len(output) for _, output in parts if len(output))
     return Regressors(tuple(terms), pooled, y, np.concatenate(sigma) if sigma else None, lengths)

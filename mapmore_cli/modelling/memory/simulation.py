@@ -170,8 +170,8 @@ def refuse_unknown_beginning(piece: ReadyPiece) -> None:
         output = piece.feedback.output
         raise AtSample(
             first + int(np.argmin(known)),
-            f"{output} is missing at the start of a free run, which continues from measured "
-            "outputs",
+            f"{output} is missing at the start of a run, where the model must know measured "
+            "outputs before it uses its own predictions",
             f"give the column {output} values in the first {piece.start} samples of every "
             "recording, and after every gap",
         )

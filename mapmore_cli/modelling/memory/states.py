@@ -197,8 +197,9 @@ def _range(values: Array, name: str) -> Ends:
     values = values[np.isfinite(values)]
     if not len(values):
         raise DataError(
-            f"`{name}` has no value on any training sample",
-            "use fewer steps of delay, or longer recordings",
+            f"`{name}` has no value on any training sample, because all have too few samples "
+            "before them",
+            "remove the longest delays from the dictionary, or use longer recordings",
         )
     return extremes(values)
 

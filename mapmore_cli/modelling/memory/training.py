@@ -231,9 +231,9 @@ class TrainingData:
         self.data = regressors(records, self.states, self.terms, recipe.target)
         if len(self.data.y) <= recipe.max_terms:
             raise DataError(
-                f"{len(self.data.y)} training sample(s) have a complete history, too few "
-                f"for {recipe.max_terms} term(s)",
-                "keep more samples, or lower fit.max_terms",
+                f"{len(self.data.y)} training sample(s) have enough samples before them for all "
+                f"delays, too few for {recipe.max_terms} term(s)",
+                "loosen `data.keep`, use shorter delays, or lower `fit.max_terms`",
             )
         self.limits = extremes(self.data.y)
         self.selector = selector(self.data, recipe)
@@ -336,8 +336,8 @@ class TrainingData:
         places = [place for place, mask in enumerate(rows) if mask.any()]
         if not places:
             raise DataError(
-                "no sample has a history as long as a free run needs",
-                "use fewer steps of delay, or longer recordings",
+                "no sample has as many samples before it as the longest delay needs",
+                "remove the longest delays from the dictionary, or use longer recordings",
             )
         for place in places:
             refuse_unknown_beginning(pieces[place])

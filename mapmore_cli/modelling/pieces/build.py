@@ -194,8 +194,8 @@ def _best_placement(
     most = min(recipe.fit.max_terms, len(terms))
     if n <= most:
         ways = (
-            f"use fewer segments, join small ones with `min_samples: {most + 1}`, keep more "
-            "samples of this curve"
+            f"use fewer segments, join small ones with `min_samples: {most + 1}`, loosen "
+            "`data.keep`"
         )
         what = f"segment {segment.id}: {n} training sample(s), too few for {most} term(s)"
         raise DataError(what, f"{ways}, or set fit.max_terms to less than {max(2, n)}")

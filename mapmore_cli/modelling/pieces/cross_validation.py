@@ -114,7 +114,7 @@ def _of_fold(
     if formula is not None and formula.failed:
         raise FitError(
             f"the fit of {formula.name} failed with a part of the data left out",
-            "use another backbone",
+            "write another formula as `backbone`",
         )
     model = build("fold", training, _of_fewer_samples(recipe), quantities, formula)
     rows = pooled(list(zip(curves, left_out, strict=True)))
@@ -280,39 +280,42 @@ def with_trusted_residual(
     left_out = leave_out(curves, recipe, quantities, formula, folds, progress)
     share, without, whole = left_out.share, left_out.rmse(0.0), left_out.rmse(1.0)
     errors = (
-        f"on {left_out.folds} left-out part(s) its error is {without:.4g} {unit} alone, "
-        f"{whole:.4g} {unit} with the whole residual, {left_out.rmse(share):.4g} {unit} "
-        f"with {share:.0%} of the residual"
+        f"on {left_out.folds} left-out part(s) the error is {without:.4g} {unit} with the formula "
+        f"alone, {whole:.4g} {unit} with the whole correction, {left_out.rmse(share):.4g} {unit} "
+        f"with {share:.0%} of it"
     )
     as_good = f"`model: {{type: literature, name: {name}}}` is as good"
     shares, note = {BACKBONE: 0.0, RESIDUAL: 1.0}, ""
     if inner_level_count(curves, recipe):
         shares[SHRUNKEN] = share
         body = body.joined(shrink=share)
-        note = f"midway between levels, {share:.0%} of the residual on {name} is used: {errors}"
+        note = (
+            f"midway between levels, {share:.0%} of the correction of {name} by the segments is "
+            f"used: {errors}"
+        )
         if share == 0:
             parts = repeats_left_out(curves) or _blocks_in(curves, recipe)[1:-1]
             inside = leave_out(curves, recipe, quantities, formula, parts)
             helps = inside.rmse(1.0) < inside.rmse(0.0)
             body = body if helps else _times(body, 0.0)
             unused = (
-                f"between levels, the residual on {name} is not used"
+                f"between levels, the correction of {name} by the segments is not used"
                 if helps
-                else f"the pieces on {name} are left out"
+                else f"the correction of {name} by the segments is left out"
             )
             note = f"{unused}, because {as_good}: {errors}"
     elif body.level is None and share > 0:
         shares[SHRUNKEN] = share
         body = _times(body, share)
-        note = f"the pieces on {name} are used with {share:.0%} of their value: {errors}"
+        note = f"{share:.0%} of the correction of {name} by the segments is used: {errors}"
     elif body.level is None or not whole < without:
         body = _times(body, 0.0)
-        note = f"the pieces on {name} are left out, because {as_good}: {errors}"
+        note = f"the correction of {name} by the segments is left out, because {as_good}: {errors}"
     elif len(body.curves) == 2:
         body = body.joined(shrink=0.0)
         note = (
             f"midway between the two levels only {name} is used; measure a level between "
-            "them to learn how its residual changes there"
+            "them to learn how its error changes there"
         )
     tried = tuple(
         FoldError(choice, left_out.rmse(share), left_out.folds) for choice, share in shares.items()
@@ -393,8 +396,8 @@ def choose_backbone(
     if not errors:
         return BackboneChoice(
             None,
-            "no backbone is used: no formula and no model of pieces could be fitted with a "
-            "level left out",
+            "no backbone is used: no formula and no model of segments could be fitted with "
+            "a level left out",
         )
     chosen = simplest_backbone(errors)
     unit = quantities[recipe.target].unit

@@ -297,7 +297,7 @@ def segment_curve(
         rows = rows_where(by_blocks(inside, training, *inputs))
         segments.append(Segment(segment_id(curve.id, tuple(cuts), place), curve.id, place, rows))
     if empty := [segment.id for segment in segments if not len(segment.rows)]:
-        remedy = "use fewer segments, move the breakpoints, or keep more samples of this curve"
+        remedy = "use fewer segments, move the breakpoints, or loosen `data.keep`"
         raise DataError(f"segment {empty[0]}: contains no training sample", remedy)
     limits = {name: curve.limits(name) for name in curve.columns}
     return SegmentedCurve(

@@ -86,7 +86,7 @@ class Exchange:
                 "fit.shape: no coefficients of the chosen terms fulfil it: "
                 f"{'; '.join([*places][:3]) or 'bounds of coefficients'}",
                 "allow more or other terms (fit.max_terms, dictionary), raise fit.slack, "
-                "or relax the shape",
+                "or remove a condition",
             )
 
     def binding(self) -> list[Stencils]:
@@ -160,7 +160,7 @@ class Exchange:
             self._solve()
         raise FitError(
             f"fit.shape: no coefficients that fulfil it were found: {violated[0].told}",
-            "interpolate linearly (`fuse: {levels: linear}`), or relax the shape",
+            "interpolate linearly (`fuse: {levels: linear}`), or remove a condition",
         )
 
     def _at_nodes(self, every: Sequence[Stencils], of: Callable[[Columns], Array]) -> list[Array]:

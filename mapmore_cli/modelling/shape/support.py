@@ -104,8 +104,8 @@ def refuse_unsupported(
             raise FitError(
                 f"fit.shape: `{word.quantity}: {word.word}` was examined at {count} "
                 f"differences of the training data, of which {wrong} contradict it{against_words}",
-                f"a sign needs at least {FEWEST} differences, and the data may contradict it only "
-                "within their noise; remove the sign, or raise `fit.slack`",
+                f"this needs at least {FEWEST} differences, and the data may contradict it only "
+                "within their noise; remove this condition, or raise `fit.slack`",
             )
 
 

@@ -120,7 +120,8 @@ def left_out_summary(
     for part, values in pooled.items():
         if not len(values) or not np.isfinite(values).all():
             raise FitError(
-                f"the model that was fitted without {part} has no prediction for it",
+                f"the model that was fitted without {part} has no prediction for it, or one that "
+                "is not finite",
                 "remove `validate.intervals`",
             )
     parts = list(pooled.values())
@@ -395,7 +396,7 @@ def intervals_of(model: Model, level: float) -> LeftOut:
     if model.left_out is None:
         remedy = "add `validate: {intervals: true}` to its spec, and run `mapmore run` again"
         raise DataError(
-            f"the model {model.name} has no left-out residuals, which intervals are computed from",
+            f"the model {model.name} has no errors on left-out data, from which intervals are made",
             remedy,
         )
     return model.left_out

@@ -191,7 +191,7 @@ def explained_by_inputs(model: Model, dataset: Dataset) -> Iterator[str]:
         share = float(np.mean((up - down) ** 2)) / 4 / max(float(np.mean(left**2)), TINY)
         yield (
             f"{quantity.name}: its uncertainty, times the slope of the model, makes up "
-            f"{100 * share:.3g} % of the squared training residual"
+            f"{100 * share:.3g} % of the squared error on the training data"
         )
 
 
@@ -261,7 +261,7 @@ def _bare(model: Model, curves: Sequence[Curve], predictions: Sequence[Array]) -
     same = f"the model equals its backbone {formula.name}"
     if not body.segments:
         yield (
-            f"{same}, because its pieces made the prediction of left-out training data "
+            f"{same}, because its segments made the prediction of left-out training data "
             "worse and were removed"
         )
         return
@@ -273,4 +273,4 @@ def _bare(model: Model, curves: Sequence[Curve], predictions: Sequence[Array]) -
         for pair in zip(predictions, alone, strict=True)
         for ours, its in in_blocks(*pair)
     ):
-        yield f"{same} on every sample, because its pieces add nothing"
+        yield f"{same} on every sample, because its segments add nothing"

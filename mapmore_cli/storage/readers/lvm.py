@@ -119,7 +119,10 @@ def read_lvm(path: Path, request: TableRequest) -> list[RawTable]:
     if len(tables) > 1:
         tables = [replace(table, element=number) for number, table in enumerate(tables)]
     announced, there = int(segments[-1].number("Samples")), len(segments[-1].rows)
-    told = f"{label}: its header announces {announced} samples, of which {there} are there"
+    told = (
+        f"{label}: its header announces {announced} samples, of which {there} are there; get the "
+        "complete file if you can"
+    )
     return [replace(tables[0], doubts=(told,) if there < announced else ()), *tables[1:]]
 
 

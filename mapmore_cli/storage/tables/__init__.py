@@ -348,7 +348,7 @@ def refuse_bombs(where: str, unpacked: float, packed: int, size: int | None = No
     if unpacked > max(BOMB_SIZE if size is None else size, BOMB_RATIO * packed):
         sizes = f"from {packed / 1e6:.2g} MB to {unpacked / 1e6:.0f} MB or more"
         raise DataError(
-            f"{where} unpacks {sizes}",
+            f"{where} unpacks {sizes}, which could fill the memory",
             "save the measurements only, or unpack the file yourself if this size is right",
         )
 

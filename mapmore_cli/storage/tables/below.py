@@ -186,9 +186,9 @@ def _map_as_table(rows: Iterable[Row], label: str) -> Below:
     ]
     if not cells:
         raise DataError(
-            f"{label}: contains no cell below a value in the first line, so it cannot be read with "
-            "`table: map`",
-            "correct `skip_rows`, or leave out `table`",
+            f"{label}: contains no map, in which the first line and the first column hold the "
+            "values of two quantities, and the other cells those of a third",
+            "correct `skip_rows`, or remove `table: map` if the file is an ordinary table",
         )
     return Below((), [(top[0], MAP_COLUMNS)], cells)
 

@@ -194,7 +194,7 @@ def tables(top: Member, request: TableRequest) -> list[RawTable]:
     if 0 < len(kept) < len(elements):
         left_out = (
             f"{label}: {len(elements) - len(kept)} of {len(elements)} members have none of "
-            "the columns, and are left out"
+            "the columns, and are left out; check `root` and the names of the columns"
         )
         recordings[0] = replace(recordings[0], doubts=(left_out,))
     return recordings

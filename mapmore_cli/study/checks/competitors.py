@@ -122,7 +122,7 @@ def _needs(spec: ExperimentSpec, name: str, formula: Formula, loc: Loc) -> Itera
         (
             of_cycles and not is_own and (spec.needs.static is None or spec.target not in MOTION),
             loc,
-            "`{name}` is fitted to the load cycles of a static run, and there is none",
+            "`{name}` is fitted to the load cycles of a static run, and this spec names none",
             STATIC_RUN,
         ),
         (
@@ -180,7 +180,7 @@ def competitors(spec: ExperimentSpec) -> Iterator[Finding]:
             (
                 composite and moves and spec.needs.static is None,
                 loc,
-                "the static part is fitted to the data of the static run, and there is none",
+                "the static part is fitted to the data of a static run, and this spec names none",
                 STATIC_RUN,
             ),
             (

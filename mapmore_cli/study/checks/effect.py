@@ -97,7 +97,7 @@ def _of_pieces(spec: ExperimentSpec) -> Iterator[Finding]:
         (
             "margin" in fit.changed and fit.scaling != "range",
             "fit.margin:",
-            "`margin` limits scaled states, and these states are not scaled",
+            "`margin` limits states that are scaled to their range, and `fit.scaling` scales none",
             "add `scaling: range`, or remove it",
         ),
         (
@@ -121,7 +121,8 @@ def _of_pieces(spec: ExperimentSpec) -> Iterator[Finding]:
         (
             fit.forward is not None and fit.ridge == 0.0,
             "fit.forward:",
-            "terms are pruned only with a ridge",
+            "`forward` selects more terms than are kept, and the surplus is pruned only with a "
+            "ridge",
             "add `ridge: auto`, or remove `forward`",
         ),
         (

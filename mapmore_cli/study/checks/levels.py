@@ -37,7 +37,7 @@ def segmented(spec: ExperimentSpec) -> Iterator[Finding]:
             (
                 cut == "levels" and name != level,
                 "segment.{name}",
-                "`{name}` has no levels, because it is not the level quantity",
+                "`{name}` has no levels, because it is not the quantity of `data.levels`",
                 "add `levels: {{of: {name}}}` to `data`, or cut it with `method: even`",
             ),
             (

@@ -45,7 +45,7 @@ def shapes(spec: ExperimentSpec) -> Iterator[Finding]:
                 is_other,
                 loc,
                 (
-                    "this type of model cannot keep a shape; pieces, formulas and terms with "
+                    "this type of model cannot keep a shape; segments, formulas and terms with "
                     "memory can"
                 ),
                 REMOVE,
@@ -53,7 +53,8 @@ def shapes(spec: ExperimentSpec) -> Iterator[Finding]:
             (
                 spec.has_memory and not given_words <= {"increasing", "decreasing"},
                 loc,
-                "a model with memory can keep only the sign of its static gain",
+                "a model with memory can keep only the sign of its static gain: the direction in "
+                "which its output at rest follows the input",
                 "write `increasing` or `decreasing`",
             ),
             target=target,
@@ -66,7 +67,7 @@ def shapes(spec: ExperimentSpec) -> Iterator[Finding]:
                 entry.bounded and (spec.has_memory or isinstance(family, AlongRange)),
                 f"dictionary.{i}",
                 (
-                    "`sign` and `bounds` work only for pieces, and for terms that do not "
+                    "`sign` and `bounds` work only for segments, and for terms that do not "
                     "depend on the training range"
                 ),
                 "remove them",

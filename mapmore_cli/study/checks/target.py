@@ -185,7 +185,7 @@ def kind(spec: ExperimentSpec) -> Iterator[Finding]:
         (
             scored_as is not None and not is_own and (spec.has_memory or not is_pieces),
             "validate.as",
-            "only a model of pieces can be inverted for the scores",
+            "only a model of segments can be inverted for the scores",
             "remove `as`",
         ),
         type=model.type,

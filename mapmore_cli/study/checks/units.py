@@ -51,7 +51,7 @@ def units(spec: ExperimentSpec) -> Iterator[Finding]:
             yield Finding(
                 ("report", "units", name),
                 f"the zero of `{unit}` differs from that of `{in_model}`, but an equation can "
-                "only be scaled",
+                "only be multiplied by a factor",
                 f"use one unit in the whole study: `units: {{{name}: {unit}}}`",
             )
     tables: list[tuple[Loc, Logs]] = [(("data",), spec.data)]

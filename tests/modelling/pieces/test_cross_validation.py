@@ -99,9 +99,7 @@ def test_a_residual_that_runs_through_the_levels_is_carried_whole():
     assert list(by_choice) == [BACKBONE, RESIDUAL, SHRUNKEN]
     assert by_choice[SHRUNKEN] <= min(by_choice.values()) * (1 + 1e-9)
     assert {error.folds for error in model.body.cross_validation} == {3}
-    assert (
-        f"{model.body.fusion.shrink:.0%} of the residual on polynomial_2 is used" in model.notes[-1]
-    )
+    assert f"{model.body.fusion.shrink:.0%} of the correction of polynomial_2 by" in model.notes[-1]
 
 
 def test_a_residual_that_jumps_from_level_to_level_counts_at_the_levels_alone():
@@ -141,7 +139,7 @@ def test_pieces_that_help_neither_between_levels_nor_within_them_are_left_out():
     ]
     model = trusted(samples, tolerance=0.0)
     assert not any(curve.segments for curve in model.body.curves)
-    assert "the pieces on polynomial_2 are left out" in model.notes[-1]
+    assert "the correction of polynomial_2 by the segments is left out" in model.notes[-1]
     for curve in samples:
         places = at(curve.level, curve.columns["strain"])
         np.testing.assert_allclose(predict(model, places), backbone_of(model, places))
@@ -213,7 +211,7 @@ def test_pooled_data_drop_a_residual_that_does_harm():
     model = trusted(samples, level=None, tolerance=0.0)
     assert not any(curve.segments for curve in model.body.curves)
     assert model.body.cross_validation[0].rmse < model.body.cross_validation[1].rmse
-    assert "the pieces on polynomial_2 are left out" in model.notes[-1]
+    assert "the correction of polynomial_2 by the segments is left out" in model.notes[-1]
     places = at(200, np.linspace(0, 0.1, 9))
     np.testing.assert_allclose(predict(model, places), backbone_of(model, places))
 

@@ -93,7 +93,7 @@ def test_pieces_that_add_nothing_to_their_backbone_are_an_alarm():
             for one in alarms(model, dataset_of(CURVES), [*first, moved], ())
         ]
 
-    nothing = " on every sample, because its pieces add nothing"
+    nothing = " on every sample, because its segments add nothing"
     assert [ends_of(model, off) for off in (0.0, 9e-10, 3e-9)] == [[nothing], [nothing], []]
     curves_alone = tuple(replace(one, segments=()) for one in model.body.curves)
     removed = replace(model, body=replace(model.body, curves=curves_alone))

@@ -72,7 +72,8 @@ def test_every_element_is_a_recording_if_it_has_one_of_the_columns():
     assert [one.columns["x"].tolist() for one in found] == [[3, 4], [7, 8]]
     assert [one.element for one in found] == [1, 2]
     assert found[0].doubts == (
-        "a.mat:runs: 1 of 3 members have none of the columns, and are left out",
+        "a.mat:runs: 1 of 3 members have none of the columns, and are left out; check `root` and "
+        "the names of the columns",
     )
     assert found[1].doubts == ()
     assert [*found[0].rows] == [0, 1]
