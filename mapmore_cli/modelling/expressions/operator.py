@@ -182,8 +182,8 @@ class Operator:
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """Return how many numbers the name of a state may have; zero is among them if training can
-        estimate them.
+        """Return the possible counts of numbers in the name of a state. A name may contain no
+        numbers if training can estimate them.
         """
         return (0, len(self.parameters)) if self.found else (len(self.parameters),)
 

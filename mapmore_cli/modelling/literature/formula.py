@@ -213,8 +213,8 @@ class Formula:
         return with_numbers(self.expression, fit.parameters)
 
     def problem(self, columns: Columns, y: Array) -> LeastSquares:
-        """Return the least-squares problem with its rows in canonical order, so that the order of
-        the samples cannot change a digit of the fit. Raises the same errors as `fit`.
+        """Return the least-squares problem with sorted rows, so that the order of the samples
+        cannot change a digit of the fit. Raises the same errors as `fit`.
         """
         inputs = {name: finite(name, columns) for name in self.inputs}
         target = finite("the target", {"the target": y})

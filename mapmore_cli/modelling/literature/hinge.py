@@ -42,9 +42,9 @@ STARTS = (-8.0, -4.0, -2.0, -0.7, 1.5)
 FIRST = 100
 # w at the starts: a sharp hinge, which the search can widen
 START_W = 0.02
-# the start of `hi` is fitted to the normalised targets above this
+# normalised targets above this value determine the starting values of `hi`
 UPPER = 0.12
-# the start of `lo` is fitted to the normalised targets below this
+# normalised targets below this value determine the starting values of `lo`
 FOOT = 0.06
 # bound of |a3|; data cannot distinguish steeper decays
 LARGEST_A3 = 15.0

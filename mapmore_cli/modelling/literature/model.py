@@ -114,7 +114,7 @@ def formula_value(
 
 
 class FormulaVerbs(Verbs):
-    """Operations of a formula as a model."""
+    """Operations of a model that consists of a formula only."""
 
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
         """Return the formula at every row, shape (n,); NaN if an input is NaN."""

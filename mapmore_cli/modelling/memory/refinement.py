@@ -32,9 +32,9 @@ FIRST, GROWTH = 16, 8
 LEAST_GROWTH = 1.2
 # Levenberg-Marquardt factor at the start, and the factor at which a step is given up
 DAMPING, MOST_DAMPING = 1e-3, 1e8
-# number of iterations, and relative decrease of the error at which the search stops: first for free
-# runs, then for runs over a horizon, then for a fold, whose error is only compared with errors that
-# differ by more
+# largest number of iterations, and the relative decrease of the error below which the search stops.
+# `THOROUGH` is for free runs, and `QUICK` for runs over a horizon. `COARSE` is for folds, because
+# errors of folds are compared only with errors that differ by more
 THOROUGH, QUICK, COARSE = (40, 1e-7), (6, 1e-2), (40, 1e-4)
 # step of the difference quotient that approximates the derivative by a parameter of an operator
 NUDGE = 1e-5
@@ -215,11 +215,12 @@ def refine(problem: FreeRunProblem, start: Array) -> Point:
 def minimise(
     problem: FreeRunProblem, start: Array, horizon: int | None, effort: tuple[int, float]
 ) -> Point:
-    """Search by the Levenberg-Marquardt method at one horizon (None for a free run). A step is
-    rejected if it raises the error or if its run diverges. The `effort` is the largest number of
-    iterations and the relative gain at which the search stops.
+    """Search by the Levenberg-Marquardt method with runs of `horizon` samples (None for free runs).
+    A step is rejected if it raises the error or if its run diverges. The pair `effort` contains the
+    largest number of iterations, and the relative decrease of the error below which the search
+    stops.
 
-    SciPy's trust-region method ends in other minima, which are not lower on the whole.
+    SciPy's trust-region method would end in other minima. On average, these are not lower.
     """
     point, damping = problem.at(start, horizon), DAMPING
     iterations, least_gain = effort

@@ -112,7 +112,7 @@ def problem_of(data: Regressors, recipe: MemoryRecipe, among: IntArray | None = 
 
 
 class _Plain:
-    """Plain FROLS on the candidates, in memory as a whole if they fit."""
+    """Plain FROLS. All candidates are kept in memory at once if there is enough memory."""
 
     def __init__(self, data: Regressors, recipe: MemoryRecipe) -> None:
         self.data, self.recipe, self.whole = data, recipe, None

@@ -262,8 +262,9 @@ def with_trusted_residual(
 
     - With three levels or more, each inner level is left out once. Between levels, the residual is
       multiplied by the resulting `share`. If this share is 0, the residual counts only at the
-      levels. It is dropped there too if it does not improve the prediction of left-out repeats; if
-      the study holds out no repeats, inner blocks of the curves are left out instead.
+      levels, and a second test decides whether it counts there: repeats are left out, or inner
+      blocks of the curves if the study holds out no repeats. If the residual does not improve their
+      prediction, it is removed completely.
     - With fewer levels, inner blocks of the curves are left out, and the residual is dropped if it
       makes their prediction worse. With two levels, no data show its effect between them, so that a
       residual that is kept counts only at the levels.

@@ -63,7 +63,8 @@ def residual_tests(
                 residuals.append(piece)
                 for name in columns.keys() & curve.columns.keys():
                     x = picked(curve.columns[name], rows)
-                    # the level counts as one value, so that its noise is not tested as a range
+                    # all samples of a curve get the same value of the level, because the noise of
+                    # the measured level is no movement of an input
                     held = name == dataset.level and curve.level is not None
                     columns[name].append(np.full(len(x), curve.level) if held else x)
     known, low, high = _finite(residuals)
