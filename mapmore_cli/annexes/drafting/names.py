@@ -255,7 +255,9 @@ def _asked_for(hold: Hold, series: Sequence[Series]) -> Series:
 
 
 def _is_named_by(hold: Hold, number: Number) -> bool:
-    """Return True if a person names a number by its word, its quantity, or its unit."""
+    """Return True if the option `--hold` means this number: it gives the word beside the number,
+    the quantity of the number, or a unit to which the unit of the number can be converted.
+    """
     word, name = number.word.casefold(), hold.name.casefold()
     if hold.word:
         return word.endswith(hold.word.casefold())

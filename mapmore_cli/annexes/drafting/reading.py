@@ -104,8 +104,9 @@ def table_of(study: Study, folder: Path) -> Table:
 
 
 def _read_texts(section: Mapping[str, Any], folder: Path, column: Column) -> dict[Column, Texts]:
-    """Return the different texts of a column, and the numbers of its cells' texts; an empty mapping
-    if texts seldom occur more than once. A text of which the cells below are empty applies to them.
+    """Return the different texts of a column, and for each cell the number of its text. An empty
+    cell gets the text above it if most texts would otherwise occur only once. The mapping is empty
+    if texts seldom occur more than once.
     """
     for how in (True, "down"):
         entry = {"column": column, "texts": how}

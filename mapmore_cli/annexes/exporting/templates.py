@@ -108,8 +108,8 @@ def identifier(name: str) -> Code:
 
 
 def names_of_inputs(inputs: Sequence[Quantity], functions: Sequence[str] = ()) -> dict[str, str]:
-    """Return the name of each input in code, by its own name; names of some `functions` are not
-    used.
+    """Return the name of each input in code, by its own name. None of the names in code is the name
+    of one of the `functions`.
     """
     names = [quantity.name for quantity in inputs]
     reserved = [*PYTHON, *functions, *(f"x_{name}" for name in names)]
@@ -117,7 +117,9 @@ def names_of_inputs(inputs: Sequence[Quantity], functions: Sequence[str] = ()) -
 
 
 def names_in_matlab(inputs: Sequence[Quantity], functions: Sequence[str]) -> dict[str, str]:
-    """Return the name of each input in MATLAB; names of some `functions` are not used."""
+    """Return the name of each input in MATLAB code. None of these names is the name of one of the
+    `functions`.
+    """
     return names_of_inputs(inputs, [*words_of("MATLAB", "Octave"), *functions])
 
 
@@ -237,7 +239,7 @@ def with_notice(name: str, text: str) -> str:
 
 
 def rendered_template(template: str, **words: object) -> Code:
-    """Return a file of `sources/` with its template words replaced."""
+    """Return a file of `sources/` with values in place of its template variables."""
     return Code(
         templates(template.rpartition(".")[2]).get_template(f"{template}.jinja").render(words)
     )

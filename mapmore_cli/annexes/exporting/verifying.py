@@ -63,7 +63,7 @@ class CompilerFailed(CompilerMissing):
 
 
 def library_place(name: str, standard: int) -> str:
-    """Return the path of this machine's shared library in a unit of FMI 2 or 3. Raises
+    """Return the path of this machine's shared library in an FMU for FMI 2 or 3. Raises
     CompilerMissing for an unknown machine.
     """
     machine = platform.machine().lower()

@@ -160,8 +160,9 @@ def next_points(
     """Return the next points in the order of their worth, and the half widths at all places before
     and after them.
 
-    Worth is divided by cost. The first time that a quantity takes a value costs its price; a point
-    costs at least the lowest price. Only `free` places, (m,), are chosen; all places if it is None.
+    The worth of a point is divided by its cost. The cost is the sum of the prices of all quantities
+    for which the point is the first of the new points with this value, and at least the lowest
+    price. Only `free` places, (m,), are chosen; all places if it is None.
     """
     before, places = committee.half, committee.places
     next_ones, chosen = list[Candidate](), list[int]()
