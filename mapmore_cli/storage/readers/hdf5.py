@@ -211,8 +211,9 @@ def _parts_written(dataset: h5py.Dataset) -> list[tuple[range, ...]] | None:
 def _written(dataset: h5py.Dataset, selection: Selection, values: Values) -> Values:
     """Return the numbers of a selection, with NaN for values that were never written.
 
-    A file gets space for a whole chunk when its first value is written. Values that equal the fill
-    value, and continue into a chunk that was never written, were not written either.
+    HDF5 allocates space for a whole chunk when the first value of the chunk is written, and fills
+    the rest with the fill value. Fill values at the end of a chunk therefore count as never written
+    if the next chunk was never written.
     """
     if values.dtype.kind not in "iuf" or (parts := _parts_written(dataset)) is None:
         return values
