@@ -35,7 +35,7 @@ class Handler(Protocol):
         """Return the schema that pydantic makes of the type by itself."""
 
     def generate_schema(self, source: object, /) -> dict[str, object]:
-        """Return the schema of a type that may differ from the handled one."""
+        """Return the schema of any type, which need not be the type that is being handled."""
 
 
 class Info(Protocol):

@@ -243,7 +243,8 @@ class Dataset:
 
 @dataclass(frozen=True)
 class Signal:
-    """An input that is computed from another one over time.
+    """An input that is computed from the course of another quantity over time: its rate, or its
+    direction of motion.
 
     A rate is `factor` times the derivative by the time in seconds. `seconds` is the number of
     seconds in one unit of the time.

@@ -54,7 +54,7 @@ class Needed:
 
     @property
     def last(self) -> str:
-        """Name of the last stage of the other run that is needed."""
+        """Name of the last stage that the other run must complete."""
         return MODEL_STAGE if self.need.compared or self.need.overrides else "report"
 
     def is_kept(self, runs: Path) -> bool:
@@ -334,7 +334,8 @@ def place_in_spec(key: str, stage: str) -> str:
     sections = {field.alias or name: field.annotation for name, field in fields}
     if key in sections:
         return key
-    # the first section counts: `levels` is `data.levels`, because `fuse` is compared as a section
+    # `levels` is a key of `data` and of `fuse`. The first section that has the key is right,
+    # because differences in `fuse` already have `fuse` in their place
     for name, section in sections.items():
         if key in getattr(section, "model_fields", getattr(section, "__dataclass_fields__", ())):
             return f"{name}.{key}"

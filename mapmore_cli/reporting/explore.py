@@ -165,7 +165,9 @@ def bare_of(model: Model) -> tuple[Model, str]:
 
 
 def _course(words: str) -> str:
-    """Return the words of a transition as a function in JavaScript."""
+    """Return the course of a transition, given in words such as `w = 3*t^2 - 2*t^3`, as a function
+    in JavaScript.
+    """
     first, _, rest = words.removeprefix("w = ").partition(" up to t = 1/2, then ")
     text = f"t < 0.5 ? {first} : {rest}" if rest else first
     return "(t) => " + re.sub(r"([a-z]\w+)\(", r"Math.\1(", text).replace("^", " ** ")
