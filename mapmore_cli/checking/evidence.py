@@ -134,8 +134,8 @@ class Unequal:
     @property
     def effects(self) -> list[str]:
         """Names of the effects that explain most of the difference, as they are written in
-        `data.groups`: the one that explains more, or both if much less remains with both. Empty if
-        most of the difference remains.
+        `data.groups`: the effect that explains more, or both effects if together they explain much
+        more than one of them. Empty if most of the difference remains.
         """
         best = min(("gain", "offset"), key=lambda effect: self.left[effect])
         both = "offset gain"

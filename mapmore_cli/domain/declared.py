@@ -104,8 +104,8 @@ class Contradiction(ValueError):
 
 
 def from_fields(of: type[S], settings: object, **own: object) -> S:
-    """Return an object of the class `of`. Its fields have the values in `own`, otherwise those of
-    the fields of `settings` with the same names.
+    """Return an object of the class `of`. A field gets its value from `own`, or otherwise from the
+    field of `settings` with the same name.
     """
     names = [field.name for field in fields(of)]  # type: ignore[arg-type]
     shared = {name: getattr(settings, name) for name in names if hasattr(settings, name)}

@@ -92,8 +92,8 @@ def named_runs(specs: Sequence[LoadedSpec]) -> set[str]:
 
 
 def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
-    """Raise SpecError if runs build on each other in a circle; `heirs` are the specs that led to
-    this one. A compared run needs the runs on which its model builds.
+    """Raise SpecError if runs build on each other in a circle; `heirs` are the specs through which
+    this spec was reached. A compared run needs the runs on which its model builds.
     """
     spec, chain = loaded.spec, (*heirs, loaded.path.resolve())
     paths = [spec.needs.static, spec.needs.damping, *(part.model for part in spec.model.sum or ())]

@@ -205,8 +205,9 @@ def _is_count(numbers: Series) -> bool:
 
 
 def _series_of(names: Sequence[str]) -> list[Series]:
-    """Return the numbers with the same word and unit, by the index of their names. If a name has
-    several, the first ones form a series, then the second ones.
+    """Return the numbers with the same word and unit, by the index of their names. If each name has
+    several such numbers, the first number of each name belongs to one series, the second number to
+    another.
 
     Numbers that are equal in all names are left out.
     """

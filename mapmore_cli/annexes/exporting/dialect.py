@@ -75,7 +75,7 @@ class Dialect:
 
     def function(self, name: str) -> str:
         """Return the name by which code calls a function of expressions: its name in the library of
-        the language, or that of a helper.
+        the language, or otherwise the name of a helper that the export writes.
         """
         entry = FUNCTIONS[name]
         if entry.is_in_library(self.language):

@@ -23,7 +23,7 @@ ALL, RISE, FALL = "all", "rise", "fall"
 
 
 def poles(p1: float, p2: float) -> tuple[complex, complex]:
-    """Return the roots of `z^2 - P2 z - P1`, the one with the larger modulus first."""
+    """Return the roots of `z^2 - P2 z - P1`, the root with the larger modulus first."""
     half, root = 0.5 * p2, cmath.sqrt(0.25 * p2 * p2 + p1)
     first, second = half + root, half - root
     return (first, second) if abs(first) >= abs(second) else (second, first)

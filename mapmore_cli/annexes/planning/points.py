@@ -71,8 +71,8 @@ class MeasuredMap:
 
 
 def spread_out(x: Array, y: Array) -> tuple[Array, Array]:
-    """Return at most `MOST_MEASURED` of the points, spread over them: each next point is the one
-    farthest from those chosen before (maximin).
+    """Return at most `MOST_MEASURED` of the points, spread evenly. Each next point is the point
+    that is farthest from all points chosen before (maximin).
     """
     if len(y) <= MOST_MEASURED:
         return x, y

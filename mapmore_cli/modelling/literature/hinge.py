@@ -221,8 +221,8 @@ def _search_bounds() -> tuple[Array, Array]:
 
 
 def _start_at(problem: _Problem, a3: float) -> Array:
-    """Return a start with the curvature a3: `hi` is fitted to the upper targets and `lo` to the
-    lowest ones, both by least squares.
+    """Return starting values with the curvature a3. `hi` is fitted to the upper targets and `lo` to
+    the lowest targets, both by least squares.
     """
     p, x, ones = problem.p, problem.x, np.ones_like(problem.p)
     q, decay = np.zeros(len(NAMES)), np.exp(a3 * x)

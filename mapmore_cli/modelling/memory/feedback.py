@@ -40,7 +40,7 @@ class StateWriter:
 
     - `seen`: number of samples before this one, by which operators recognise the first sample; None
       if all past values are known.
-    - `queues`: name of the queue of past values of each state that needs one.
+    - `queues`: for each state whose past values are needed, the name of the queue that holds them.
     - `rules`: if all past values are known, each operator becomes a function of the program;
       `rules` holds their recursions by the names of these functions.
     """

@@ -35,7 +35,8 @@ IMPLIED: Mapping[str, Mapping[str, Word]] = MappingProxyType(
 NODES = 2500
 # a smaller fall, as a share of the training output's range, does not count
 WRONG = 1e-9
-# the user is warned if the training error with a shape exceeds the one without it by this factor
+# the user is warned if the training error with a shape is at least this many times the training
+# error without the shape
 CLEARLY = 1.1
 
 

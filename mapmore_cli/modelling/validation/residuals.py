@@ -211,7 +211,7 @@ def alarms(
     """Return everything that a reader must know before the scores of the run's own model, one
     sentence each.
 
-    `predictions` are those of the model, for every curve of the dataset.
+    `predictions` holds the predictions of the model for every curve of the dataset.
     """
     sentences = [
         sentence
