@@ -243,9 +243,9 @@ STANDS_OUT = 4.0  # smallest ratio of the height of a spike to the largest other
 
 
 def spikes(values: Array) -> IntArray:
-    """Return the indices of the samples of a record, (n,), that lie alone far from their
-    neighbours; nothing if they are more than 1 % of the record, because the signal is then really
-    like that.
+    """Return the indices of single samples in a record, (n,), that lie far from both neighbours.
+    Nothing is returned if these are more than 1 % of the record, because such samples are then a
+    property of the signal.
 
     Such a sample lies to one side of both neighbours. Its height is at least four times the
     difference of the neighbours, four times the largest change anywhere else in the record, and a

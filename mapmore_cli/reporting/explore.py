@@ -116,8 +116,9 @@ def wrapped(key: str, model: Model, more: str = "") -> str:
 
 
 def _competitors(inputs: ReportInputs) -> dict[str, Model]:
-    """Return the competitors that the page can compute as well as its model: they predict the same
-    quantity from its inputs, and, if they have memory, have its time step.
+    """Return the competitors that the page can compute beside the model. They predict the same
+    quantity from the inputs of the model. A competitor with memory must also have the time step of
+    the model.
     """
     model = inputs.model
     known, steps = {one.name for one in model.inputs}, _steps_of(model)

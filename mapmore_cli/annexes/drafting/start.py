@@ -164,7 +164,8 @@ def _measured_strain(answers: Answers, table: Table) -> Named | None:
 
 
 def _shared_out(columns: Named, table: Table) -> tuple[Named, Named]:
-    """Split the columns that a person named into columns of this table and columns of another log.
+    """Split the columns that a person named into columns of this table and columns of another log
+    file.
     """
     beside = dict(columns)
     for name, column in columns.items():

@@ -91,8 +91,9 @@ class Study:
 
     @cached_property
     def names(self) -> list[str]:
-        """The name of each recording: its path in the folder; for a single file, its sheet or the
-        text above its table; both if tables are in several files.
+        """Text that distinguishes each recording from the others. It is the path of the file in the
+        folder if there are several files, and the sheet or the text above the table if all
+        recordings are in one file. Both are given for tables in several files.
         """
         is_one = len(self.files) == 1
         stems = {file: stem_of(relative_name(file, self.folder)) for file in self.files}

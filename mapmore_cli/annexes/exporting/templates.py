@@ -30,8 +30,9 @@ from mapmore_cli.modelling.programs import program_of
 
 @dataclass(frozen=True)
 class Wanted:
-    """Options of an export: in `single` precision, on the points of a `grid`, compared with
-    `predict` if `verify`; `warn` is called with a message if something could not be done.
+    """Options of an export: `single` is True for single precision, `grid` gives the points of a
+    table, and `verify` is True if the code is compared with `predict`. `warn` is called with a
+    message if something could not be done.
     """
 
     single: bool

@@ -37,8 +37,8 @@ MOST_POINTS = 100  # largest number of further points for which a forecast is ma
 
 @dataclass(frozen=True)
 class MeasuredMap:
-    """A measured map: inputs by name and values, (n,) each, and the predictions of each formula of
-    the committee, at these points and at other places.
+    """Measured points of a map: the names of the d inputs, the points `x`, (n, d), and the target
+    `y`, (n,).
     """
 
     names: tuple[str, ...]

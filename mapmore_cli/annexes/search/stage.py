@@ -53,8 +53,9 @@ def search_slice(spec: ExperimentSpec) -> Slice:
 
 
 def _kin(target: str, spec: ExperimentSpec) -> tuple[str, ...]:
-    """Return the quantities that contain the target: the target itself, the single quantity from
-    which it is derived, if there is one, and the quantities that are derived from it.
+    """Return the quantities that contain the target: the target itself, all quantities that are
+    derived from the target, and the quantity from which the target is derived, if it is derived
+    from a single one.
     """
     sources = {
         name: {*parse(rule).names} if isinstance(rule, str) else {rule.source}

@@ -179,8 +179,9 @@ class FreeRunProblem:
         return np.column_stack(columns)
 
     def free(self, vector: Array, downhill: Array) -> BoolArray:
-        """Return True for the entries of the vector that may change, shape (k + 1 + m,): all except
-        entries at a bound beyond which the search would go, and the constant if the model has none.
+        """Return True for the entries of the vector that may change, shape (k + 1 + m,). An entry
+        may not change if it is at a bound and the next step would lead beyond the bound. The
+        constant may not change if the model has no constant of its own.
         """
         low, high = self.between
         at_low, at_high = vector <= low, vector >= high
@@ -257,12 +258,12 @@ def _of_unit_diagonal(curvature: Array) -> tuple[Array, Array]:
 
 
 def free_run_errors(problem: FreeRunProblem, vector: Array) -> tuple[Array, float]:
-    """Return the standard errors of a point, shape (k + 1 + m,), from the slopes of its runs and
-    the autocovariance of their residuals; and the number of independent samples to which the
-    samples are equivalent.
+    """Return the standard errors of a point, shape (k + 1 + m,), and the number of independent
+    samples to which the samples are equivalent. Both are computed from the slopes of its runs and
+    the autocovariance of their residuals.
 
-    The errors are NaN without a degree of freedom or without finite slopes, and for a parameter at
-    its bound.
+    All errors are NaN if no degree of freedom is left or a slope is not finite. The error of a
+    parameter at its bound is NaN too.
     """
     point = problem.at(vector)
     slopes, errors = problem.slopes(point), np.full(len(vector), np.nan)

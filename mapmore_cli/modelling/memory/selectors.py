@@ -89,8 +89,8 @@ FOLDS = 4  # blocks of samples that are left out one after the other to choose t
 
 @dataclass(frozen=True)
 class TermChoice:
-    """Terms of one model: their selection in units of the candidates, the constant that belongs to
-    it, the ridge, and the candidates that were chosen before pruning.
+    """Terms of one model: their selection, with coefficients in units of the candidates; the
+    constant of the model; the ridge; and the candidates that were chosen before pruning.
     """
 
     selection: Selection

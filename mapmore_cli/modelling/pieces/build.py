@@ -141,8 +141,9 @@ def fit(
 def _labels_of_curves(
     rows: Rows, curves: Sequence[Curve], curve: Curve, pooled: bool
 ) -> IntArray | None:
-    """Return labels of correlated residuals, shape (n,): the curve of each sample if several curves
-    are pooled, otherwise its recording; None if there is only one.
+    """Return a label for each sample, shape (n,); residuals with equal labels may be correlated.
+    The label is the curve of the sample if several curves are pooled, otherwise the recording.
+    Return None if all samples have the same label.
     """
     if pooled:
         ends = np.cumsum([curve.size for curve in curves])

@@ -67,8 +67,9 @@ class LeftOutErrors:
 
     @property
     def share(self) -> float:
-        """Share `g = clip(sum(f r) / sum(f^2), 0, 1)` for which `g f` is nearest to r by least
-        squares; r is the residual of the backbone, and f its prediction by the pieces.
+        """Share `g = clip(sum(f r) / sum(f^2), 0, 1)` of the pieces. Here, r is the residual of the
+        backbone, and f the prediction of r by the pieces. Of all values from 0 to 1, g makes the
+        squared difference between `g f` and r smallest.
         """
         f, r = self.residual, self.measured - self.backbone
         power = float(f @ f)
@@ -216,8 +217,9 @@ def repeats_left_out(curves: Sequence[Curve]) -> Folds:
 def in_curve(
     curves: Sequence[Curve], segmented: Sequence[str], target: str, level: str | None
 ) -> str:
-    """Return the quantity along which curves are cut into blocks: the first segmented one, or, if
-    none is segmented, the first by name that is neither the target nor the level.
+    """Return the quantity along which curves are cut into blocks: the first segmented quantity. If
+    no quantity is segmented, it is the first in alphabetical order that is neither the target nor
+    the level.
     """
     known = curves[0].columns
     return next(

@@ -269,9 +269,9 @@ def _places_along(choice: Choose, known: Known) -> Places | None:
 def _first_that_holds(
     comparison: str, places: IntArray, numbers: Array
 ) -> Callable[[Array], IntArray]:
-    """Return a function that takes values x, shape (n,), and returns for each the first of the
-    ascending `places` whose number fulfils the comparison with x; or the count of all `numbers` if
-    none does.
+    """Return a function of values x, shape (n,). For each x, it returns the first of the ascending
+    `places` whose number fulfils the comparison with x, or the count of all `numbers` if no number
+    fulfils it.
     """
     ends, numbers = np.append(places, len(numbers)), numbers[places]
     if comparison == "==":
