@@ -269,8 +269,9 @@ def spikes(values: Array) -> IntArray:
 
 
 def _heights(x: Array) -> Array:
-    """Return the distance of each sample (except the ends) from its nearest neighbour, (n - 2,);
-    negative if it lies between both.
+    """Return by how much the value of each sample (except the ends) lies above or below the values
+    of both neighbours, (n - 2,). It is negative if the value lies between the values of the
+    neighbours.
     """
     steps = np.diff(x)
     before, after = steps[:-1], steps[1:]

@@ -229,8 +229,8 @@ COMMENTS = {
 
 def with_notice(name: str, text: str) -> str:
     """Return the text of a file with the notice that the licence of mapmore's templates requires,
-    if the file is code. It stands at the end in MATLAB, where the first comment is the help of the
-    function.
+    if the file is code. In MATLAB, the notice stands at the end of the file, because the first
+    comment of a file is the help of its function.
     """
     comment = COMMENTS.get(PurePath(name).suffix)
     if comment is None:

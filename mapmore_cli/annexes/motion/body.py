@@ -78,8 +78,8 @@ class Motion:
 
     With `hard` switching, every section runs along the whole input, and the output of the active
     one is used. `carried` sections pass on their state; `bumpless` sections also have equal steady
-    outputs at their boundaries. Without bumpless switching, `dead_band` is 0: the input then counts
-    as falling unless it rises above its value one sample before.
+    outputs at their boundaries. Without bumpless switching, `dead_band` is 0. Then the input counts
+    as rising if it is larger than one sample before, and otherwise as falling.
     """
 
     input: Annotated[QuantityName, "the input"]

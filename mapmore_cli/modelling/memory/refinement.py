@@ -123,8 +123,8 @@ class FreeRunProblem:
         return vector[:terms], float(vector[terms]), vector[terms + 1 :]
 
     def at(self, vector: Array, horizon: int | None = None) -> Point:
-        """Return the point at a vector, whose entries are first limited to their bounds, with its
-        runs and error.
+        """Return the point at a vector, with its runs and its error. Entries of the vector outside
+        their bounds are first moved to the bounds.
         """
         vector = np.clip(vector, *self.between)
         theta, constant, numbers = self.split(vector)

@@ -129,7 +129,7 @@ class _Plain:
 
     @cached_property
     def sizes(self) -> list[IntArray]:
-        """The terms of the models of 1, 2, ... terms."""
+        """For each number of terms 1, 2, ..., the terms of the model of this size."""
         largest = self._selected(np.arange(len(self.data.terms)), self.recipe.max_terms)
         return [largest.forward[: size + 1] for size in range(len(largest.forward))]
 

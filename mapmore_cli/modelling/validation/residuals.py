@@ -175,9 +175,9 @@ def means_over(name: str, residuals: Array, x: Array) -> ResidualTest:
 
 
 def explained_by_inputs(model: Model, dataset: Dataset) -> Iterator[str]:
-    """Yield for each input of known uncertainty the share of the squared training residual that it
-    explains: the slope of the model times the uncertainty. The fit does not correct for errors of
-    inputs.
+    """Yield, for each input of known uncertainty, the share of the squared training residual that
+    this uncertainty explains. An error of the input changes the output by the slope of the model
+    times the error. The fit does not correct for errors of inputs.
     """
     unsure = [
         quantity for quantity in model.inputs if uncertainty_of(quantity.name) in dataset.quantities

@@ -271,7 +271,7 @@ def values_of_text(text: bytes, layout: Layout) -> list[Array]:
     ):
         return []
     if layout.delimiter is None:
-        if b'"' in text:  # a quotation mark means nothing between blanks
+        if b'"' in text:  # if blanks separate the fields, quotation marks have no special meaning
             return []
         text = re.sub(rb"(?<![^\r\n])\t|\t(?![^\r\n])", b"", re.sub(rb"[ \t]+", mark, text))
     if b'"' in text:

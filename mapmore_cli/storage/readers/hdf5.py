@@ -316,7 +316,9 @@ def _holds_references(node: object) -> bool:
 
 
 def _referred(dataset: h5py.Dataset, index: int) -> Member:
-    """Return the object of a reference, by its index in MATLAB's order."""
+    """Return the object to which an element of an array of references points. The element is given
+    by its index in MATLAB's order.
+    """
     return _matlab_member(dataset.file[_own_values(dataset)[()].reshape(-1)[index]])
 
 
