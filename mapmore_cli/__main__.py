@@ -37,8 +37,8 @@ def main() -> None:
 
 
 def _hold_standard_streams() -> None:
-    """Keep the numbers of closed standard streams occupied, so that no file gets them: reading
-    stdin and writing stdout then fail, and messages go nowhere.
+    """Open a placeholder for each closed standard stream, because the next file would otherwise get
+    its number. Reading stdin and writing stdout then fail, and messages on stderr are lost.
     """
     for number, name, way in (
         (0, "stdin", os.O_WRONLY),

@@ -32,7 +32,9 @@ FEWEST = 3  # number of terms that a model may have even with few samples
 # largest fraction of the differences between powers of a column that rounding may remove; beyond
 # it, the column is centred
 LOST = 1e-10
-ROUNDING = 1e-13  # a coefficient that is smaller than this fraction of the sum of its parts is zero
+# a coefficient counts as zero if it is smaller than this fraction of the sum of the magnitudes of
+# its summands
+ROUNDING = 1e-13
 
 
 class NotFitted(ValueError, AttributeError):

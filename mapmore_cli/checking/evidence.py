@@ -134,8 +134,8 @@ class Unequal:
     @property
     def effects(self) -> list[str]:
         """Names of the effects that explain most of the difference, as they are written in
-        `data.groups`: the one that explains more, or both if much less remains with both. Empty if
-        most of the difference remains.
+        `data.groups`: the effect that explains more, or both effects if together they explain much
+        more than one of them. Empty if most of the difference remains.
         """
         best = min(("gain", "offset"), key=lambda effect: self.left[effect])
         both = "offset gain"
@@ -243,9 +243,9 @@ STANDS_OUT = 4.0  # smallest ratio of the height of a spike to the largest other
 
 
 def spikes(values: Array) -> IntArray:
-    """Return the indices of the samples of a record, (n,), that lie alone far from their
-    neighbours; nothing if they are more than 1 % of the record, because the signal is then really
-    like that.
+    """Return the indices of single samples in a record, (n,), that lie far from both neighbours.
+    Nothing is returned if these are more than 1 % of the record, because such samples are then a
+    property of the signal.
 
     Such a sample lies to one side of both neighbours. Its height is at least four times the
     difference of the neighbours, four times the largest change anywhere else in the record, and a
@@ -269,8 +269,9 @@ def spikes(values: Array) -> IntArray:
 
 
 def _heights(x: Array) -> Array:
-    """Return the distance of each sample (except the ends) from its nearest neighbour, (n - 2,);
-    negative if it lies between both.
+    """Return by how much the value of each sample (except the ends) lies above or below the values
+    of both neighbours, (n - 2,). It is negative if the value lies between the values of the
+    neighbours.
     """
     steps = np.diff(x)
     before, after = steps[:-1], steps[1:]

@@ -210,7 +210,9 @@ def refuse_endings(
     endings: Sequence[str] = (*FIGURE_FILES, *TABLE_FILES),
     what: str = "figures and tables cannot have this file ending",
 ) -> None:
-    """Refuse files with another ending before anything is computed; `what` is the reason."""
+    """Raise UsageError for a file whose ending is not among the `endings`, before anything is
+    computed; `what` is the reason.
+    """
     for path in paths:
         if path.suffix.removeprefix(".") not in endings:
             raise UsageError(f"{path}: {what}", f"choose .{', .'.join(endings)}")

@@ -370,7 +370,7 @@ class Shown(Protocol):
 
     def show(self, model: Model, show_other: Callable[[Model], View]) -> View:
         """Return a view of a model that is shown before its equations. `show_other` makes the view
-        of a model inside this one.
+        of a model that this model contains.
         """
 
 

@@ -35,7 +35,7 @@ class Handler(Protocol):
         """Return the schema that pydantic makes of the type by itself."""
 
     def generate_schema(self, source: object, /) -> dict[str, object]:
-        """Return the schema of a type that may differ from the handled one."""
+        """Return the schema of any type, which need not be the type that is being handled."""
 
 
 class Info(Protocol):
@@ -104,8 +104,8 @@ class Contradiction(ValueError):
 
 
 def from_fields(of: type[S], settings: object, **own: object) -> S:
-    """Return an object of the class `of`. Its fields have the values in `own`, otherwise those of
-    the fields of `settings` with the same names.
+    """Return an object of the class `of`. A field gets its value from `own`, or otherwise from the
+    field of `settings` with the same name.
     """
     names = [field.name for field in fields(of)]  # type: ignore[arg-type]
     shared = {name: getattr(settings, name) for name in names if hasattr(settings, name)}

@@ -149,8 +149,8 @@ class Selection(ChosenTerms):
     @property
     def freedom(self) -> int:
         """Degrees of freedom of the standard errors. If residuals are summed by curve, they are
-        those of the curves. Otherwise, they are those of the samples, or those of the equivalent
-        number of independent samples if that is smaller.
+        counted from the number of curves. Otherwise, they are counted from the number of samples,
+        or from the equivalent number of independent samples if this is smaller.
         """
         left = self.samples - len(self.theta)
         if self.curves:

@@ -81,8 +81,8 @@ B = TypeVar("B", bound=Body)
 class Pieces(Body):
     """MAPMORE: `output = backbone + sum_i f_i prod_j w_ij` (M2 eq 9).
 
-    `level` is None if all curves are pooled. The curves have no segments if the backbone alone is
-    the model, because segments did not reduce the error on left-out data.
+    `level` is None if all curves are pooled. Curves have no segments if cross-validation showed
+    that segments do not improve the backbone; the model is then the backbone alone.
     """
 
     level: Annotated[QuantityName | None, "the input that is constant within a curve"]

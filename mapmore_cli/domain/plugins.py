@@ -52,8 +52,8 @@ class Added(NamedTuple, Generic[P]):
 def parts(
     group: str, form: type[P], package: str = "", reserved: Collection[str] = ()
 ) -> Iterator[Added[P]]:
-    """Yield every part of a group. Parts have the type `form`. Those in the files of mapmore's
-    folder `package` come first, in the order of their names, then those of entry points.
+    """Yield every part of a group. Parts have the type `form`. Parts in the files of mapmore's
+    folder `package` come first, in the order of their names, then parts from entry points.
 
     The name of a part is its attribute `name`, or the name of its entry point. If two have the same
     name, the first counts; ValueError if both are mapmore's own. Names that are `reserved` have
@@ -187,8 +187,9 @@ def _name_of(package: Distribution) -> str:
 
 @cache
 def entry_points(group: str) -> dict[str, EntryPoint]:
-    """Return the entry points of a group by name. If two have the same name, the one of mapmore is
-    used, otherwise the first in the alphabetical order of their modules. A warning names the other.
+    """Return the entry points of a group by name. If two entry points have the same name, mapmore's
+    own is used; if none is mapmore's own, the first in the alphabetical order of their modules. A
+    warning names the other entry point.
     """
     by_name = dict[str, EntryPoint]()
     of_group = (point for point in _installed() if point.group == f"mapmore.{group}")

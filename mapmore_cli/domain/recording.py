@@ -243,7 +243,8 @@ class Dataset:
 
 @dataclass(frozen=True)
 class Signal:
-    """A rate of change or a direction of motion: an input that is computed from another quantity.
+    """An input that is computed from the course of another quantity over time: its rate, or its
+    direction of motion.
 
     A rate is `factor` times the derivative by the time in seconds. `seconds` is the number of
     seconds in one unit of the time.

@@ -263,8 +263,9 @@ class Published:
 
 @dataclass(frozen=True)
 class ScoreTable:
-    """Numerical results of a validation: the rows, the unit of every target, the models without
-    scores, warnings that a reader must know first, and findings of the residual tests by target.
+    """Numerical results of a validation: the rows of the score table, the unit of every target, the
+    models without scores, the warnings that a reader must know before the scores, and the findings
+    of the residual tests by target.
     """
 
     scores: tuple[Score, ...]

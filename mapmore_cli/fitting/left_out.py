@@ -253,8 +253,8 @@ def residuals(
 
 
 def share_beyond(predictions: Array, targets: Array) -> float:
-    """Return by how much the farthest prediction, (n,), lies beyond the range of the training
-    targets, (m,), as a share of this range; zero for a constant target.
+    """Return the largest distance of the predictions, (n,), from the range of the training targets,
+    (m,), as a share of this range; zero for a constant target.
     """
     low, high = extremes(targets)
     farthest = np.max(np.maximum(low - predictions, predictions - high), initial=0.0)

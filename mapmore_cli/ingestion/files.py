@@ -233,8 +233,8 @@ def _part_of(log: Log) -> tuple[str | None, WhichTable | None]:
 
 
 def _logs_to_join(join: Join, count: int, folder: Path) -> list[Log]:
-    """Return, for each of `count` files, the log that is joined to it: the same log for all files,
-    or one log for each in their order.
+    """Return, for each of `count` files, the log that is joined to it. A single log is joined to
+    every file; several logs are joined to the files one by one, in their order.
     """
     logs = [log for log, _ in _found(join.files, folder)]
     if len(logs) not in (1, count):

@@ -26,8 +26,9 @@ smaller one, the sample would have the weight of a million others.
 def with_uncertainty(
     curves: Sequence[Curve], data: Data, units: dict[str, str], measured: str, target: str
 ) -> tuple[Curve, ...]:
-    """Return the curves with the uncertainty of each quantity that has one; its unit is added to
-    `units`. The uncertainty of the `measured` quantity is that of the `target`.
+    """Return the curves with an additional column for each quantity whose uncertainty is known; the
+    unit of the column is added to `units`. The uncertainty of the `measured` quantity becomes the
+    uncertainty of the `target`.
 
     Raises DataError for an uncertainty that is not above zero, or is far below the others of its
     curve.

@@ -220,7 +220,7 @@ class _Line:
         rows = np.repeat(np.arange(n), len(places) - 1)
         starts, ends = np.tile(places[:-1], n), np.tile(places[1:], n)
         turns, of = self._turning_points(starts, ends, rows, SPLITS)
-        # The map may jump at a knot, so the parts end just beside the knots.
+        # The output may jump at a knot, so the monotone parts end just beside the knots.
         beside = np.nextafter(knots[:-1], np.inf), np.nextafter(knots[1:], -np.inf)
         fixed = np.concatenate([places, *beside])
         x = np.concatenate([np.tile(fixed, n), turns])
@@ -287,7 +287,7 @@ class _Line:
         crossed = _bisected(
             lambda at, which: self.missing(at, where[which]), x[:-1][crosses], x[1:][crosses]
         )
-        # if the map jumps across the wanted output, there is no solution
+        # if the output jumps across the wanted value, there is no solution
         reached = np.maximum(REACHED * np.abs(self.wanted[where]), near[where])
         real = np.abs(self.missing(crossed, where)) <= reached
         values = np.concatenate([x[first], crossed[real]])

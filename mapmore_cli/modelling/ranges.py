@@ -40,8 +40,8 @@ class InputRange(NamedTuple):
 
 
 def limits(ranges: Sequence[CurveRange], level: str | None) -> Iterator[InputRange]:
-    """Yield the training range of every input. The level comes first; its range is that of the
-    levels, shape (1,) each.
+    """Yield the training range of every input. The level comes first; its range reaches from the
+    lowest to the highest level, shape (1,) each.
 
     The range of any other input is interpolated linearly between the curves, because each curve has
     its own: the free strain grows with the pressure.

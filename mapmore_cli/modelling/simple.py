@@ -125,12 +125,12 @@ class Arx:
     theta: Array
 
     def as_memory(self, curves: Sequence[Curve], limits: Ends) -> Memory:
-        """Return the ARX as a model with memory. Its time step is that of the samples of `curves`;
-        a run has diverged if it is far outside the `limits` of the target.
+        """Return the ARX as a model with memory. Its time step is the time between samples of the
+        `curves`. A run has diverged if it is far outside the `limits` of the target.
 
         A run of this model begins with `order` measured outputs, but the run that is scored (`arx`)
-        begins at rest. After the beginning both have the same equation, so that they agree as soon
-        as the model has forgotten its start.
+        begins at rest. After the beginning, both runs follow the same equation. They agree as soon
+        as the effect of the beginning has decayed.
         """
         steps = range(1, self.order + 1)
         past = [f"{self.target}[k-{i}]" for i in steps]

@@ -1,4 +1,4 @@
-"""Freeze models under a name that no later run overwrites, and compare them with later ones."""
+"""Freeze models under a name that no later run overwrites, and compare them with later models."""
 
 from __future__ import annotations
 

@@ -125,6 +125,6 @@ def note_sources(job: Job, result: Finished | BaseException) -> None:
     if not isinstance(result, BaseException):
         load_records(result.run_dir)
         return
-    with suppress(MapmoreError):  # what a broken spec names is unknown
+    with suppress(MapmoreError):  # the files of a broken spec are unknown
         loaded = load(job.config, job.overrides)
         recordings(loaded.spec, loaded.folder)

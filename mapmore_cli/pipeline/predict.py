@@ -77,11 +77,12 @@ class Predictor:
     def numbers(
         self, columns: Columns, rows: IntArray, runs: Sequence[Callable[[Columns], SimulatedRun]]
     ) -> tuple[Array, BoolArray, list[int]]:
-        """Return, for complete rows, the added columns except the flags, (n, m - 1); the flags for
-        rows outside the training range, (n,); and the rows at which a free run diverges.
+        """Return three results for complete rows: the added columns except the flags, (n, m - 1);
+        the flags, (n,), which are True for rows outside the training range; and the rows at which a
+        free run diverges.
 
-        If signals are computed from other columns, a recording is processed stretch by stretch.
-        `rows` are the row numbers for messages.
+        If signals are computed from other columns, the parts of a recording between its gaps are
+        processed separately. `rows` are the row numbers for messages.
         """
         model, reading = self.model, self.reading
         if reading.turned_for is not None:

@@ -117,7 +117,7 @@ def _begin(parent: int, work: object) -> None:
         import ctypes
 
         ctypes.CDLL(None).prctl(1, int(signal.SIGKILL), 0, 0, 0)  # PR_SET_PDEATHSIG
-        if os.getppid() != parent:  # the parent process ended before this one was ready
+        if os.getppid() != parent:  # the parent process ended before this process was ready
             os._exit(1)
     else:
         Thread(target=_watch_parent, daemon=True).start()

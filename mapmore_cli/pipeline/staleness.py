@@ -54,7 +54,7 @@ class Needed:
 
     @property
     def last(self) -> str:
-        """Name of the last stage of the other run whose result this run needs."""
+        """Name of the last stage that the other run must complete."""
         return MODEL_STAGE if self.need.compared or self.need.overrides else "report"
 
     def is_kept(self, runs: Path) -> bool:
@@ -92,8 +92,8 @@ def named_runs(specs: Sequence[LoadedSpec]) -> set[str]:
 
 
 def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
-    """Raise SpecError if runs build on each other in a circle; `heirs` are the specs that led to
-    this one. A compared run needs the runs on which its model builds.
+    """Raise SpecError if runs build on each other in a circle; `heirs` are the specs through which
+    this spec was reached. A compared run needs the runs on which its model builds.
     """
     spec, chain = loaded.spec, (*heirs, loaded.path.resolve())
     paths = [spec.needs.static, spec.needs.damping, *(part.model for part in spec.model.sum or ())]
@@ -334,7 +334,8 @@ def place_in_spec(key: str, stage: str) -> str:
     sections = {field.alias or name: field.annotation for name, field in fields}
     if key in sections:
         return key
-    # the first section counts: `levels` is `data.levels`, because `fuse` is compared as a section
+    # `levels` is a key of `data` and of `fuse`. The first section that has the key is right,
+    # because differences in `fuse` already have `fuse` in their place
     for name, section in sections.items():
         if key in getattr(section, "model_fields", getattr(section, "__dataclass_fields__", ())):
             return f"{name}.{key}"

@@ -31,11 +31,11 @@ Entry = Column | Mapping[str, Any]
 
 
 def columns_in(frame: object, column: Column) -> list[Hashable]:
-    """Return the labels that a column of the spec means: none if there is no such column, several
-    if it is ambiguous.
+    """Return the labels of a frame to which the `column` of a spec can refer: none if there is no
+    such label, several if the reference is ambiguous.
 
-    The identical label is preferred. A text also matches a label of another type that looks the
-    same as text, such as `"3"` and 3. A number is an index, counted from 0, if no label is a
+    Labels that are equal to `column` come first. If there are none, the text "2" also refers to the
+    label 2, because both are written alike. A number is an index, counted from 0, if no label is a
     number.
     """
     labels = labels_of(frame) or ()
@@ -49,9 +49,9 @@ def columns_in(frame: object, column: Column) -> list[Hashable]:
 
 
 def canonical_columns(frame: object, target: object) -> dict[str, dict[str, str]]:
-    """Return the section `columns` for a frame: its columns with canonical names; or, if the
-    `target` is the label of a column, all columns whose labels can be names of quantities. Raises
-    SpecError if there are none.
+    """Return the section `columns` for a frame. It contains the columns whose labels are known
+    quantities, for example `pressure`. If the `target` is the label of a column, it contains all
+    columns whose labels can be names of quantities. Raises SpecError if there are none.
     """
     names = tuple(map(str, labels_of(frame) or ()))
     section = as_target(target)
@@ -71,9 +71,10 @@ def canonical_columns(frame: object, target: object) -> dict[str, dict[str, str]
 def with_canonical_columns(
     frames: Sequence[object], columns: Mapping[str, Any], made: Collection[str]
 ) -> dict[str, Any]:
-    """Return the section `columns`, extended by unused columns of all frames whose labels are
-    canonical names, except quantities that are already in the section, or that are `made` from
-    others (derived).
+    """Return the section `columns` with further columns: those that all frames have, that the
+    section does not use yet, and whose labels are known quantities, for example `pressure`. A
+    quantity that the section already contains, or that is derived from others (`made`), is not
+    added.
     """
     frame, *others = frames
     used = {label for entry in columns.values() for label in columns_in(frame, source_of(entry))}

@@ -50,7 +50,7 @@ def required_limits(
 
 
 def needs(spec: ExperimentSpec) -> list[Need]:
-    """Return the runs with which this one is compared, including its own variations, and the static
+    """Return the runs with which this run is compared, including its own variations, and the static
     run to which sums are fitted.
     """
     static = scores_slice(spec).static
@@ -64,7 +64,7 @@ def needs(spec: ExperimentSpec) -> list[Need]:
 
 
 def frozen_models(spec: ExperimentSpec, folder: Path) -> list[Path]:
-    """Return the frozen models with which this one is compared.
+    """Return the frozen models with which the model of this run is compared.
 
     Raises SpecError if such a file is missing.
     """

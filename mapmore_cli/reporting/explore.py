@@ -116,8 +116,9 @@ def wrapped(key: str, model: Model, more: str = "") -> str:
 
 
 def _competitors(inputs: ReportInputs) -> dict[str, Model]:
-    """Return the competitors that the page can compute as well as its model: they predict the same
-    quantity from its inputs, and, if they have memory, have its time step.
+    """Return the competitors that the page can compute beside the model. They predict the same
+    quantity from the inputs of the model. A competitor with memory must also have the time step of
+    the model.
     """
     model = inputs.model
     known, steps = {one.name for one in model.inputs}, _steps_of(model)
@@ -165,7 +166,9 @@ def bare_of(model: Model) -> tuple[Model, str]:
 
 
 def _course(words: str) -> str:
-    """Return the words of a transition as a function in JavaScript."""
+    """Return the course of a transition, given in words such as `w = 3*t^2 - 2*t^3`, as a function
+    in JavaScript.
+    """
     first, _, rest = words.removeprefix("w = ").partition(" up to t = 1/2, then ")
     text = f"t < 0.5 ? {first} : {rest}" if rest else first
     return "(t) => " + re.sub(r"([a-z]\w+)\(", r"Math.\1(", text).replace("^", " ** ")

@@ -165,8 +165,8 @@ def _samples(inputs: ReportInputs, spans: Mapping[str, Ends]) -> dict[str, Any]:
 
 
 def middle_of(rows: IntArray, places: Array) -> int:
-    """Return the row whose place is the median of the places, (n,). The middle row of a loop is at
-    an end of its range, where the motion turns.
+    """Return the row whose value in `places`, (n,), is the median. The row in the middle of the
+    list would not do: in a loop, it lies where the motion turns, at an end of the range.
     """
     return int(rows[np.argsort(places, kind="stable")[len(rows) // 2]])
 

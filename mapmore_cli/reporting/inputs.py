@@ -129,7 +129,9 @@ class ReportInputs:
 
     @property
     def dataset(self) -> Dataset:
-        """The samples that are shown; `validate` has chosen those of long curves."""
+        """The samples that are shown. Of long curves, these are the samples that the stage
+        `validate` has chosen.
+        """
         return self.validation.shown or self.whole
 
     @property

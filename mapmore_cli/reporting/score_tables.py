@@ -252,8 +252,9 @@ def _percent(fraction: float) -> str:
 
 
 def changes_table(comparison: Comparison) -> Table:
-    """Return a table of every curve that both models have, sorted by the size of the change: the
-    factor between them, its weight, and the difference.
+    """Return a table with a row for every curve that both models have: the factor between the two
+    outputs, the weight of the curve in the common factor, and the difference. Rows are sorted by
+    the size of the change.
     """
     unit = comparison.unit
     columns = {

@@ -52,7 +52,7 @@ def shown_by(fit: Fit | None) -> Paged | None:
 
 def sections_of(inputs: ReportInputs) -> tuple[Section, ...]:
     """Return the sections of a run's page. Each kind of model with tables of its own has a section,
-    which stands before the folded ones.
+    which stands before the folded sections.
     """
     kinds = dict.fromkeys(filter(None, map(shown_by, inputs.fits.values())))
     first = sum(not section.folded for section in SECTIONS)

@@ -223,8 +223,8 @@ def markdown_text(text: str) -> str:
 
 
 def to_markdown(table: Table, text: Callable[[str], str] = markdown_text) -> str:
-    """Return a pipe table with its title in bold and its notes below; `text` escapes each of their
-    texts.
+    """Return a Markdown table with its title in bold and its notes below. The function `text`
+    escapes every text in it.
     """
     rule = tuple("---:" if number else "---" for number in table.numeric)
     written = [tuple(map(text, line)) for line in (table.headings, *table.shown)]

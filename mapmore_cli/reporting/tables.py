@@ -187,7 +187,7 @@ def coefficient_rows(
     fit: FitResult, model: Model | None = None
 ) -> Iterator[tuple[SegmentFit, dict[str, Any]]]:
     """Yield each segment, or the model with memory, with a row for each of its terms: the row of
-    `Selection.table`, and half the `width` of its 95 % interval.
+    `Selection.table`, and half the `width` of the 95 % interval of the coefficient.
 
     If a `model` is given, which keeps a shape, its coefficients replace those of the fit.
     """
@@ -374,11 +374,12 @@ def _formula_rows(name: str, role: str, formula: FormulaFit) -> Iterator[Cells]:
 
 
 def same_models(fitted: Sequence[tuple[str, FormulaFit]]) -> tuple[str, ...]:
-    """Return a sentence for every pair of different formulas that are the same model here.
+    """Return a sentence for every pair of formulas with different names that are the same model
+    here.
 
-    They are the same if the same samples are fitted with the same sum of squares. For example,
-    tondu_lopez with a fitted area is chou_hannaford in other parameters, if the parameters of the
-    latter describe a braid.
+    Two formulas count as the same model if their fits to the same samples have the same sum of
+    squares. For example, tondu_lopez with a fitted area is chou_hannaford in other parameters, if
+    the parameters of the latter describe a braid.
     """
     known = [(name, fit) for name, fit in fitted if not fit.failed and fit.sse > 0.0]
     return tuple(

@@ -115,9 +115,9 @@ def remove_own(run_dir: Path, own: Sequence[str], now: bool) -> None:
 
 
 def to_trash(run_dir: Path, paths: Sequence[str], without: str = "") -> Path:
-    """Move files of a run folder, given by their POSIX paths in it, to `RUNS/.trash/DATE/NAME`, or
-    to `NAME.2` if that exists, and return that folder. The prefix `without` is removed from their
-    paths.
+    """Move files of a run folder to the folder `RUNS/.trash/DATE/NAME`, or `NAME.2` if that exists,
+    and return this folder. The files are given by their POSIX paths in the run folder. The prefix
+    `without` is removed from these paths in the trash.
 
     Raises WriteError if nothing can be moved there, for example to another file system.
     """

@@ -244,8 +244,8 @@ def stage_folder(run_dir: Path, stage: str) -> Iterator[Path]:
 
 
 def make_way(run_dir: Path, name: str, known: Mapping[str, Stamp]) -> list[str]:
-    """Move the file that a new one will replace to the trash, unless it is the one that `known`
-    lists; return its path if it was moved. Raises WriteError as `refuse_irregular` does.
+    """Move the file that a new file will replace to the trash, unless the record `known` lists it
+    unchanged. Return its path if it was moved. Raises WriteError as `refuse_irregular` does.
     """
     refuse_irregular(run_dir / name)
     if not (run_dir / name).is_file() or is_as_written(run_dir / name, known.get(name)):

@@ -38,10 +38,8 @@ LONGEST_NAME = 255  # largest number of bytes in the name of a file on common fi
 
 
 def _as_path(text: str) -> str:
-    """Return a recorded path unchanged. Raises ValueError for a path that no file can have.
-
-    Without this check, opening such a path would raise an OSError or a ValueError that the callers
-    do not expect.
+    """Return a path from a record unchanged. Raises ValueError for a path that no file can have.
+    Without this check, the file system would raise errors of various types when the path is used.
     """
     names = [os.fsencode(name) for name in text.split("/")]
     if b"\0" in b"".join(names) or max(map(len, names)) > LONGEST_NAME:

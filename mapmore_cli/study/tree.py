@@ -130,8 +130,8 @@ def nearest(root: Node, loc: Loc) -> Node:
 
 
 def merged(base: Node, over: Node) -> Node:
-    """Return `over` on top of `base`. Mappings are merged at all depths, other values replace the
-    old ones, and an empty value (`null`) removes the old one.
+    """Return `over` on top of `base`. Mappings are merged at all depths. Any other value in `over`
+    replaces the value in `base`, and an empty value (`null`) removes it.
     """
     if not (isinstance(base.value, dict) and isinstance(over.value, dict)):
         return over

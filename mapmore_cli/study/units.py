@@ -143,8 +143,8 @@ _BASE = {
 def default_unit(
     name: str, changes: Mapping[str, str] = _NO_CHANGES, rates: Mapping[str, str] = _NO_CHANGES
 ) -> str:
-    """Return the model's unit of a quantity: the one in `changes` (the spec's `units:`), otherwise
-    the canonical one, otherwise `1`.
+    """Return the model's unit of a quantity: the unit in `changes` (the spec's `units:`), otherwise
+    the default unit of this quantity, otherwise `1`.
 
     A rate has the unit of its quantity per unit of time, for example `kPa/s` for `pressure_rate`.
     `rates` maps rates with other names to their quantities. `step_pressure` has the unit of the
@@ -328,7 +328,7 @@ def unit_of_file(text: str, like: str) -> str | None:
     """Return the unit that a text in a file gives (`BAR`, `psig`, `seconds since 2020-01-01`), in
     mapmore's spelling; None for an unknown unit.
 
-    Of several possible spellings, the one that is convertible to the unit `like` is used.
+    If the text can mean several units, the unit that can be converted to `like` is used.
     """
     text = text.split(" since ")[0]
     word = text.strip(" []()")

@@ -31,8 +31,8 @@ FLOOR: dict[str, Any] = {
 def campaign_figures(scores: CampaignScores) -> list[Drawing]:
     """Return the figure with a line of dots for each run on a logarithmic axis: the run's own
     model, the reference model of the ratios, the best of its other models, and repeated
-    measurements; empty for a single run. Of very many runs, some are drawn, including the one with
-    the smallest error.
+    measurements; empty for a single run. If there are very many runs, only some are drawn,
+    including the run with the smallest error.
     """
     pooled = scores.pooled
     every = [*pooled]

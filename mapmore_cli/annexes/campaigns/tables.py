@@ -152,9 +152,9 @@ def _known(error: float) -> float:
 
 
 def _ratios(scores: CampaignScores, model: str, relative_to: str) -> tuple[Cell, Cell, Cell]:
-    """Return the summary of the ratio of a model's RMSE to that of another, over the runs that have
-    both: geometric mean, worst, and the number of runs in which it is better. The repeatability has
-    no wins.
+    """Return the summary of the ratio of one model's RMSE to another model's RMSE, over the runs
+    that have both models: geometric mean, worst, and the number of runs in which it is better. The
+    repeatability has no wins.
     """
     both = [run for run in scores.pooled.values() if {model, relative_to} <= run.keys()]
     pairs = [(_known(run[model].rmse), run[relative_to].rmse) for run in both]

@@ -105,11 +105,13 @@ def refuse_choice(table: Table, where: str, path: str, is_map: bool) -> UsageErr
 def _clock_among(
     columns: Mapping[int, TitledColumn], table: Table
 ) -> tuple[int | None, str, str, str]:
-    """Return the column that may be a clock or counts the rows, the question about it, and what the
-    example of the command says about it in the list of inputs and as an option.
+    """Return the column that may be a clock, or that counts the rows, and the question about this
+    column. Also return two texts for the example command: an addition to `--columns`, and another
+    option.
     """
     has_clock = any(one.is_time for one in table.values())
-    for place, one in columns.items() if len(columns) > 2 else ():  # of two columns, one drives
+    # with two columns, one must be the input
+    for place, one in columns.items() if len(columns) > 2 else ():
         if one.counts and not (one.unit or has_clock):
             how_long = "counts the rows: how long is the time between them?"
             return place, how_long, "", " --sample-time 10ms"

@@ -124,9 +124,9 @@ def _plain_names(columns: Sequence[TitledColumn]) -> dict[Column, str]:
 
 
 def _plainness(one: TitledColumn) -> int:
-    """Return how plainly a title names its quantity: 2 if it contains nothing else; 1 if it
-    contains other words and a suitable unit; 0 otherwise, for example for a letter among words, or
-    an `x` without a unit.
+    """Return how plainly a title names its quantity, as a number. It is 2 if the title contains
+    nothing else, and 1 if it contains other words and a suitable unit. Otherwise, it is 0, for
+    example for a single letter among other words, or for an `x` without a unit.
     """
     if one.plain:
         return 0 if not one.unit and one.quantity in ("displacement", "length") else 2

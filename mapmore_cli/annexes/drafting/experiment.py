@@ -93,7 +93,8 @@ def find_held(
     of = asked or next(iter(levels))
     samples = sum(len(one.columns[of]) for one in recordings)
     if asked is None and is_table and samples < FEWEST * len(levels[of]):
-        return None  # these values are steps of what moved while another quantity was held
+        # a quantity with so few samples at each value was moved in steps, not held constant
+        return None
     swept = next((name for name in inputs if name not in (of, *levels, *conditions)), None)
     at, within = levels.get(of, []), None
     if not at:

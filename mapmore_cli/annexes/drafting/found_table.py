@@ -27,8 +27,8 @@ Row = Sequence[Any]
 @dataclass(frozen=True)
 class FoundTable:
     """A table in the first rows of a file. From the row with index `first` on, `rows` have `wide`
-    cells, with numbers in the columns `numeric`. The rows `labelled` say in their first cell what
-    the others hold.
+    cells, with numbers in the columns `numeric`. The first cell of each row in `labelled` says what
+    the other cells of the row hold.
     """
 
     top: Top
@@ -76,8 +76,8 @@ class FoundTable:
         return -doubtful, len(self.rows) - self.first
 
     def layout(self, reader: str) -> Layout:
-        """Return the layout, in which one line above the numbers has the titles, and another the
-        units; or that of a map.
+        """Return the layout of a table in which one line above the numbers has the titles and
+        another line the units, or the layout of a map.
         """
         if (top := self.top_of_map) is not None:
             as_map = {**self.top.settings, **({"skip_rows": top} if top else {}), "table": "map"}

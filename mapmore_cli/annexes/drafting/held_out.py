@@ -24,9 +24,10 @@ WHOLE, LAST_SAMPLES = "recordings", "last"
 def with_split(
     draft: Draft, done: Experiment, wanted: str | None, *, has_memory: bool = False
 ) -> Draft:
-    """Return the draft with held-out data: the data that a person names; otherwise inner levels; if
-    there are no levels, inner values from names of files, or recordings; otherwise the last samples
-    of each recording, unless the study has no memory and these lie outside the others. The note
+    """Return the draft with held-out data. If a person names data, these are held out. Otherwise,
+    the first possibility in this list is used: inner levels; inner values from names of files;
+    whole recordings; the last samples of each recording. If the study has no memory and the last
+    samples lie outside the range of the others, other samples are used instead of them. The note
     says whether the held-out data lie between or outside the training data.
 
     Raises UsageError if the data that a person names cannot be held out.

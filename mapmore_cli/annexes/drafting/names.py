@@ -205,8 +205,9 @@ def _is_count(numbers: Series) -> bool:
 
 
 def _series_of(names: Sequence[str]) -> list[Series]:
-    """Return the numbers with the same word and unit, by the index of their names. If a name has
-    several, the first ones form a series, then the second ones.
+    """Return the numbers with the same word and unit, by the index of their names. If each name has
+    several such numbers, the first number of each name belongs to one series, the second number to
+    another.
 
     Numbers that are equal in all names are left out.
     """
@@ -256,7 +257,9 @@ def _asked_for(hold: Hold, series: Sequence[Series]) -> Series:
 
 
 def _is_named_by(hold: Hold, number: Number) -> bool:
-    """Return True if a person names a number by its word, its quantity, or its unit."""
+    """Return True if the option `--hold` means this number: it gives the word beside the number,
+    the quantity of the number, or a unit to which the unit of the number can be converted.
+    """
     word, name = number.word.casefold(), hold.name.casefold()
     if hold.word:
         return word.endswith(hold.word.casefold())

@@ -104,8 +104,9 @@ def table_of(study: Study, folder: Path) -> Table:
 
 
 def _read_texts(section: Mapping[str, Any], folder: Path, column: Column) -> dict[Column, Texts]:
-    """Return the different texts of a column, and the numbers of its cells' texts; an empty mapping
-    if texts seldom occur more than once. A text of which the cells below are empty applies to them.
+    """Return the different texts of a column, and for each cell the number of its text. An empty
+    cell gets the text above it if most texts would otherwise occur only once. The mapping is empty
+    if texts seldom occur more than once.
     """
     for how in (True, "down"):
         entry = {"column": column, "texts": how}
@@ -121,7 +122,7 @@ def _read_texts(section: Mapping[str, Any], folder: Path, column: Column) -> dic
         numbers = [x[np.isfinite(x)] for x in cells]
         words, is_down = [*meter.texts["label"]], how == "down"
         is_again = (FEWEST_ROWS if is_down else 2) * len(words) <= sum(map(len, numbers))
-        # a text above which cells are empty is a remark
+        # a text with empty cells above it is a remark
         is_everywhere = len(words) > 1 and [*map(len, cells)] == [*map(len, numbers)]
         if is_again and all(map(len, numbers)) and (is_everywhere or not is_down):
             return {column: (words, numbers, is_down)}

@@ -12,9 +12,10 @@ def words(text: str) -> list[str]:
 
 
 def spelt(text: str) -> str:
-    """Return a text in the Latin alphabet: accents are removed, and letters are replaced by their
-    Unicode names (`θ1` becomes `theta1`), Greek letters within words by the beginnings of these
-    names (`Πίεση` becomes `piese`); other signs are replaced by their numbers in Unicode.
+    """Return a text in the Latin alphabet. Accents are removed. A letter of another alphabet is
+    replaced by its Unicode name (`θ1` becomes `theta1`); a Greek letter within a word by the
+    beginning of its name (`Πίεση` becomes `piese`). Any other sign is replaced by its number in
+    Unicode.
     """
     plain = "".join(
         sign for sign in unicodedata.normalize("NFKD", text) if not unicodedata.combining(sign)

@@ -38,8 +38,8 @@ NOTHING_SAID = Answers()
 
 @dataclass(frozen=True)
 class Start:
-    """The drafts, the one with the most files first, and remarks about files and columns that they
-    do not cover.
+    """The drafts, the draft with the most files first, and remarks about files and columns that no
+    draft uses.
     """
 
     drafts: tuple[Draft, ...]
@@ -164,8 +164,8 @@ def _measured_strain(answers: Answers, table: Table) -> Named | None:
 
 
 def _shared_out(columns: Named, table: Table) -> tuple[Named, Named]:
-    """Split the columns that a person named into those that a table has, and those of
-    another log.
+    """Split the columns that a person named into columns of this table and columns of another log
+    file.
     """
     beside = dict(columns)
     for name, column in columns.items():

@@ -54,8 +54,9 @@ class Study:
         return replace(self, files=files, variants={})
 
     def changed_columns(self, columns: Named) -> dict[Path, Section]:
-        """Return, for each file whose titles or units differ from those of the other files, its own
-        entries of `columns`. Files in which columns only stand in another order have none.
+        """Return the entries of `columns` that a file needs for itself because its titles or units
+        differ from those of most files. A file in which only the order of the columns differs needs
+        none.
         """
         of_layouts = {id(one): self._columns_of(one, columns) for one in self.variants.values()}
         changed = {file: of_layouts[id(layout)] for file, layout in self.variants.items()}
@@ -90,8 +91,9 @@ class Study:
 
     @cached_property
     def names(self) -> list[str]:
-        """The name of each recording: its path in the folder; for a single file, its sheet or the
-        text above its table; both if tables are in several files.
+        """Text that distinguishes each recording from the others. It is the path of the file in the
+        folder if there are several files, and the sheet or the text above the table if all
+        recordings are in one file. Both are given for tables in several files.
         """
         is_one = len(self.files) == 1
         stems = {file: stem_of(relative_name(file, self.folder)) for file in self.files}
@@ -112,8 +114,8 @@ class Study:
 
 
 def find_studies(path: Path) -> tuple[list[Study], list[str]]:
-    """Return the studies under a path, the one with the most files first, and for every other file
-    the reason why it is left out, with the remedy.
+    """Return the studies under a path, the study with the most files first. Also return, for every
+    file that belongs to no study, the reason why it is left out, with the remedy.
 
     Raises DataError if the path does not exist.
     """

@@ -13,8 +13,8 @@ from mapmore_cli.study.units import can_convert, is_canonical
 
 
 def with_columns(draft: Draft, known: Understood, target: str, table: Table) -> Draft:
-    """Return the draft with the columns for one target, the units of those that are no canonical
-    quantities, and a remark on columns that are not used.
+    """Return the draft with the columns for one target and a remark on columns that are not used.
+    Quantities without a default unit, for example a displacement, keep the units of their columns.
     """
     used = {place for one in known.columns.values() for place in one.places}
     left = ", ".join(

@@ -128,8 +128,8 @@ def c_source(model: Model, single: bool = False) -> CSource:
 
 
 class CSource(NamedTuple):
-    """A model in C: the `name` of its functions, its program, its dialect, and the `words` for the
-    templates.
+    """A model in C: the `name` of its functions, its program, its dialect, and the variables of the
+    templates with their values (`words`).
     """
 
     name: Code
@@ -165,8 +165,8 @@ def functions(words: Mapping[str, Any]) -> str:
 
 
 def _inverses(words: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Yield the words for the function that solves for an input, for every input with a known
-    training range.
+    """Yield, for every input with a known training range, the variables of the template of the
+    function that solves for this input.
     """
     for name, in_code in names_of_inputs(words["model"].inputs).items():
         try:

@@ -75,7 +75,7 @@ class Dialect:
 
     def function(self, name: str) -> str:
         """Return the name by which code calls a function of expressions: its name in the library of
-        the language, or that of a helper.
+        the language, or otherwise the name of a helper that the export writes.
         """
         entry = FUNCTIONS[name]
         if entry.is_in_library(self.language):
@@ -83,8 +83,9 @@ class Dialect:
         return HELPER.format(name)
 
     def helpers(self, *lines: str) -> dict[str, Code]:
-        """Return the expressions of x that an export writes as helper functions, by the name of the
-        helper: those of all functions in the lines that the library of the language lacks.
+        """Return helpers for the functions that occur in the lines but not in the library of the
+        language: for each name, the expression of x that the export writes as the body of the
+        helper.
         """
         called = set(re.findall(r"\w+(?=\()", "\n".join(lines)))
         return {
@@ -171,8 +172,9 @@ JAVASCRIPT = replace(
 
 
 def program_words(program: Program, dialect: Dialect, apart: bool = True) -> dict[str, Any]:
-    """Return the words of a program for the templates: its `functions`, `lines` and `results`, and
-    the `limits` of its inputs. With `apart`, the limits are computed in a separate function.
+    """Return the variables of the templates that describe a program: its `functions`, `lines` and
+    `results`, and the `limits` of its inputs. With `apart`, the limits are computed in a separate
+    function.
 
     Raises DataError if a name of the program is no identifier.
     """

@@ -110,8 +110,8 @@ def exported(
     With several outputs, C is one function; other forms are written for each output, with its name.
     `csv` has the points of a `grid`, `table` those of a `grid` or of the training range.
 
-    With `verify`, C, units and modules are compared with `predict`. `warn` is called if a unit has
-    no binary for this machine, and if nothing could be compared because there is no compiler.
+    With `verify`, C code, FMUs and modules are compared with `predict`. `warn` is called if an FMU
+    has no binary for this machine, and if nothing could be compared because there is no compiler.
 
     Raises UsageError for a grid that is malformed or goes beyond the training range, and for a name
     without a letter; DataError if a part of the model has no closed expression; MapmoreError if the

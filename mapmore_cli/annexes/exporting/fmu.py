@@ -31,7 +31,9 @@ WRAPPERS = {
     2: ("unit.h", "co-simulation.h", "co-simulation.c"),
     3: ("unit.h", "co-simulation-3.c"),
 }
-"""Files of every unit by standard, whose names no model may have; the last one is compiled."""
+"""Source files of every FMU, by the version of the standard. No model may have one of these names.
+The last file is compiled.
+"""
 
 BITS = "outside_range"
 """Name of the integer output: bit i is set if input i is outside its training range; a further bit
@@ -41,7 +43,7 @@ is set if a model with memory has no value.
 
 @dataclass(frozen=True)
 class UnitSources:
-    """Contents of a unit: its identifier, its description, its sources by name, and the files from
+    """Contents of an FMU: its identifier, its description, its sources by name, and the files from
     which its binary is compiled.
     """
 
@@ -53,15 +55,13 @@ class UnitSources:
 
     @property
     def verifier(self) -> dict[str, str]:
-        """Source of a program that runs the unit for the comparison with `predict`, by
-        file name.
-        """
+        """Source of a program that runs the FMU for the comparison with `predict`, by file name."""
         name = "verify-unit.c" if self.standard == 2 else "verify-unit-3.c"
         return {name: source(name)}
 
 
 class Variable(NamedTuple):
-    """A variable of the unit, as FMI describes it."""
+    """A variable of the FMU, as FMI describes it."""
 
     name: str
     about: str
@@ -105,7 +105,8 @@ def unit_file(model: Model, wanted: Wanted, standard: int = 2) -> dict[str, byte
 
 
 def fmu_sources(model: Model, tool: str, standard: int = 2) -> UnitSources:
-    """Return the texts in an FMU of FMI 2 or 3; `tool` is the program and version that makes it.
+    """Return the source files in an FMU for FMI 2 or 3; `tool` is the program that makes it, with
+    its version.
 
     Raises the same errors as `c_source.c_source`.
     """
@@ -116,7 +117,7 @@ def fmu_sources(model: Model, tool: str, standard: int = 2) -> UnitSources:
     header = rendered_template("model.h", **written.words)
     texts = {f"{name}.h": header, f"{name}.c": functions(written.words), **texts}
     about = repr([model.name, model.inputs, model.output, tool, *texts.values()])
-    # equal units get the same identifier, and different units get different ones
+    # equal FMUs get the same identifier, and different FMUs get different ones
     guid = str(UUID(bytes=hashlib.sha256(about.encode()).digest()[:16]))
     variables = list(_variables(written, [BITS] if standard == 2 else [BITS, "time"]))
     words = {
@@ -139,7 +140,7 @@ def fmu_sources(model: Model, tool: str, standard: int = 2) -> UnitSources:
 
 
 def input_names(model: Model) -> list[str]:
-    """Return the names of the inputs of a unit, in order."""
+    """Return the names of the inputs of an FMU, in order."""
     written = c_source(model)
     return [
         variable.name
@@ -162,7 +163,9 @@ def _about(written: CSource) -> str:
 
 
 def _powers(base: BaseUnits | None) -> dict[str, float] | None:
-    """Return the attributes with which FMI describes a unit by SI base units; None if unknown."""
+    """Return the attributes with which FMI describes a unit of measurement by SI base units; None
+    if unknown.
+    """
     if base is None:
         return None
     scale = (("factor", base.factor, 1.0), ("offset", base.offset, 0.0))
@@ -170,8 +173,9 @@ def _powers(base: BaseUnits | None) -> dict[str, float] | None:
 
 
 def _variables(written: CSource, taken: list[str]) -> Iterator[Variable]:
-    """Yield the variables of a unit: the inputs, the measured output if the model feeds it back,
-    the output, and the bits of `outside_range`. The first ones get names that are not in `taken`.
+    """Yield the variables of an FMU: the inputs, the measured output if the model feeds it back,
+    the output, and the bits of `outside_range`. The inputs and the measured output get names that
+    are not in `taken`.
     """
     model, memory = written.words["model"], written.words["memory"]
     measured = [

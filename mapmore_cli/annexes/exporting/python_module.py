@@ -55,7 +55,7 @@ def python_module(model: Model, plain: bool = False) -> tuple[str, str]:
 
 
 def words_of_module(model: Model, dialect: Dialect, names: Mapping[str, str]) -> dict[str, Any]:
-    """Return the words of a module or a function for the templates; `names` are the names of the
+    """Return the variables of the templates of a module or a function; `names` are the names of the
     inputs in code.
     """
     return {

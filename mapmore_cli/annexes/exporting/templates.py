@@ -30,8 +30,9 @@ from mapmore_cli.modelling.programs import program_of
 
 @dataclass(frozen=True)
 class Wanted:
-    """Options of an export: in `single` precision, on the points of a `grid`, compared with
-    `predict` if `verify`; `warn` is called with a message if something could not be done.
+    """Options of an export: `single` is True for single precision, `grid` gives the points of a
+    table, and `verify` is True if the code is compared with `predict`. `warn` is called with a
+    message if something could not be done.
     """
 
     single: bool
@@ -108,8 +109,8 @@ def identifier(name: str) -> Code:
 
 
 def names_of_inputs(inputs: Sequence[Quantity], functions: Sequence[str] = ()) -> dict[str, str]:
-    """Return the name of each input in code, by its own name; names of some `functions` are not
-    used.
+    """Return the name of each input in code, by its own name. None of the names in code is the name
+    of one of the `functions`.
     """
     names = [quantity.name for quantity in inputs]
     reserved = [*PYTHON, *functions, *(f"x_{name}" for name in names)]
@@ -117,7 +118,9 @@ def names_of_inputs(inputs: Sequence[Quantity], functions: Sequence[str] = ()) -
 
 
 def names_in_matlab(inputs: Sequence[Quantity], functions: Sequence[str]) -> dict[str, str]:
-    """Return the name of each input in MATLAB; names of some `functions` are not used."""
+    """Return the name of each input in MATLAB code. None of these names is the name of one of the
+    `functions`.
+    """
     return names_of_inputs(inputs, [*words_of("MATLAB", "Octave"), *functions])
 
 
@@ -226,8 +229,8 @@ COMMENTS = {
 
 def with_notice(name: str, text: str) -> str:
     """Return the text of a file with the notice that the licence of mapmore's templates requires,
-    if the file is code. It stands at the end in MATLAB, where the first comment is the help of the
-    function.
+    if the file is code. In MATLAB, the notice stands at the end of the file, because the first
+    comment of a file is the help of its function.
     """
     comment = COMMENTS.get(PurePath(name).suffix)
     if comment is None:
@@ -237,7 +240,7 @@ def with_notice(name: str, text: str) -> str:
 
 
 def rendered_template(template: str, **words: object) -> Code:
-    """Return a file of `sources/` with its template words replaced."""
+    """Return a file of `sources/` with values in place of its template variables."""
     return Code(
         templates(template.rpartition(".")[2]).get_template(f"{template}.jinja").render(words)
     )

@@ -63,7 +63,7 @@ class CompilerFailed(CompilerMissing):
 
 
 def library_place(name: str, standard: int) -> str:
-    """Return the path of this machine's shared library in a unit of FMI 2 or 3. Raises
+    """Return the path of this machine's shared library in an FMU for FMI 2 or 3. Raises
     CompilerMissing for an unknown machine.
     """
     machine = platform.machine().lower()
@@ -248,7 +248,8 @@ def training_ends(model: Model) -> dict[str, tuple[list[float], list[float]]]:
     limits, ends = program_of(model).limits, {}
     for name in model.input_names:
         known = [limit for limit in limits if limit.inputs == {name}]
-        # limits of the input itself are used, not those of quantities that are computed from it
+        # only limits of the input itself are used, not limits of quantities that are computed from
+        # it
         known = [limit for limit in known if limit.value == Name(f"{INPUT}{name}")] or known
         ends[name] = (
             [place for limit in known for place in limit.low.tolist()],

@@ -23,7 +23,7 @@ ALL, RISE, FALL = "all", "rise", "fall"
 
 
 def poles(p1: float, p2: float) -> tuple[complex, complex]:
-    """Return the roots of `z^2 - P2 z - P1`, the one with the larger modulus first."""
+    """Return the roots of `z^2 - P2 z - P1`, the root with the larger modulus first."""
     half, root = 0.5 * p2, cmath.sqrt(0.25 * p2 * p2 + p1)
     first, second = half + root, half - root
     return (first, second) if abs(first) >= abs(second) else (second, first)
@@ -78,8 +78,8 @@ class Motion:
 
     With `hard` switching, every section runs along the whole input, and the output of the active
     one is used. `carried` sections pass on their state; `bumpless` sections also have equal steady
-    outputs at their boundaries. Without bumpless switching, `dead_band` is 0: the input then counts
-    as falling unless it rises above its value one sample before.
+    outputs at their boundaries. Without bumpless switching, `dead_band` is 0. Then the input counts
+    as rising if it is larger than one sample before, and otherwise as falling.
     """
 
     input: Annotated[QuantityName, "the input"]

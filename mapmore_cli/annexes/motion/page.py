@@ -52,8 +52,8 @@ def _document(motion: Motion) -> dict[str, object]:
 
 
 def sections_table(fits: Mapping[str, MotionFit], unit: str) -> Table:
-    """Return the table with the parameters of every section of every model, its poles, its gain,
-    and how it was found; P table 1 has the parameters.
+    """Return a table with a row for every section of every model: its parameters (as in P table 1),
+    its poles, its gain, and how it was found.
     """
     drives = tuple(dict.fromkeys(text for fit in fits.values() for text in fit.model.drives[1:]))
     columns: Columns = (

@@ -94,7 +94,7 @@ def active(motion: Motion, u: Array, moving: Array | None = None) -> IntArray:
     """Return the index of the active section at each sample, (n,), counted from 0: section j is
     active from its lower boundary on (P eq 15).
 
-    The direction is that of `moving`, (n,), by default of the input u, (n,).
+    The direction of motion is taken from `moving`, (n,), or by default from the input u, (n,).
     """
     place = np.searchsorted(np.asarray(motion.boundaries), u, side="right")
     if not motion.directed:

@@ -45,8 +45,8 @@ def folds_of(dataset: Dataset, choices: ModelChoices, normaliser: str, by_level:
     """Return folds of the training samples: inner levels if there are enough of them, otherwise
     blocks.
 
-    If the study holds out levels (`by_level`), training levels are also left out of pooled curves,
-    and the outer levels too if there are fewer than three inner ones.
+    If the study holds out levels (`by_level`), training levels are also left out of pooled curves.
+    With fewer than three inner levels, the outer levels are left out too.
 
     Raises DataError if there are too few samples to leave out a block.
     """

@@ -37,8 +37,8 @@ MOST_POINTS = 100  # largest number of further points for which a forecast is ma
 
 @dataclass(frozen=True)
 class MeasuredMap:
-    """A measured map: inputs by name and values, (n,) each, and the predictions of each formula of
-    the committee, at these points and at other places.
+    """Measured points of a map: the names of the d inputs, the points `x`, (n, d), and the target
+    `y`, (n,).
     """
 
     names: tuple[str, ...]
@@ -71,8 +71,8 @@ class MeasuredMap:
 
 
 def spread_out(x: Array, y: Array) -> tuple[Array, Array]:
-    """Return at most `MOST_MEASURED` of the points, spread over them: each next point is the one
-    farthest from those chosen before (maximin).
+    """Return at most `MOST_MEASURED` of the points, spread evenly. Each next point is the point
+    that is farthest from all points chosen before (maximin).
     """
     if len(y) <= MOST_MEASURED:
         return x, y
@@ -160,8 +160,9 @@ def next_points(
     """Return the next points in the order of their worth, and the half widths at all places before
     and after them.
 
-    Worth is divided by cost. The first time that a quantity takes a value costs its price; a point
-    costs at least the lowest price. Only `free` places, (m,), are chosen; all places if it is None.
+    The worth of a point is divided by its cost. The cost is the sum of the prices of all quantities
+    for which the point is the first of the new points with this value, and at least the lowest
+    price. Only `free` places, (m,), are chosen; all places if it is None.
     """
     before, places = committee.half, committee.places
     next_ones, chosen = list[Candidate](), list[int]()

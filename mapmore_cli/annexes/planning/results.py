@@ -15,8 +15,8 @@ from mapmore_cli.domain.recording import Quantity
 
 @dataclass(frozen=True)
 class Candidate:
-    """A possible measurement. Half widths are those of the 95 % interval, in the target's unit, NaN
-    if unknown.
+    """A possible measurement. Half widths are half the width of the 95 % interval, in the target's
+    unit; NaN if unknown.
     """
 
     at: Mapping[str, float]  # values of the quantities to set, by name, in the model's units

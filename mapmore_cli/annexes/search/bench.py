@@ -149,15 +149,16 @@ class Bench:
 def _parts(
     dataset: Dataset, situation: Situation, study: Dataset
 ) -> tuple[str, list[BoolArray], bool, bool]:
-    """Return the folds that leave out whole recordings, their ends, or all curves at a level, as a
-    description and as masks. Also return True if the study holds out such parts, and True if the
-    folds leave out outermost levels because the study holds out one.
+    """Return folds that leave out whole recordings, ends of recordings, or all curves at a level: a
+    description and the masks. The third result is True if most held-out samples of the study belong
+    to curves that are held out as a whole. The fourth result is True if the folds leave out
+    outermost levels, because the study holds out such a level.
 
     Ends of recordings are left out if most held-out samples of the study come after training
     samples of the same recording, or if the study holds out whole recordings and only one recording
-    is left for training. Otherwise values at which whole curves are constant are left out, or
-    recordings. In the rest of each fold, every input varies, because nothing can be learnt about a
-    constant input.
+    is left for training. Otherwise, all curves at a level are left out, or recordings if there are
+    no levels. A fold is used only if every input varies in the samples that remain, because nothing
+    can be learnt about a constant input.
     """
     samples, every = pooled_samples(dataset), pooled_samples(study)
     behind = [np.argmax(every.training[log][::-1]) for log in every.logs]
@@ -252,9 +253,9 @@ lies beyond it. A fold leaves out at most the second fraction of the range at it
 
 def _beyond(dataset: Dataset, situation: Situation, study: Dataset) -> list[BoolArray]:
     """Return folds, (n,), that leave out an end of an input's range, as wide as the part that the
-    study holds out beyond this end. The range is that of all training samples or, if too few
-    held-out samples lie outside it, that of each curve. Return none if too few lie outside of
-    either, or if samples have a past.
+    study holds out beyond this end. The range is that of all training samples. If too few held-out
+    samples lie outside of it, the range of each curve is tried instead. No fold is returned if too
+    few samples lie outside of that range too, or if samples are in the order of time.
     """
     samples, held = pooled_samples(dataset), pooled_samples(study).held_out
     training = samples.training
@@ -279,10 +280,10 @@ def _beyond(dataset: Dataset, situation: Situation, study: Dataset) -> list[Bool
 
 
 def _from_ends(dataset: Dataset, name: str, of_each: bool) -> tuple[Array, Array]:
-    """Return how far all samples lie below and above the range of the training samples, (2, n),
-    negative within it, and the width of this range, (n,). With `of_each`, the range is that of the
-    sample's own curve, and has no limits if this curve has no training samples. Otherwise, it is
-    the range of all curves together.
+    """Return the distances of all samples below the lower end and above the upper end of the
+    training range, (2, n), and the width of this range, (n,). Distances inside the range are
+    negative. With `of_each`, each curve has its own range, which is unlimited for a curve without
+    training samples. Otherwise, all curves together have one range.
     """
     trained = [curve.columns[name][curve.training] for curve in dataset.curves]
     whole = extremes(np.concatenate(trained))

@@ -1,5 +1,5 @@
-"""Define candidates: parts of a spec in which words in capitals stand for names and numbers of the
-study.
+"""Define candidates: parts of a spec with placeholders, which are words in capitals. The names and
+numbers of a study are inserted for them.
 """
 
 from __future__ import annotations
@@ -76,8 +76,8 @@ def going_on(candidate: Tried, way: str | None) -> Tried:
 
 def offered_structures(family: Mapping[str, Any], of: Situation) -> Iterator[Tried]:
     """Yield the candidates that a family offers for a study, not tried yet: the items of its
-    `candidates`, with their words filled in. The family's settings in `fit` apply to candidates
-    that have none of their own.
+    `candidates`, with values in place of their placeholders. The family's settings in `fit` apply
+    to candidates that have none of their own.
     """
     if family.get("timed") and not of.timed:
         return
@@ -123,13 +123,14 @@ def _applies(when: Mapping[str, int], of: Situation) -> bool:
 
 
 def vocabulary(of: Situation, **more: Any) -> dict[str, Any]:
-    """Return the values of the words in capitals; `more` holds those of a loop (`for`).
+    """Return the values of all placeholders; `more` holds those of the placeholders of a loop
+    (`for`).
 
     - `INPUTS`, `MOVING` (within a recording), `SWEPT` (the one that moves most), `OTHERS`, `LEVEL`,
       `TARGET`: quantities.
     - `SPARE`: the inputs without which another input still moves.
-    - `REST`, `FIRST_REST`, `MOVING_REST`: inputs without the one of the loop; and of these, the
-      first, or all, that move.
+    - `REST`: the inputs without the input of the loop. `FIRST_REST`: the first of these that moves.
+      `MOVING_REST`: all of these that move.
     - `PLANE`, `QUADRATIC`, `CUBIC`: number of their monomials. `SLOW_ORDER`: order of products of
       slow states.
     - `MANY`: number of terms that the samples support, `MOST_PARAMETERS` to 200.
@@ -191,11 +192,10 @@ WORD = re.compile(r"[A-Z][A-Z_]+|\bN\b")
 
 
 def filled(part: Any, words: Mapping[str, Any]) -> Any:
-    """Return a part of a spec in which the placeholders (words in capitals) are replaced by their
-    values, `words`.
+    """Return a part of a spec with values in place of its placeholders.
 
-    In a list, a placeholder with several values is replaced by all of them. `{every: TEXT, WORD:
-    values, ...}` is replaced by one copy of the text for each of the values.
+    A placeholder with several values is replaced by a list of them. `{every: TEXT, WORD: values,
+    ...}` is replaced by a list with one copy of the text for each of the values.
     """
     match part:
         case str():
@@ -220,7 +220,7 @@ def filled(part: Any, words: Mapping[str, Any]) -> Any:
 
 def _spliced(one: object, value: object) -> list[Any]:
     """Return the items by which one item of a list is replaced: all items of `value` if the item is
-    a word for several values, and no item if it is a family of states whose `of` is empty.
+    a placeholder for several values, and no item if the item describes states whose `of` is empty.
     """
     if isinstance(value, Mapping) and any(
         isinstance(each, Mapping) and each.get("of") == [] for each in value.values()

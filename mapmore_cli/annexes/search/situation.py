@@ -124,9 +124,10 @@ def situation_of(
 
 
 def _different(names: Sequence[str], pooled: Mapping[str, Array], level: str | None) -> list[str]:
-    """Return the names without those of quantities that are a linear function of another. Of two
-    such quantities, the level is kept; otherwise the one that more formulas of the literature use,
-    which is the strain and not a length or a displacement; otherwise the later one.
+    """Return the names without quantities that are a linear function of another quantity. Of two
+    such quantities, one is kept by the first of these rules that decides: the level; the quantity
+    that more formulas of the literature use (the strain instead of a length or a displacement); the
+    later name.
     """
     formulas = map(literature.get, literature.names())
     uses = Counter(name for formula in formulas for name in formula.inputs)

@@ -28,8 +28,9 @@ if TYPE_CHECKING:
 
 
 def search_slice(spec: ExperimentSpec) -> Slice:
-    """Return the slice of the spec. Rates by which samples are kept, groups, and quantities from
-    which the target is made (or which are made from it) are no inputs.
+    """Return the part of the spec on which the search depends. Three kinds of quantities are never
+    inputs: rates by which samples are kept, quantities that distinguish groups or recordings, and
+    quantities from which the target is computed or that are computed from it.
     """
     rules = spec.data.derive
     rates = {name for name, rule in rules.items() if not isinstance(rule, str)}
@@ -52,8 +53,9 @@ def search_slice(spec: ExperimentSpec) -> Slice:
 
 
 def _kin(target: str, spec: ExperimentSpec) -> tuple[str, ...]:
-    """Return the quantities that contain the target: the target itself, the single quantity from
-    which it is derived, if there is one, and the quantities that are derived from it.
+    """Return the quantities that contain the target: the target itself, all quantities that are
+    derived from the target, and the quantity from which the target is derived, if it is derived
+    from a single one.
     """
     sources = {
         name: {*parse(rule).names} if isinstance(rule, str) else {rule.source}

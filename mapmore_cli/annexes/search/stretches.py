@@ -28,8 +28,9 @@ def stretches(
     recordings at equal steps, these are stretches of time as long as the held-out run. Otherwise,
     they are bands of an input as wide as the held-out bands, or stretches along each input.
 
-    For a model without a past, time says nothing. Data at the end of an input's range can only be
-    extrapolated, which would dominate the comparison although it is not the question.
+    If models do not depend on earlier samples, stretches of time would test nothing in particular.
+    Ends of an input's range are not left out: they could only be extrapolated, and the large errors
+    there would dominate a comparison that is about interpolation.
     """
     samples = pooled_samples(dataset)
     training = samples.training

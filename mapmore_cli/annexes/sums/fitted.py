@@ -66,8 +66,8 @@ def formula_parts(summands: Sequence[Summand], joint: FormulaFit, dataset: Datas
 
 
 def _unit(text: str, dataset: Dataset) -> str:
-    """Return the unit of an input that is a quantity or its negative; for other expressions, that
-    of a plain number.
+    """Return the unit of an input that is a quantity or a negated quantity; `1` for any other
+    expression.
     """
     source = parse(text)
     names = sorted(source.names)

@@ -13,12 +13,12 @@ from mapmore_cli.domain.recording import Recording
 from mapmore_cli.domain.scores import FAR_FROM_ZERO
 from mapmore_cli.modelling.signals.sampling import PART, even_share
 
-# a sensor is saturated if the ratio of the number of samples at one end of the range to that at any
-# other value exceeds this
+# a sensor is saturated if the value at one end of its range occurs more than this many times as
+# often as any other value
 FAR_MORE = 10
 # quantities that hardly ever keep exactly one value unless their sensor is saturated
 FROM_SENSORS = ("force", "pressure", "load")
-PARTS_OF_FORCE = ("hysteresis", "damping")  # targets that vary around zero, whatever the force
+PARTS_OF_FORCE = ("hysteresis", "damping")  # at any force, these targets vary around zero
 
 
 def constant(subject: Subject) -> Issues:

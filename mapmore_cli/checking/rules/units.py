@@ -68,7 +68,8 @@ def _header(subject: Subject, source: str) -> Top | None:
     peek = READERS[data.reader].peek
     has_tables = [one for one in data.files if isinstance(one, FileEntry) and one.table is not None]
     if peek is None or int(data.header) < 2 or data.table is not None or has_tables:
-        return None  # the first lines of a file are not those of a table below others
+        # the first lines of a file say nothing about a table that stands below another table
+        return None
     for top in peek(subject.folder / source, data.skip_rows + int(data.header)):
         if all(
             getattr(data, key) == value

@@ -112,11 +112,11 @@ def lengths_of(model: ModelChoice, lengths: Mapping[str, float | None]) -> dict[
 
 
 def level_of(levels: Levels | None, segment: SegmentSection) -> str | None:
-    """Return the quantity between whose levels curves are interpolated: that of `levels`, unless
-    `segment: {<quantity>: none}` pools its curves.
+    """Return the quantity between whose levels curves are interpolated: the quantity of `levels`,
+    unless `segment: {<quantity>: none}` pools its curves.
 
-    The level of a step response is the pressure of its plateau. The weights depend on the pressure
-    itself, which is known at any time.
+    For step responses, the quantity is the pressure. Each curve has the pressure of its plateau as
+    level, and a prediction uses the pressure at the same sample.
     """
     if levels is None or segment.get(levels.of) == "none":
         return None

@@ -67,7 +67,9 @@ def units_of(spec: ExperimentSpec) -> dict[str, str]:
 
 
 def signals_of(spec: ExperimentSpec) -> tuple[Signal, ...]:
-    """Return all rates and directions of a study, each after the one from which it is computed."""
+    """Return all rates and directions of a study. Each stands after the rate from which it is
+    computed, if it is computed from one: a direction, or the rate of a rate.
+    """
     units = units_of(spec)
     signals = {
         name: signal_of(name, rule, units)

@@ -182,8 +182,8 @@ class Operator:
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """Return how many numbers the name of a state may contain. If training can estimate the
-        numbers, the name may also contain none.
+        """Return the possible counts of numbers in the name of a state. A name may contain no
+        numbers if training can estimate them.
         """
         return (0, len(self.parameters)) if self.found else (len(self.parameters),)
 
@@ -265,8 +265,8 @@ def run_recursion(rule: Recursion, x: Array, own: list[float], past: list[float]
         from scipy.signal import lfilter
 
         a, b = [1.0, *(-weight for weight in rule.weights[: rule.own])], rule.weights[rule.own :]
-        # what earlier values add to the next ones; `lfiltic` returns the same in a longer time
-        # than the filter takes for a short piece
+        # contribution of earlier values to the next values; SciPy's `lfiltic` returns the same, but
+        # takes longer than the filter takes for a short piece
         carried = [
             sum(map(mul, b[step:], past)) - sum(map(mul, a[step:], own))
             for step in range(1, max(len(a), len(b)))

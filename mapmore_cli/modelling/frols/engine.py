@@ -1,8 +1,8 @@
 """Provide `frols` and `frols_together`, and the two numerical forms of the method.
 
 The form with the Gram matrix reads a tall dictionary only once. The form with an orthonormal basis
-of the chosen columns reads the dictionary in every step, but loses no digits. It can read the
-triangular factor of the dictionary instead of the dictionary.
+of the chosen columns reads the dictionary in every step, but loses no digits. In place of the
+dictionary, the second form can read the triangular factor of the dictionary.
 """
 
 from __future__ import annotations

@@ -57,12 +57,13 @@ def weighted(blocks: Blocks, uncertainty: Array) -> Blocks:
 
 
 def safe_scale(squares: Array, blocks: Blocks) -> Array:
-    """Return powers of two, shape (M+1,), that bring the columns of `Z` near one if their sums of
-    `squares`, shape (M+1,), are outside the safe range; one for all other columns.
+    """Return a divisor for each column of `Z`, shape (M+1,). It is one if the column's sum in
+    `squares`, shape (M+1,), is in the safe range. Otherwise, it is the power of two that brings the
+    largest value of the column near one.
 
-    Sums are infinite or NaN if a value is not finite or its square overflows, and zero if squares
-    underflow. The values of these columns are then checked one by one. Raises DataError if a value
-    is not finite, with its column and row.
+    A sum is infinite or NaN if a value is not finite or its square overflows, and zero if squares
+    underflow. In these cases, the values of the column are checked one by one. Raises DataError if
+    a value is not finite, with its column and row.
     """
     scale = np.ones(len(squares))
     unsafe = np.flatnonzero(~((squares > SMALLEST) & (squares < LARGEST)))

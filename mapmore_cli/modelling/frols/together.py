@@ -25,9 +25,9 @@ class Together(Remainders):
         self.unexplained: list[list[float]] = []
 
     def reductions(self) -> tuple[Array, Array]:
-        """Return the sum over all outputs of the error reduction ratio of each candidate. It is
-        returned twice, because it also takes the place of `g` (see `Remainders`), which differs
-        from output to output.
+        """Return the error reduction ratio of each candidate, summed over all outputs. `Remainders`
+        requires a pair (`g`, ratio). Here, `g` would differ from output to output, so that the sum
+        is returned in both places.
         """
         err = np.sum([part.reductions()[1] for part in self.parts], axis=0)
         return err, err

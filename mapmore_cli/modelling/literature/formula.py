@@ -38,8 +38,8 @@ RANDOM = "random"
 
 @dataclass(frozen=True)
 class LinearForm:
-    """A formula rewritten with other parameters than the printed ones, so that it is linear in
-    them.
+    """A formula rewritten with other parameters than the printed ones, so that it is linear in most
+    of the new parameters.
 
     `text` is the same function of the inputs, `linear` names the parameters in which it is linear,
     and `printed` gives every printed parameter as an expression of these and of the nonlinear
@@ -195,9 +195,7 @@ class Formula:
         return self._result(problem, solvers.METHODS[method if self.fitted else default](problem))
 
     def predict(self, parameters: Mapping[str, float], columns: Columns) -> Array:
-        """Return the formula on every row, shape (n,); NaN if the parameters are those of a failed
-        fit.
-        """
+        """Return the formula on every row, shape (n,); NaN if the fit failed."""
         values = {name: columns[name] for name in self.inputs if name in columns}
         values |= {name: np.asarray(parameters[name]) for name in self.parameters}
         return evaluate(self.expression, values, row_count(columns))
@@ -215,8 +213,8 @@ class Formula:
         return with_numbers(self.expression, fit.parameters)
 
     def problem(self, columns: Columns, y: Array) -> LeastSquares:
-        """Return the least-squares problem with its rows in canonical order, so that the order of
-        the samples cannot change a digit of the fit. Raises the same errors as `fit`.
+        """Return the least-squares problem with sorted rows, so that the order of the samples
+        cannot change a digit of the fit. Raises the same errors as `fit`.
         """
         inputs = {name: finite(name, columns) for name in self.inputs}
         target = finite("the target", {"the target": y})
@@ -293,8 +291,8 @@ class Formula:
         )
 
     def _printed(self, problem: LeastSquares, beta: Array, c: Array) -> dict[str, float]:
-        """Return the printed parameters, computed from those of the linear form, and the
-        dimensions.
+        """Return the parameters as they are printed, computed from the parameters of the linear
+        form, and the dimensions of the muscle.
         """
         dimensions = {name: np.asarray(value) for name, value in self.given.items()}
         values = {**problem.values(beta, c), **dimensions}

@@ -42,9 +42,9 @@ STARTS = (-8.0, -4.0, -2.0, -0.7, 1.5)
 FIRST = 100
 # w at the starts: a sharp hinge, which the search can widen
 START_W = 0.02
-# the starting value of `hi` is fitted to the normalised targets above `UPPER`
+# normalised targets above this value determine the starting values of `hi`
 UPPER = 0.12
-# the starting value of `lo` is fitted to the normalised targets below `FOOT`
+# normalised targets below this value determine the starting values of `lo`
 FOOT = 0.06
 # bound of |a3|; data cannot distinguish steeper decays
 LARGEST_A3 = 15.0
@@ -221,8 +221,8 @@ def _search_bounds() -> tuple[Array, Array]:
 
 
 def _start_at(problem: _Problem, a3: float) -> Array:
-    """Return a start with the curvature a3: `hi` is fitted to the upper targets and `lo` to the
-    lowest ones, both by least squares.
+    """Return starting values with the curvature a3. `hi` is fitted to the upper targets and `lo` to
+    the lowest targets, both by least squares.
     """
     p, x, ones = problem.p, problem.x, np.ones_like(problem.p)
     q, decay = np.zeros(len(NAMES)), np.exp(a3 * x)

@@ -57,7 +57,8 @@ def parameter_errors(jacobian: Array, variance: float) -> tuple[Array, int, floa
     (n, p).
 
     `cov = variance (J'J)^-1`. With a deficient rank, the errors of parameters that the data cannot
-    distinguish are NaN, and the condition is that of the remaining space.
+    distinguish are NaN, and the condition is computed without the singular values that count as
+    zero.
     """
     lengths = _lengths(jacobian)
     _, s, vt = np.linalg.svd(jacobian / lengths, full_matrices=False)

@@ -114,7 +114,7 @@ def formula_value(
 
 
 class FormulaVerbs(Verbs):
-    """Simulation and other operations of a model that is a single formula."""
+    """Operations of a model that consists of a formula only."""
 
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
         """Return the formula at every row, shape (n,); NaN if an input is NaN."""

@@ -123,8 +123,8 @@ def units_of_parameters(fit: FormulaFit) -> Mapping[str, str]:
 
 
 def _intervals(low: float, high: float) -> Iterator[tuple[float, float]]:
-    """Yield the interval between the bounds, without the values next to zero, in parts of one sign,
-    because the search multiplies values by factors.
+    """Yield the negative and the positive part of the interval between the bounds, without the
+    values next to zero. The search multiplies values by factors, which cannot change a sign.
     """
     least = NEAREST * max(abs(low), abs(high))
     if low < 0:

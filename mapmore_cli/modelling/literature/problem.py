@@ -175,9 +175,10 @@ def condensed(columns: Columns, y: Array) -> tuple[Columns, Array, Array]:
     """Return `columns` and `y`, shape (n,) each, averaged over the finest grid with at most `LIMIT`
     cells, and the number of rows in each cell.
 
-    A sum of squares weighted by the counts equals the sum over the rows, minus their scatter within
-    the cells, up to the curvature of the model within a cell: for a hinge of slope one and width w,
-    the difference is 1/(96 w 512^2) of the full scale, which is 4e-6 for w = 0.01.
+    A sum of squares over the cells, weighted by the counts, equals the sum over the rows minus the
+    scatter of the rows within their cells. It would be exact for a model that is linear within each
+    cell. For a hinge of slope one and width w, the difference is 1/(96 w 512^2) of the full scale,
+    which is 4e-6 for w = 0.01.
     """
     if len(y) <= LIMIT:
         return columns, y, np.ones(len(y))

@@ -46,7 +46,7 @@ class End(NamedTuple):
 
 class Solution(NamedTuple):
     """Linear parameters `beta`, shape (m,), and coordinates `c`, shape (k,). `status` and `method`
-    are those of `FormulaFit`.
+    have the values that `FormulaFit` describes.
 
     `rivals` holds beta and c at other minima whose sums of squares are nearly as small.
     """

@@ -40,7 +40,7 @@ class StateWriter:
 
     - `seen`: number of samples before this one, by which operators recognise the first sample; None
       if all past values are known.
-    - `queues`: name of the queue of past values of each state that needs one.
+    - `queues`: for each state whose past values are needed, the name of the queue that holds them.
     - `rules`: if all past values are known, each operator becomes a function of the program;
       `rules` holds their recursions by the names of these functions.
     """
@@ -145,9 +145,9 @@ class StateWriter:
 
 
 class Parts(NamedTuple):
-    """The k terms of a model, split into factors: the factor of inputs of each term (k), the G
-    distinct factors of fed-back states, and, for each term (k), the index of its factor of fed-back
-    states, or -1 if it has none.
+    """The k terms of a model. Each is a product of a factor of inputs and a factor of fed-back
+    states. Stored are the factor of inputs of each term (k), the G different factors of fed-back
+    states, and for each term (k) the index of its factor of fed-back states (-1 if it has none).
     """
 
     inputs: list[Expression]

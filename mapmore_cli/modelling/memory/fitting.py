@@ -181,9 +181,11 @@ def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) ->
 def _sized_in_free_run(
     records: Sequence[Record], recipe: MemoryRecipe, numbers: Sequence[float], progress: Progress
 ) -> tuple[IntArray, Array]:
-    """Fit models of every size to the early training samples, and simulate them over the late ones.
+    """Fit models of every size to the early training samples, and simulate them over the late
+    training samples.
 
-    Returns the terms with the smallest error, and the RMSE of the models of 1, 2, ... terms.
+    Return the terms of the model with the smallest error, and the RMSE of the models of 1, 2, ...
+    terms.
     """
     late, beginnings = [], []
     for record in records:

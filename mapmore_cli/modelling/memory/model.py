@@ -193,7 +193,9 @@ class MemoryVerbs(Verbs):
         )
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-        """Return the equation of the backbone, then that of the next output."""
+        """Return the equation of the backbone, followed by the equation of the output at the next
+        sample.
+        """
         body = model.body_of(Memory)
         own, limits = (
             body.model,

@@ -32,9 +32,9 @@ FIRST, GROWTH = 16, 8
 LEAST_GROWTH = 1.2
 # Levenberg-Marquardt factor at the start, and the factor at which a step is given up
 DAMPING, MOST_DAMPING = 1e-3, 1e8
-# number of iterations, and relative decrease of the error at which the search stops: first for free
-# runs, then for runs over a horizon, then for a fold, whose error is only compared with errors that
-# differ by more
+# largest number of iterations, and the relative decrease of the error below which the search stops.
+# `THOROUGH` is for free runs, and `QUICK` for runs over a horizon. `COARSE` is for folds, because
+# errors of folds are compared only with errors that differ by more
 THOROUGH, QUICK, COARSE = (40, 1e-7), (6, 1e-2), (40, 1e-4)
 # step of the difference quotient that approximates the derivative by a parameter of an operator
 NUDGE = 1e-5
@@ -123,8 +123,8 @@ class FreeRunProblem:
         return vector[:terms], float(vector[terms]), vector[terms + 1 :]
 
     def at(self, vector: Array, horizon: int | None = None) -> Point:
-        """Return the point at a vector, whose entries are first limited to their bounds, with its
-        runs and error.
+        """Return the point at a vector, with its runs and its error. Entries of the vector outside
+        their bounds are first moved to the bounds.
         """
         vector = np.clip(vector, *self.between)
         theta, constant, numbers = self.split(vector)
@@ -179,8 +179,9 @@ class FreeRunProblem:
         return np.column_stack(columns)
 
     def free(self, vector: Array, downhill: Array) -> BoolArray:
-        """Return True for the entries of the vector that may change, shape (k + 1 + m,): all except
-        entries at a bound beyond which the search would go, and the constant if the model has none.
+        """Return True for the entries of the vector that may change, shape (k + 1 + m,). An entry
+        may not change if it is at a bound and the next step would lead beyond the bound. The
+        constant may not change if the model has no constant of its own.
         """
         low, high = self.between
         at_low, at_high = vector <= low, vector >= high
@@ -215,11 +216,12 @@ def refine(problem: FreeRunProblem, start: Array) -> Point:
 def minimise(
     problem: FreeRunProblem, start: Array, horizon: int | None, effort: tuple[int, float]
 ) -> Point:
-    """Search by the Levenberg-Marquardt method at one horizon (None for a free run). A step is
-    rejected if it raises the error or if its run diverges. The search stops after `effort[0]`
-    iterations, or if an iteration reduces the error by less than the share `effort[1]`.
+    """Search by the Levenberg-Marquardt method with runs of `horizon` samples (None for free runs).
+    A step is rejected if it raises the error or if its run diverges. The pair `effort` contains the
+    largest number of iterations, and the relative decrease of the error below which the search
+    stops.
 
-    SciPy's trust-region method ends in other minima, which are not lower on the whole.
+    SciPy's trust-region method would end in other minima. On average, these are not lower.
     """
     point, damping = problem.at(start, horizon), DAMPING
     iterations, least_gain = effort
@@ -256,12 +258,12 @@ def _of_unit_diagonal(curvature: Array) -> tuple[Array, Array]:
 
 
 def free_run_errors(problem: FreeRunProblem, vector: Array) -> tuple[Array, float]:
-    """Return the standard errors of a point, shape (k + 1 + m,), from the slopes of its runs and
-    the autocovariance of their residuals; and the number of independent samples to which the
-    samples are equivalent.
+    """Return the standard errors of a point, shape (k + 1 + m,), and the number of independent
+    samples to which the samples are equivalent. Both are computed from the slopes of its runs and
+    the autocovariance of their residuals.
 
-    The errors are NaN without a degree of freedom or without finite slopes, and for a parameter at
-    its bound.
+    All errors are NaN if no degree of freedom is left or a slope is not finite. The error of a
+    parameter at its bound is NaN too.
     """
     point = problem.at(vector)
     slopes, errors = problem.slopes(point), np.full(len(vector), np.nan)

@@ -89,8 +89,8 @@ FOLDS = 4  # blocks of samples that are left out one after the other to choose t
 
 @dataclass(frozen=True)
 class TermChoice:
-    """Terms of one model: their selection in units of the candidates, the constant that belongs to
-    it, the ridge, and the candidates that were chosen before pruning.
+    """Terms of one model: their selection, with coefficients in units of the candidates; the
+    constant of the model; the ridge; and the candidates that were chosen before pruning.
     """
 
     selection: Selection
@@ -112,7 +112,7 @@ def problem_of(data: Regressors, recipe: MemoryRecipe, among: IntArray | None = 
 
 
 class _Plain:
-    """Plain FROLS on the candidates, in memory as a whole if they fit."""
+    """Plain FROLS. All candidates are kept in memory at once if there is enough memory."""
 
     def __init__(self, data: Regressors, recipe: MemoryRecipe) -> None:
         self.data, self.recipe, self.whole = data, recipe, None
@@ -129,7 +129,7 @@ class _Plain:
 
     @cached_property
     def sizes(self) -> list[IntArray]:
-        """The terms of the models of 1, 2, ... terms."""
+        """For each number of terms 1, 2, ..., the terms of the model of this size."""
         largest = self._selected(np.arange(len(self.data.terms)), self.recipe.max_terms)
         return [largest.forward[: size + 1] for size in range(len(largest.forward))]
 

@@ -93,9 +93,9 @@ def with_signed_gain(
 
 
 def _warning_of_zero_gain(word: ShapeWord, model: Model, shaped: Model, region: Region) -> str:
-    """Return a warning if a sign makes the static gain zero, because the gain of the model without
-    it has the other sign; otherwise an empty text. Raises FitError if the training error is also
-    clearly larger: the sign is then wrong.
+    """Return a warning if the required sign makes the static gain zero; otherwise an empty text.
+    The gain becomes zero if the data alone would give it the other sign. Raises FitError if the
+    training error also becomes clearly larger, because the required sign is then wrong.
     """
     if word.word not in OTHER:
         return ""

@@ -137,8 +137,8 @@ class Unknown:
         return at
 
     def identified(self, searched: Array, errors: Array) -> Identified:
-        """Return the parameters with their standard errors, computed from those of the search
-        coordinates.
+        """Return the parameters with their standard errors, computed from the standard errors of
+        the search coordinates.
         """
         numbers = np.array(self.numbers(searched, DIGITS))
         scale = np.where(self.limits[0] > 0, numbers, 1.0)
@@ -239,9 +239,10 @@ class TrainingData:
         self.selector = selector(self.data, recipe)
 
     def fit(self, choice: TermChoice, vector: Array | None = None) -> MemoryFit:
-        """Return the fitted model of a choice of terms. Without `vector`, it has the coefficients
-        of the one-step-ahead fit. With it, it has the coefficients and standard errors of that
-        point, which was found in free run; the coefficients are in the order of the choice.
+        """Return the fitted model of a choice of terms. Without `vector`, the model has the
+        coefficients of the one-step-ahead fit. With `vector`, it has the coefficients in this
+        vector, which a search in free run has found, and their standard errors. The coefficients
+        are in the order of the choice.
         """
         selection, constant, identified = choice.selection, choice.constant, None
         chosen = selection.chosen

@@ -141,8 +141,9 @@ def fit(
 def _labels_of_curves(
     rows: Rows, curves: Sequence[Curve], curve: Curve, pooled: bool
 ) -> IntArray | None:
-    """Return labels of correlated residuals, shape (n,): the curve of each sample if several curves
-    are pooled, otherwise its recording; None if there is only one.
+    """Return a label for each sample, shape (n,); residuals with equal labels may be correlated.
+    The label is the curve of the sample if several curves are pooled, otherwise the recording.
+    Return None if all samples have the same label.
     """
     if pooled:
         ends = np.cumsum([curve.size for curve in curves])
@@ -164,8 +165,8 @@ def fit_together(
     origin: IntArray | None = None,
 ) -> tuple[SegmentFit, ...]:
     """Choose and fit the terms of one segment at its best placement (`placement.placements`).
-    `columns` are those of the segment's curve. The `recipes` differ only in their targets, which
-    share terms and placement.
+    `columns` holds the columns of the segment's curve. The `recipes` differ only in their targets,
+    which share terms and placement.
 
     `origin` labels the rows of the segment, shape (n,): residuals with the same label are
     correlated.
@@ -378,7 +379,7 @@ def _chosen_terms(
     z, target = outputs[0].scaled(slice(0, n), scalings[0])
     P = dictionary_matrix(terms, z, n)
     choice = choose(P, target, stopping, weighings[0])
-    # a wide dictionary is not kept in memory while that of the next placement is built
+    # a wide dictionary is released before the dictionary of the next placement is built
     return (replace(choice, only=problems[0].of),)
 
 

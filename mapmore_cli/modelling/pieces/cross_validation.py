@@ -67,8 +67,9 @@ class LeftOutErrors:
 
     @property
     def share(self) -> float:
-        """Share `g = clip(sum(f r) / sum(f^2), 0, 1)` for which `g f` is nearest to r by least
-        squares; r is the residual of the backbone, and f its prediction by the pieces.
+        """Share `g = clip(sum(f r) / sum(f^2), 0, 1)` of the pieces. Here, r is the residual of the
+        backbone, and f the prediction of r by the pieces. Of all values from 0 to 1, g makes the
+        squared difference between `g f` and r smallest.
         """
         f, r = self.residual, self.measured - self.backbone
         power = float(f @ f)
@@ -216,8 +217,9 @@ def repeats_left_out(curves: Sequence[Curve]) -> Folds:
 def in_curve(
     curves: Sequence[Curve], segmented: Sequence[str], target: str, level: str | None
 ) -> str:
-    """Return the quantity along which curves are cut into blocks: the first segmented one, or, if
-    none is segmented, the first by name that is neither the target nor the level.
+    """Return the quantity along which curves are cut into blocks: the first segmented quantity. If
+    no quantity is segmented, it is the first in alphabetical order that is neither the target nor
+    the level.
     """
     known = curves[0].columns
     return next(
@@ -262,8 +264,9 @@ def with_trusted_residual(
 
     - With three levels or more, each inner level is left out once. Between levels, the residual is
       multiplied by the resulting `share`. If this share is 0, the residual counts only at the
-      levels. It is dropped there too if it does not improve the prediction of left-out repeats; if
-      the study holds out no repeats, inner blocks of the curves are left out instead.
+      levels, and a second test decides whether it counts there: repeats are left out, or inner
+      blocks of the curves if the study holds out no repeats. If the residual does not improve their
+      prediction, it is removed completely.
     - With fewer levels, inner blocks of the curves are left out, and the residual is dropped if it
       makes their prediction worse. With two levels, no data show its effect between them, so that a
       residual that is kept counts only at the levels.

@@ -395,9 +395,9 @@ def _reached(
     by z_s times the width of this range (`hold: samples`), if transition zones reach that far.
 
     By M2 eq 10 and 11, a transition zone covers z_s of *both* neighbours' widths: beside a wide
-    segment, the function of a narrow one would be evaluated several times its own width outside its
-    data, where a polynomial explodes. Segments of equal width that are full of samples are not
-    held. The outer ends of a curve are left to `extrapolation`.
+    segment, the function of a narrow segment would be evaluated at a distance of several times its
+    own width from its data, where a polynomial explodes. Segments of equal width whose samples fill
+    their range are not held. The outer ends of a curve are left to `extrapolation`.
     """
     held = {}
     for name, (below, above) in held_between(segment, curve, body).items():

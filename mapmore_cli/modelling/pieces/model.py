@@ -95,8 +95,8 @@ class PiecesVerbs(Verbs):
         return SimulatedRun(where_finite(model.inputs, columns, value))
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-        """Return the equation of the backbone, then those of every segment function, in the model's
-        units or in others.
+        """Return the equation of the backbone, then the equation of every segment function, in the
+        model's units or in other units.
         """
         body = model.body_of(Pieces)
         pieces = (

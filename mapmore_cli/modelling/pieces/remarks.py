@@ -59,8 +59,9 @@ def exploding_curves(model: Model, curves: Sequence[Curve], target: str) -> list
     continue outside, and their value there is farther from the middle of all measured values than
     `ASTRAY` times the measured range.
 
-    Between two levels, a curve is also evaluated where only the other has samples, past its own
-    end. So each curve is checked at the samples of all curves, and a little farther out.
+    Between two levels, both curves are evaluated, also at places where only one of them has
+    samples. The other one is then evaluated past its own end. So each curve is checked at the
+    samples of all curves, and a little farther out.
     """
     body = model.body
     if not isinstance(body, Pieces):

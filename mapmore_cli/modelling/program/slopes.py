@@ -1,8 +1,8 @@
 """Derive the derivatives of a program.
 
 Every name is followed by its derivatives, computed by the chain rule on the syntax trees. At a
-boundary, the slope is that of the case that holds there. A case that holds at a single point only
-(`==`) has no slope and is left out.
+boundary between two cases, the slope of the case that holds there is used. A case that holds at a
+single point only (`==`) has no slope and is left out.
 """
 
 from __future__ import annotations

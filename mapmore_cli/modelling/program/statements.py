@@ -97,10 +97,10 @@ class Function:
 class InputLimit:
     """Training range of one input of a model or of a part of it.
 
-    `value` is the input as the part uses it, an expression of the `inputs` of the model. These are
-    outside the range if `value` is. If the range depends on a level, the level is `at`, and `low`
-    and `high`, (L,), are interpolated linearly between the `levels`, (L,). Otherwise `at` is None,
-    and there is one range.
+    `value` is the input as the part uses it, an expression of the `inputs` of the model. The inputs
+    count as outside the range if `value` is outside of it. If the range depends on a level, the
+    level is `at`, and `low` and `high`, (L,), are interpolated linearly between the `levels`, (L,).
+    Otherwise `at` is None, and there is one range.
     """
 
     inputs: frozenset[str]

@@ -233,14 +233,13 @@ MANY = 16
 
 
 def _places_along(choice: Choose, known: Known) -> Places | None:
-    """Return a function that finds the rows of each case by bisection, if many cases compare the
-    same value with numbers. Testing one condition after the other would take a time proportional to
-    the square of the number of levels. Return None if there are few cases, or cases of another
-    form.
+    """Return a function that finds the rows of each case by bisection. It needs many cases that all
+    compare the same value with numbers; otherwise return None. Testing one condition after the
+    other would take a time proportional to the square of the number of levels.
 
-    Among the cases that compare with `<`, a case can only be the first that holds if its number is
-    larger than the numbers of all cases before it (with `>`, smaller). These numbers are sorted, so
-    that bisection finds the case.
+    The first case that holds counts. Therefore, a case `x < 3` has no effect if a case `x < 5`
+    stands before it. The cases that remain have ascending numbers (with `>`, descending ones), so
+    that bisection finds the first one that holds.
     """
     conditions = [condition for condition, _ in choice.cases]
     along = {condition.left for condition in conditions}
@@ -270,9 +269,9 @@ def _places_along(choice: Choose, known: Known) -> Places | None:
 def _first_that_holds(
     comparison: str, places: IntArray, numbers: Array
 ) -> Callable[[Array], IntArray]:
-    """Return a function that takes values x, shape (n,), and returns for each the first of the
-    ascending `places` whose number fulfils the comparison with x; or the count of all `numbers` if
-    none does.
+    """Return a function of values x, shape (n,). For each x, it returns the first of the ascending
+    `places` whose number fulfils the comparison with x, or the count of all `numbers` if no number
+    fulfils it.
     """
     ends, numbers = np.append(places, len(numbers)), numbers[places]
     if comparison == "==":

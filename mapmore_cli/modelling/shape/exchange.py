@@ -29,9 +29,9 @@ FINE, CLOSE, CLOSER = 40_000, 9, 3
 ROUNDS, ADDED = 60, 200
 # a fall between two nodes by less than this share of the training output's range does not count
 ROUNDING = 1e-11
-# root of a ridge, as a fraction of each column, for terms that the data do not distinguish. It
-# pulls towards the unconstrained start, and is so small that it does not change ill-conditioned
-# terms
+# square root of a small ridge, as a fraction of each column. The ridge keeps coefficients of terms
+# that the data do not distinguish near their unconstrained start. It is too small to change
+# ill-conditioned terms
 RIDGE = 1e-11
 # number of coefficients whose derivatives are computed together, to bound the memory
 TOGETHER = 16
@@ -48,10 +48,9 @@ class Exchange:
     the smallest `|R (theta - start)|`. `start` holds the coefficients of a `model`, and `value`
     returns the output.
 
-    `step` is the step of a coefficient in a difference quotient, as a fraction of the step that
-    would change the output by the output's own size. For an output that is linear in its
-    coefficients, any step is exact. `stencils` holds the inequalities of the shape, each with its
-    first row in D.
+    `step` is the step of a coefficient in a difference quotient, as a fraction of the change of
+    this coefficient that would double the output. For an output that is linear in its coefficients,
+    any step is exact. `stencils` holds the inequalities of the shape, each with its first row in D.
     """
 
     def __init__(
@@ -98,8 +97,8 @@ class Exchange:
         ]
 
     def where(self) -> dict[ShapeWord, Ranges]:
-        """Return, for each word of the shape, the ranges of the inputs in which its inequalities
-        bind.
+        """Return, for each condition of the shape, the ranges of the inputs in which its
+        inequalities bind.
         """
         ranges: dict[ShapeWord, Ranges] = {}
         for stencils in self.binding():

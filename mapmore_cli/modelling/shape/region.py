@@ -110,8 +110,8 @@ class Region:
         return csr_array((shares.ravel(), vertices.ravel(), starts), shape=shape), inside
 
     def output(self, columns: Columns) -> Array:
-        """Return the interpolated training output, shape (n,): linear between the samples, and that
-        of the nearest sample outside.
+        """Return the training output at some places, shape (n,). Between the samples, it is
+        interpolated linearly; outside, it is the output of the nearest sample.
         """
         return self.between(columns)[0] @ self.values
 

@@ -43,8 +43,8 @@ def stencil_weights(word: Word, places: Array) -> Array:
 
 @dataclass(frozen=True)
 class ShapeWord:
-    """One requirement of a shape: a word, for example `increasing`, and the quantity along which it
-    applies. For `positive`, the quantity is the output itself.
+    """One condition of a shape: a word, for example `increasing`, and the quantity along which the
+    output must fulfil it. For `positive`, the quantity is the output itself.
     """
 
     quantity: str
@@ -52,7 +52,7 @@ class ShapeWord:
 
 
 def asked_of(fit: Fit) -> list[ShapeWord]:
-    """Return all requirements in `fit.shape`, one for each quantity and word."""
+    """Return all conditions in `fit.shape`, one for each quantity and word."""
     return [
         ShapeWord(name, word)
         for name, words in (fit.shape or {}).items()
@@ -109,9 +109,10 @@ def nodes_of(axes: Mapping[str, Array]) -> dict[str, Array]:
 def stencils_on(
     axes: Mapping[str, Array], asked: ShapeWord, inside: BoolArray, reach: int = 1
 ) -> Stencils:
-    """Return the stencils of a word whose nodes are all `inside`, (n,), on the grid of ascending
-    places along each input. A stencil for `increasing` or `decreasing` compares the means of
-    `reach` neighbouring nodes, and the next stencil begins half of `reach` farther.
+    """Return the stencils of one condition on a grid with ascending places along each input. Only
+    stencils whose nodes are all `inside`, (n,), are returned. A stencil for `increasing` or
+    `decreasing` compares the means of `reach` neighbouring nodes, and the next stencil begins half
+    of `reach` farther.
     """
     columns, points = nodes_of(axes), POINTS[asked.word] * reach
     along = list(axes).index(asked.quantity) if points > 1 else 0

@@ -43,11 +43,12 @@ ROUNDING = 1e-9
 LEVEL = 0.01
 """Probability with which noise on a constant output is refused as a contradiction."""
 
-# number of simulations of noise alone, and number of standard errors below which a contradiction is
-# so weak that no simulation is needed
+# number of simulations of noise alone; and a limit in standard errors: a contradiction below it is
+# too weak to need a simulation
 RUNS, UNLIKELY = 199, 2.0
 CONFIRMED = 3.0  # standard errors by which a plane must contradict a sign
-# number of the largest contradictions, over stretches of one length, that a plane may confirm
+# for each length of a stretch, only this number of the largest contradictions is tested with a
+# plane
 TRIED = 32
 # the noise of a cell is the mean over `LOCAL` cells around it, or over `2 d + ABOUT` if that is
 # more; for d inputs, a plane is fitted to `2 d + ABOUT - 1` neighbours of a cell
@@ -140,8 +141,9 @@ def _axes(region: Region, level: str | None) -> dict[str, Array]:
 
 
 class _Against(NamedTuple):
-    """Contradiction between training data and a word of the shape: its amount, in means over a
-    stretch; the same in standard errors; its place; and the cells that show it.
+    """Contradiction between training data and a condition of the shape. `amount` is the difference
+    of two means over stretches, and `errors` is this difference in standard errors. `cells` are the
+    cells that show the contradiction at the `place`.
     """
 
     errors: float
@@ -203,13 +205,14 @@ def _contradiction(
 
 
 def _confirmed(region: Region, asked: ShapeWord, cells: IntArray) -> bool:
-    """Return True if a surface through some cells contradicts a sign by more than `CONFIRMED`
-    standard errors of its slope. The surface is linear in the quantity of the sign and quadratic in
-    the other inputs.
+    """Return True if the slope of a surface through some cells contradicts a sign by more than
+    `CONFIRMED` of its standard errors. The surface is linear in the quantity of the sign, and
+    quadratic in the other inputs.
 
-    Between scattered cells, the output is interpolated linearly in long and thin simplices. It may
-    fall there although the true, curved output rises. The residuals of the surface contain the
-    curvature that it cannot follow, so that the standard error grows with it.
+    Between scattered cells, the output is interpolated linearly in long and thin simplices. If the
+    true output is curved, the interpolated one may fall although the true one rises. The surface
+    averages this out; curvature that it cannot follow remains in its residuals and enlarges its
+    standard errors.
     """
     others = [name != asked.quantity for name in region.names]
     x = region.places[cells]

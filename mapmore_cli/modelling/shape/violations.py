@@ -35,15 +35,18 @@ IMPLIED: Mapping[str, Mapping[str, Word]] = MappingProxyType(
 NODES = 2500
 # a smaller fall, as a share of the training output's range, does not count
 WRONG = 1e-9
-# the user is warned if the training error with a shape exceeds the one without it by this factor
+# the user is warned if the training error with a shape is at least this many times the training
+# error without the shape
 CLEARLY = 1.1
 
 
 @dataclass(frozen=True)
 class Violation:
-    """Amount by which a model violates a word, 0 if it does not: the total fall of the output along
-    one line, or the distance by which it misses a chord. `share` is the amount divided by the range
-    of the training output. The violation is largest at the `place`.
+    """Violation of one condition of a shape, `asked`, by a model. The `amount` is 0 without a
+    violation. Otherwise, it is the largest total fall of the output along one line, for `convex`
+    and `concave` the largest distance from the chord, and for `positive` the magnitude of the
+    lowest output. `share` is the amount divided by the range of the training output. The violation
+    is largest at the `place`.
     """
 
     asked: ShapeWord
@@ -55,7 +58,7 @@ class Violation:
 def violations(
     model: Model, asked: Sequence[ShapeWord], region: Region, nodes: int = NODES
 ) -> list[Violation]:
-    """Return by how much the model violates each word of the shape, tested on a grid over the
+    """Return by how much the model violates each condition of the shape, tested on a grid over the
     region.
     """
     axes, result = region.axes(program_of(model).knots, nodes), []
@@ -103,9 +106,9 @@ def with_shape(
     fit: Fit,
     binds: Mapping[ShapeWord, Ranges] = MappingProxyType({}),
 ) -> Model:
-    """Return the model with a record of the shape: the words that it keeps, the ranges in which
-    they determine its coefficients, and the larger training error compared with the `unshaped`
-    model.
+    """Return the model with a record of its shape: the conditions that it fulfils, the ranges in
+    which these determine its coefficients, and the training errors of this model and of the
+    `unshaped` one.
     """
     kept = tuple(
         KeptShape(

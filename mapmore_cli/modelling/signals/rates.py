@@ -96,8 +96,8 @@ def _slopes(
     by their normal equations.
 
     Time runs in units of the window, measured from `at`, where the monomials up to degree 5 are
-    still well conditioned. Element (i, j) of the normal matrix is the sum of `t^(i+j)`, so that `2
-    order + 1` sums over the window fill it.
+    still well conditioned. Element (i, j) of the normal matrix is the sum of `t^(i+j)`, so that
+    only `2 order + 1` different sums over the window are needed.
     """
     places = start[:, None] + np.arange((stop - start).max())
     power = (places < stop[:, None]).astype(float)  # t^0: one inside the window, and zero outside

@@ -1,4 +1,4 @@
-"""Work on time stamps: repeated ones, gaps and resets of the clock, resampling, and logs on
+"""Work on time stamps: repeated stamps, gaps, resets of the clock, resampling, and logs on
 different clocks.
 """
 
@@ -50,9 +50,9 @@ def average_repeated(time: Array, columns: Columns) -> tuple[Array, dict[str, Ar
 
 
 def spread_repeated(time: Array) -> Array:
-    """Return stamps, (n,), in which equal ones are spread evenly up to the next one.
+    """Return the stamps, (n,), with equal stamps spread evenly up to the next different stamp.
 
-    Samples that share the last stamp are spread over a step as long as the one before. A single
+    Samples that share the last stamp are spread over a step as long as the step before. A single
     stamp is unchanged.
     """
     stamps, place, counts = np.unique(time, return_inverse=True, return_counts=True)

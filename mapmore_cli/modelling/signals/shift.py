@@ -59,8 +59,8 @@ class Shift:
 
     @property
     def ratio(self) -> float:
-        """Ratio of the height of the best peak to that of the next one; infinite if there is no
-        other.
+        """Ratio of the height of the best peak to the height of the second best peak; infinite if
+        there is only one peak.
         """
         return abs(self.correlation) / self.next_best if self.next_best > 0 else math.inf
 
@@ -158,8 +158,8 @@ def _peak(
 
 
 def changes(y: Array, width: int) -> Array:
-    """Return the mean of the next `width` samples minus that of the last `width`, shape (n - 2
-    width + 1,), for y of shape (n,).
+    """Return the mean of the next `width` samples minus the mean of the last `width` samples, shape
+    (n - 2 width + 1,), for y of shape (n,).
     """
     total = np.concatenate([[0.0], np.cumsum(y - y.mean())])
     means = (total[width:] - total[:-width]) / width

@@ -33,9 +33,10 @@ def share_outside(model: Model, dataset: Dataset) -> float:
 
 
 def new_combinations(model: Model, dataset: Dataset) -> Iterator[tuple[float, str, str]]:
-    """Yield every two inputs that some held-out samples combine as no training sample does,
-    although no input of these samples is outside its training range: the share of the held-out
-    samples, and the names of the inputs. Long data are thinned evenly.
+    """Yield each pair of inputs whose values occur together in some held-out samples, but in no
+    training sample. Only held-out samples with every input inside its training range count. For
+    each pair, yield the share of these samples among all held-out samples, and the names of the two
+    inputs. Long data are thinned evenly.
     """
     known, asked = (
         {name: even_share(x) for name, x in _inputs(model, dataset, rows).items()}
@@ -70,8 +71,8 @@ def outside_hull(known: Array, asked: Array) -> BoolArray:
 
 
 def _outside(model: Model, dataset: Dataset) -> BoolArray:
-    """Return True for each held-out sample at which an input lies outside its training range.
-    Whole recordings are asked, because some models run along them.
+    """Return True for each held-out sample at which an input lies outside its training range. The
+    test is applied to whole recordings, because some models run along recordings.
     """
     outside = [
         outside_range(model, curve.columns)[curve.held_out]
@@ -82,8 +83,8 @@ def _outside(model: Model, dataset: Dataset) -> BoolArray:
 
 
 def _inputs(model: Model, dataset: Dataset, rows: str) -> dict[str, Array]:
-    """Return the inputs of the model at some rows of all curves: at those that the property `rows`
-    of a curve chooses.
+    """Return the inputs of the model at the training samples of all curves if `rows` is `training`,
+    or at the held-out samples if it is `held_out`.
     """
     curves = _with_inputs(model, dataset)
     return {

@@ -93,7 +93,9 @@ is their ratio to the part that noise and differences between curves explain. Th
 repeats determine these differences, is the probability with which chance alone exceeds the ratio.
 """
 
-BLOCKS = 4  # number of stretches of a recording whose means are compared with those of its repeats
+# number of stretches into which each recording is divided; their means are compared with the means
+# of the same stretches of its repeats
+BLOCKS = 4
 
 SAME_RECORDINGS = (
     "parts of the same recordings were left out, so that the intervals hold for these "

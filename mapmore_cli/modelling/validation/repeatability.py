@@ -131,9 +131,10 @@ def _sum_of(branches: Sequence[_Branch], at: Array) -> tuple[Array, Array]:
     """Return the sum of the branches at the places `at`, each interpolated between its means, and
     how many branches reach there, shape (n,) each.
 
-    A branch is a chain of lines: one begins at each mean, and ends before the next. So the sum at a
-    place is a running sum over all beginnings and ends before it. Extended precision removes the
-    rounding errors that steep lines would otherwise leave.
+    A branch is a chain of straight lines. Each line leads from one mean to the next. The sum at a
+    place is therefore a running sum: every line that begins before the place is added, and every
+    line that ends before it is subtracted. Extended precision removes the rounding errors that
+    steep lines would otherwise leave.
     """
     lines = [
         (x, np.append(x[1:], np.nextafter(x[-1], np.inf)), y, np.append(np.diff(y) / np.diff(x), 0))
@@ -167,8 +168,9 @@ def repeated_cycles(
     If the quantity repeats its course in time, for example in a programme of steps, each sample is
     compared with the same moment of that cycle. Otherwise, for example for loops driven by hand, it
     is compared with the same place on the same stroke (rise or fall). The result is NaN for
-    training data, and if a held-out cycle lasts longer or reaches farther. It is None if no log has
-    cycles of both kinds, or if curves are levels instead of recordings.
+    training data, and for samples of a held-out cycle that lasts longer or reaches farther than the
+    training cycle. The whole result is None if no log has both training and held-out cycles, or if
+    curves are levels instead of recordings.
     """
     if any(curve.level is not None for curve in curves):
         return None

@@ -63,7 +63,8 @@ def residual_tests(
                 residuals.append(piece)
                 for name in columns.keys() & curve.columns.keys():
                     x = picked(curve.columns[name], rows)
-                    # the level counts as one value, so that its noise is not tested as a range
+                    # all samples of a curve get the same value of the level, because the noise of
+                    # the measured level is no movement of an input
                     held = name == dataset.level and curve.level is not None
                     columns[name].append(np.full(len(x), curve.level) if held else x)
     known, low, high = _finite(residuals)
@@ -174,9 +175,9 @@ def means_over(name: str, residuals: Array, x: Array) -> ResidualTest:
 
 
 def explained_by_inputs(model: Model, dataset: Dataset) -> Iterator[str]:
-    """Yield for each input of known uncertainty the share of the squared training residual that it
-    explains: the slope of the model times the uncertainty. The fit does not correct for errors of
-    inputs.
+    """Yield, for each input of known uncertainty, the share of the squared training residual that
+    this uncertainty explains. An error of the input changes the output by the slope of the model
+    times the error. The fit does not correct for errors of inputs.
     """
     unsure = [
         quantity for quantity in model.inputs if uncertainty_of(quantity.name) in dataset.quantities
@@ -210,7 +211,7 @@ def alarms(
     """Return everything that a reader must know before the scores of the run's own model, one
     sentence each.
 
-    `predictions` are those of the model, for every curve of the dataset.
+    `predictions` holds the predictions of the model for every curve of the dataset.
     """
     sentences = [
         sentence

@@ -121,7 +121,8 @@ class Drawing:
 def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:
     """Return the figures with this name in a spec; an empty list if there is nothing to draw.
 
-    They are made by `draw` in the module of that name, or in that of a plugin.
+    They are made by the function `draw` in the module of that name, which belongs to mapmore or to
+    a plugin.
     """
     try:
         figures: list[Drawing] = _modules()[name].draw(inputs) if name in _modules() else []
@@ -144,7 +145,8 @@ def _modules() -> dict[str, ModuleType]:
 
 
 def panel_of(name: str, inputs: ReportInputs, words: str) -> tuple[Drawing, Panel]:
-    """Return the panel of a curve, a recording or a model, also of one that the page leaves out.
+    """Return the panel of a curve, a recording or a model, even if the page does not show this
+    panel.
 
     - `words`: key of the panel, or another name of a curve: its level (`250` or `250 kPa` for
       `pressure=250`), or a log that was cut.
@@ -357,7 +359,8 @@ def to_bytes(figure: Figure, suffix: str, name: str, alt: str) -> bytes:
     if suffix == "svg":
         return (SVG_PROLOGUE + to_svg(figure, name, alt)).encode()
     if suffix == "pgf":
-        # imported here because it takes a third of the imports of figures
+        # imported here because this import alone takes a third of the time of all imports for
+        # figures
         from mapmore_cli.reporting.pgf import to_pgf
 
         return to_pgf(figure).encode()

@@ -155,9 +155,9 @@ def _axis(inputs: ReportInputs) -> Quantity:
 
 
 def held_out_spans(x: Array, held_out: BoolArray) -> list[Ends]:
-    """Return runs of held-out samples along sorted `x` as (start, end), each reaching halfway to
-    the neighbouring training samples; empty for scattered samples, or if there are no training
-    samples.
+    """Return the ranges of sorted `x` in which consecutive samples are held out, as (start, end).
+    Each range reaches halfway to the neighbouring training samples. The list is empty if held-out
+    samples are scattered among training samples, or if there are no training samples.
     """
     edges = np.flatnonzero(np.diff(held_out, prepend=False, append=False)).reshape(-1, 2)
     if held_out.all() or len(edges) > MOST_SPANS:

@@ -57,7 +57,9 @@ class Sketch:
 
     @property
     def figure(self) -> Sketch:
-        """The sketch itself, which draws colour bars like the figure of the axes in Matplotlib."""
+        """The sketch itself. In Matplotlib, the figure of the axes draws colour bars; here, the
+        sketch does this itself.
+        """
         return self
 
     def _add(self, svg: Svg, zorder: float, label: str = "", **look: Any) -> None:

@@ -36,9 +36,9 @@ RUNNER_UP = DOT | {"markersize": 4, "zorder": 2, "color": GREY, "markerfacecolor
 
 
 def left_unexplained(fit: SegmentFit) -> tuple[Array, Array]:
-    """Return the percentage of the sum of squares that remains after each step, (k,), and the one
-    that would remain with the runner-up of the step (NaN without one), from the stored error
-    reduction ratios of all candidates.
+    """Return the percentage of the sum of squares that remains after each step, (k,), and the
+    percentage that would remain if the runner-up of the step had been chosen (NaN without a
+    runner-up). Both are computed from the stored error reduction ratios of all candidates.
     """
     chosen = fit.selection
     left = 100 * (1 - np.cumsum(chosen.err))

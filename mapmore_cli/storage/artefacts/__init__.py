@@ -167,8 +167,8 @@ class FileKind(Generic[T]):
         return record
 
     def latest(self, path: Path) -> T:
-        """Return the record in a file; the one in memory if this process wrote or read the file
-        recently. Its arrays are read-only. Raises the same errors as `read`.
+        """Return the record in a file. If this process wrote or read the file recently, the record
+        is taken from memory. Its arrays are read-only. Raises the same errors as `read`.
         """
         mark = _mark(path) if path.is_file() else ()
         record: T = _latest.pop(mark) if mark in _latest else self.read(path)

@@ -143,8 +143,8 @@ def _delimiter_of(request: TableRequest) -> str | None:
 def _begin(
     lines: Lines, request: TableRequest
 ) -> tuple[Layout, list[Numbered], Iterator[Numbered]]:
-    """Return the layout of the table, the first record in a list if it is no header, and the
-    records that follow.
+    """Return the layout of the table, a list that contains the first record if this is no header,
+    and an iterator over the records that follow.
     """
     records, split_at = _records_of(lines, request)
     first = next((record for record in records if record[1]), None)
@@ -256,9 +256,9 @@ def values_of_text(text: bytes, layout: Layout) -> list[Array]:
     width and the wanted fields are plain numbers or empty; otherwise an empty list.
 
     PyArrow needs a thirtieth of the time of `values_of_records`, and returns exactly the same
-    doubles. But it reads blank lines as records and `nan(ind)` as a number. So the result is also
-    empty for a text that has lines without any number, NaN without an empty field, comments, or NUL
-    characters (which may stand in unused columns).
+    doubles. But it reads blank lines as records and `nan(ind)` as a number. Therefore, PyArrow is
+    not used for a text with one of the following: lines without a number, words that PyArrow reads
+    as NaN, comments, or NUL characters (even if they are in unused columns).
     """
     request, mark = layout.request, (layout.delimiter or "\t").encode()
     if (
@@ -271,7 +271,7 @@ def values_of_text(text: bytes, layout: Layout) -> list[Array]:
     ):
         return []
     if layout.delimiter is None:
-        if b'"' in text:  # a quotation mark means nothing between blanks
+        if b'"' in text:  # if blanks separate the fields, quotation marks have no special meaning
             return []
         text = re.sub(rb"(?<![^\r\n])\t|\t(?![^\r\n])", b"", re.sub(rb"[ \t]+", mark, text))
     if b'"' in text:

@@ -211,8 +211,9 @@ def _parts_written(dataset: h5py.Dataset) -> list[tuple[range, ...]] | None:
 def _written(dataset: h5py.Dataset, selection: Selection, values: Values) -> Values:
     """Return the numbers of a selection, with NaN for values that were never written.
 
-    A file gets space for a whole chunk when its first value is written. Values that equal the fill
-    value, and continue into a chunk that was never written, were not written either.
+    HDF5 allocates space for a whole chunk when the first value of the chunk is written, and fills
+    the rest with the fill value. Fill values at the end of a chunk therefore count as never written
+    if the next chunk was never written.
     """
     if values.dtype.kind not in "iuf" or (parts := _parts_written(dataset)) is None:
         return values
@@ -315,7 +316,9 @@ def _holds_references(node: object) -> bool:
 
 
 def _referred(dataset: h5py.Dataset, index: int) -> Member:
-    """Return the object of a reference, by its index in MATLAB's order."""
+    """Return the object to which an element of an array of references points. The element is given
+    by its index in MATLAB's order.
+    """
     return _matlab_member(dataset.file[_own_values(dataset)[()].reshape(-1)[index]])
 
 

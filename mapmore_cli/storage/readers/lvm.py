@@ -129,8 +129,8 @@ def read_lvm(path: Path, request: TableRequest) -> list[RawTable]:
 def _goes_on(
     before: LvmSegment, rows: Sequence[Row], segment: LvmSegment, further: Sequence[Row]
 ) -> bool:
-    """Return True if a segment continues the one before: it has the same titles, and only later
-    times.
+    """Return True if a segment continues the segment before it: both have the same titles, and all
+    times in it are later.
     """
     if before.titles != segment.titles:
         return False

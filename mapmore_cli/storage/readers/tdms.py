@@ -108,7 +108,7 @@ def _breaks_off(stream: BinaryIO) -> bool:
         stream.seek(position)
         lead_in = stream.read(LEAD_IN)
         if len(lead_in) < LEAD_IN or not lead_in.startswith(TAG):
-            # npTDMS itself refuses a file whose first segment has no tag
+            # at position 0, the file is not a TDMS file at all, which is not a cut-off segment
             return position > 0
         order: Literal["big", "little"] = "big" if lead_in[4] >> 6 & 1 else "little"
         # the length is 2^64 - 1 if LabVIEW crashed while it wrote the segment

@@ -37,10 +37,10 @@ def tables_below(rows: Iterable[Row], header: int, is_number: Callable[[Any], bo
     side by side follow each other from the left to the right.
 
     A table has `header` lines of words directly above its numbers. It ends at a line without
-    numbers. If tables have no header lines, it also ends at a blank line, and where at least
-    `FEWEST` rows with another number of cells begin. Lines with a label in their first cell belong
-    to the header if numbers stand below the label. Any other row that has too few or too many
-    cells stays in its table, so that its reader can refuse it.
+    numbers. If tables have no header lines, there are two further ends: a blank line, and the
+    beginning of at least `FEWEST` rows with another number of cells. Lines with a label in their
+    first cell belong to the header if numbers stand below the label. Any other row that has too few
+    or too many cells stays in its table, so that its reader can refuse it.
     """
     found: list[Below] = []
     words: list[Row] = []

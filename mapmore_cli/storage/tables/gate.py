@@ -98,11 +98,13 @@ def _without_cut_rows(table: RawTable, request: TableRequest) -> RawTable:
 
 
 def _cut_in(end: OpenEnd, rows: Rows) -> Cut | None:
-    """Return the evidence that the last line, which has no end, is incomplete: it has fewer cells
-    than every line before, or its last cell has fewer digits than this cell has in all lines before
-    (254.126 was cut to 2). None if the line is none of these `rows` of the table.
+    """Return the evidence that the last line, which has no line end, is incomplete. There are two
+    kinds of evidence: the line has fewer cells than every line before it, or its last cell has
+    fewer digits than the same cell has in all lines before (254.126 was cut to 2). Return None
+    without evidence, or if the line is not among the `rows` of the table.
     """
-    samples = int(np.count_nonzero(np.asarray(rows) == end.row))  # a map has several in one line
+    # in a map, one line holds several samples
+    samples = int(np.count_nonzero(np.asarray(rows) == end.row))
     if not samples:
         return None
     lines = end.rows[-int(end.row - rows[0] + 1) :]

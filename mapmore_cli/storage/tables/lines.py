@@ -242,8 +242,8 @@ def guess_encoding(path: Path) -> str:
 
 
 def encoding_of(head: bytes) -> str:
-    """Return the encoding of the first bytes of a text: `utf-8`, a form of UTF-16, one in which
-    Chinese or Japanese is written, or otherwise the one that Windows calls ANSI.
+    """Return the encoding of the first bytes of a text: `utf-8`, a form of UTF-16, an encoding for
+    Chinese or Japanese, or otherwise the encoding that Windows calls ANSI.
     """
     head = head.rstrip(PADDING)
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):

@@ -191,7 +191,7 @@ def _first_recording(here: Member) -> Member | None:
     member names.
 
     Beside these, there may be single values, and groups that have none of these names. Simulink's
-    structs with time are signals of one recording.
+    structs with time are no recordings, because they are signals of one recording.
     """
     if not here.count or not here.names:
         return here.element(0) if here.count else None

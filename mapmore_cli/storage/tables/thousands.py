@@ -47,14 +47,15 @@ def may_be_grouped(values: Array) -> bool:
 
 
 def refuse_grouped(cells: Iterable[tuple[int, object]], decimal: str, column: str) -> None:
-    """Raise NotANumber for a column in which the mark for decimals probably separates thousands.
-    `cells` contains each cell with its row; `column` describes the place, with `{row}` for the row.
+    """Raise NotANumber if the decimal point in a column seems to separate thousands. The suspicion
+    arises if the column consists of whole numbers up to 999 and of numbers with exactly three
+    decimals, such as 1.050.
 
-    Such a column contains whole numbers up to 999 and numbers with exactly three decimals, for
-    example 950 and 1.050. No program writes decimals in this way: one that drops zeros at the end
-    would write 1.05, and one that keeps them would write 950.000. If no number ends with a zero,
-    this argument fails. Then the column is refused only if its numbers with decimals are tiny
-    beside its whole numbers.
+    If one of the decimals ends with a zero, as in 1.050, the case is clear: a program that drops
+    final zeros would write 1.05, and a program that keeps them would write whole numbers as
+    950.000. If none ends with a zero, the error is raised only if the numbers with decimals would
+    be tiny beside the whole numbers. `cells` yields each row number with the cell; `column`
+    describes the place for the message, with `{row}` for the row.
     """
     grouped = re.compile(rf"[+-]?[1-9]\d{{0,2}}{re.escape(decimal)}\d{{3}}")
     first, zeros, largest, most = (0, ""), Counter[bool](), 0.0, 0.0

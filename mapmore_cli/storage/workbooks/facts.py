@@ -55,11 +55,11 @@ ERRORS = {
 
 
 def never_computed(empty: Iterable[tuple[int, int]], computed: bool) -> Iterator[Fact]:
-    """Yield the formulas that were never computed, among those with an `empty` text as value, given
-    by row and column.
+    """Yield the formulas that were never computed. `empty` holds the row and column of each formula
+    whose stored value is an empty text.
 
-    A formula whose value is an empty text may also have been computed. This is assumed if another
-    formula of the sheet has been `computed`.
+    An empty text may also be the computed value. This is assumed if `computed` is True, because
+    another formula of the sheet has a value.
     """
     if not computed:
         yield from ((row, column, row, column, NEVER_COMPUTED) for row, column in empty)

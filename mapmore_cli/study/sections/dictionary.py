@@ -201,7 +201,9 @@ class Ends(AlongRange):
 
     @property
     def functions(self) -> list[str]:
-        """The exponentials of the lower end, then those of the upper end."""
+        """The exponentials that decay from the lower end, then the exponentials that decay from the
+        upper end.
+        """
         return [
             text
             for width in self.widths
@@ -381,8 +383,8 @@ def entries_of(
 
 
 def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
-    """Yield every text in an entry of a dictionary that names quantities, with its place before it
-    and, after it, True for an expression or False for the name of a state.
+    """Yield every text in the settings of a family that names quantities or states: its place, the
+    text itself, and True if it is an expression or False if it is the name of a state.
 
     `loc` is the place of the entry. Entries inside it are left out.
     """

@@ -14,7 +14,7 @@ def friction(
     name: str, title: str, reference: str, parameters: tuple[str, ...], text: str, about: str
 ) -> Formula:
     """Return a friction force of the form `text` that opposes the motion. The last parameter is the
-    rate over which it decays.
+    rate of the strain that determines how fast the friction decays.
     """
     return Formula(
         name=name,

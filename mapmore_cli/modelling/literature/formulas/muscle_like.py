@@ -16,8 +16,8 @@ from mapmore_cli.modelling.literature.formula import Formula, LinearForm
 from mapmore_cli.modelling.literature.problem import Nonlinear
 
 # The search ranges from almost no effect of b0 up to ten times the active force at the largest
-# velocity. H's table I has a negative b0 for every muscle, but the user chooses the sign of a
-# joint's velocity: with a bound on the sign, the measured pair of muscles is fitted worse.
+# velocity. Both signs of b0 are allowed, although it is negative for every muscle in H's table I:
+# on a joint, the user chooses the sign of the velocity.
 DAMPING = Nonlinear("b0", per="velocity", intervals=((-10.0, -1e-4), (1e-4, 10.0)))
 
 FORMULA = Formula(

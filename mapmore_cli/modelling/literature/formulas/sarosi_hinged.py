@@ -45,17 +45,17 @@ COMPUTED = (
 
 
 class SarosiHinged(Formula):
-    """Sárosi's hinged formula. It is fitted by `fit_hinge` instead of the general method, and its
-    equation is printed in a more readable form than the one that is computed.
+    """Sárosi's hinged formula. It is fitted by `fit_hinge` instead of the general method. Its
+    printed equation is easier to read than the equation that is computed, and equivalent.
     """
 
     def fit(self, columns: Columns, y: Array, method: str | None = None) -> FormulaFit:
         """Fit the hinged part by penalised least squares (`fit_hinge`), and blend it with the plain
         formula.
 
-        `method` is the method for the plain formula. The standard errors are those of the two
-        parts; the error of the share is unknown. Status and condition are those of the part with
-        the larger share. Raises the same errors as `Formula.fit`.
+        `method` is the method for the plain formula. Each parameter has the standard error from the
+        fit of its own part; the error of the share is unknown. Status and condition are taken from
+        the part with the larger share. Raises the same errors as `Formula.fit`.
         """
         problem = self.problem(columns, y)
         columns, y = problem.columns, problem.y
