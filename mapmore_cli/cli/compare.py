@@ -206,6 +206,6 @@ def freeze(
             if settings:
                 reporter.warn(
                     f"{place.name}: the spec alone makes a different model, because this "
-                    f"one was made with {' '.join(f'--set {setting}' for setting in settings)}; "
+                    f"one was made with --set {' --set '.join(settings)}; "
                     "write these settings into the spec to repeat it"
                 )
