@@ -304,7 +304,7 @@ def alerts_without_rivals(files: RunFiles) -> list[str]:
 
 
 def says_so(alerts: Sequence[str]) -> str:
-    """Return `yes` if an alert says that another model errs less, and otherwise `no`."""
+    """Return `yes` if an alert says that another model has a smaller error, and otherwise `no`."""
     return "yes" if {"competitor", "black box"} & {*alerts} else "no"
 
 

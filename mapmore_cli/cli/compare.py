@@ -206,6 +206,6 @@ def freeze(
             if settings:
                 reporter.warn(
                     f"{place.name}: the spec alone makes a different model, because this one was "
-                    f"made with {' '.join(f'--set {setting}' for setting in settings)}; write "
+                    f"made with --set {' --set '.join(settings)}; write "
                     "these settings into the spec, so that the model can be made again"
                 )

@@ -22,4 +22,4 @@ def test_polynomials_beside_the_studies_of_papers(study, tmp_path):
     for model in ("mapmore", *names):
         assert found[model] == pytest.approx(row[model], rel=0.01)
     ahead = sum(min(row[name] for name in names) < row["mapmore"] for row in rows.values())
-    assert f"ahead of mapmore in {ahead} of {len(rows)} studies" in page.read_text()
+    assert f"{ahead} of {len(rows)} studies, the best of the three" in page.read_text()

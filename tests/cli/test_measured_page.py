@@ -24,7 +24,7 @@ def test_the_piston_of_the_printed_cylinder(tmp_path, mapmore, measured_data):
     low, high = predict(
         model, {"pressure": np.array([200.0, 600.0]), "displacement": np.full(2, 0.01)}
     )
-    slope = f"a constant and {(high - low) / 400:.3f} N/kPa"
+    slope = f"a constant, plus {(high - low) / 400:.3f} N for each kPa"
     assert slope in PAGE.read_text(encoding="utf-8")
 
 

@@ -210,7 +210,7 @@ def mujoco_files(model: Model, _wanted: Wanted) -> dict[str, str]:
 
 
 def simulink_files(model: Model, _wanted: Wanted) -> dict[str, str]:
-    """Return the C of a model, with a function of single numbers that a C Caller block calls.
+    """Return the C code of a model and a function of single numbers for a C Caller block.
 
     Raises UsageError for a model with memory, because a C Caller block keeps no state.
     """
