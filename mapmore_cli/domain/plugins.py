@@ -77,7 +77,7 @@ def parts(
                 if part.name in names:
                     raise ValueError(f"there is already a `{part.name}`")
                 if not isinstance(part.value, form):
-                    raise TypeError(f"{type(part.value).__name__} is not a {form.__name__}")
+                    raise TypeError(f"{type(part.value).__name__} is no {form.__name__}")
                 added.append(Added(part.name, part.value, part.source))
         # a plugin may raise any exception, and the other parts must still work
         except Exception as fault:
