@@ -78,7 +78,7 @@ def parts(
                 if part.name in names:
                     raise ValueError(f"there is already a `{part.name}`")
                 if not isinstance(part.value, form):
-                    raise TypeError(f"{type(part.value).__name__} is not a {form.__name__}")
+                    raise TypeError(f"{type(part.value).__name__} is no {form.__name__}")
                 check = getattr(part.value, "checked", None)
                 if check and type(part.value) is form:  # tests check mapmore's own parts
                     check()

@@ -103,11 +103,11 @@ def in_time_order(samples: Samples, repeated: str, unit: str) -> Samples:
             f"{samples.at(at)}: the time {time[at]:.9g} occurs twice ({len(repeats)} "
             "repeated time stamps in all)"
         )
-        remedy = (
+        raise DataError(
+            what,
             "Set `repeated_time: average` to use the mean of such samples, or `repeated_time: "
-            "spread` to move them apart."
+            "spread` to move them apart.",
         )
-        raise DataError(what, remedy)
     if repeated == "spread":
         note = f"{samples.label}: {len(repeats)} {REPEATS}, and are spread until the next one"
         spread = samples.with_columns({"time": sampling.spread_repeated(time)})
@@ -219,11 +219,11 @@ def with_joined(
                 f"{log.name}: contains {len(others)} recordings, but {source.name} contains "
                 f"{len(found)}"
             )
-            remedy = (
+            raise DataError(
+                what,
                 "Join a file with as many recordings, or a file with a single recording, which is "
-                "then joined to all of them."
+                "then joined to all of them.",
             )
-            raise DataError(what, remedy)
         pairs = zip(found, others if len(others) > 1 else others * len(found), strict=True)
         both = _by_row if join.on == "row" else _by_time
         found = [
@@ -249,11 +249,11 @@ def _read(
 def _by_row(first: Samples, second: Samples, join: Join, _units: Mapping[str, str]) -> Samples:
     if first.size != second.size:
         what = f"{second.label}: has {second.size} rows, but {first.label} has {first.size}"
-        remedy = (
+        raise DataError(
+            what,
             "`on: row` can pair the rows only if both logs have the same number of rows; if both "
-            "logs have a clock, remove `on: row`, and give the `shift` between the clocks."
+            "logs have a clock, remove `on: row`, and give the `shift` between the clocks.",
         )
-        raise DataError(what, remedy)
     return first.with_columns({name: second.columns[name] for name in join.quantities})
 
 

@@ -177,7 +177,10 @@ class Sheet:
         table already has one of the columns in `added`.
         """
         if there := next((name for name in added if name in self.names), None):
-            raise DataError(f"{self.label}: already has a column {there}", "rename or remove it")
+            raise DataError(
+                f"{self.label}: already has a column {there}, which this command adds",
+                "rename or remove it",
+            )
         located = locate_columns(
             TableRequest(self.label, tuple(dict.fromkeys(wanted))),
             self.names,

@@ -193,8 +193,8 @@ def _origin(loaded: LoadedSpec, run_dir: Path, campaign: Path | None) -> Origin:
     rival = here.rival_of(before, run_dir) if before is not None else None
     if rival is not None:
         raise WriteError(
-            f"{run_dir}: contains the run '{loaded.spec.name}' of {rival}, but this is a "
-            f"run of {here.campaign or here.spec} (path relative to that folder)",
+            f"{run_dir}: contains the run '{loaded.spec.name}' of {rival}, but this run of the "
+            f"same name is of {here.campaign or here.spec} (paths are relative to that folder)",
             "give one of them another `name`, or use another folder with --runs",
         )
     return here

@@ -125,7 +125,7 @@ def test_another_spec_of_the_same_name_is_refused(tmp_path, mapmore):
     result = mapmore("ingest", tmp_path / "autumn" / "bench.yaml", "-q", code=7)
     assert (
         "contains the run 'bench' of ../../spring/bench.yaml, "
-        "but this is a run of ../../autumn/bench.yaml" in result.stderr
+        "but this run of the same name is of ../../autumn/bench.yaml" in result.stderr
     )
     (tmp_path / "spring" / "bench.yaml").unlink()
     mapmore("ingest", tmp_path / "autumn" / "bench.yaml", "-q", code=0)

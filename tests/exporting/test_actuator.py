@@ -130,7 +130,7 @@ def test_what_cannot_be_joined_is_refused():
             "does not depend on pressure in kPa",
         ),
         (needing_rate, lag(), "needs pressure_rate"),
-        (force, delayed("pressure[k-1]", "input"), "needs measured values of pressure"),
+        (force, delayed("pressure[k-1]", "input"), "starts from measured values of pressure"),
         (
             replace(force, inputs=(*force.inputs, Quantity("input", "mV"))),
             lag(),

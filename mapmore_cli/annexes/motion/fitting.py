@@ -148,7 +148,7 @@ def joined(motion: Motion, pieces: Sequence[Piece], reach: float) -> Motion:
         low, high = motion.limits
         raise DataError(
             "a boundary of the sections lies at an end of the training input, which goes "
-            f"from {low:.6g} to {high:.6g}",
+            f"from {low:.6g} to {high:.6g}; the section outside it would have no width",
             "move the boundary inwards, or use `switching: hard`",
         )
     counted = [piece for piece in pieces if piece.counts.any()]

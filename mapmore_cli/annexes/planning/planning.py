@@ -100,7 +100,7 @@ def _size_of(text: str, largest: float) -> float:
         value = float("nan")
     if not 0 < value < float("inf"):
         raise UsageError(
-            f"--until {text}: is not a half width",
+            f"--until {text}: is not a half width of an interval",
             "write, for example, `--until 2%`, or a number in the target's unit",
         )
     return value * largest / 100 if percent else value

@@ -84,7 +84,8 @@ def actuator(force: Model, pressure: Model) -> Model:
             f"{pressure.name} predicts"
         )
         raise DataError(
-            problem, "fit it with that quantity as an input, and set the unit under `units`"
+            problem,
+            f"fit {force.name} with this quantity as an input, and set its unit under `units`",
         )
     if rates := [signal.name for signal in force.signals if signal.of == output.name]:
         raise DataError(
@@ -93,9 +94,9 @@ def actuator(force: Model, pressure: Model) -> Model:
         )
     if kinds.fed_back(pressure):
         raise DataError(
-            f"{pressure.name} needs measured values of {output.name}, which an "
-            "actuator does not have",
-            "fit it without delayed outputs",
+            f"{pressure.name} starts from measured values of {output.name}, but the model of an "
+            "actuator must compute them",
+            f"fit {pressure.name} without delayed outputs in its dictionary",
         )
     inputs = {quantity.name: quantity for quantity in pressure.inputs}
     if other := [name for name in inputs if needed.get(name, inputs[name]) != inputs[name]]:

@@ -31,7 +31,7 @@ def added_up(_path: str) -> Model:
     """
     raise SpecError(
         "a sum of models of other runs cannot be fitted here, where these runs are unknown",
-        "use the specs of the added models instead",
+        "do this with the specs of the added models instead",
     )
 
 

@@ -158,7 +158,8 @@ def state(text: str) -> State:
     parsed = read_state(tokens, tokens.take())
     if tokens.next.kind != "end":
         raise ExpressionError(
-            f"{text!r} contains more than the name of one state", tokens.next.position
+            f"{text!r} goes on after the name of a state, for example `pressure[k-1]`",
+            tokens.next.position,
         )
     return parsed
 

@@ -127,7 +127,7 @@ class Formula:
             derivative(self._fitted_expression, name).names & {*self.linear} for name in self.linear
         ):
             raise ValueError(
-                f"{self.name}: not linear in a parameter that is missing in `nonlinear`"
+                f"{self.name}: it is not linear in a parameter that `nonlinear` does not list"
             )
         return self
 

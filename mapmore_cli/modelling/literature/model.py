@@ -106,9 +106,9 @@ def formula_value(
     model = literature.of(fit)
     if model.fitted_to == literature.LOAD_CYCLES:
         raise DataError(
-            f"{fit.name} searches for the free strain at every sample, which is not a "
+            f"{fit.name} searches for the free strain at every sample, so that it is not a "
             "closed expression and cannot be exported",
-            "export one of the models that it is compared with, or a formula of the damping force",
+            "export the model of the run, or another formula of the damping force",
         )
     return m.let("formula", substitute(with_numbers(model.expression, fit.parameters), inputs))
 

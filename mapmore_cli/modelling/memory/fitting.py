@@ -73,8 +73,8 @@ def fit_with_memory(
     point = _refined(problem, choice, start[in_chosen], near)
     if not np.isfinite(point.error):
         raise DataError(
-            "the model of the chosen terms grows without limit on the training samples, when it "
-            "gets its own predictions as past outputs (free run)",
+            "the predictions of the chosen terms grow without limit on the training samples, if "
+            "the model gets its own predictions as past outputs (free run)",
             DIVERGES,
         )
     vector = point.vector

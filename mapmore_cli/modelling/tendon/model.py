@@ -66,8 +66,8 @@ def _force(model: Model, columns: Columns) -> Array:
     needed = ("time", *model.input_names)
     if missing := [name for name in needed if name not in columns]:
         raise DataError(
-            f"{model.name}: a force behind a tendon follows from {', '.join(needed)} along a "
-            f"recording, but there is no {' and no '.join(missing)}",
+            f"{model.name}: a force behind a tendon is computed from {', '.join(needed)} of a "
+            f"recording, but the table lacks {' and '.join(missing)}",
             f"give a column for {' and for '.join(missing)}; the time is in s",
         )
     rows = {name: columns[name] for name in needed}

@@ -108,7 +108,7 @@ class HysteresisLoss(Formula):
         """
         raise DataError(
             f"{self.name} is fitted to load cycles, not to a target",
-            "fit it to the load cycles of a static study",
+            "name it in `validate.against` of a study with `needs: {static: my-static.yaml}`",
         )
 
     def fit_cycles(self, cycles: Columns, length: float) -> FormulaFit:
