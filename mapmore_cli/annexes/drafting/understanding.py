@@ -130,7 +130,9 @@ def understood(
 
 
 def _found(table: Table, named: Named) -> Iterator[TitledColumn]:
-    """Yield the columns that a person names; a quantity in names of files is in no column."""
+    """Yield the columns that a person names. A quantity whose values are in names of files has no
+    column.
+    """
     for column in named.values():
         with suppress(UsageError):
             yield find(table, column.column, "")
