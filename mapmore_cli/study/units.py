@@ -275,8 +275,7 @@ def parse_quantity(text: str, unit: str, *, difference: bool = False) -> float:
     dimension.
     """
     number, source_unit = split_quantity(text)
-    # the result is rounded to 15 digits, so that a decimal number stays one: 110 kPa, not
-    # 110.00000000000001
+    # the result is rounded to 15 digits, so that 1.1 bar is 110 kPa, not 110.00000000000001 kPa
     if source_unit is None:
         return number
     return float(f"{convert(number, source_unit, unit, difference=difference):.15g}")

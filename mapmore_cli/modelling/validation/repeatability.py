@@ -154,8 +154,8 @@ def _sum_of(branches: Sequence[_Branch], at: Array) -> tuple[Array, Array]:
     return whole.astype(np.float64), running(np.ones(len(y))).astype(np.float64)
 
 
-# largest root mean square difference between the courses of two cycles, as a fraction of the range,
-# for which one repeats the other in time
+# two cycles repeat each other in time if the root mean square difference of their courses is at
+# most this fraction of the range
 SAME_COURSE = 0.05
 
 
