@@ -299,7 +299,9 @@ def _matches(pattern: str, folder: Path) -> Iterator[Path]:
 
 
 def _below(parts: Sequence[str], top: Path, pattern: str, entered: Iterator[int]) -> Iterator[Path]:
-    """Yield the matches of the parts of a glob below a folder. `entered` counts the folders."""
+    """Yield the paths below a folder that match a glob, given by its parts. `entered` counts the
+    folders.
+    """
     plain = list(takewhile(lambda part: not glob.has_magic(part), parts))
     here, rest = top.joinpath(*plain), parts[len(plain) :]
     if not rest:

@@ -185,8 +185,8 @@ def repeated_cycles(
 def by_log(
     curves: Sequence[Curve], logs: Mapping[str, str], driven: str, target: str
 ) -> Iterator[tuple[list[int], Array, Array, BoolArray]]:
-    """Yield for each log the numbers of the curves that are pieces of it, and `driven`, target and
-    `held_out` of these pieces, one after the other.
+    """Yield four results for each log: the numbers of the curves that are pieces of this log, and
+    the columns `driven`, `target` and `held_out` of these curves, joined one after the other.
     """
     pieces: dict[str, list[int]] = {}
     for number, curve in enumerate(curves):
