@@ -62,9 +62,9 @@ def fit(
         astropy, xarray) are converted. `time` may contain dates or durations. Texts, truth values
         and complex numbers are refused. The same rules hold for the inputs of a fitted model.
     columns
-        Which column contains which quantity. Columns that have the canonical name of a quantity
-        need no entry. If `columns` is left out and `target` is the label of a column, all
-        quantities have the labels of their columns.
+        Which column contains which quantity. Columns with the name of a quantity that has a fixed
+        meaning, for example `pressure`, need no entry. If `columns` is left out and `target` is the
+        label of a column, all quantities have the labels of their columns.
     target
         What the model predicts: the `static`, `hysteresis`, `damping` or `dynamic` force, a
         quantity, or several quantities that share segments and terms.

@@ -367,8 +367,8 @@ def _with_formulas(root: Node, problems: list[Mistake]) -> Node:
 
 
 def _with_units(root: Node) -> Node:
-    """Return the tree with an entry in `units` for every column whose quantity has no canonical
-    name: by default, such a quantity keeps the unit of its column.
+    """Return the tree with an entry in `units` for every column whose quantity has no default unit:
+    such a quantity keeps the unit of its column.
 
     A unit of per cent becomes a plain number, unless `units` names the quantity.
     """

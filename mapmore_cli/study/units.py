@@ -43,7 +43,7 @@ CANONICAL: Mapping[str, str] = MappingProxyType(
         "input": "V",
     }
 )
-"""The canonical quantities, and their default units in the model."""
+"""The quantities with a fixed meaning, and their default units in the model."""
 
 _NO_CHANGES: Mapping[str, str] = MappingProxyType({})
 _NAMED_DIMENSIONS = {
@@ -163,7 +163,7 @@ def default_unit(
 
 
 def is_canonical(name: str) -> bool:
-    """Return True for the canonical quantities and their rates."""
+    """Return True for the quantities with a fixed meaning and their rates."""
     return name in CANONICAL or (
         name.endswith("_rate") and is_canonical(name.removesuffix("_rate"))
     )
@@ -288,7 +288,7 @@ def check_unit(unit: str) -> None:
 
 
 def is_kept(unit: str) -> bool:
-    """Return True for a unit that a quantity without a canonical name keeps, for example `mm` or
+    """Return True for a unit that a quantity without a fixed meaning keeps, for example `mm` or
     `deg`; False for `1`, `%` and unknown units.
     """
     everyday = _everyday(_spelt(unit))

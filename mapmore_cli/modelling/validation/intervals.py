@@ -172,8 +172,9 @@ def scatter_of_recordings(levels: Sequence[Sequence[Array]]) -> float:
     """Return the standard deviation between recordings of one level, from the training residuals of
     each recording of each level; NaN without repeats.
 
-    A recording is represented by the means of `BLOCKS` stretches, so that a different slope counts
-    like an offset. The contribution of the samples' noise is subtracted.
+    A recording is represented by the means of `BLOCKS` stretches, so that recordings with different
+    slopes differ as well as recordings with an offset. The contribution of the samples' noise is
+    subtracted.
     """
     squares, freedom, noise = 0.0, 0, list[float]()
     for level in levels:
