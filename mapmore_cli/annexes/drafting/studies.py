@@ -195,9 +195,9 @@ Identity = tuple[str | int, ...]
 def _identities(layout: Layout) -> dict[Column, Identity]:
     """Return an identity for each column of numbers. Columns with equal identities correspond to
     each other in files whose units or order of columns differ. The identity consists of the name
-    and the quantity of the column. For a known quantity, it contains only whether there is a unit,
-    because its units can be converted; otherwise, it contains the unit. The place of a column is
-    added if some titles are missing or equal.
+    and the quantity of the column, and of its unit. For a known quantity, whose units can be
+    converted, any unit counts as the same. The place of a column is added if some titles are
+    missing or equal.
     """
     columns = [one for one in read_titles(layout, {}).values() if one.place in layout.numeric]
     identities: list[Identity] = [

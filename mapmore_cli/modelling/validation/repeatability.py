@@ -255,7 +255,7 @@ def monotone_floor(x: Array, y: Array) -> float:
     static model of x alone can have a smaller error if its curve is monotone.
 
     The curve is found by isotonic regression, rising or falling, whichever is nearer. Samples with
-    the same x count together. Loops and noise have such a floor.
+    the same x count together. Because of loops and noise, this floor is not zero.
     """
     from scipy.optimize import isotonic_regression
 
