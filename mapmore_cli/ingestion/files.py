@@ -359,7 +359,8 @@ def relative_name(path: Path, folder: Path) -> str:
     """Return the POSIX path relative to `folder`, which is the same on every machine with the same
     tree.
     """
-    with suppress(ValueError):  # for a path inside the folder, this is ten times as fast
+    # for a path inside the folder, this takes a tenth of the time of the general way below
+    with suppress(ValueError):
         inside = path.relative_to(folder)
         if ".." not in inside.parts:
             return inside.as_posix()

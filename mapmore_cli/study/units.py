@@ -131,7 +131,7 @@ _POWER = re.compile(r"(\w+?)(?:\^?([23])|([²³]))$")
 _QUANTITY = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)(.*)", re.ASCII | re.DOTALL)
 _FACTOR = r"\(*(?:1|%|[^\W\d]\w*)(?:(?:\^|\*\*)-?\d)?\)*"
 _UNIT = re.compile(rf"{_FACTOR}(?:(?:\s*[*/·]\s*|\s+){_FACTOR})*")
-# the usual spelling; pint uses this name for a measure of yarn
+# torques are usually written `Nm`, but pint takes `Nm` for a measure of yarn (`number_meter`)
 _TORQUE = re.compile(r"\b([mk]?N)(m|mm|cm)\b")
 _LONGEST_UNIT = 60
 _BASE = {

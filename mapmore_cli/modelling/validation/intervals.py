@@ -363,8 +363,8 @@ def between_levels(
 
 
 def many_curves(left_out: LeftOut, level: float) -> float:
-    """Return half of the width by Student's t over curves, or by the quantile of the absolute
-    residuals if that is larger.
+    """Return half of the width of the interval: the value from Student's t over curves, or the
+    quantile of the absolute residuals, whichever is larger.
     """
     from scipy.special import stdtrit
 
