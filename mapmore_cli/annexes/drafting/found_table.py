@@ -269,7 +269,9 @@ def _reads_as_unit(cell: str) -> bool:
 
 
 def _without_brackets(unit: str) -> str:
-    """Return a unit without the mark of a remark before it and the brackets around it."""
+    """Return a unit without brackets, and without a sign such as `#` that marks its line as a
+    remark.
+    """
     return re.sub(r"^[(\[{<]\s*(.*?)\s*[)\]}>]$", r"\1", unit.lstrip("# "))
 
 
