@@ -77,7 +77,7 @@ def fit(
         How the range of each variable is cut into segments, for example `{"strain": {"method":
         "even", "count": 4}}`. `none` uses the curves of all levels together.
     dictionary
-        Families of candidate terms, for example `[{"polynomial": {"of": ["strain"], "order": 4}}]`.
+        Kinds of candidate terms, for example `[{"polynomial": {"of": ["strain"], "order": 4}}]`.
     model
         Kind of the model, and the formula to which the segment functions are added, for example
         `{"backbone": "sarosi"}`.

@@ -147,8 +147,8 @@ class Commands(TyperGroup):
         """Run the command and flush its output, so that a broken pipe is noticed here and not at
         exit.
         """
-        # The base class of BadParameter is the class of usage errors in the copy of click that this
-        # Typer uses: its own copy, or the package.
+        # Some versions of Typer contain a copy of click, others use the package. In both cases, the
+        # base class of Typer's BadParameter is the class of usage errors that is really raised.
         typers_own: tuple[type[BaseException], ...] = (
             typer.Exit,
             typer.Abort,

@@ -64,8 +64,8 @@ def clean(
 
 
 def _unnamed(runs: Path, names: set[str]) -> list[Path]:
-    """Return the folders of runs (not links) that none of the names means. Names are compared by
-    the rules of the file system, which may ignore capitals.
+    """Return the folders of runs (not links) to which none of the names refers. Names are compared
+    by the rules of the file system, which may ignore capitals.
     """
     from mapmore_cli.storage.run_record import load_origin
 

@@ -123,8 +123,9 @@ def compare(
 def _of_models(
     names: Sequence[str], paths: Sequence[Path], margin: float, other_settings: bool
 ) -> tuple[dict[str, Comparison], View]:
-    """Return the comparison of the first model with the last one, by the name of the last; with
-    several outputs, by the names of the outputs.
+    """Return the comparison of the first model with the last one. The key is the name of the last
+    model. With several outputs, there is a comparison for each output, and the keys are their
+    names.
 
     Raises UsageError for more than two models of several outputs.
     """

@@ -25,7 +25,7 @@ ONE_CURVE = 2 / 3
 
 def of_comparisons(names: Sequence[str], results: Sequence[Comparison]) -> View:
     """Return the comparison of the last model with the first, curve by curve; with more than two
-    models, a row for each model. The document has every term.
+    models, a row for each model. The JSON document also contains the change of every term.
     """
     last = results[-1]
     document = {

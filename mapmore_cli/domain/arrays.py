@@ -203,8 +203,9 @@ def row_by_row(function: Callable[[dict[str, Any]], Any], columns: Mapping[str, 
 
 
 def picked(values: Any, rows: Rows | BoolArray) -> Any:
-    """Return the values at some rows, (n,), given as row numbers or as a mask. If `values` are row
-    numbers, the result is row numbers too. A long column is read in small parts.
+    """Return the values at some rows, (n,), given as row numbers or as a mask. If `values` is a
+    range of row numbers, the result consists of row numbers too. A long column is read in small
+    parts.
     """
     if isinstance(rows, range):
         return values[rows.start : rows.stop]

@@ -258,8 +258,9 @@ def load(group: str, name: str) -> Any:
 
 @contextmanager
 def interrupts_of_user() -> Iterator[list[int]]:
-    """Collect the interrupts (Ctrl-C) within the context, which raise KeyboardInterrupt as ever. A
-    KeyboardInterrupt without an interrupt comes from the code itself.
+    """Yield a list to which each interrupt (Ctrl-C) within the context is added. An interrupt still
+    raises KeyboardInterrupt. If KeyboardInterrupt is raised and the list is empty, the code itself
+    has raised it.
     """
     interrupts, before = list[int](), signal.getsignal(signal.SIGINT)
 

@@ -103,8 +103,9 @@ RARE = 0.01
 
 @dataclass(frozen=True)
 class ResidualTest:
-    """Test whether the errors contain more than noise: their correlations at some lags, with
-    themselves or with an input, or their means in parts of an input's range.
+    """Result of a test that shows whether the errors contain more than noise: correlations of the
+    errors with themselves or with an input at some lags, or means of the errors in parts of an
+    input's range.
 
     The correlation of a residual with itself, which is one, is not tested.
     """

@@ -205,7 +205,9 @@ class Contest:
         return forecast_each(other, self.dataset.curves, target)
 
     def _sum(self, competitor: Competitor) -> Rival:
-        """Fit formulas with signs and renamed inputs together to the training data."""
+        """Fit the formulas of a sum at the same time to the training data; each has a sign and may
+        have renamed inputs.
+        """
         maker = maker_of("sum")
         assert isinstance(maker, FitsSums)
         assert competitor.sum is not None

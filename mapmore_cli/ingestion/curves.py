@@ -211,8 +211,8 @@ def level_set(levels: Levels, recordings: Sequence[Recording]) -> LevelSet:
 def cut_by_level(
     logs: Sequence[Sequence[Recording]], levels: LevelSet | None
 ) -> tuple[list[Recording], list[LevelPart]]:
-    """Return the recordings without samples that are at no level, and the parts of each recording
-    in the order of the levels.
+    """Return the recordings with only those samples that are at a level, and the parts of each
+    recording in the order of the levels.
 
     A log consists of the pieces of one recording in the order of time. Without levels, every piece
     is one part. Raises DataError for a level without samples.
@@ -250,8 +250,8 @@ def cut_by_level(
 
 
 def _at_levels_only(recording: Recording, levels: LevelSet) -> tuple[Recording, Array]:
-    """Return the recording without samples that are at no level, and the level of each original
-    sample, (n,), NaN for none.
+    """Return the recording with only those samples that are at a level, and the level of each
+    original sample, (n,); NaN for a sample at no level.
     """
     level = by_blocks(levels.match, recording.columns[levels.of])
     at_one = by_blocks(np.isfinite, level)

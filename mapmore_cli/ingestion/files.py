@@ -299,7 +299,9 @@ def _matches(pattern: str, folder: Path) -> Iterator[Path]:
 
 
 def _below(parts: Sequence[str], top: Path, pattern: str, entered: Iterator[int]) -> Iterator[Path]:
-    """Yield the matches of the parts of a glob below a folder. `entered` counts the folders."""
+    """Yield the paths below a folder that match a glob, given by its parts. `entered` counts the
+    folders.
+    """
     plain = list(takewhile(lambda part: not glob.has_magic(part), parts))
     here, rest = top.joinpath(*plain), parts[len(plain) :]
     if not rest:
@@ -357,7 +359,8 @@ def relative_name(path: Path, folder: Path) -> str:
     """Return the POSIX path relative to `folder`, which is the same on every machine with the same
     tree.
     """
-    with suppress(ValueError):  # for a path inside the folder, this is ten times as fast
+    # for a path inside the folder, this takes a tenth of the time of the general way below
+    with suppress(ValueError):
         inside = path.relative_to(folder)
         if ".." not in inside.parts:
             return inside.as_posix()

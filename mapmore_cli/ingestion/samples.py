@@ -261,8 +261,8 @@ def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> I
         free = column.unit is None and (
             name == "input" or (units[name] == "1" and not is_canonical(name))
         )
-        # a command, or a quantity without a canonical name, has no unit with which the file could
-        # disagree
+        # without a default unit (for example for a command), there is nothing with which the unit
+        # in the file could disagree
         if not told.unit.strip() or scales or free:
             continue
         unit = unit_of_file(told.unit, declared)

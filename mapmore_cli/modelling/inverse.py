@@ -264,11 +264,12 @@ class _Line:
     def solutions(
         self, x: Array, rows: IntArray, span: float
     ) -> tuple[Array, IntArray, BoolArray, Array]:
-        """Return all solutions and their rows, shape (m,) each, ascending. They are searched in the
-        monotone parts between the edges `x`, shape (e,), whose rows are `rows`, shape (e,).
+        """Return all solutions and their rows, shape (m,) each, ascending. The solutions are
+        searched in the monotone parts of each row. The edges of these parts are `x`, shape (e,);
+        `rows`, shape (e,), holds the row of each edge.
 
-        Also return for each row, shape (n,), whether the solutions fill a range, and the edge whose
-        output is nearest to the wanted output.
+        Also return two results for each row, shape (n,): True if the solutions fill a range, and
+        the edge at which the output is nearest to the wanted output.
         """
         n, missing = len(self.wanted), self.missing(x, rows)
         starts = np.searchsorted(rows, np.arange(n))

@@ -22,8 +22,8 @@ from mapmore_cli.modelling.frols.weighing import LOSSES
 # word in a spec for a setting that is chosen by cross-validation on training data, for example the
 # backbone
 AUTO = "auto"
-# a smaller ridge would be lost in the rounding errors of the Gram matrix; only zero is allowed
-# below
+# a smaller ridge would be lost in the rounding errors of the Gram matrix; of all smaller values,
+# only zero is allowed
 LEAST_RIDGE = 1e-9
 # default number of terms that are selected before pruning, divided by the number of terms that are
 # kept

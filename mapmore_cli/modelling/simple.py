@@ -1,7 +1,7 @@
 """Fit competitors that need no knowledge of muscles: polynomials in a model's own inputs, and a
 linear model of the next output (ARX) in free run.
 
-Reviewers ask for them first, because a plane through the inputs costs nothing in any study.
+Reviewers ask for these first, because they can be fitted in any study without effort.
 """
 
 from __future__ import annotations

@@ -157,10 +157,10 @@ def predicted_lines(
     """Yield the lines of a CSV table with `<output>_predicted` for every output, and
     `outside_range`, added to each.
 
-    The header holds canonical names; the numbers are in the model's units. The prediction has 12
-    significant digits; `outside_range` is `true` or `false`. Both are empty if an input is empty
-    or not finite. Blank lines stay as they are. `label` names the table in messages; `chunk` has no
-    influence on the result.
+    The header holds the names of the quantities; the numbers are in the model's units. The
+    prediction has 12 significant digits; `outside_range` is `true` or `false`. Both are empty if an
+    input is empty or not finite. Blank lines stay as they are. `label` names the table in messages;
+    `chunk` has no influence on the result.
 
     - `turned_for`: input for which the model is inverted, for example the force of a model of the
       strain. The table must have the output instead, the new column is `<input>_predicted`, and

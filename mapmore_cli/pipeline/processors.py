@@ -84,8 +84,8 @@ def processes(count: int, method: str, work: object = None) -> Iterator[ProcessP
     begin = partial(_begin, os.getpid(), work)
     try:
         pool = ProcessPoolExecutor(count, get_context(method), initializer=begin)
-    # the system keeps locks between processes as small files, which may fail, or it has no such
-    # locks
+    # locks between processes may be missing on this system, or the small files in which it keeps
+    # them cannot be made
     except (OSError, NotImplementedError) as fault:
         raise WriteError(
             f"a worker process cannot be started: {getattr(fault, 'strerror', None) or fault}",

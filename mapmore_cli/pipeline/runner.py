@@ -271,7 +271,7 @@ class _Run:
         if self.loaded.spec.model.type != AUTO:
             records.pop(SEARCH_STAGE, None)
         if load_origin(self.run_dir) != self.origin:
-            # this also recognises the folder of a new run as a run folder from now on
+            # with this record, the folder of a new run counts as a run folder from now on
             self.save(records)
         plans, kept = list[StagePlan](), dict(records)
         for plan in self.planned(until, records):

@@ -213,8 +213,9 @@ def quantities_of(
 ) -> dict[str, Array]:
     """Return the `wanted` quantities of a frame in the model's `units`, (n,) each.
 
-    A column is found by its name in `columns`, with unit, scale and offset; otherwise by its
-    canonical name, in the model's unit; otherwise by its index in `columns`.
+    There are three ways to find the column of a quantity, tried in this order: the label that
+    `columns` gives, with its unit, scale and offset; a label that is the name of the quantity, with
+    numbers in the model's unit; and the index that `columns` gives.
     """
     values_of = {}
     for name in wanted:

@@ -314,8 +314,9 @@ VIOLATED = (
 def equations_table(
     equations: Sequence[Equation], others: Mapping[str, Sequence[Equation]]
 ) -> Table:
-    """Return the model in physical units, and in `others`, as text and as LaTeX source, with a
-    column for each.
+    """Return a table with a row for each equation of the model. There is a column of text and a
+    column of LaTeX source for the physical units, and one of each for every other set of units in
+    `others`.
     """
     with_units = [f"with {units}" for units in others]
     texts = [Column(name, form="text") for name in ("equation", *with_units)]

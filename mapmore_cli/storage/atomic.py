@@ -221,8 +221,8 @@ def opened_special(path: Path) -> Iterator[IO[bytes]]:
 
 
 def write_own(path: Path, content: str | bytes) -> None:
-    """Write a file in a folder of mapmore's own, as `replacing` does. It is never written into a
-    pipe in its place, because that would wait for its reader.
+    """Write a file in a folder of mapmore's own, as `replacing` does. If a pipe stands in its
+    place, nothing is written into the pipe, because writing would wait for a reader.
     """
     with replacing(path) as file:
         file.write(content.encode() if isinstance(content, str) else content)

@@ -125,7 +125,7 @@ class ExperimentSpec(Section):
       measured quantity, or several quantities that share segments and terms. Example: `static`
     - `segment`: How the range of each variable is cut into segments. `none` uses the curves of all
       levels together. Example: `{strain: {method: even, count: 4}}`
-    - `dictionary`: Families of candidate terms, from which the fit chooses. Example: `[{polynomial:
+    - `dictionary`: Kinds of candidate terms, from which the fit chooses. Example: `[{polynomial:
       {of: [strain], order: 4}}]`
     - `formulas`: Formulas of your own, each in a file or written here. They can be named like the
       formulas of the literature. Example: `[my_formula.yaml]`

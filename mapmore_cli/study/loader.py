@@ -261,7 +261,7 @@ def questions_in(text: str) -> tuple[str, ...]:
     that it concerns.
     """
     questions = []
-    # the test for the word is much faster than the search
+    # the test for the word `CHECK` takes much less time than the search for comments
     for match in _QUESTION.finditer(text) if "CHECK" in text else ():
         words = [match["text"]]
         start = text.rfind("\n", 0, match.start()) + 1
@@ -367,8 +367,8 @@ def _with_formulas(root: Node, problems: list[Mistake]) -> Node:
 
 
 def _with_units(root: Node) -> Node:
-    """Return the tree with an entry in `units` for every column whose quantity has no canonical
-    name: by default, such a quantity keeps the unit of its column.
+    """Return the tree with an entry in `units` for every column whose quantity has no default unit:
+    such a quantity keeps the unit of its column.
 
     A unit of per cent becomes a plain number, unless `units` names the quantity.
     """

@@ -43,7 +43,7 @@ CANONICAL: Mapping[str, str] = MappingProxyType(
         "input": "V",
     }
 )
-"""The canonical quantities, and their default units in the model."""
+"""The quantities with a fixed meaning, and their default units in the model."""
 
 _NO_CHANGES: Mapping[str, str] = MappingProxyType({})
 _NAMED_DIMENSIONS = {
@@ -131,7 +131,7 @@ _POWER = re.compile(r"(\w+?)(?:\^?([23])|([²³]))$")
 _QUANTITY = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)(.*)", re.ASCII | re.DOTALL)
 _FACTOR = r"\(*(?:1|%|[^\W\d]\w*)(?:(?:\^|\*\*)-?\d)?\)*"
 _UNIT = re.compile(rf"{_FACTOR}(?:(?:\s*[*/·]\s*|\s+){_FACTOR})*")
-# the usual spelling; pint uses this name for a measure of yarn
+# torques are usually written `Nm`, but pint takes `Nm` for a measure of yarn (`number_meter`)
 _TORQUE = re.compile(r"\b([mk]?N)(m|mm|cm)\b")
 _LONGEST_UNIT = 60
 _BASE = {
@@ -163,7 +163,7 @@ def default_unit(
 
 
 def is_canonical(name: str) -> bool:
-    """Return True for the canonical quantities and their rates."""
+    """Return True for the quantities with a fixed meaning and their rates."""
     return name in CANONICAL or (
         name.endswith("_rate") and is_canonical(name.removesuffix("_rate"))
     )
@@ -275,8 +275,7 @@ def parse_quantity(text: str, unit: str, *, difference: bool = False) -> float:
     dimension.
     """
     number, source_unit = split_quantity(text)
-    # the result is rounded to 15 digits, so that a decimal number stays one: 110 kPa, not
-    # 110.00000000000001
+    # the result is rounded to 15 digits, so that 1.1 bar is 110 kPa, not 110.00000000000001 kPa
     if source_unit is None:
         return number
     return float(f"{convert(number, source_unit, unit, difference=difference):.15g}")
@@ -289,7 +288,7 @@ def check_unit(unit: str) -> None:
 
 
 def is_kept(unit: str) -> bool:
-    """Return True for a unit that a quantity without a canonical name keeps, for example `mm` or
+    """Return True for a unit that a quantity without a fixed meaning keeps, for example `mm` or
     `deg`; False for `1`, `%` and unknown units.
     """
     everyday = _everyday(_spelt(unit))

@@ -108,8 +108,8 @@ def run_on_cluster(
             say(f"{scheduler}: waiting for a worker")
             client.wait_for_workers(1)
         say(f"{scheduler}: {checked_workers(client, shared)} workers, which share {runs}")
-        # A job is not a pure function whose result could be cached, and a job that raised an error
-        # would raise it again.
+        # `pure=False`: the result of a job must not be taken from a cache, because a job also
+        # writes files. `retries=0`: a job that raised an error would raise it again.
         executor = client.get_executor(pure=False, retries=0)
         futures = {
             executor.submit(_work, job.elsewhere(), shared, number): number

@@ -75,8 +75,8 @@ def write_page(
 
 def _ways_made(folder: Path, texts: Mapping[str, str], warn: Warn) -> dict[str, list[str]]:
     """Move the files that somebody changed since the last page to the trash. Return, for each file
-    of the page, the hashes that it may have from now on: as the last page wrote it, or as this page
-    does.
+    of the page, the hashes of contents that mapmore has written or will write: the hash of the new
+    contents, and that of the contents on the disk if the last page wrote them.
 
     The record of an older version lists no files; every existing file then counts as written by
     mapmore.

@@ -100,8 +100,9 @@ class TitledColumn:
 
     @property
     def name(self) -> str:
-        """Name of a quantity, made from the title without the unit. A canonical name gets the
-        number of the column, because the column may hold another quantity.
+        """Name of a quantity, made from the title without the unit. If the result is the name of a
+        known quantity, the number of the column is appended, because the column may hold another
+        quantity.
         """
         name = self.title_as_name
         return name if name not in ("column", *CANONICAL) else f"{name}_{self.place}"
@@ -195,7 +196,7 @@ class TitledColumn:
     def as_quantity(self, name: str) -> NamedColumn:
         """Return the column as a quantity, in the unit from the title or the file.
 
-        A canonical quantity without a unit gets the model's unit, and the draft asks the user to
+        A known quantity without a unit gets the model's unit, and the draft asks the user to
         confirm it.
         """
         if self.texts:

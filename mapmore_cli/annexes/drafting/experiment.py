@@ -65,10 +65,10 @@ def find_held(
     """Return the quantity that was held constant while another input moved; None if nothing was
     held constant, or only at a single level.
 
-    The quantity that a person names is used. If nobody names one, it is the only input whose values
-    are in names of files or which stays constant in each recording. If there is none in a table
-    without a clock, it is the only input that takes a few values repeatedly, each in enough samples
-    for a curve. `conditions` are values from names.
+    If a person names a quantity, this one is returned. Otherwise, it is the only input whose values
+    are in names of files, or which stays constant in each recording. If there is no such input and
+    the study is a table without a clock, it is the only input that takes a few values repeatedly.
+    Each of these values must have enough samples for a curve. `conditions` are values from names.
 
     Raises
     ------

@@ -69,7 +69,7 @@ class FoundTable:
     @property
     def rank(self) -> tuple[int, int]:
         """Sort key for the ways to read a table: the best way has the fewest columns in which texts
-        look like numbers, and then the most rows.
+        look like numbers and, among equals, the most rows.
         """
         texts = (cells for place, cells in enumerate(self.columns) if place not in self.numeric)
         doubtful = sum(any(map(str.isdigit, str(cells[0]))) for cells in texts if cells)
@@ -282,7 +282,9 @@ def _reads_as_unit(cell: str) -> bool:
 
 
 def _without_brackets(unit: str) -> str:
-    """Return a unit without the mark of a remark before it and the brackets around it."""
+    """Return a unit without brackets, and without a sign such as `#` that marks its line as a
+    remark.
+    """
     return re.sub(r"^[(\[{<]\s*(.*?)\s*[)\]}>]$", r"\1", unit.lstrip("# "))
 
 

@@ -156,8 +156,8 @@ def described(study: Study, folder: Path) -> str:
 
 def split_by(table: Table, said: Sequence[str]) -> Table:
     """Return a table with one array of values for each recording. The columns that a person names
-    distinguish the recordings. The table is unchanged if one of them lacks values. Raises
-    UsageError for an unknown column.
+    distinguish the recordings. The table is unchanged if one of these columns has missing values.
+    Raises UsageError for an unknown column.
     """
     keys = [
         find(table, int(one) if one.isdecimal() else one, "--recordings", texts=True)

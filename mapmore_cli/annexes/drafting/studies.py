@@ -160,8 +160,8 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
 
 
 def _copies(files: Iterable[Path]) -> dict[Path, Path]:
-    """Return the files that have the same contents as another file, with that file, which has the
-    shorter name. Empty files are no copies.
+    """Return the files that are copies, each with its original. Of files with the same contents,
+    the file with the shortest name counts as the original. Empty files are no copies.
     """
     by_size: dict[int, list[Path]] = {}
     for file in sorted(files, key=lambda file: (len(file.name), file)):
@@ -193,9 +193,11 @@ Identity = tuple[str | int, ...]
 
 
 def _identities(layout: Layout) -> dict[Column, Identity]:
-    """Return what identifies each column of numbers in files with other units or another order of
-    columns: its quantity, its name, and its unit unless all units of the quantity can be converted.
-    The place of a column is added if some titles are missing or equal.
+    """Return an identity for each column of numbers. Columns with equal identities correspond to
+    each other in files whose units or order of columns differ. The identity consists of the name
+    and the quantity of the column, and of its unit. For a known quantity, whose units can be
+    converted, any unit counts as the same. The place of a column is added if some titles are
+    missing or equal.
     """
     columns = [one for one in read_titles(layout, {}).values() if one.place in layout.numeric]
     identities: list[Identity] = [

@@ -130,15 +130,18 @@ def understood(
 
 
 def _found(table: Table, named: Named) -> Iterator[TitledColumn]:
-    """Yield the columns that a person names; a quantity in names of files is in no column."""
+    """Yield the columns that a person names. A quantity whose values are in names of files has no
+    column.
+    """
     for column in named.values():
         with suppress(UsageError):
             yield find(table, column.column, "")
 
 
 def _columns_of(table: Table, answers: Answers) -> tuple[Named, dict[Column, str]]:
-    """Return the columns that a person lists, or those that titles identify, without a clock that
-    the person names as something else; and the reasons why others are left out.
+    """Return the columns of the study, and the reasons why other columns are left out. If a person
+    lists columns, these are used; otherwise, columns whose titles identify a quantity. A column
+    that looks like a clock is not used as the time if the person gives it another meaning.
     """
     if answers.columns:
         return named_by_person(answers.columns, table, "--columns", {}), {}

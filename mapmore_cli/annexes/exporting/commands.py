@@ -46,7 +46,7 @@ def export(
 
     The files have the name of the model. They replace only files that mapmore has written.
 
-    `c` needs only math.h, allocates no memory and has no global state. `fmu` is a unit for
+    `c` needs only math.h, allocates no memory and has no global state. `fmu` is an FMU for
     co-simulation with FMI 2.0, `fmu3` with FMI 3.0. `py` is one Python file without any dependency,
     for single samples; `numpy` is a module for arrays, `matlab` one function file, for Octave too.
     `js` is one module of JavaScript for browsers and Node. `table` is the output on a grid, with a

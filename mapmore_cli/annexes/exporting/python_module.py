@@ -36,11 +36,13 @@ def module_file(model: Model, wanted: Wanted, plain: bool = False) -> dict[str, 
 
 
 def python_module(model: Model, plain: bool = False) -> tuple[str, str]:
-    """Return name and text of the module, of NumPy or of `plain` Python.
+    """Return name and text of a module that uses NumPy, or of a module in `plain` Python.
 
-    The module has `evaluate` for all inputs, or with memory `State` and `step` for a state and the
-    inputs, and `outside_range`. A plain module has the same function under the name of the output,
-    `derivatives` if it has no memory, and `reset`, which makes a new state.
+    For a model without memory, the module has the function `evaluate` of all inputs. For a model
+    with memory, it has the class `State` and the function `step` of a state and the inputs. Every
+    module has `outside_range`. A plain module has three more functions: `evaluate` or `step` under
+    the name of the output, `reset`, which makes a new state, and `derivatives` for a model without
+    memory.
 
     Raises UsageError if the model's name has no character that a module name may have; DataError if
     a part of the model has no closed expression.

@@ -184,7 +184,8 @@ def _combi_table(model: Model, grid: Grid) -> str:
 
 def tex_equations(model: Model, _wanted: Wanted) -> dict[str, str]:
     """Return a file for `\\input`: each equation in the model's units, preceded by its name and its
-    range of validity; then how the equations are combined, and the limits. It needs booktabs.
+    range of validity; then how the equations are combined, and the limits. A document that includes
+    the file needs the LaTeX package booktabs.
     """
     units = ", ".join(
         f"{quantity.name} in {quantity.unit}" for quantity in (model.output, *model.inputs)

@@ -184,8 +184,9 @@ def _poles(place: Array, reach: float) -> Array:
 
 
 def _knots(motion: Motion) -> tuple[Array, int]:
-    """Return the inputs at which the steady output has its heights (the ends of the training range
-    and the boundaries), and the number of functions, one for each direction.
+    """Return the inputs at which the heights of the steady output are given: the ends of the
+    training range and the boundaries. Also return the number of functions: two if rise and fall
+    have separate functions, otherwise one.
     """
     low, high = motion.limits
     return np.array([low, *motion.boundaries, high]), 1 + motion.directed

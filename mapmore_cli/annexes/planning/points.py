@@ -23,8 +23,8 @@ from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.modelling.validation.gaussian_process import GaussianProcess, most_likely
 from mapmore_cli.modelling.validation.intervals import NORMAL
 
-# weight of points at which the expected |target| is below this fraction of its largest value, and
-# that fraction
+# points with a small expected |target| have the weight `SLACK`; small means below the fraction
+# `LITTLE` of the largest |target|
 SLACK, LITTLE = (
     0.15,
     0.02,

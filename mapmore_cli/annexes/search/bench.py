@@ -137,8 +137,9 @@ class Bench:
 
     @cached_property
     def range(self) -> tuple[float, float]:
-        """Smallest and largest output: measured in training, and predicted by a plane at all inputs
-        of the study, because outputs outside the training data must be predicted too.
+        """Smallest and largest output that a model may reasonably predict: over the measured
+        training data, and over the predictions of a plane at all inputs of the study. The plane is
+        included because inputs outside the training data can have outputs outside their range.
         """
         target = self.study.target
         plane = polynomial_fit(1, self.study, self.situation.inputs)

@@ -57,7 +57,9 @@ def choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: int | None
     decide, over_time, counts = bench.weights > 0, most is None, sizes.tolist()
     rank = simplest_of(counts, errors[:, decide], bench.weights[decide], eligible, over_time)
     if bench.ends and decide.sum() == 1:
-        # a single error is too uncertain to take the simplest structure within 20 % of the best
+        # With one decisive fold, the simplest structure within 20 % of the best is not chosen at
+        # once, because one error is too uncertain. Structures within this limit are compared on all
+        # folds
         eligible &= rank.excess <= WITHIN[1]
         rank = simplest_of(counts, errors, None, eligible, over_time)
     front = undominated(sizes, np.where(eligible, rank.excess, np.inf))

@@ -142,8 +142,8 @@ def still_cycles(subject: Subject) -> Issues:
     if cycles is None or not subject.has(cycles.over):
         return
     low, high = subject.span(cycles.over)
-    # a movement must also be larger than usual within a recording, for example of a pressure that
-    # differs between recordings
+    # A movement within a recording counts only if it exceeds a share of the range over all
+    # recordings (which is large if recordings differ) and a share of the largest value.
     least = max(STILL * (high - low), LITTLE * max(abs(low), abs(high)))
     kept = [recording for recording in subject.recordings if recording.rows_kept]
     columns = [recording.columns[cycles.over] for recording in kept]

@@ -75,7 +75,8 @@ def strain_turned(subject: Subject) -> Issues:
     Only kinds of muscles of which this is known are examined.
     """
     muscle = subject.spec.muscle
-    turned_force = any(force_never_pulls(subject))  # it would explain the same correlation
+    # a force with the wrong sign would explain the same correlation
+    turned_force = any(force_never_pulls(subject))
     if muscle is None or muscle.kind not in KINDS or turned_force or not subject.has("strain"):
         return
     strain, pressure, force = (

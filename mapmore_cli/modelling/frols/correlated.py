@@ -154,8 +154,8 @@ class _Records:
         return [_shifted(self.basis, self.lengths, lag) for lag in self.lags]
 
     def expected(self, kept: float) -> Array:
-        """Return the mean of `sums` for noise of variance one: `tr(L M R M)`, where R is the
-        correlation of the noise, M projects onto the residuals, and L shifts by a lag.
+        """Return the expected value of `sums` for noise of variance one: `tr(L M R M)`, where R is
+        the correlation of the noise, M projects onto the residuals, and L shifts by a lag.
         """
         turned = _together(self.basis, self.lengths, kept) if kept else self.basis
         inner = self.basis.T @ turned

@@ -209,8 +209,8 @@ def _column_squares(P: Array) -> Array:
     return np.asarray(np.einsum("ij,ij->j", P, P))
 
 
-# one `syrk` over this many columns takes about as long as a matrix-vector product, of which the
-# basis needs one for each term
+# A product `P'P` of this many columns takes about as long as one matrix-vector product with all
+# columns. The form with a basis needs one such product for each term.
 GRAM_COLUMNS_PER_TERM = 16
 
 

@@ -59,8 +59,8 @@ PRIOR_WEIGHTS = (0.01, *5 * (0.003,), 0.001, 0.03, 0.03, 0.001)
 DECAY = -33.0
 # the prior of a3 is never steeper than this, however large the strain
 STEEPEST = -12.0
-# The weight of the prior of a3 is this divided by the largest strain: it is larger over a short
-# range of strain, over which the data hardly determine a3.
+# The weight of the prior of a3 is this number divided by the largest strain. The weight is
+# therefore larger for a short range of strain, in which the data hardly determine a3.
 DECAY_WEIGHT = 0.002
 # prior of w, as a fraction of the largest target
 PRIOR_W = 0.03

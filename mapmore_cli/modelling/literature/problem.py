@@ -149,8 +149,9 @@ class LeastSquares:
         """Return the problem over means of neighbouring samples, if there are many samples. It is
         faster to solve and nearly the same.
 
-        The problem is returned unchanged if a parameter is sought as a fraction `of` a quantity. A
-        force that acts only at the slowest rates shows in few samples, and means would hide it.
+        The problem is returned unchanged if a parameter is sought as a fraction `of` a quantity,
+        for example of the rate. The effect of such a parameter may be limited to a few samples, for
+        example with the slowest rates, and means would hide it.
         """
         if any(parameter.of for parameter in self.nonlinear):
             return self

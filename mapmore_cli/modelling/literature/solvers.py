@@ -192,7 +192,9 @@ def drawn_starts(nonlinear: tuple[Nonlinear, ...]) -> Iterator[Array]:
 
 METHOD = "variable projection"
 SCAN_POINTS = 24  # number of points in each interval of the coordinate
-FLAT = 1e-10  # relative change of the sum of squares over the whole scan that counts as none
+# if the sum of squares changes by less than this fraction over the whole scan, it counts as
+# constant
+FLAT = 1e-10
 ROUNDING = 1e-24  # fraction of y'y below which a sum of squares is only rounding error
 
 

@@ -140,9 +140,10 @@ class FreeRunProblem:
         return Point(vector, float(error), runs, pooled)
 
     def normal(self, point: Point, horizon: int | None = None) -> tuple[Array, Array]:
-        """Return the curvature `J'J + ridge` and the negative gradient of the error at a point,
-        both divided by two, with respect to all entries of its vector. They are not finite if the
-        slopes are too large.
+        """Return the curvature and the negative gradient of the squared error, both divided by two,
+        at a point with the slopes J: `J'J + ridge` and `J'r - ridge theta`. Rows and columns belong
+        to the entries of the point's vector. The results are not finite if the slopes are too
+        large.
         """
         slopes, terms = self.slopes(point, horizon), np.arange(len(self.ridge))
         with np.errstate(over="ignore", invalid="ignore"):

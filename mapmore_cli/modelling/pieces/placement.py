@@ -1,5 +1,6 @@
 """Scale the coordinates of a segment (M1 step 1, M2 (i)): the rules, and the anchor of
-`unit_square`, which is computed from several samples, so that no single one decides it.
+`unit_square`, which is computed from several samples, so that no single sample decides where it
+lies.
 """
 
 from __future__ import annotations

@@ -255,7 +255,7 @@ def training_curves(curves: Sequence[Curve], by_level: bool) -> tuple[Curve, ...
 
 
 def trained_at(curves: Sequence[Curve], level: str | float) -> tuple[Curve, ...]:
-    """Return the curves, of which only those at `level` keep their training samples. `level` is a
+    """Return the curves. Only the curves at `level` keep their training samples. `level` is a
     number, `highest` for the highest training level, or `all` to change nothing.
     """
     if level == "all":

@@ -94,8 +94,8 @@ class Region:
             simplex = np.full(n, -1)
             try:
                 net, faces = Delaunay(places), ConvexHull(places).equations
-                # This test avoids `find_simplex` for places outside, for which it searches all
-                # simplices.
+                # This test avoids calls of `find_simplex` for places outside, because it would
+                # search all simplices for them.
                 near = (asked @ faces[:, :-1].T + faces[:, -1]).max(axis=1) < OUTSIDE_TOLERANCE
                 simplex[near] = net.find_simplex(asked[near])
             except QhullError:  # all samples lie on a line, so there is no simplex

@@ -46,9 +46,9 @@ LEVEL = 0.01
 # number of simulations of noise alone; and a limit in standard errors: a contradiction below it is
 # too weak to need a simulation
 RUNS, UNLIKELY = 199, 2.0
-CONFIRMED = 3.0  # standard errors by which a plane must contradict a sign
+CONFIRMED = 3.0  # standard errors by which a fitted surface must contradict a sign
 # for each length of a stretch, only this number of the largest contradictions is tested with a
-# plane
+# fitted surface
 TRIED = 32
 # the noise of a cell is the mean over `LOCAL` cells around it, or over `2 d + ABOUT` if that is
 # more; for d inputs, a plane is fitted to `2 d + ABOUT - 1` neighbours of a cell

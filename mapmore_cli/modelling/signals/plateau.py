@@ -96,8 +96,8 @@ def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> t
     low, high_end = extremes(pressure)
     upper = pressure > (low + high_end) / 2
     noise = float(np.median(np.abs(np.diff(pressure)))) if len(pressure) > 1 else 0.0
-    # Medians, because inertia and suction make the pressure overshoot when it rises, and more so
-    # when it falls.
+    # Medians are used, because inertia and suction make the pressure overshoot when it rises, and
+    # overshoot even more when it falls.
     base = float(np.median(pressure[~upper]))
     span = float(np.median(pressure[upper])) - base if upper.any() else 0.0
     if span <= NOISE_SPANS * noise or span == 0.0:

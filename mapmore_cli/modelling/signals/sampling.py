@@ -64,7 +64,7 @@ def spread_repeated(time: Array) -> Array:
 
 
 # Samples are not evenly spaced if one of them deviates from an even grid by more than this fraction
-# of a time step. Stamps are often rounded by so much.
+# of a time step. Smaller deviations are usually due to the rounding of stamps.
 UNEVEN = 1e-3
 
 MANY = 20_000  # number of samples that represent a longer record if not all are needed

@@ -239,8 +239,9 @@ def common_curves(before: Model, after: Model) -> list[CurvePlace]:
     """Return the curves of both models at the same level, or with the same name if there are no
     levels.
 
-    If the levels differ, the levels of the model with fewer of them inside both ranges are taken,
-    and the other model is interpolated to them, so that no curve is counted twice.
+    If the levels of the models differ, only levels inside the ranges of both models are used. They
+    are the levels of the model that has fewer of them; the other model is interpolated to these
+    levels. In this way, no curve is counted twice.
     """
     first, second = _ranges(before), _ranges(after)
     if before.level != after.level:

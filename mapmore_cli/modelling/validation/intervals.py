@@ -173,8 +173,9 @@ def scatter_of_recordings(levels: Sequence[Sequence[Array]]) -> float:
     """Return the standard deviation between recordings of one level, from the training residuals of
     each recording of each level; NaN without repeats.
 
-    A recording is represented by the means of `BLOCKS` stretches, so that a different slope counts
-    like an offset. The contribution of the samples' noise is subtracted.
+    A recording is represented by the means of `BLOCKS` stretches, so that recordings with different
+    slopes differ as well as recordings with an offset. The contribution of the samples' noise is
+    subtracted.
     """
     squares, freedom, noise = 0.0, 0, list[float]()
     for level in levels:
@@ -363,8 +364,8 @@ def between_levels(
 
 
 def many_curves(left_out: LeftOut, level: float) -> float:
-    """Return half of the width by Student's t over curves, or by the quantile of the absolute
-    residuals if that is larger.
+    """Return half of the width of the interval: the value from Student's t over curves, or the
+    quantile of the absolute residuals, whichever is larger.
     """
     from scipy.special import stdtrit
 

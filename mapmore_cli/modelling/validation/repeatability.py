@@ -154,8 +154,8 @@ def _sum_of(branches: Sequence[_Branch], at: Array) -> tuple[Array, Array]:
     return whole.astype(np.float64), running(np.ones(len(y))).astype(np.float64)
 
 
-# largest root mean square difference between the courses of two cycles, as a fraction of the range,
-# for which one repeats the other in time
+# two cycles repeat each other in time if the root mean square difference of their courses is at
+# most this fraction of the range
 SAME_COURSE = 0.05
 
 
@@ -185,8 +185,8 @@ def repeated_cycles(
 def by_log(
     curves: Sequence[Curve], logs: Mapping[str, str], driven: str, target: str
 ) -> Iterator[tuple[list[int], Array, Array, BoolArray]]:
-    """Yield for each log the numbers of the curves that are pieces of it, and `driven`, target and
-    `held_out` of these pieces, one after the other.
+    """Yield four results for each log: the numbers of the curves that are pieces of this log, and
+    the columns `driven`, `target` and `held_out` of these curves, joined one after the other.
     """
     pieces: dict[str, list[int]] = {}
     for number, curve in enumerate(curves):
@@ -255,7 +255,7 @@ def monotone_floor(x: Array, y: Array) -> float:
     static model of x alone can have a smaller error if its curve is monotone.
 
     The curve is found by isotonic regression, rising or falling, whichever is nearer. Samples with
-    the same x count together. Loops and noise have such a floor.
+    the same x count together. Because of loops and noise, this floor is not zero.
     """
     from scipy.optimize import isotonic_regression
 

@@ -251,8 +251,8 @@ def told_apart(names: Sequence[str], length: int) -> list[str]:
 
 
 def _alike(parts: Sequence[Sequence[str]]) -> int:
-    """Return the number of parts with which all names begin; one part of the shortest is never
-    counted.
+    """Return the number of parts that are equal at the beginning of all names. The last part of the
+    shortest name is not counted, so that a part of every name is left.
     """
     same = [len({*column}) == 1 for column in zip(*parts, strict=False)]
     return [*same[:-1], False].index(False)

@@ -79,8 +79,8 @@ def has_font(name: str) -> bool:
 def wrong_formula(label: str) -> str | None:
     """Return the fault of a formula in a label; None if it is valid.
 
-    Matplotlib parses nested formulas by recursion, and how deep it can go depends on the caller.
-    Therefore only a smaller depth is allowed.
+    Matplotlib parses nested formulas by recursion. How many levels Python allows depends on the
+    caller. Therefore, mapmore allows only `DEEPEST_FORMULA` levels, which every caller can parse.
     """
     from matplotlib.mathtext import MathTextParser
 

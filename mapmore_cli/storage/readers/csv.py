@@ -182,8 +182,9 @@ def _rows_of(lines: Lines, request: TableRequest) -> tuple[Layout, Iterable[Row]
 
 
 def below_csv(path: Path, request: TableRequest) -> list[Below]:
-    """Return the tables that stand below each other or side by side in a text. If neither a line of
-    words nor a blank line follows numbers, only the first rows are read.
+    """Return the tables that stand below each other or side by side in a text. A text with a line
+    of words or a blank line after its first numbers is read completely, because another table may
+    begin there. Of any other text, only the first rows are read.
     """
     with reading(request.label, "text file", UNREADABLE):
         with open_lines(path, request.encoding, request.label, errors="replace") as (lines, _):

@@ -63,7 +63,7 @@ def tables_below(rows: Iterable[Row], header: int, is_number: Callable[[Any], bo
         count = sum(map(is_number, filled))
         has_numbers = count > 1 or 0 < count == len(filled)
         if body and is_label(body[0][1][0]) and is_number(cells[0]):
-            words += body  # lines such as `Maximum:;1;2` above a first column of numbers
+            words += body  # the rows so far were header lines with numbers, such as `Maximum:;1;2`
             body = []
         if body:
             is_next = _is_next(body, (number, cells))

@@ -191,7 +191,9 @@ class CellReader:
         """
         if isinstance(cell, Lacking):
             if self.texts is not None and not cell.text:
-                return math.nan  # one of merged cells, whose text stands in the first of them
+                # the cell is merged with others, and the text of all of them stands in the first
+                # one
+                return math.nan
             raise NotANumber("", cell.said, cell.remedy)
         cell = cell.decode("utf-8", "replace") if isinstance(cell, bytes) else cell
         value = number_of(cell, self.decimal, self.thousands)

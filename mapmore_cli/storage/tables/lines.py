@@ -326,8 +326,8 @@ def _left_open(label: str, row: int) -> DataError:
 
 
 def _holds_record(cell: str, delimiter: str) -> bool:
-    """Return True if a line after the first in a cell looks like a record of the table: it contains
-    a delimiter and a number.
+    """Return True if a cell has several lines, and a line after the first looks like a record of
+    the table: it contains a delimiter and a number.
     """
     return any(
         delimiter in line and any(holds_number(part.strip(' "')) for part in line.split(delimiter))

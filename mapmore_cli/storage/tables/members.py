@@ -235,7 +235,7 @@ def _table_of_member(
     columns: dict[SourceColumn, Array] = {}
     for column in request.columns:
         values, noted[column] = _column(base, column, label, request.cells(column))
-        # this way, only one long column is in memory at a time
+        # columns are read one by one, so that only one long column is in memory at a time
         columns[column] = by_blocks(np.asarray, values)
     refuse_other_clocks(noted, label)
     lengths = {column: len(values) for column, values in columns.items()}

@@ -55,9 +55,9 @@ def table_of_rows(
 def table_of_records(
     records: Sequence[tuple[int, Sequence[tuple[str, Any]]]], request: TableRequest
 ) -> RawTable:
-    """Return the wanted columns of records, each with its number in the file and pairs of name and
-    cell. A cell that a record lacks is NaN. A request without columns gets all columns with
-    numbers.
+    """Return the wanted columns of records. Each record is given as its number in the file and
+    pairs of name and cell. A cell that a record lacks is NaN. A request without columns gets all
+    columns with numbers.
 
     Raises DataError for a name that no record has, or that occurs twice in one; NotANumber for a
     cell that is no number.

@@ -33,7 +33,8 @@ def metrics(spec: ExperimentSpec) -> Iterator[Finding]:
 
 def units(spec: ExperimentSpec) -> Iterator[Finding]:
     """Check that units exist and have the right dimension: the units of the model suit the
-    canonical quantities, and the units of columns can be converted to the units of the model.
+    quantities with a fixed meaning, and the units of columns can be converted to the units of the
+    model.
     """
     known, wrong = (*spec.data.quantities, *CANONICAL), set[str]()
     for name, unit in spec.units.items():

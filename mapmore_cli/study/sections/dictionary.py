@@ -1,5 +1,5 @@
-"""Define the `dictionary` section of a spec: families of candidate terms, with and without
-memory.
+"""Define the `dictionary` section of a spec: kinds of candidate terms, with and without memory. In
+the code, a kind of term with its settings is called a family.
 """
 
 from __future__ import annotations
@@ -248,9 +248,9 @@ class SmoothSteps(AlongRange):
 
 
 class Products(Section):
-    """All products of terms of other families, up to a total degree.
+    """All products of terms of other kinds, up to a total degree.
 
-    - `of`: The families, or names of states. Example: `[{slow: {of: [pressure]}}, strain]`
+    - `of`: The kinds of terms, or names of states. Example: `[{slow: {of: [pressure]}}, strain]`
     - `order`: Largest total degree of a product. Example: `2`
     - `with`: Names that also stand in `of`. Each product then contains powers of these names and of
       at most one other term, which keeps the number of products small. Example: `[strain]`
@@ -264,7 +264,7 @@ class Products(Section):
 
 
 Family = Polynomial | Lags | OperatorFamily | AlongRange | Products | list[str]
-"""One family of terms; a list of texts is the family `terms`."""
+"""One kind of term with its settings; a list of texts is the kind `terms`."""
 
 
 LIMITS = ("sign", "bounds")
@@ -272,12 +272,12 @@ LIMITS = ("sign", "bounds")
 
 
 class Families(Section):
-    """The families of terms that are not made by an operator.
+    """The kinds of terms that are not made by an operator.
 
     - `polynomial`: Monomials of some quantities. Example: `{of: [strain], order: 4}`
     - `terms`: Terms that are written out as expressions. Example: `[strain^2, "exp(-strain/0.02)"]`
     - `lags`: Values of quantities some samples ago. Example: `{of: [force], steps: [1, 2]}`
-    - `products`: Products of the terms of other families. Example: `{of: [{slow: {of: [pressure]}},
+    - `products`: Products of the terms of other kinds. Example: `{of: [{slow: {of: [pressure]}},
       strain], order: 2}`
     - `spline`: A cubic spline along the training range of an input. Example: `{of: strain, knots:
       9}`
@@ -285,10 +285,10 @@ class Families(Section):
       strain, widths: [0.03, 0.1]}`
     - `steps`: Smooth steps along the training range. Example: `{of: voltage, count: 21, widths:
       [0.1]}`
-    - `sign`: Sign that the coefficients of this family's terms must have. The inputs are scaled as
-      `fit.scaling` says. Example: `negative`
-    - `bounds`: Smallest and largest value of the coefficients of this family's terms, in the unit
-      of the target. Example: `[0, 5 N]`
+    - `sign`: Sign that the coefficients of the terms of this entry must have. The inputs are scaled
+      as `fit.scaling` says. Example: `negative`
+    - `bounds`: Smallest and largest value of the coefficients of the terms of this entry, in the
+      unit of the target. Example: `[0, 5 N]`
     """
 
     polynomial: Polynomial | None = None
@@ -315,19 +315,21 @@ class Families(Section):
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Smallest and largest coefficient of the family's terms, in the unit of the target."""
+        """Smallest and largest coefficient of the terms of this entry, in the unit of the
+        target.
+        """
         if self.bounds is not None:
             return self.bounds
         return {"positive": (0.0, inf), "negative": (-inf, 0.0)}.get(self.sign or "", (-inf, inf))
 
     @property
     def family(self) -> tuple[str, Family]:
-        """Name and settings of the family that the entry holds."""
+        """Name and settings of the kind of term in this entry."""
         return next(iter(self._given().items()))
 
     def _contradictions(self) -> Sequence[Row]:
         low, high = self.bounds or (0.0, 1.0)
-        count = "two families" if self._given() else "no family"
+        count = "two kinds" if self._given() else "no kind"
         names = quoted(name for name in type(self).model_fields if name not in LIMITS)
         return [
             (
@@ -345,7 +347,7 @@ class Families(Section):
             (
                 len(self._given()) != 1,
                 f"this entry has {count} of terms",
-                f"write one of {names}; write further families as further entries",
+                f"write one of {names}; write further kinds as further entries",
             ),
         ]
 
@@ -353,14 +355,14 @@ class Families(Section):
 if TYPE_CHECKING:
 
     class DictionaryEntry(Families):
-        """One family of candidate terms."""
+        """One kind of candidate terms."""
 
 else:
     DictionaryEntry = create_model(
         "DictionaryEntry",
         __base__=Families,
         __doc__=(
-            "One family of candidate terms: monomials, states with memory, products of both, "
+            "One kind of candidate terms: monomials, states with memory, products of both, "
             "or `terms` written out as expressions.\n\n" + "\n".join(map(_about_family, FORMS))
         ),
         __module__=__name__,
@@ -371,8 +373,8 @@ else:
 def entries_of(
     entries: Sequence[str | DictionaryEntry], loc: Loc = ("dictionary",)
 ) -> Iterator[tuple[Loc, str, Family]]:
-    """Yield the place, the name and the settings of every family of a dictionary, also of families
-    inside products.
+    """Yield the place, the name and the settings of every kind of term in a dictionary, also of
+    those inside products.
     """
     for place, entry in enumerate(entries):
         if isinstance(entry, DictionaryEntry):
@@ -383,10 +385,11 @@ def entries_of(
 
 
 def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
-    """Yield every text in the settings of a family that names quantities or states: its place, the
-    text itself, and True if it is an expression or False if it is the name of a state.
+    """Yield every text in the settings of a kind of term (`family`) that names quantities or
+    states: its place, the text itself, and True if it is an expression or False if it is the name
+    of a state.
 
-    `loc` is the place of the entry. Entries inside it are left out.
+    `loc` is the place of the settings. Kinds of terms inside products are left out.
     """
     if isinstance(family, list):
         yield from (((*loc, place), text, True) for place, text in enumerate(family))
@@ -404,13 +407,13 @@ def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
 
 
 STATIC = ("polynomial", "terms", "products", "spline", "ends", "steps")
-"""Families whose terms need only the present sample, unless a state that they name needs more."""
+"""Kinds of terms that need only the present sample, unless a state that they name needs more."""
 
 
 def timed_terms(dictionary: Sequence[DictionaryEntry]) -> tuple[str, ...]:
-    """Return the families and states that need equal time steps, because they count samples (as
-    lags do) or use the time between them (as `slow` does). The others, such as `play`, need only
-    the order of the samples.
+    """Return the kinds of terms and the states that need equal time steps, because they count
+    samples (as lags do) or use the time between them (as `slow` does). The others, such as `play`,
+    need only the order of the samples.
     """
     found: dict[str, None] = {}
     for loc, name, family in entries_of(dictionary):
