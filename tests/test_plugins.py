@@ -93,7 +93,7 @@ operators  o      ZeroDivisionError
 operators  wrong  no Operator
 operators  zz     there is already a `washout`
 formulas   f      ZeroDivisionError
-formulas   bent   not linear in a parameter that `nonlinear` lacks
+formulas   bent   not linear in a parameter that `nonlinear` does not list
 readers    r      ZeroDivisionError
 readers    odd    Odd
 readers    stops  KeyboardInterrupt

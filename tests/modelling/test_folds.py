@@ -69,7 +69,7 @@ def test_held_out_samples_are_in_no_fold_and_too_few_make_none():
     part = dataset.curves[0]
     half = replace(dataset, curves=(replace(part, held_out=np.arange(9) < 4), *dataset.curves[1:]))
     assert [curve.size for curve in training_only(half).curves] == [5, 9, 9]
-    with pytest.raises(DataError, match=f"no curve has {BLOCKS} training samples"):
+    with pytest.raises(DataError, match=f"every curve has fewer than {BLOCKS} training samples"):
         folds([100.0], n=BLOCKS - 1, strain=None)
 
 

@@ -65,6 +65,6 @@ def test_the_path_of_z_s_from_the_yaml_to_a_prediction_is_as_the_design_says():
         if _names_it(ast.parse(path.read_text()))
     }
     design = (PROJECT / "docs" / "design.md").read_text()
-    sentence = design.partition("the way of the key `z_s`")[2].partition("No other file")[0]
+    sentence = design.partition("follow the key `z_s`")[2].partition("No other file")[0]
     assert found == set(re.findall(r"`(\w+/[\w/]+\.py)`", sentence))
     assert len(found) <= 8
