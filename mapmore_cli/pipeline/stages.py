@@ -68,7 +68,7 @@ def static_run(spec: ExperimentSpec) -> list[Need]:
 
 INGEST = Stage(
     name="ingest",
-    revision=8,
+    revision=9,
     outputs=(DATASET,),
     reads=slice_of,
     run=ingest,

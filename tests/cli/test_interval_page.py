@@ -27,7 +27,8 @@ def test_a_row_of_the_coverage():
 
 
 @pytest.mark.parametrize(
-    ("table", "words"), [("coverage", "Depending on the cell, {} to {} %"), ("bent", "levels, {} to {} %")]
+    ("table", "words"),
+    [("coverage", "Depending on the cell, {} to {} %"), ("bent", "levels, {} to {} %")],
 )
 def test_the_least_and_greatest_coverage_are_those_of_the_table(table, words):
     shares = np.array([in_per_cent(row) for row in rows_of(table, PAGE)])
