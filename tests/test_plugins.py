@@ -58,6 +58,8 @@ raise type("Odd", (BaseException,), {})()
 LOUD = """
 import atexit, os, sys
 print("printed at import")
+sys.stdout.reconfigure(encoding="utf-8")
+sys.stdout.buffer.write(b"buffered at import\\n")
 atexit.register(print, "printed at exit")
 os.write(1, b"written at import\\n")
 sys.__stdout__.flush()
@@ -193,8 +195,13 @@ def test_the_template_is_found_and_what_is_broken_is_named_and_left_out(folder):
         assert why in line
     exported = run("export", "runs/study/model.h5", "--to", "json", "-o", "out", "-q")
     assert (exported.returncode, exported.stderr) == (0, "")
-    (equation,) = json.loads((folder / "out" / "study.json").read_text()).values()
+    written = folder / "out" / "study.json"
+    text = written.read_text()
+    (equation,) = json.loads(text)["equations"].values()
     assert "0.3*washout(pressure, 0.5)" in equation
+    written.write_text(text.replace("0.3", "0.4"))  # as if it were of an earlier fit
+    again = run("export", "runs/study/model.h5", "--to", "json", "-o", "out", "-q")
+    assert (again.returncode, written.read_text()) == (0, text)
     assert run("hello", "--name", "me").stdout == "hello, me\n"
     in_c = run("export", "runs/study/model.h5", "--to", "c", "-o", "out", "--no-verify")
     told = "plug-in `c` (exports) of zbroken is left out: ValueError: there is already a `c`"
@@ -217,6 +224,7 @@ def test_a_plug_in_replaces_no_command_and_prints_into_no_document(folder):
     assert (loud.returncode, json.loads(loud.stdout)) == (0, {"loud": 1})
     for words in (
         "printed at import",
+        "buffered at import",
         "written at import",
         "printed at work",
         "by a child",

@@ -25,7 +25,7 @@ from pkgutil import iter_modules
 from threading import current_thread, main_thread
 from traceback import walk_tb
 from types import FrameType
-from typing import Any, Generic, NamedTuple, TextIO, TypeVar, cast
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from mapmore_cli.domain.errors import UsageError
 
@@ -203,17 +203,25 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
     return by_name
 
 
-class _ToStderr(io.TextIOBase):
-    """A stream that writes to stderr. If a plugin closes it, stderr stays open."""
+class _ToStderr(io.RawIOBase):
+    """A stream of bytes that writes UTF-8 to stderr. If a plugin closes it, both stay open."""
 
-    def write(self, text: str) -> int:
-        return sys.stderr.write(text)
+    def writable(self) -> bool:
+        return True
+
+    def write(self, data: Any) -> int:
+        content = bytes(data)
+        sys.stderr.write(content.decode(errors="replace"))
+        return len(content)
 
     def flush(self) -> None:
         sys.stderr.flush()
 
     def fileno(self) -> int:
         return sys.stderr.fileno()
+
+    def close(self) -> None:
+        pass
 
 
 @contextmanager
@@ -222,7 +230,10 @@ def printing_to_stderr() -> Iterator[None]:
     by child processes, because stdout is for results only.
     """
     sys.stdout.flush()
-    with redirect_stdout(cast(TextIO, _ToStderr())):
+    # plugins may reconfigure stdout or use its buffer, so it has to be a stream of this type
+    raw: Any = _ToStderr()
+    stream = io.TextIOWrapper(raw, "utf-8", "backslashreplace", write_through=True)
+    with redirect_stdout(stream):
         kept = os.dup(1)
         os.dup2(2, 1)
         try:

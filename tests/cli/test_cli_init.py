@@ -5,6 +5,7 @@ import json
 import pytest
 from cli_samples import PROJECT, thinned
 
+from mapmore_cli.annexes.drafting.studies import find_studies
 from mapmore_cli.study.loader import load
 
 
@@ -60,6 +61,15 @@ def test_nothing_is_replaced_without_force(tmp_path, mapmore, rig):
     mapmore("init", rig / "mckibben", "-o", spec, "--force", code=0)
     assert spec.read_text().splitlines()[1].startswith("# Started by `mapmore init`")
     assert (tmp_path / "mapmore.schema.json").read_text().startswith("{")
+
+
+def test_the_schema_of_an_earlier_draft_is_no_file_that_is_left_out(tmp_path):
+    for name in ("mapmore.schema.json", "other.json"):
+        (tmp_path / name).write_text("{}")
+    (tmp_path / "a.csv").write_text("pressure [kPa],force [N]\n1,2\n3,5\n4,6\n")
+    (study,), left_out = find_studies(tmp_path)
+    assert [file.name for file in study.files] == ["a.csv"]
+    assert [reason.partition(":")[0] for reason in left_out] == ["other.json"]
 
 
 @pytest.mark.parametrize("name", ["a/b", "", "-x y"])

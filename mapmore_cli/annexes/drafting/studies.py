@@ -20,6 +20,7 @@ from mapmore_cli.checking.names import read_label
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.ingestion.files import relative_name
 from mapmore_cli.storage.readers import READERS, reader_of
+from mapmore_cli.study.loader import SCHEMA
 from mapmore_cli.study.units import CANONICAL
 
 
@@ -237,12 +238,12 @@ def _joined(layouts: Sequence[tuple[Layout, list[Path]]]) -> list[Study]:
 
 def _is_own(file: Path, folder: Path) -> bool:
     """Return True for a file that is neither hidden, nor left by an office program or a file
-    manager, nor the result of a run.
+    manager, nor the result of a run, nor the schema that `init` writes for editors.
     """
     inside = file.relative_to(folder)
     ours = any((folder / parent / "run.json").is_file() for parent in inside.parents)
     hidden = any(part.startswith((".", "~$")) for part in inside.parts)
-    return not (ours or hidden or file.name.casefold() in ("thumbs.db", "desktop.ini"))
+    return not (ours or hidden or file.name.casefold() in ("thumbs.db", "desktop.ini", SCHEMA))
 
 
 def _name(study: Study, alone: bool) -> str:

@@ -75,10 +75,10 @@ def strain_turned(subject: Subject) -> Issues:
     Only kinds of muscles of which this is known are examined.
     """
     muscle = subject.spec.muscle
-    # a force with the wrong sign would explain the same correlation
-    turned_force = any(force_never_pulls(subject))
-    if muscle is None or muscle.kind not in KINDS or turned_force or not subject.has("strain"):
+    if muscle is None or muscle.kind not in KINDS or not subject.has("strain"):
         return
+    if any(force_never_pulls(subject)):
+        return  # a force with the wrong sign would explain the same correlation
     strain, pressure, force = (
         even_share(subject.pooled(name)) if subject.has(name) else np.zeros(0)
         for name in ("strain", "pressure", "force")

@@ -58,7 +58,8 @@ beyond 4.685.
 DEPENDENT = 1e-10  # columns with smaller singular values, as a share of the largest, are dependent
 FREEDOM, GROSS = 3, 20.0
 """Smallest number of degrees of freedom of the other samples, and the studentised residual, with
-which a sample counts as a gross outlier; normal noise has such a residual once in 10 000 samples.
+which a sample counts as a gross outlier. With so few degrees of freedom, normal noise has such a
+residual once in 3 700 samples, and with more, less often.
 """
 FEW = 5
 """With fewer curves than this, sums over curves say little, and standard errors from them would be

@@ -8,6 +8,7 @@ from mapmore_cli.modelling.kinds import equations
 
 
 def equations_as_json(model: Model, _wanted: Any) -> dict[str, str]:
-    """Return one file, by its name."""
-    rows = {one.id: one.text for one in equations(model)}
-    return {f"{model.name}.json": json.dumps(rows, indent=1) + "\n"}
+    """Return one file, by its name. A later export replaces it, because it contains `mapmore`."""
+    equations_by_id = {one.id: one.text for one in equations(model)}
+    document = {"creator": "mapmore", "equations": equations_by_id}
+    return {f"{model.name}.json": json.dumps(document, indent=1) + "\n"}
