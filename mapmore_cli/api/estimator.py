@@ -58,7 +58,8 @@ class FROLS:
     After `fit`, `terms_`, `coef_` and `err_` are the terms, their coefficients and error reduction
     ratios, (k,). Monomials of a column of `X` that is far from zero, for example `1e6 + x`, differ
     only by rounding errors. The mean of such a column is subtracted before terms are selected;
-    `selection_` and `table_` contain terms of this difference, and `predict` computes with them.
+    `selection_` and `table_` contain terms of the column minus its mean, and `predict` uses these
+    terms.
     `terms_` and `coef_` describe the same model with the column as it was passed in `X`. For this,
     powers are multiplied out. This can add terms that were not selected; their error reduction
     ratio is zero.

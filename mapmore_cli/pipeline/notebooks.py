@@ -190,8 +190,8 @@ class LoadedModel:
         return outside_range(self.model, flat).reshape(shape)
 
     def interval(self, level: float = 0.95, **columns: ArrayLike) -> tuple[Array, Array]:
-        """Return the lower and the upper end of the interval that contains a sample of a new curve
-        with the probability `level`, in the shape of the output.
+        """Return the lower and the upper end of an interval. Both have the shape of the output. A
+        sample of a new curve lies in the interval with the probability `level`.
 
         Both are NaN outside the training range. An interval is computed from fits without each part
         of the training data. With `validate: {intervals: true}` in the spec, these fits are made

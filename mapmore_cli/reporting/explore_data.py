@@ -88,8 +88,8 @@ def _quantity(one: Quantity, inputs: ReportInputs) -> dict[str, str]:
 
 
 def _reach(low: float, high: float) -> dict[str, Any]:
-    """Return the ends of an input on the page, beyond its training range, and the distance within
-    which a sample is near.
+    """Return the ends of the slider of an input, which lie beyond its training range, and the
+    distance up to which a sample counts as near.
     """
     width = high - low or abs(low) or 1.0
     return {

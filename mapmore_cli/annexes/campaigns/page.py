@@ -74,9 +74,9 @@ def write_page(
 
 
 def _ways_made(folder: Path, texts: Mapping[str, str], warn: Warn) -> dict[str, list[str]]:
-    """Move the files that somebody changed since the last page to the trash. Return, for each file
-    of the page, the hashes of contents that mapmore has written or will write: the hash of the new
-    contents, and that of the contents on the disk if the last page wrote them.
+    """Move files to the trash if somebody changed them after the last page was written. Return for
+    each file of the page the hash of its new contents and, if mapmore wrote the file that is on the
+    disk, the hash of that file.
 
     The record of an older version lists no files; every existing file then counts as written by
     mapmore.

@@ -269,7 +269,9 @@ def _is_named_by(hold: Hold, number: Number) -> bool:
 
 
 def numbered_groups(names: Sequence[str], group: str) -> Condition:
-    """Return a quantity that numbers the groups to which the names of files belong."""
+    """Return a quantity whose value for each file is the number of its group. The group is found
+    in the name of the file.
+    """
     groups = group_words(names, group)
     apart = sorted({*groups})
     values = tuple(apart.index(word) + 1.0 for word in groups)

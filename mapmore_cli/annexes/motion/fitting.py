@@ -7,8 +7,8 @@ ends of the training range. With a load L, a second function of this kind is mul
 and fall have separate functions. When the direction changes, the output moves from one to the other
 as fast as the poles of the section allow.
 
-For given poles, the output is linear in the heights, which follow by projection. The poles of all
-sections are refined together.
+For given poles, the output is linear in the heights, so that linear least squares gives them. The
+poles of all sections are refined together.
 """
 
 from __future__ import annotations

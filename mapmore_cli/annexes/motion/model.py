@@ -59,8 +59,8 @@ def _falls(m: Writer, motion: Motion, u: Expression, first: Condition) -> Expres
     """Write 1 if the input does not rise above its value one sample before, and 0 otherwise (P eq
     16).
 
-    For sections that meet, write 1 after the input has turned down by more than the dead band,
-    until it has turned up as far.
+    With bumpless switching, write 1 once the input has fallen from its last peak by more than the
+    dead band, until it has risen as far from its last trough.
     """
     if motion.switching != BUMPLESS:
         before = m.number("input")

@@ -1,6 +1,7 @@
 """Find a section's parameters by least squares or by particle swarms (P eq 11-12).
 
-Least squares searches only the poles; the weights of the drives follow by projection.
+Least squares searches only the poles; for given poles, linear least squares gives the
+weights of the drives.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ class Picture:
     """Half widths over the measured range, for the figure."""
 
     places: Columns  # coordinates of the half widths by name, (n,) each
-    before: Array  # present half widths, (n,)
+    before: Array  # half widths before the measurement, (n,)
     after: Array  # half widths with all points of the plan measured, (n,)
     measured: Columns  # coordinates of the training samples by name, (m,) each
 
@@ -65,7 +65,7 @@ class Plan:
 
     @property
     def widest(self) -> float:
-        """The widest present half width; NaN without intervals."""
+        """The largest half width before the plan is measured; NaN without intervals."""
         known = self.picture.before[np.isfinite(self.picture.before)]
         return float(known.max()) if len(known) else math.nan
 

@@ -121,7 +121,7 @@ def actuator(force: Model, pressure: Model) -> Model:
 
 def refuse_shared_names(inputs_of: Sequence[tuple[str, Sequence[str], Mapping[str, str]]]) -> None:
     """Raise SpecError if two parts of a sum have an input of the same name that the spec does not
-    rename, because two pressures are two quantities.
+    rename, because equal names such as `pressure` may stand for different quantities.
 
     `inputs_of` holds for every part its name, its own inputs, and their renaming.
     """
@@ -136,7 +136,8 @@ def refuse_shared_names(inputs_of: Sequence[tuple[str, Sequence[str], Mapping[st
             )
             one = f"if it is the same quantity, write `inputs: {{{name}: {name}}}` for both"
             raise SpecError(
-                f"{first} and {second} both have an input `{name}`, which may be two quantities",
+                f"{first} and {second} both have an input called `{name}`; it may be a "
+                "different quantity in each",
                 f"{remedy}; {one}",
             )
 

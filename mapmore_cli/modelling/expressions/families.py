@@ -79,7 +79,7 @@ def products(
         raise ValueError(f"a name is given twice among {', '.join(of)}")
     free = set(of) if partners is None else set(partners)
     if not free <= set(of):
-        raise ValueError(f"the partner {min(free - set(of))} is not one of the states")
+        raise ValueError(f"`partners` names `{min(free - set(of))}`, which is not in `of`")
     refuse_beyond_memory(count_products(len(of), order, len(free)))
     degrees = range(0 if constant else 1, order + 1)
     chosen = [

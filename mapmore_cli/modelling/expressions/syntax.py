@@ -192,7 +192,7 @@ ZERO, ONE = Number(0.0), Number(1.0)
 
 
 def expression(value: Operand) -> Expression:
-    """Return the value itself, or a number as an expression."""
+    """Return an expression as it is, or turn a number into an expression."""
     return value if isinstance(value, Expression) else Number(float(value))
 
 

@@ -100,7 +100,8 @@ def reference() -> str:
 def _formula_section(formula: Formula) -> str:
     expression = getattr(formula, "expression", None)
     lines = [f"### {formula.name}\n", f"{formula.about}\n"]
-    lines += [f"    {to_text(expression)}\n"] if expression is not None else []
+    if expression is not None:
+        lines.append(f"As one expression:\n\n    {to_text(expression)}\n")
     lines.append(f"- source: {formula.reference}")
     lines.append(f"- inputs: {', '.join(formula.inputs) or 'none'}")
     if formula.dimensions:

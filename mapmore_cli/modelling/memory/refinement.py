@@ -107,7 +107,8 @@ class FreeRunProblem:
     - `bounds`: smallest and largest output of a run.
     - `ridge`: penalty of each squared coefficient, (k,).
     - `free_constant`: True if the model has a constant of its own.
-    - `between`: smallest and largest vector, (2, k + 1 + m).
+    - `between`: lower and upper bounds of the vector (coefficients, constant and operators'
+      parameters), (2, k + 1 + m).
     """
 
     pieces: Callable[[Array], Sequence[ReadyPiece]]
@@ -152,8 +153,8 @@ class FreeRunProblem:
         return curvature, self.downhill(point, slopes)
 
     def downhill(self, point: Point, slopes: Array) -> Array:
-        """Return the negative gradient of the error at a point, divided by two, from the slopes of
-        its outputs.
+        """Return half of the negative gradient of the error at a point. `slopes` are the
+        derivatives of the outputs there.
         """
         theta, _, _ = self.split(point.vector)
         with np.errstate(over="ignore", invalid="ignore"):

@@ -65,7 +65,7 @@ class Unknown:
 
     @cached_property
     def places(self) -> list[tuple[Operated, Parameter]]:
-        """The state to which each parameter belongs, and the parameter, (m)."""
+        """Pairs of a state and one of its parameters, one pair for each of the m parameters."""
         return [
             (operated, parameter)
             for operated in self.states

@@ -1,6 +1,7 @@
-"""Scale the coordinates of a segment (M1 step 1, M2 (i)): the rules, and the anchor of
-`unit_square`, which is computed from several samples, so that no single sample decides where it
-lies.
+"""Scale the coordinates of a segment (M1 step 1, M2 (i)).
+
+Here are the rules of scaling, and the anchor of the rule `unit_square`. The anchor is computed from
+several samples, so that no single sample decides where it lies.
 """
 
 from __future__ import annotations

@@ -105,7 +105,9 @@ def _block_with_slopes(block: Block, slopes: dict[str, Slopes], count: int) -> B
 
 
 def _choice_with_slopes(choice: Choose, known: dict[str, Slopes], count: int) -> Choose:
-    """Return the choice with the derivatives of its results, and add those to `known`."""
+    """Return a branch statement that also computes the derivatives of its results, and add their
+    names to `known`.
+    """
     names = (*choice.names, *(f"{name}_d{way}" for name in choice.names for way in range(count)))
     known.update(
         {name: tuple(Name(f"{name}_d{way}") for way in range(count)) for name in choice.names}

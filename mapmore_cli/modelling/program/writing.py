@@ -181,12 +181,12 @@ def product_as_written(*factors: Expression) -> Expression:
 
 
 def renamed_all(terms: Iterable[Expression], names: Mapping[str, Expression]) -> list[Expression]:
-    """Return the expressions with names replaced, as `names` says."""
+    """Return the expressions with the names in `names` replaced by their expressions."""
     return [substitute(term, names) for term in terms]
 
 
 def limit(m: Writer, ranges: Sequence[CurveRange], level: str | None, inputs: Inputs) -> None:
-    """Add the training ranges of the inputs, and their ends as knots."""
+    """Add the training ranges of the inputs to the program, and record their ends as knots."""
     for input_range in limits(ranges, level):
         if input_range.name in inputs:
             at = None if input_range.at is None else inputs[input_range.at]

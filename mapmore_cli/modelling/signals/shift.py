@@ -208,14 +208,15 @@ def _vertex(size: Array, top: int) -> float:
 
 
 def _half_width(u: Array, v: Array, lag: int) -> float:
-    """Return the half width of the 95 % interval of the lag at which the changes `u` and `v` agree
-    best, in lags; infinite if no slopes agree.
+    """Return half the width of the 95 % interval of the best lag between the changes `u` and `v`,
+    in steps of the grid; infinite if their slopes do not agree.
 
-    Scaled to one spread, the changes of the `n` samples are `s + e/2` and `s - e/2`, and the error
-    of the lag is `sum s'[i] e[i] / sum u'[i] v'[i]`. Neighbouring changes share samples and noise
-    may be slow, so the numerator has the variance `sum_k R(k) A(k)`, with the autocovariance R of e
-    and `A(k) = sum_i s'[i] s'[i + k]`. In the frequency domain, this is a sum of products, of which
-    a few may dominate. Their effective number is used as the degrees of freedom of Student's t.
+    After both are scaled to the same spread, s is their mean and e their difference, so that they
+    are `s + e/2` and `s - e/2`. The error of the lag is `sum s'[i] e[i] / sum u'[i] v'[i]`.
+    Neighbouring changes share samples and noise may be slow, so the numerator has the variance
+    `sum_k R(k) A(k)`, with the autocovariance R of e and `A(k) = sum_i s'[i] s'[i + k]`. In the
+    frequency domain, this is a sum of products, of which a few may dominate. Their effective number
+    is used as the degrees of freedom of Student's t.
     """
     # imported here because it loads slowly, and few specs need it
     from scipy.fft import next_fast_len, rfft

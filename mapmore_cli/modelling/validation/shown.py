@@ -58,8 +58,8 @@ def for_report(validation: Validation, model: Model, dataset: Dataset) -> Valida
 
 
 def _extremes(columns: Sequence[tuple[Array, ...]]) -> IntArray:
-    """Return at most `MANY` row numbers, with the extremes of every column, or of the difference of
-    two columns.
+    """Return at most `MANY` row numbers: those of the extremes of every column in consecutive parts
+    of the rows. For a pair of columns, they are the extremes of the difference.
     """
     rows = [envelope(values[0], MANY // len(columns), *values[1:]) for values in columns]
     return np.unique(np.concatenate(rows))

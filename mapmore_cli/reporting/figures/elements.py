@@ -59,14 +59,16 @@ def path(x: Sequence[float] | Array, y: Sequence[float] | Array, dots: bool = Fa
 
 
 def _step(across: float, up: float) -> str:
-    """Return two numbers of tenths, with a space between them if the second has no minus sign."""
+    """Return a step as text. Both numbers count tenths, and a space separates them unless the
+    second has a minus sign.
+    """
     top = _tenths(up)
     return _tenths(across) + ("" if top.startswith("-") else " ") + top
 
 
 @lru_cache(4096)  # most steps are short
 def _tenths(count: float) -> str:
-    """Return a number of tenths without a zero before its point."""
+    """Return the text of a number that counts tenths, without a zero before its point."""
     return re.sub(r"^(-?)0\.", r"\1.", f"{count / 10 + 0.0:.1f}".removesuffix(".0"))
 
 

@@ -330,8 +330,8 @@ def _parsed_columns(text: bytes, delimiter: str, layout: Layout) -> list[Any]:
 
 
 def values_of_records(records: Sequence[Numbered], layout: Layout) -> list[Any]:
-    """Return line numbers and wanted columns, (n,) each, of records without blank ones; an empty
-    field is NaN.
+    """Return the line numbers and the wanted columns, (n,) each, of records of which none is blank;
+    an empty field is NaN.
 
     Raises DataError with row and column for a record with too few or too many fields, and for a
     field that is not a number.

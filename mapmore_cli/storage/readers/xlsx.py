@@ -154,8 +154,8 @@ def _decimal_in_texts(rows: Iterable[Sequence[Any]]) -> str | None:
 
 def _number_rule(decimal: str | None) -> Callable[[Any], bool]:
     """Return a function that tells whether a cell holds a number. Texts count as numbers only if
-    the sheet has numbers in texts with a decimal mark (`decimal`). Otherwise a text such as `2026`
-    is a title.
+    `decimal` is given: the decimal mark of numbers that the sheet stores as texts. Without it, a
+    text such as `2026` is a title.
     """
     if decimal is None:
         return lambda cell: not isinstance(cell, str) and holds_number(cell)

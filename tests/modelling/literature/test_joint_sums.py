@@ -202,7 +202,7 @@ def test_an_input_of_two_parts_is_renamed_in_both(first, second, shared):
     if shared is None:
         refuse_shared_names(parts)
     else:
-        with pytest.raises(SpecError, match=f"a and b both have an input `{shared}`"):
+        with pytest.raises(SpecError, match=f"a and b both have an input called `{shared}`"):
             refuse_shared_names(parts)
 
 

@@ -69,5 +69,5 @@ def test_products_are_those_monomials_that_have_few_states_beside_the_partners(
     [(["p", "p"], 2, None), (["p"], 21, None), (["p"], -1, None), (["p"], 2, ["q"])],
 )
 def test_impossible_products_are_refused(of, order, partners):
-    with pytest.raises(ValueError, match=r"order|twice|not one of the states"):
+    with pytest.raises(ValueError, match=r"order|twice|which is not in `of`"):
         products(of, order, partners)

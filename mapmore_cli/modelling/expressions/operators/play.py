@@ -82,14 +82,14 @@ def _with_widths(
 OPERATORS = (
     _with_widths(
         "play",
-        "`play` operators (backlash) on the quantities `of`. `widths` are half the slack",
+        "`play` operators (backlash) on the quantities in `of`. `widths` are half the slack",
         play_recursion,
         lambda x, setting: play(x, setting.width),
     ),
     _with_widths(
         "stop",
-        "`stop` operators (friction that sticks before it slips) on the quantities `of`. `widths` "
-        "are half the way until it slips",
+        "`stop` operators (friction that sticks before it slips) on the quantities in `of`. "
+        "`widths` are half the way until it slips",
         stop_recursion,
         lambda x, setting: x - play(x, setting.width),
     ),
