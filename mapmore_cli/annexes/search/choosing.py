@@ -28,8 +28,7 @@ BY_MEDIAN = (
 
 BY_ENDS = (
     "; because an end of an input is held out, only the folds (left-out parts) that leave an end "
-    "out decide; if there is only one, all folds decide among the structures within 20 % of the "
-    "best on this one"
+    "out decide"
 )
 
 PLAIN = ("simple", "formula")
@@ -56,12 +55,6 @@ def choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: int | None
     errors = on_common_rows([outcomes[number][1] for number in usable]) / scale
     decide, over_time, counts = bench.weights > 0, most is None, sizes.tolist()
     rank = simplest_of(counts, errors[:, decide], bench.weights[decide], eligible, over_time)
-    if bench.ends and decide.sum() == 1:
-        # With one decisive fold, the simplest structure within 20 % of the best is not chosen at
-        # once, because one error is too uncertain. Structures within this limit are compared on all
-        # folds
-        eligible &= rank.excess <= WITHIN[1]
-        rank = simplest_of(counts, errors, None, eligible, over_time)
     front = undominated(sizes, np.where(eligible, rank.excess, np.inf))
     as_good = front & (rank.excess <= WITHIN[0]) & (sizes <= sizes[rank.chosen])
     simple = np.flatnonzero(as_good & np.isin(kinds, PLAIN)).tolist()
