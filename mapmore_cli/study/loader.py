@@ -40,6 +40,7 @@ from mapmore_cli.study.tree import (
     SourceText,
     merged,
     nearest,
+    renamed,
     values_at,
     with_child,
     without,
@@ -211,15 +212,20 @@ def _validated(
 def _further_mistakes(
     error: ValidationError, root: Node, keys_at: KeysAt, model: type[M], check: Check[M]
 ) -> list[Mistake]:
-    """Return the mistakes that `check` finds after the malformed parts of a spec were removed, so
-    that all mistakes appear at once.
+    """Return the mistakes that `check` finds after misspelt keys were corrected and malformed parts
+    of the spec removed, so that all mistakes appear at once.
     """
     if error.error_count() > MOST_ERRORS:
         return []
     sections = set[str | int]()
     while True:
         # Remove the last items of a list first, so that the indices of the others stay valid.
-        for loc, meant in sorted(lost(error, root, keys_at), key=_place_among_items, reverse=True):
+        parts = sorted(lost(error, root, keys_at), key=_place_among_items, reverse=True)
+        misspelt = [(loc, meant[-1]) for loc, meant in parts if meant not in (None, loc)]
+        for loc, key in misspelt:
+            root = renamed(root, loc, key)
+        # a section that lacks its key is complete once the key is spelt correctly
+        for loc, meant in () if misspelt else parts:
             if meant is not None and _echoes(meant):
                 return []
             root = without(root, loc)

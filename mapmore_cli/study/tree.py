@@ -158,6 +158,20 @@ def without(root: Node, loc: Loc) -> Node:
     return replace(root, value=[child for place, child in enumerate(root.value) if place != step])
 
 
+def renamed(root: Node, loc: Loc, key: str | int) -> Node:
+    """Return the tree with the value at `loc` under another key of the same mapping; the value is
+    removed if the mapping has this key already.
+    """
+    step, *rest = loc
+    below = root.child(step)
+    if below is None:
+        return root
+    if rest:
+        return with_child(root, step, renamed(below, rest, key))
+    others = without(root, loc)
+    return others if others.child(key) else with_child(others, key, below)
+
+
 def with_child(node: Node, step: str | int, child: Node) -> Node:
     """Return a copy of a mapping or list with `child` under `step`."""
     if isinstance(node.value, dict):

@@ -1,5 +1,6 @@
 """Documents that must be refused: each with its place, what is wrong, and what would be right."""
 
+import re
 from pathlib import Path
 from time import process_time
 
@@ -109,6 +110,14 @@ def test_all_mistakes_are_reported_at_once_in_the_order_of_the_file(tmp_path):
         f"spec.yaml:{place}"
         for place in ("3:10", "10:35", "12:18", "19:39", "21:41", "24:13", "27:1")
     ]
+
+
+@pytest.mark.parametrize("section", ["name", "data", "target", "fit"])
+def test_a_misspelt_key_hides_no_mistake_of_another_kind(tmp_path, section):
+    text = STATIC.replace("{column: eps}", "{column: eps, unit: kpa}")
+    message = refusal(tmp_path, re.sub(rf"(?m)^{section}:", f"{section}x:", text))
+    assert f"unknown key `{section}x`" in message
+    assert message.count("spec.yaml:") == 2
 
 
 def test_a_message_shows_the_line_with_a_caret_under_the_mistake(tmp_path):
