@@ -127,7 +127,7 @@ def _samples(
             raise
         if others:
             raise DataError(
-                f"{path.name}: holds several recordings, and `predict` reads one at a time",
+                f"{path.name}: holds several recordings, and this command reads one at a time",
                 "name one sheet or file",
             )
         return samples

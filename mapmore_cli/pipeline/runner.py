@@ -36,7 +36,7 @@ from mapmore_cli.pipeline.staleness import (
     plans_of,
     refuse_circle,
 )
-from mapmore_cli.storage.atomic import refusals_told, write_own
+from mapmore_cli.storage.atomic import holds, refusals_told, write_own
 from mapmore_cli.storage.ownership import TRASH
 from mapmore_cli.storage.run_folder import (
     RunFiles,
@@ -305,7 +305,7 @@ class _Run:
     def write(self, name: str, text: str) -> None:
         """Write a further file of the run, unless it already contains this text."""
         path = self.run_dir / name
-        if not path.is_file() or path.read_bytes() != text.encode():
+        if not holds(path, text.encode()):
             self.tell_taken(make_way(self.run_dir, name, written_files(self.run_dir)))
             write_own(path, text)
         self.written[name] = take_stamp(path)
@@ -463,7 +463,5 @@ class _Run:
         return {
             name: text
             for name, text in texts.items()
-            if name not in known
-            or not (path := self.run_dir / name).is_file()
-            or path.read_bytes() != text.encode()
+            if name not in known or not holds(self.run_dir / name, text.encode())
         }

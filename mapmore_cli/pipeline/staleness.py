@@ -100,7 +100,7 @@ def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
     if not heirs:
         rivals = spec.validation.against
         paths += [rival.run for rival in rivals if isinstance(rival, Competitor)]
-    for path in filter(None, paths):
+    for path in filter(None, dict.fromkeys(paths)):
         other = loaded.folder / path
         if other.resolve() in chain:
             circle = " -> ".join(step.name for step in (*chain, other))

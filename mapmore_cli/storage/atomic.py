@@ -88,6 +88,11 @@ def content_of(path: Path) -> bytes:
     return path.read_bytes()
 
 
+def holds(path: Path, content: bytes) -> bool:
+    """Return True if a path is a regular file with this content."""
+    return path.is_file() and path.stat().st_size == len(content) and path.read_bytes() == content
+
+
 def make_folder(folder: Path) -> None:
     """Make a folder whose name mapmore itself chooses, unless it exists. Raises WriteError as
     `refuse_irregular` does.
@@ -221,8 +226,9 @@ def opened_special(path: Path) -> Iterator[IO[bytes]]:
 
 
 def write_own(path: Path, content: str | bytes) -> None:
-    """Write a file in a folder of mapmore's own, as `replacing` does. If a pipe stands in its
-    place, nothing is written into the pipe, because writing would wait for a reader.
+    """Write a file as a whole, as `replacing` does, whatever file was in its place; files that the
+    user names are protected by `outputs`. Nothing is written into a pipe, because writing would
+    wait for a reader.
     """
     with replacing(path) as file:
         file.write(content.encode() if isinstance(content, str) else content)

@@ -18,7 +18,7 @@ from typing import IO, TextIO
 
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.storage.atomic import (
-    content_of,
+    holds,
     is_special,
     opened_special,
     refusals_told,
@@ -155,14 +155,10 @@ def write_chosen(folder: Path, files: Mapping[str, bytes]) -> list[Path]:
     changed = {
         folder / name: data
         for name, data in files.items()
-        if (folder / name).is_symlink() or not _holds(folder / name, data)
+        if (folder / name).is_symlink() or not holds(folder / name, data)
     }
     for path in changed:
         refuse_foreign_file(path)
     for path, data in changed.items():
         write_own(path, data)
     return [folder / name for name in files]
-
-
-def _holds(path: Path, data: bytes) -> bool:
-    return path.is_file() and path.stat().st_size == len(data) and content_of(path) == data

@@ -50,7 +50,7 @@ def readable_variables() -> dict[str, str]:
 
 
 def variable_in(text: str) -> str | None:
-    """Return the first variable reference in a text, as it is written; None if there is none."""
+    """Return the first variable reference as it is written in a text, or None without one."""
     return next((match[0] for match in _REFERENCE.finditer(text) if match[0] != "$${"), None)
 
 

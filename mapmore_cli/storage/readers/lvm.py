@@ -48,7 +48,7 @@ class LvmSegment:
     padding: int = 0
 
     def of_channel(self, keyword: str, channel: int = 0) -> str:
-        """Return an entry of the header about a channel; an empty text if there is none."""
+        """Return an entry of the header about a channel, or an empty text if it is missing."""
         return next(iter(self.said.get(keyword, ())[channel:]), "").strip()
 
     @property
@@ -57,7 +57,7 @@ class LvmSegment:
         return self.of_channel("Decimal_Separator") or "."
 
     def number(self, keyword: str, channel: int = 0) -> float:
-        """Return a number in the header about a channel; 0 if there is none."""
+        """Return a number in the header about a channel, or 0 if it is missing."""
         number = number_of(self.of_channel(keyword, channel), self.decimal)
         return number if number is not None and np.isfinite(number) else 0.0
 

@@ -82,12 +82,8 @@ def _without_head(tables: Sequence[Below]) -> list[Below]:
     """
     later = [len(one.above) for one in tables if one.rows[0][0] > tables[0].rows[0][0]]
     lines = max(later, default=0)
-    return [
-        replace(one, above=one.above[-lines:])
-        if lines and one.rows[0][0] == tables[0].rows[0][0]
-        else one
-        for one in tables
-    ]
+    # later tables have no more lines than this, so that they stay as they are
+    return [replace(one, above=one.above[-lines:]) for one in tables] if lines else [*tables]
 
 
 def is_label(cell: Any) -> bool:

@@ -9,9 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import takewhile
 from pathlib import Path
-
-import numpy as np
 
 from mapmore_cli.domain.arrays import Rows
 from mapmore_cli.storage.tables import (
@@ -104,7 +103,7 @@ def _cut_in(end: OpenEnd, rows: Rows) -> Cut | None:
     without evidence, or if the line is not among the `rows` of the table.
     """
     # in a map, one line holds several samples
-    samples = int(np.count_nonzero(np.asarray(rows) == end.row))
+    samples = len([*takewhile(lambda row: row == end.row, reversed(rows))])
     if not samples:
         return None
     lines = end.rows[-int(end.row - rows[0] + 1) :]

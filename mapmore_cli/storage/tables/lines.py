@@ -1,4 +1,4 @@
-"""Read a text file as numbered lines, and write text files line by line."""
+"""Read a text file as numbered lines, also a compressed one, and guess its encoding."""
 
 from __future__ import annotations
 
