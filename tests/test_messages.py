@@ -22,7 +22,7 @@ NOTES_OF_MODELS = (
     "modelling/pieces/remarks.py: beyond_remarks",
     "modelling/pieces/cross_validation.py: choose_backbone with_trusted_residual",
     "modelling/shape/violations.py: with_shape",
-    "modelling/memory/shaped.py: _warning_of_zero_gain",
+    "modelling/memory/shaped.py: _warnings_of_zero_gain",
     "modelling/validation/residuals.py: explained_by_inputs",
 )
 IN_FILES = (

@@ -25,7 +25,7 @@ COMPARED = 200
 ROUNDING = 1e-4
 LITTLE = 0.01  # fraction of samples or of a range that may be due to chance
 SOME = 0.05  # fraction of samples or of a range that is worth a warning
-# from this fraction on, it is most of the samples, of a value or of a difference
+# smallest fraction that counts as most of the samples, of a value or of a difference
 MUCH = 0.5
 
 SLOW = 0.04  # largest rate of a settled pressure, as a fraction of the pressure range per second

@@ -169,9 +169,9 @@ def arx(dataset: Dataset, names: Sequence[str]) -> tuple[Arx, list[Array]] | Non
     """Return the fitted ARX and its free run along every recording, (n_c,) each.
 
     The free run, which is scored, starts at rest: as if the first measured output and the first
-    inputs had always been there. The coefficients are fitted by least
-    squares one step ahead. Of `ORDERS`, the one with the smallest error in free run on the training
-    samples is taken. The result is None if every free run diverges.
+    inputs had always been there. The coefficients are fitted by least squares one step ahead. Of
+    `ORDERS`, the one with the smallest error in free run on the training samples is taken. The
+    result is None if every free run diverges.
     """
     best, least = None, np.inf
     for order in ORDERS:

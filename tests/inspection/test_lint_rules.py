@@ -147,6 +147,13 @@ def sweep(level, columns):
     return {**stairs, "P": 600 * (1 - np.abs(stairs["t"] / 11 - 1))}
 
 
+def against_a_spring(_, columns):
+    """A contraction by pressure, against a spring that pulls the more, the farther it goes."""
+    pressure = 100 * columns["t"]
+    strain = 0.008 * np.sqrt(pressure)
+    return {**columns, "P": pressure, "eps": strain, "F": 900 * strain}
+
+
 def looped(width):
     """Loading and unloading, the branches so many newtons off their mean."""
 
@@ -472,6 +479,7 @@ def test_a_rule_speaks_of_what_it_is_made_for(tmp_path, id_, severity, spoil, sp
         ("header-of-numbers", clean, {}),
         ("uneven-steps", uneven, {**MEMORY, "dictionary": BY_ORDER}),
         ("strain-in-per-cent", lambda _, c: {**c, "eps": c["eps"] / c["eps"].max()}, {}),
+        ("strain-turned", against_a_spring, {**ISOMETRIC_LINES, "muscle": {"kind": "mckibben"}}),
     ],
 )
 def test_a_rule_is_silent_where_nothing_is_wrong(tmp_path, id_, spoil, spec):

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from mapmore_cli.checking.evidence import ROUNDING
 from mapmore_cli.checking.rules import Issue, Issues, Subject
-from mapmore_cli.domain.arrays import Array, extremes, in_blocks
+from mapmore_cli.domain.arrays import extremes, in_blocks
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.modelling.shape.violations import KINDS
 from mapmore_cli.modelling.signals.sampling import correlation, even_share
@@ -72,7 +75,8 @@ def strain_turned(subject: Subject) -> Issues:
     """Find a strain that counts a contraction as negative. At equal pressure, the force of a muscle
     falls with its contraction; if no force varies, the contraction rises with the pressure.
 
-    Only kinds of muscles of which this is known are examined.
+    Only kinds of muscles of which this is known are examined. A strain that rises with the pressure
+    has the right sign. Its force may rise too, for example with the stretch of a spring.
     """
     muscle = subject.spec.muscle
     if muscle is None or muscle.kind not in KINDS or not subject.has("strain"):
@@ -80,17 +84,16 @@ def strain_turned(subject: Subject) -> Issues:
     if any(force_never_pulls(subject)):
         return  # a force with the wrong sign would explain the same correlation
     strain, pressure, force = (
-        even_share(subject.pooled(name)) if subject.has(name) else np.zeros(0)
+        even_share(subject.pooled(name)) if subject.has(name) else np.zeros(1)
         for name in ("strain", "pressure", "force")
     )
-    if force.size and np.ptp(force):
-        against = correlation(_beside(pressure, strain), _beside(pressure, force))
+    rise = correlation(strain, pressure)
+    if np.ptp(force):
+        against = _partial(correlation(strain, force), rise, correlation(force, pressure))
         why = "the force rises with the strain at equal pressure"
-    elif pressure.size:
-        against, why = -correlation(strain, pressure), "the strain falls where the pressure rises"
     else:
-        return
-    if against > TURNED:
+        against, why = -rise, "the strain falls where the pressure rises"
+    if against > TURNED and rise < TURNED:
         yield Issue(
             "warning",
             "strain-turned",
@@ -101,10 +104,10 @@ def strain_turned(subject: Subject) -> Issues:
         )
 
 
-def _beside(pressure: Array, values: Array) -> Array:
-    """Return what a straight line of the pressure does not explain of some values, (n,)."""
-    moved: Array = values - values.mean()
-    if pressure.size and np.ptp(pressure):
-        x = pressure - pressure.mean()
-        moved = moved - x * float(x @ values) / float(x @ x)
-    return moved
+def _partial(between: float, first: float, second: float) -> float:
+    """Return the partial correlation of two signals whose correlation is `between`. `first` and
+    `second` are their correlations with a third signal, whose effect is removed. The result is 0 if
+    this third signal explains one of them up to rounding.
+    """
+    left = (1 - first**2) * (1 - second**2)
+    return (between - first * second) / math.sqrt(left) if left > ROUNDING**2 else 0.0

@@ -66,8 +66,8 @@ def _header(subject: Subject, source: str) -> Top | None:
     """Return the header lines of a file, if it has several."""
     data = subject.spec.data
     peek = READERS[data.reader].peek
-    has_tables = [one for one in data.files if isinstance(one, FileEntry) and one.table is not None]
-    if peek is None or int(data.header) < 2 or data.table is not None or has_tables:
+    tables = [data.table, *(one.table for one in data.files if isinstance(one, FileEntry))]
+    if peek is None or int(data.header) < 2 or {*tables} != {None}:
         # the first lines of a file say nothing about a table that stands below another table
         return None
     for top in peek(subject.folder / source, data.skip_rows + int(data.header)):

@@ -114,9 +114,9 @@ class Recursion:
     ..., x[k-q])`.
 
     This is the only definition of an operator: values along a recording, steps of a free run,
-    derivatives and exported code are derived from it. `next` is called
-    with floats, with columns and, for exported code, with names of variables. Therefore it must
-    branch with `m.where` instead of `if`.
+    derivatives and exported code are derived from it. `next` is called with floats, with columns
+    and, for exported code, with names of variables. Therefore it must branch with `m.where` instead
+    of `if`.
 
     - `own`, `source`: number of past values of the state, p, and of its source, q, that the rule
       needs.

@@ -24,6 +24,7 @@ NO_GAIN = 1e-28
 # a regressor is dependent if `q'q <= RANK_TOLERANCE p'p`, because the remainder is then rounding
 # error
 RANK_TOLERANCE = 1e-24
+
 Price = Callable[[IntArray, int, int], Array]
 """Function that returns the price of each number k of terms, (k,), for n samples and M candidates;
 a criterion is the smallest `n ln(SSE/n)` plus this price.

@@ -8,7 +8,7 @@ is only checked.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -86,33 +86,32 @@ def with_signed_gain(
     exchange.until_kept(region.asks(asked_of(recipe)), region)
     kept = with_coefficients(exchange.theta)
     shaped = with_shape(model, kept, curves, region, recipe, exchange.where())
-    notes = [
-        _warning_of_zero_gain(word, model, shaped, region) for word in region.asks(asked_of(recipe))
-    ]
-    return replace(shaped, notes=(*shaped.notes, *filter(None, notes)))
+    return replace(shaped, notes=(*shaped.notes, *_warnings_of_zero_gain(shaped, region)))
 
 
-def _warning_of_zero_gain(word: ShapeWord, model: Model, shaped: Model, region: Region) -> str:
-    """Return a warning if the required sign makes the static gain zero; otherwise an empty text.
-    The gain becomes zero if the data alone would give it the other sign. Raises FitError if the
-    training error also becomes clearly larger, because the required sign is then wrong.
+def _warnings_of_zero_gain(shaped: Model, region: Region) -> Iterator[str]:
+    """Yield a warning for each required sign that makes the static gain zero. The gain becomes zero
+    if the data alone would give it the other sign. Raises FitError if the training error also
+    becomes clearly larger, because the required sign is then wrong.
     """
-    if word.word not in OTHER:
-        return ""
-    (against,) = violations(model, [word], region)
-    (left,) = violations(shaped, [ShapeWord(word.quantity, OTHER[word.word])], region)
-    if left.amount > VANISHED * against.amount or not against.amount:
-        return ""
-    sentence = (
-        f"fit.shape: `{word.quantity}: {word.word}` makes the static gain zero, because without "
-        f"this sign, the output at rest changes by {against.amount:.3g} {model.output.unit} in "
-        "the other direction"
-    )
     shape = shaped.shape
-    if shape is not None and shape.training > CLEARLY * shape.training_without:
-        raise FitError(
-            f"{sentence}, and the training error is {shape.training / shape.training_without:.3g} "
-            "times smaller",
-            f"write `{word.quantity}: {OTHER[word.word]}` if this is right, or remove the sign",
+    assert shape is not None
+    for kept in shape.kept:
+        other = OTHER.get(kept.word)
+        if other is None or not kept.violated:
+            continue
+        (left,) = violations(shaped, [ShapeWord(kept.quantity, other)], region)
+        if left.amount > VANISHED * kept.violated:
+            continue
+        sentence = (
+            f"fit.shape: `{kept.quantity}: {kept.word}` makes the static gain zero, because "
+            f"without this sign, the output at rest changes by {kept.violated:.3g} "
+            f"{shaped.output.unit} in the other direction"
         )
-    return sentence
+        if shape.training > CLEARLY * shape.training_without:
+            raise FitError(
+                f"{sentence}, and the training error is "
+                f"{shape.training / shape.training_without:.3g} times smaller",
+                f"write `{kept.quantity}: {other}` if this is right, or remove the sign",
+            )
+        yield sentence

@@ -320,9 +320,8 @@ def _robust(
     Outliers are found by two robust fits with a free offset, which no anchor constrains. One fit
     has as many terms as the segment. The other has so many that it follows the curve closely. The
     residuals of each fit give weights, with which the first terms can be chosen; an outlier that
-    bends both fits to itself is found by leaving it out. These two sets of
-    weights are compared with equal weights. The set that leads to the smallest scale of the
-    residuals is used.
+    bends both fits to itself is found by leaving it out. These two sets of weights are compared
+    with equal weights. The set that leads to the smallest scale of the residuals is used.
     """
     free, n, most = [*terms, parse("1")], len(outputs[0].y), recipe.fit.max_terms
     ways = []
