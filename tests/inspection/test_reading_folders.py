@@ -210,6 +210,22 @@ def test_tables_below_each_other_are_recordings(tmp_path, mark):
         dataset_of(draft.without_data("levels").without_data("split"), tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("title", "samples"), [("1. pressure {} kPa", 30), ("pressure {} kPa", 220)]
+)
+def test_each_file_has_its_own_words_above_its_tables(tmp_path, title, samples):
+    """The first lines of both files differ only in numbers, or not at all."""
+    for name, pressures in (("a", (100, 200)), ("b", (100, 300))):
+        text = ""
+        for pressure in pressures:
+            rows = (f"{0.1 * k:.1f},{pressure + k + ord(name)}" for k in range(samples))
+            text += "\n".join([f"{title.format(pressure)},", "time [s],F [N]", *rows, ""])
+        (tmp_path / f"{name}.csv").write_text(text)
+    draft = drafted(tmp_path, answers=answers_of(target="F", inputs="pressure"))
+    found = [one.columns["pressure"][0] for one in dataset_of(draft, tmp_path).recordings]
+    assert sorted(found) == [100, 100, 200, 300]
+
+
 @pytest.mark.parametrize("suffix", ["", "pandas"])
 @pytest.mark.parametrize("gap", [0, 1])
 def test_tables_side_by_side_are_recordings(tmp_path, suffix, gap):

@@ -148,7 +148,8 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
             left_out.append(fault.message)
             bad[file] = "holds no table that could be read"
             continue
-        seen[like] = layout
+        if not layout.tables:  # further tables, and words above them, may follow equal first lines
+            seen[like] = layout
         above[file] = layout.above
         kind = repr(replace(layout, numeric=(), above=()))
         layouts.setdefault(kind, (layout, []))[1].append(file)
