@@ -250,6 +250,14 @@ def test_tables_side_by_side_are_recordings(tmp_path, suffix, gap):
     assert [one.columns["N"][0] for one in dataset.recordings] == [0, 1, 2]
 
 
+def test_a_table_side_by_side_may_be_empty(tmp_path):
+    rows = (f"{p},{2 * p},{p},{3 * p},," for p in range(30))
+    (tmp_path / "press.csv").write_text("\n".join(["P [kPa],F [N]," * 2 + "P [kPa],F [N]", *rows]))
+    draft = drafted(tmp_path)
+    assert draft.data["files"] == [{"path": "press.csv", "table": at} for at in (1, 2)]
+    assert [one.rows_kept for one in dataset_of(draft, tmp_path).recordings] == [30, 30]
+
+
 def test_pairs_of_a_clock_and_a_signal_are_no_tables_side_by_side():
     rows = [(1, ["t", "p", "t", "F"]), *((n, ["1", "2", "3", str(n)]) for n in (2, 3, 4))]
     assert len(tables_below(rows, 1, holds_number)) == 1

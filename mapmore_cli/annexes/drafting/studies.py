@@ -151,8 +151,7 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
         if not layout.tables:  # further tables, and words above them, may follow equal first lines
             seen[like] = layout
         above[file] = layout.above
-        kind = repr(replace(layout, numeric=(), above=()))
-        layouts.setdefault(kind, (layout, []))[1].append(file)
+        layouts.setdefault(repr(layout), (layout, []))[1].append(file)
     commented = [(_with_comments(layout, files), files) for layout, files in layouts.values()]
     studies = [replace(one, bad=bad, above=above) for one in _joined(commented)]
     studies.sort(key=lambda study: (-len(study.files), study.files[0]))
@@ -226,7 +225,7 @@ def _joined(layouts: Sequence[tuple[Layout, list[Path]]]) -> list[Study]:
     families: dict[str, list[tuple[Layout, list[Path]]]] = {}
     for layout, files in layouts:
         identities = sorted(_identities(layout).values(), key=repr)
-        bare = replace(layout, columns=(), titles=(), units=(), numeric=(), above=())
+        bare = replace(layout, columns=(), titles=(), units=())
         families.setdefault(repr((bare, identities)), []).append((layout, files))
     studies = []
     for family in families.values():
