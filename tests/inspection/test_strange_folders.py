@@ -163,6 +163,13 @@ def test_lines_above_the_numbers_may_say_at_their_beginning_what_they_hold(tmp_p
     assert units == {"Time": "s", "Druck": "mbar", "Winkel": "deg"}
 
 
+def test_a_column_that_is_empty_below_the_titles_is_no_column_of_numbers(tmp_path):
+    """Numbers in the lines before the titles do not make it one."""
+    lines = ["1,2,3"] * 6 + ["P [kPa],F [N],note"] + ["1,2,", "2,4,", "3,6,"]
+    (tmp_path / "a.csv").write_text("\n".join([*lines, ""]))
+    assert preview(tmp_path / "a.csv").numeric == (0, 1)
+
+
 def test_dates_are_in_seconds_whatever_stands_above_them(tmp_path):
     u = 50 + 40 * np.sin(T[:300])
     rows = zip(T[:300], u, np.roll(u, 3), strict=True)

@@ -213,9 +213,11 @@ def table_in(top: Top) -> FoundTable | None:
     words = (place for place in filled if not has_numbers(rows[place]))
     above = max((place for place in words if not is_between(place)), default=-1)
     first = next((place for place in filled if place > above), None)
-    if len(numeric) < 2 or first is None:
+    if first is None:
         return None
-    return FoundTable(top, rows, wide, numeric, first, labelled)
+    below = _filled_by_column(rows[first:], wide)
+    numeric = tuple(place for place in numeric if below[place])
+    return FoundTable(top, rows, wide, numeric, first, labelled) if len(numeric) > 1 else None
 
 
 def _labelled_lines(rows: Sequence[Row], lower: Sequence[Row], top: Top) -> list[Row]:
