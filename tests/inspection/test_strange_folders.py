@@ -264,12 +264,12 @@ def test_remarks_with_numbers_stand_between_titles_and_numbers(tmp_path, mark):
 def test_labelled_values_are_refused_with_a_command_that_keeps_their_names(tmp_path, label, mark):
     rows = [{"t": k, "p": 2.5 * k, "F": -k} for k in range(40)]
     lines = [mark.join(label.format(*one) for one in row.items()) for row in rows]
-    (tmp_path / "serial.txt").write_text("\n".join(lines) + "\n")
+    (tmp_path / "serial.csv").write_text("\n".join(lines) + "\n")
     with pytest.raises(DataError) as refused:
         drafted(tmp_path)
     command = refused.value.remedy.split("for example with: ")[1]
     subprocess.run(command, shell=True, cwd=tmp_path, check=True)
-    assert preview(tmp_path / "serial.csv").titles == ("t", "p", "F")
+    assert preview(tmp_path / "serial_table.csv").titles == ("t", "p", "F")
 
 
 @pytest.mark.parametrize("mark", [",", ";", "\t", " "])
@@ -277,12 +277,19 @@ def test_arrows_behind_stamps_are_refused_with_a_command_that_leaves_them_out(tm
     """As the serial monitor of the Arduino writes them; other lines are left out, too."""
     lines = ["10:21:30.001 -> Booting..."]
     lines += [f"10:21:31.{k:03} -> {2.5 * k:.2f}{mark}{-k}" for k in range(40)]
-    (tmp_path / "serial.txt").write_text("\n".join(lines) + "\n")
+    (tmp_path / "serial.csv").write_text("\n".join(lines) + "\n")
     with pytest.raises(DataError) as refused:
         drafted(tmp_path)
     command = refused.value.remedy.split("for example with: ")[1]
     subprocess.run(command, shell=True, cwd=tmp_path, check=True)
-    assert len(preview(tmp_path / "serial.csv").numeric) == 3
+    assert len(preview(tmp_path / "serial_table.csv").numeric) == 3
+
+
+def test_names_behind_an_arrow_get_no_command_that_leaves_every_line_out(tmp_path):
+    lines = (f"10:21:31.{k:03} -> p:{k},F:{-k}\n" for k in range(40))
+    (tmp_path / "serial.csv").write_text("".join(lines))
+    with pytest.raises(DataError, match="no table of numbers was found"):
+        preview(tmp_path / "serial.csv")
 
 
 @pytest.mark.parametrize("said", [{}, {"sample_time": "10ms"}, {"no_clock": True}])
