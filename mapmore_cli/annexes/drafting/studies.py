@@ -100,8 +100,7 @@ class Study:
         stems = {file: stem_of(relative_name(file, self.folder)) for file in self.files}
         names = []
         for file, place in self.parts:
-            above = self.above.get(file, self.layout.above)
-            titles = dict(zip(self.layout.tables, above, strict=True))
+            titles = dict(zip(self.layout.tables, self.above[file], strict=True))
             title = titles.get(place.get("table", 0), "")
             title = title or (place.get("sheet", "") if is_one else "")
             names.append(title if is_one and title else f"{stems[file]} {title}".strip())
