@@ -210,6 +210,22 @@ def test_tables_below_each_other_are_recordings(tmp_path, mark):
         dataset_of(draft.without_data("levels").without_data("split"), tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("title", "samples"), [("1. pressure {} kPa", 30), ("pressure {} kPa", 220)]
+)
+def test_each_file_has_its_own_words_above_its_tables(tmp_path, title, samples):
+    """The first lines of both files differ only in numbers, or not at all."""
+    for name, pressures in (("a", (100, 200)), ("b", (100, 300))):
+        text = ""
+        for pressure in pressures:
+            rows = (f"{0.1 * k:.1f},{pressure + k + ord(name)}" for k in range(samples))
+            text += "\n".join([f"{title.format(pressure)},", "time [s],F [N]", *rows, ""])
+        (tmp_path / f"{name}.csv").write_text(text)
+    draft = drafted(tmp_path, answers=answers_of(target="F", inputs="pressure"))
+    found = [one.columns["pressure"][0] for one in dataset_of(draft, tmp_path).recordings]
+    assert sorted(found) == [100, 100, 200, 300]
+
+
 @pytest.mark.parametrize("suffix", ["", "pandas"])
 @pytest.mark.parametrize("gap", [0, 1])
 def test_tables_side_by_side_are_recordings(tmp_path, suffix, gap):
@@ -232,6 +248,14 @@ def test_tables_side_by_side_are_recordings(tmp_path, suffix, gap):
     dataset = dataset_of(draft, tmp_path)
     assert [one.rows_kept for one in dataset.recordings] == [30, 30, 21]
     assert [one.columns["N"][0] for one in dataset.recordings] == [0, 1, 2]
+
+
+def test_a_table_side_by_side_may_be_empty(tmp_path):
+    rows = (f"{p},{2 * p},{p},{3 * p},," for p in range(30))
+    (tmp_path / "press.csv").write_text("\n".join(["P [kPa],F [N]," * 2 + "P [kPa],F [N]", *rows]))
+    draft = drafted(tmp_path)
+    assert draft.data["files"] == [{"path": "press.csv", "table": at} for at in (1, 2)]
+    assert [one.rows_kept for one in dataset_of(draft, tmp_path).recordings] == [30, 30]
 
 
 def test_pairs_of_a_clock_and_a_signal_are_no_tables_side_by_side():

@@ -163,6 +163,13 @@ def test_lines_above_the_numbers_may_say_at_their_beginning_what_they_hold(tmp_p
     assert units == {"Time": "s", "Druck": "mbar", "Winkel": "deg"}
 
 
+def test_a_column_that_is_empty_below_the_titles_is_no_column_of_numbers(tmp_path):
+    """Numbers in the lines before the titles do not make it one."""
+    lines = ["1,2,3"] * 6 + ["P [kPa],F [N],note"] + ["1,2,", "2,4,", "3,6,"]
+    (tmp_path / "a.csv").write_text("\n".join([*lines, ""]))
+    assert preview(tmp_path / "a.csv").numeric == (0, 1)
+
+
 def test_dates_are_in_seconds_whatever_stands_above_them(tmp_path):
     u = 50 + 40 * np.sin(T[:300])
     rows = zip(T[:300], u, np.roll(u, 3), strict=True)
@@ -257,12 +264,12 @@ def test_remarks_with_numbers_stand_between_titles_and_numbers(tmp_path, mark):
 def test_labelled_values_are_refused_with_a_command_that_keeps_their_names(tmp_path, label, mark):
     rows = [{"t": k, "p": 2.5 * k, "F": -k} for k in range(40)]
     lines = [mark.join(label.format(*one) for one in row.items()) for row in rows]
-    (tmp_path / "serial.txt").write_text("\n".join(lines) + "\n")
+    (tmp_path / "serial.csv").write_text("\n".join(lines) + "\n")
     with pytest.raises(DataError) as refused:
         drafted(tmp_path)
     command = refused.value.remedy.split("for example with: ")[1]
     subprocess.run(command, shell=True, cwd=tmp_path, check=True)
-    assert preview(tmp_path / "serial.csv").titles == ("t", "p", "F")
+    assert preview(tmp_path / "serial_table.csv").titles == ("t", "p", "F")
 
 
 @pytest.mark.parametrize("mark", [",", ";", "\t", " "])
@@ -270,12 +277,19 @@ def test_arrows_behind_stamps_are_refused_with_a_command_that_leaves_them_out(tm
     """As the serial monitor of the Arduino writes them; other lines are left out, too."""
     lines = ["10:21:30.001 -> Booting..."]
     lines += [f"10:21:31.{k:03} -> {2.5 * k:.2f}{mark}{-k}" for k in range(40)]
-    (tmp_path / "serial.txt").write_text("\n".join(lines) + "\n")
+    (tmp_path / "serial.csv").write_text("\n".join(lines) + "\n")
     with pytest.raises(DataError) as refused:
         drafted(tmp_path)
     command = refused.value.remedy.split("for example with: ")[1]
     subprocess.run(command, shell=True, cwd=tmp_path, check=True)
-    assert len(preview(tmp_path / "serial.csv").numeric) == 3
+    assert len(preview(tmp_path / "serial_table.csv").numeric) == 3
+
+
+def test_names_behind_an_arrow_get_no_command_that_leaves_every_line_out(tmp_path):
+    lines = (f"10:21:31.{k:03} -> p:{k},F:{-k}\n" for k in range(40))
+    (tmp_path / "serial.csv").write_text("".join(lines))
+    with pytest.raises(DataError, match="no table of numbers was found"):
+        preview(tmp_path / "serial.csv")
 
 
 @pytest.mark.parametrize("said", [{}, {"sample_time": "10ms"}, {"no_clock": True}])

@@ -48,10 +48,10 @@ class TitledColumn:
         Its title; empty if it has none.
     values
         One array `(n,)` for each file; none for a column of texts.
-    texts, numbered, is_filled_down
+    texts, numbered, how
         The different texts in its cells; and for each file an array `(n,)` with the number of each
-        cell's text, counted from 1. Both are empty for a column of numbers. The last is True if
-        empty cells have the text above them.
+        cell's text, counted from 1. Both are empty for a column of numbers. The last is the value
+        of the key `texts` with which a spec reads them.
     quantity
         The quantity that its title names; empty for none.
     plain
@@ -70,7 +70,7 @@ class TitledColumn:
     source: str
     texts: Sequence[str] = ()
     numbered: Sequence[Array] = ()
-    is_filled_down: bool = False
+    how: bool | str = True
 
     @property
     def kind(self) -> str:
@@ -200,8 +200,7 @@ class TitledColumn:
         confirm it.
         """
         if self.texts:
-            how = "down" if self.is_filled_down else True
-            return NamedColumn(self.column, "1", "you; texts are numbered", texts=how)
+            return NamedColumn(self.column, "1", "you; texts are numbered", texts=self.how)
         if self.unit or name not in CANONICAL:
             why = f"{self.source or 'title'}; {range_of(self.values, self.unit or '1')}"
             return NamedColumn(self.column, self.unit or "1", why)
@@ -233,9 +232,9 @@ SUMMARIES = {
 FEWEST_ROWS = 5
 """Smallest mean number of rows in the recordings that a column distinguishes."""
 
-Texts = tuple[Sequence[str], Sequence[Array], bool]
+Texts = tuple[Sequence[str], Sequence[Array], bool | str]
 """The different texts of a column; for each file an array `(n,)` with the number of each cell's
-text, counted from 1; and True if empty cells have the text above them.
+text, counted from 1; and the value of the key `texts` with which a spec reads them.
 """
 
 Table = Mapping[Column, TitledColumn]
@@ -251,10 +250,8 @@ def read_titles(layout: Layout, raw: Raw, texts: Mapping[Column, Texts] | None =
         column: _read_title(column, place, title, raw.get(column, ()), unit)
         for place, (column, title, unit) in enumerate(lines)
     }
-    for column, (words_of_column, numbers, is_down) in (texts or {}).items():
-        table[column] = replace(
-            table[column], texts=words_of_column, numbered=numbers, is_filled_down=is_down
-        )
+    for column, (words_of_column, numbers, how) in (texts or {}).items():
+        table[column] = replace(table[column], texts=words_of_column, numbered=numbers, how=how)
     return table
 
 

@@ -86,24 +86,20 @@ def refuse_serial(path: Path, tops: Sequence[Top]) -> None:
     an arrow stands between the time and the values. The remedy is a command that writes the labels
     as titles, or a separator instead of the arrow.
     """
-    middle = [
-        (top.settings.get("delimiter", ","), top.rows[len(top.rows) // 2])
-        for top in tops
-        if top.rows
-    ]
-    how = what = ""
-    for mark, row in middle:
-        cells = [*map(str, row)]
-        begin = " ".join(cells[:3]) if mark == "whitespace" else "".join(cells[:1])
-        time, arrow, value = begin.partition(" -> ")
-        if len(cells) > 1 and arrow and value and stamp_of(time) is not None:
+    for top in (one for one in tops if one.rows and len(one.rows[len(one.rows) // 2]) > 1):
+        cells = [*map(str, top.rows[len(top.rows) // 2])]
+        mark = top.settings.get("delimiter", ",")
+        begin = " ".join(cells[:3]) if mark == "whitespace" else cells[0]
+        time, _, value = begin.partition(" -> ")
+        if _NUMBERS.match(value.encode()) and stamp_of(time) is not None:
             between = {"tab": r"\t", "whitespace": " "}.get(mark, mark)
             how = rf"sed -n 's/ -> \([-+.0-9]\)/{between}\1/p'"
             what = "an arrow stands between the time and the values; write their separator instead"
-        elif len(cells) > 1 and all(map(_LABELLED.fullmatch, cells)):
+        elif all(map(_LABELLED.fullmatch, cells)):
             titles = "1{h;s/ *[:=] *[^,;[:space:]]*//g;p;g;}"
             how = f"sed -E '{titles};s/[A-Za-z_][A-Za-z_0-9]* *[:=] *//g'"
             what = "its cells have the form `name:number`; write the names into the first line only"
-        if how:
-            line = f"{how} '{path.name}' > '{path.stem}.csv'"
-            raise DataError(f"{path.name}: {what}, for example with: {line}")
+        else:
+            continue
+        line = f"{how} '{path.name}' > '{path.stem}_table.csv'"
+        raise DataError(f"{path.name}: {what}, for example with: {line}")

@@ -189,9 +189,7 @@ def table_in(top: Top) -> FoundTable | None:
         for place, cells in enumerate(lower)
         if 2 * sum(map(top.is_number, cells)) > len(cells)
     )
-    labelled = _labelled_lines(
-        rows, [row for row in rows[len(rows) // 2 :] if len(row) == wide], top
-    )
+    labelled = _labelled_lines(rows, wide, top)
 
     def has_numbers(row: Row) -> bool:
         if len(row) != wide or any(row is line for line in labelled):
@@ -213,22 +211,24 @@ def table_in(top: Top) -> FoundTable | None:
     words = (place for place in filled if not has_numbers(rows[place]))
     above = max((place for place in words if not is_between(place)), default=-1)
     first = next((place for place in filled if place > above), None)
-    if len(numeric) < 2 or first is None:
+    if first is None:
         return None
-    return FoundTable(top, rows, wide, numeric, first, labelled)
+    below = _filled_by_column(rows[first:], wide)
+    numeric = tuple(place for place in numeric if below[place])
+    return FoundTable(top, rows, wide, numeric, first, labelled) if len(numeric) > 1 else None
 
 
-def _labelled_lines(rows: Sequence[Row], lower: Sequence[Row], top: Top) -> list[Row]:
-    """Return the lines at the beginning that say in their first cell what they hold, for example
-    `Name:`, `Unit:` and `Count:`. If the first cells of the `lower` rows are empty, there are at
-    least three such lines; if they hold numbers, the label ends with a colon or an equals sign.
+def _labelled_lines(rows: Sequence[Row], wide: int, top: Top) -> list[Row]:
+    """Return the lines with `wide` cells at the beginning that say in their first cell what they
+    hold, for example `Name:`, `Unit:` and `Count:`. If the first cells of the lower half are empty,
+    there are at least three such lines; if they hold numbers, the label ends with a colon or an
+    equals sign.
     """
-    firsts = nonempty([row[0] for row in lower])
+    firsts = nonempty([row[0] for row in rows[len(rows) // 2 :] if len(row) == wide])
     filled = [row for row in rows if nonempty(row)]
-    wide = [row for row in filled if lower and len(row) == len(lower[0])]
     if firsts and all(map(top.is_number, firsts)):
-        return [row for row in wide if is_label(row[0])]
-    labelled = [*takewhile(lambda row: nonempty(row[:1]) and row in wide, filled)]
+        return [row for row in filled if len(row) == wide and is_label(row[0])]
+    labelled = [*takewhile(lambda row: nonempty(row[:1]) and len(row) == wide, filled)]
     return labelled if len(labelled) > 2 and not firsts else []
 
 

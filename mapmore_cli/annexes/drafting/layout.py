@@ -29,11 +29,11 @@ class Layout:
     titles: tuple[str, ...]
     settings: dict[str, Any]
     units: tuple[str, ...]
-    numeric: tuple[int, ...] = field(compare=False)
+    numeric: tuple[int, ...] = field(compare=False, repr=False)
     alike: tuple[str, ...] = ()
     left: tuple[str, ...] = ()
     tables: tuple[int, ...] = ()
-    above: tuple[str, ...] = field(default=(), compare=False)
+    above: tuple[str, ...] = field(default=(), compare=False, repr=False)
 
     @property
     def is_map(self) -> bool:

@@ -80,7 +80,9 @@ def _with_tables_below(path: Path, best: FoundTable, layout: Layout, reader: Rea
     for header, table in zip(headers, tables, strict=True):
         rows[header] += len(table.rows)
     wanted = rows.most_common(1)[0][0]
-    alike = [(at, one) for at, one in enumerate(tables, start=1) if headers[at - 1] == wanted]
+    numbered = zip(enumerate(tables, start=1), headers, strict=True)
+    # one of several tables side by side may be prepared, but empty
+    alike = [(at, one) for (at, one), titles in numbered if titles == wanted and one.rows]
     first = alike[0][1]
     cells = [row for _, row in (*first.header, *first.rows[:LINES])]
     found = table_in(replace(best.top, rows=cells))

@@ -125,7 +125,7 @@ def _read_texts(section: Mapping[str, Any], folder: Path, column: Column) -> dic
         # a text with empty cells above it is a remark
         is_everywhere = len(words) > 1 and [*map(len, cells)] == [*map(len, numbers)]
         if is_again and all(map(len, numbers)) and (is_everywhere or not is_down):
-            return {column: (words, numbers, is_down)}
+            return {column: (words, numbers, how)}
     return {}
 
 

@@ -100,8 +100,7 @@ class Study:
         stems = {file: stem_of(relative_name(file, self.folder)) for file in self.files}
         names = []
         for file, place in self.parts:
-            above = self.above.get(file, self.layout.above)
-            titles = dict(zip(self.layout.tables, above, strict=True))
+            titles = dict(zip(self.layout.tables, self.above[file], strict=True))
             title = titles.get(place.get("table", 0), "")
             title = title or (place.get("sheet", "") if is_one else "")
             names.append(title if is_one and title else f"{stems[file]} {title}".strip())
@@ -148,10 +147,10 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
             left_out.append(fault.message)
             bad[file] = "holds no table that could be read"
             continue
-        seen[like] = layout
+        if not layout.tables:  # further tables, and words above them, may follow equal first lines
+            seen[like] = layout
         above[file] = layout.above
-        kind = repr(replace(layout, numeric=(), above=()))
-        layouts.setdefault(kind, (layout, []))[1].append(file)
+        layouts.setdefault(repr(layout), (layout, []))[1].append(file)
     commented = [(_with_comments(layout, files), files) for layout, files in layouts.values()]
     studies = [replace(one, bad=bad, above=above) for one in _joined(commented)]
     studies.sort(key=lambda study: (-len(study.files), study.files[0]))
@@ -225,7 +224,7 @@ def _joined(layouts: Sequence[tuple[Layout, list[Path]]]) -> list[Study]:
     families: dict[str, list[tuple[Layout, list[Path]]]] = {}
     for layout, files in layouts:
         identities = sorted(_identities(layout).values(), key=repr)
-        bare = replace(layout, columns=(), titles=(), units=(), numeric=(), above=())
+        bare = replace(layout, columns=(), titles=(), units=())
         families.setdefault(repr((bare, identities)), []).append((layout, files))
     studies = []
     for family in families.values():

@@ -31,6 +31,11 @@ class Below:
         """The words above the table."""
         return " ".join(filter(None, self.above))
 
+    @property
+    def begin(self) -> int:
+        """The number of the first line of the table, which may have no rows."""
+        return (self.header or self.rows)[0][0]
+
 
 def tables_below(rows: Iterable[Row], header: int, is_number: Callable[[Any], bool]) -> list[Below]:
     """Return the tables in rows without blank ones, from the top to the bottom. Tables that stand
@@ -80,7 +85,7 @@ def _without_head(tables: Sequence[Below]) -> list[Below]:
     """Return the tables, without the head of the file among the words above the first ones: the
     lines in excess of those above any later table.
     """
-    later = [len(one.above) for one in tables if one.rows[0][0] > tables[0].rows[0][0]]
+    later = [len(one.above) for one in tables if one.begin > tables[0].begin]
     lines = max(later, default=0)
     # later tables have no more lines than this, so that they stay as they are
     return [replace(one, above=one.above[-lines:]) for one in tables] if lines else [*tables]

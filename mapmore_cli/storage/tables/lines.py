@@ -259,18 +259,20 @@ def encoding_of(head: bytes) -> str:
 
 
 _PAIRS = {
-    "gb18030": (rb"[\x00-\x7f]|[\xa1-\xf7][\xa1-\xfe]", rb"[\xb0-\xd7]."),
-    "shift_jis": (rb"[\x00-\x7f]|[\x81-\x9f][\x40-\x7e\x80-\xfc]", rb"[\x82-\x9f]."),
+    "gb18030": (rb"[\xa1-\xf7][\xa1-\xfe]", rb"[\xb0-\xd7]."),
+    "shift_jis": (rb"[\x81-\x9f][\x40-\x7e\x80-\xfc]", rb"[\x82-\x9f]."),
 }
-"""Characters of texts in which one or two bytes are a character, and its frequent letters. A text
-in a European language has single bytes above 0x7f; two small letters with accents in a row look
-like a rare Chinese letter.
+"""Pairs of bytes that are one character in texts in which all other characters are ASCII, and
+frequent letters among them. A text in a European language has single bytes above 0x7f; two small
+letters with accents in a row look like a rare Chinese letter, and the apostrophe of Windows with
+the letter behind it looks like a Japanese one.
 """
 
 
 def _is_written_in(head: bytes, name: str) -> bool:
     """Return True if the first bytes of a text can be decoded, and have the form of the encoding.
-    At least half of the characters of two bytes must then be frequent letters.
+    If characters have two bytes, at least half of them must then be frequent letters, and two of
+    them must stand together.
     """
     try:
         # the last character of `head` may be cut off, which this decoder accepts
@@ -279,11 +281,12 @@ def _is_written_in(head: bytes, name: str) -> bool:
         return False
     if name not in _PAIRS:
         return True
-    character, frequent = _PAIRS[name]
-    pairs = [one for one in re.findall(character, head) if len(one) == 2]
+    pair, frequent = _PAIRS[name]
+    pairs = [one for one in re.findall(rb"[\x00-\x7f]|%b" % pair, head) if len(one) == 2]
     letters = [one for one in pairs if re.fullmatch(frequent, one)]
-    is_whole = re.fullmatch(rb"(?:%b)*[\x81-\xfe]?" % character, head, re.DOTALL) is not None
-    return is_whole and 2 * len(letters) >= len(pairs) > 0
+    is_whole = re.fullmatch(rb"(?:[\x00-\x7f]|%b)*[\x81-\xfe]?" % pair, head) is not None
+    has_word = re.search(rb"(?:%b){2}" % pair, head) is not None
+    return is_whole and has_word and 2 * len(letters) >= len(pairs)
 
 
 def csv_records(

@@ -20,8 +20,9 @@ from mapmore_cli.storage.tables.overview import Column, _log, _sample_time
         *(("a;b".encode("utf-16"), "utf-16"), (b"\xfe\xff\x00a", "utf-16")),
         *(("a;b;c".encode("utf-16-le"), "utf-16-le"), ("a;b;c".encode("utf-16-be"), "utf-16-be")),
         *((text.encode("gbk"), "gb18030") for text in ("时间(秒);压力", "拉力")),
-        *((text.encode("shift_jis"), "shift_jis") for text in ("圧力(kPa)", "ひずみ", "カ1")),
+        *((text.encode("shift_jis"), "shift_jis") for text in ("圧力(kPa)", "ひずみ", "カメ1")),
         *((text.encode("cp1252"), "cp1252") for text in ("ÄÖÜ ÀÉ ä", "l’été – “n”", "²³ µm °C")),
+        ("Young’s modulus".encode("cp1252"), "cp1252"),
         ("时间(秒);压力".encode("gbk")[:-1], "gb18030"),
         (b"a;b" + b"\0" * 99, "utf-8"),
         # more than 35 of 100 bytes are zeros among the upper bytes
