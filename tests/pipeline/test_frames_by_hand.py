@@ -38,6 +38,8 @@ from mapmore_cli.study.sections.logs import SourceColumn
         ("a b", -1, []),
         ((10, 1), 1, [1]),
         ((10, 1), 0, []),  # labels that are numbers are no places
+        ((np.int64(1), np.int64(0)), 0, [0]),
+        ((1, 0), "1", [1]),
         ((1, "1"), "1", ["1"]),
         ((1, 2.0), "2.0", [2.0]),
         ((1.5, "1.5"), "1.5", ["1.5"]),

@@ -7,11 +7,12 @@ from math import floor
 
 import numpy as np
 import pytest
+from common import curve_of
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
-from mapmore_cli.domain.recording import Curve, CurveRange
+from mapmore_cli.domain.recording import CurveRange
 from mapmore_cli.modelling.ranges import limits, outside_limits
 from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.modelling.shape.region import region_within
@@ -27,12 +28,10 @@ from mapmore_cli.modelling.shape.stencils import (
 
 def region_of(columns, fit=None, ranges=None, level=None):
     """The region of the output y of one curve along its other columns."""
-    n = len(columns["y"])
-    one = Curve("all", None, columns, np.zeros(n, dtype=bool), ("a",))
     names = [name for name in columns if name != "y"]
     ends = {name: (columns[name].min(), columns[name].max()) for name in names}
     whole = tuple(limits(ranges or [CurveRange("all", None, ends)], level))
-    return region_within(whole, [one], "y", names, fit or Fit())
+    return region_within(whole, [curve_of(columns)], "y", names, fit or Fit())
 
 
 @given(st.sampled_from([1, 2, 3, 7]), st.integers(0, 10_000))
@@ -194,13 +193,15 @@ def by_word(word, y, x):
     return sign * (chord - y[:, 1])
 
 
-@pytest.mark.parametrize("word", POINTS)
-@pytest.mark.parametrize("reach", [1, 2, 4])
+PAIRS = [word for word, points in POINTS.items() if points == 2]
+
+
+@pytest.mark.parametrize(
+    ("word", "reach"), [*((word, 1) for word in POINTS), *product(PAIRS, (2, 4))]
+)
 @pytest.mark.parametrize("quantity", ["a", "b"])
 def test_stencils_compare_neighbours_along_one_quantity(word, reach, quantity):
     """Means of `reach` neighbours; the next begins half of that farther; all lie inside."""
-    if reach > 1 and POINTS[word] != 2:
-        return
     rng = np.random.default_rng(reach)
     axes = {"a": np.cumsum(rng.random(9)), "b": np.cumsum(rng.random(10)), "still": np.ones(1)}
     columns = nodes_of(axes)
