@@ -6,11 +6,12 @@ from types import SimpleNamespace
 import h5py
 import numpy as np
 import pytest
+from common import score_of
 
 from mapmore_cli.api.fitted import Scores, Study
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.domain.scores import Score, ScoreTable
+from mapmore_cli.domain.scores import ScoreTable
 from mapmore_cli.pipeline import notebooks
 from mapmore_cli.pipeline.notebooks import LoadedModel
 from mapmore_cli.pipeline.records import Reading
@@ -139,21 +140,14 @@ def test_values_of_numpy_and_paths_become_those_of_yaml():
 
 
 def test_pooled_rows_are_found_by_model_data_and_target():
-    def row(model, target, split, curve, rmse):
-        return Score(model, target, split, curve, 9, rmse, 1.0, 2.0, "range", 3.0, 4.0, 0.5)
-
-    scores = Scores.of(
-        ScoreTable(
-            (
-                row("mapmore", "y", "validate", "p=1", 1.0),
-                row("mapmore", "y", "validate", "all", 2.0),
-                row("mapmore", "y", "train", "all", 3.0),
-                row("cubic", "y", "validate", "all", 4.0),
-                row("mapmore", "z", "validate", "all", 5.0),
-            ),
-            {"y": "N", "z": "N"},
-        )
+    rows = (
+        score_of(curve="p=1", rmse=1.0),
+        score_of(rmse=2.0),
+        score_of(split="train", rmse=3.0),
+        score_of(model="cubic", rmse=4.0),
+        score_of("z", rmse=5.0),
     )
+    scores = Scores.of(ScoreTable(rows, {"y": "N", "z": "N"}))
     assert [
         scores.of_model(*asked)["rmse"]
         for asked in ((), ("mapmore", "train"), ("cubic",), ("mapmore", "validate", "z"))

@@ -114,6 +114,7 @@ X = np.column_stack([np.arange(6.0), np.arange(6.0) ** 2])
     [
         (X[:, 0], X[:, 0], "Expected 2D array, got 1D array instead"),
         (X[:0], X[:0, 0], r"0 sample\(s\) while a minimum of 1"),
+        (X[:1], X[:1, 0], "n_samples=1: at least 2 samples are needed"),
         (X, X[:5, 0], "inconsistent numbers of samples: 6 and 5"),
         (X, X, r"y should be a 1d array, got an array of shape \(6, 2\)"),
         (X, X[:, 0] + np.inf, "Input contains NaN or infinity"),
@@ -143,3 +144,4 @@ def test_settings_are_shown_where_they_are_not_the_usual_ones():
     model.set_params(order=3)
     with pytest.raises(ValueError, match=r"Invalid parameter 'ordr' for estimator FROLS\(order=3"):
         model.set_params(ordr=3)
+    assert mm.FROLS().__sklearn_tags__().target_tags.required
