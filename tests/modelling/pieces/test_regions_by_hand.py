@@ -183,14 +183,14 @@ def test_a_grid_has_even_lines_lines_beside_knots_and_a_line_at_zero():
 
 def by_word(word, y, x):
     """What must not be negative, of values y at places x, (m, points) each."""
-    half = y.shape[1] // 2
     sign = -1 if word in ("decreasing", "concave") else 1
     if word == "positive":
         return y[:, 0]
-    if half != 1 or y.shape[1] == 2:
-        return sign * (y[:, half:].mean(axis=1) - y[:, :half].mean(axis=1))
-    chord = y[:, 0] + (y[:, 2] - y[:, 0]) * (x[:, 1] - x[:, 0]) / (x[:, 2] - x[:, 0])
-    return sign * (chord - y[:, 1])
+    if POINTS[word] == 3:
+        share = (x[:, 1] - x[:, 0]) / (x[:, 2] - x[:, 0])
+        return sign * ((1 - share) * y[:, 0] + share * y[:, 2] - y[:, 1])
+    low, high = np.split(y, 2, axis=1)
+    return sign * (high.mean(axis=1) - low.mean(axis=1))
 
 
 PAIRS = [word for word, points in POINTS.items() if points == 2]
@@ -212,32 +212,22 @@ def test_stencils_compare_neighbours_along_one_quantity(word, reach, quantity):
     table = np.arange(90).reshape(9, 10)
     lines = (table.T if quantity == "a" or points == 1 else table).tolist()
     groups = [
-        line[start : start + points]
+        (line[start : start + points], line[0])
         for line in lines
         for start in range(0, len(line) - points + 1, max(reach // 2, 1))
         if inside[line[start : start + points]].all()
     ]
-    assert sorted(found.nodes.tolist()) == sorted(groups)
+    assert sorted(zip(found.nodes.tolist(), found.lines.tolist(), strict=True)) == sorted(groups)
     x = columns[quantity][found.nodes]
     np.testing.assert_allclose(stencil_weights(word, x), found.weights)
     expected = by_word(word, values[found.nodes], x)
     np.testing.assert_allclose(found.of(values), expected, atol=1e-12)
     both = found.of(np.column_stack([values, 2 * values]))
-    np.testing.assert_allclose(both, np.column_stack([expected, 2 * expected]), atol=1e-12)
-    if points > 1:
-        first = {line[0] for line in lines}
-        assert all(
-            line in first and columns[other][line] == columns[other][nodes[0]]
-            for line, nodes in zip(found.lines, found.nodes, strict=True)
-            for other in {"a", "b"} - {quantity}
-        )
-    some = found.at(np.array([2, 0]))
-    assert {name: x.tolist() for name, x in some.columns.items()} == {
-        name: x[np.unique(found.nodes[[2, 0]])].tolist() for name, x in columns.items()
-    }
-    np.testing.assert_allclose(
-        some.of(values[np.unique(found.nodes[[2, 0]])]), found.of(values)[[2, 0]]
-    )
+    np.testing.assert_allclose(both.T, [expected, 2 * expected], atol=1e-12)
+    some, used = found.at(np.array([2, 0])), np.unique(found.nodes[[2, 0]])
+    for name, column in columns.items():
+        assert some.columns[name].tolist() == column[used].tolist()
+    np.testing.assert_allclose(some.of(values[used]), expected[[2, 0]], atol=1e-12)
     places = ", ".join(f"{n} = {x[found.nodes[0]].mean():.4g}" for n, x in columns.items())
     assert found.told == f"{of}: {word} at {places}"
 

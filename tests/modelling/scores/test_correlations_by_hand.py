@@ -74,14 +74,13 @@ def test_means_over_values_or_over_tenths_of_the_samples(distinct, seed):
     np.testing.assert_allclose(found.bounds, width, rtol=1e-6)
 
 
-def said_of(columns, predicted, order_by, level=None, **curve):
-    """The tests of one curve whose samples are all judged."""
-    n = len(predicted)
-    one = Curve("a", level, columns, np.zeros(n, dtype=bool), ("a", "b"), **curve)
-    given = Dataset("force", "level" if level is not None else None, {}, (), (one,))
+def tests_of(columns, predicted, order_by, **curve):
+    """The tests of one curve at a level of 2, whose samples are all judged."""
+    judged = np.zeros(len(predicted), dtype=bool)
+    one = Curve("a", 2.0, columns, judged, ("a", "b"), **curve)
     model = SimpleNamespace(inputs=[SimpleNamespace(name=name) for name in columns])
-    found = residual_tests(model, given, [predicted], order_by)
-    return {test.name: test for test in found}
+    made = residual_tests(model, Dataset("force", "level", {}, (), (one,)), [predicted], order_by)
+    return {test.name: test for test in made}
 
 
 def test_pieces_are_recordings_in_time_and_whole_curves_along_a_quantity():
@@ -102,23 +101,22 @@ def test_pieces_are_recordings_in_time_and_whole_curves_along_a_quantity():
     }
     predicted = rng.normal(size=n)
     origin = np.repeat([0, 1], [25, 35])
-    found = said_of(columns, predicted, None, 2.0, origin=origin)
+    found = tests_of(columns, predicted, None, origin=origin)
     assert set(found) == {"autocorrelation", "strain", "barely", "of recordings"}
     parts = [predicted[:25], predicted[25:]]
-    for name, inputs in (("strain", x), ("autocorrelation", predicted)):
-        both = cross_correlation(name, parts, [inputs[:25], inputs[25:]])
-        half = 8 if name == "autocorrelation" else 0
-        np.testing.assert_allclose(found[name].values, both.values[half:])
-    whole = said_of(columns, predicted, None, 2.0)
+    np.testing.assert_allclose(found["autocorrelation"].values, autocorrelation(parts).values)
+    crossed = cross_correlation("", parts, [x[:25], x[25:]])
+    np.testing.assert_allclose(found["strain"].values, crossed.values)
+    whole = tests_of(columns, predicted, None)
     np.testing.assert_allclose(
         whole["strain"].values, cross_correlation("", [predicted], [x]).values
     )
-    along = said_of(columns, predicted, "strain", 2.0, origin=origin)
+    along = tests_of(columns, predicted, "strain", origin=origin)
     order = np.argsort(x)
     np.testing.assert_allclose(
         along["autocorrelation"].values, autocorrelation([predicted[order]]).values
     )
     np.testing.assert_allclose(along["strain"].x, np.arange(4.5 - 2, 60, 6))
     unknown = np.where(origin == 1, np.nan, predicted)
-    short = said_of(columns, unknown, None, 2.0, origin=origin)
+    short = tests_of(columns, unknown, None, origin=origin)
     assert short["autocorrelation"].x[-1] == 25 // 4  # the recording without predictions is longer
