@@ -74,7 +74,7 @@ def test_means_over_values_or_over_tenths_of_the_samples(distinct, seed):
     np.testing.assert_allclose(found.bounds, width, rtol=1e-6)
 
 
-def tests_of(columns, predicted, order_by, **curve):
+def named_tests(columns, predicted, order_by, **curve):
     """The tests of one curve at a level of 2, whose samples are all judged."""
     judged = np.zeros(len(predicted), dtype=bool)
     one = Curve("a", 2.0, columns, judged, ("a", "b"), **curve)
@@ -101,22 +101,22 @@ def test_pieces_are_recordings_in_time_and_whole_curves_along_a_quantity():
     }
     predicted = rng.normal(size=n)
     origin = np.repeat([0, 1], [25, 35])
-    found = tests_of(columns, predicted, None, origin=origin)
+    found = named_tests(columns, predicted, None, origin=origin)
     assert set(found) == {"autocorrelation", "strain", "barely", "of recordings"}
     parts = [predicted[:25], predicted[25:]]
     np.testing.assert_allclose(found["autocorrelation"].values, autocorrelation(parts).values)
     crossed = cross_correlation("", parts, [x[:25], x[25:]])
     np.testing.assert_allclose(found["strain"].values, crossed.values)
-    whole = tests_of(columns, predicted, None)
+    whole = named_tests(columns, predicted, None)
     np.testing.assert_allclose(
         whole["strain"].values, cross_correlation("", [predicted], [x]).values
     )
-    along = tests_of(columns, predicted, "strain", origin=origin)
+    along = named_tests(columns, predicted, "strain", origin=origin)
     order = np.argsort(x)
     np.testing.assert_allclose(
         along["autocorrelation"].values, autocorrelation([predicted[order]]).values
     )
     np.testing.assert_allclose(along["strain"].x, np.arange(4.5 - 2, 60, 6))
     unknown = np.where(origin == 1, np.nan, predicted)
-    short = tests_of(columns, unknown, None, origin=origin)
+    short = named_tests(columns, unknown, None, origin=origin)
     assert short["autocorrelation"].x[-1] == 25 // 4  # the recording without predictions is longer
