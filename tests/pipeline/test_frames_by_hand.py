@@ -102,12 +102,10 @@ def test_tables_are_recordings_in_memory():
     with pytest.raises(DataError, match="frame 1: column 't', row 0: '00:00' is not a number"):
         tables_of(frames, columns, {})
     assert (first.label, second.label) == ("frame 1", "frame 2")
-    assert (len(first.rows), len(second.rows), first.titles) == (
-        *(3, 1, {"force": "'F'", "time": "'t'"}),
-    )
-    assert [table.label for table in tables_of(frames[:1], {"force": "F"}, {}).values()] == [
-        "the frame"
-    ]
+    assert (len(first.rows), len(second.rows)) == (3, 1)
+    assert first.titles == {"force": "'F'", "time": "'t'"}
+    (alone,) = tables_of(frames[:1], {"force": "F"}, {}).values()
+    assert alone.label == "the frame"
     uneven = {"a": [1.0], "b": [1.0, 2.0]}
     with pytest.raises(DataError, match=r"different length: \{'force': 1, 'strain': 2\}"):
         tables_of([uneven], {"force": "a", "strain": "b"}, {})
@@ -167,7 +165,7 @@ def test_a_spec_of_a_fit_reads_its_tables_from_memory(tmp_path):
     loaded = study.loaded({"fit.max_terms": 3})
     assert (loaded.spec.fit.max_terms, [*loaded.tables]) == (3, ["recording_1"])
     text = study.written(tmp_path / "out" / "spec.yaml")
-    assert "../out/spec_data/recording_1.h5" in text or "spec_data/recording_1.h5" in text
+    assert "files: [spec_data/recording_1.h5]" in text
     assert (tmp_path / "out" / "spec_data" / "recording_1.h5").is_file()
     assert "max_terms: 3" not in text
 
