@@ -11,8 +11,8 @@ import pytest
 from mapmore_cli.checking.findings import Issue
 from mapmore_cli.cli import console
 from mapmore_cli.cli.compared import of_campaign, of_campaigns, of_comparisons, of_inspection
-from mapmore_cli.cli.console import exit_code, print_document, settle, spec_of
-from mapmore_cli.domain.errors import DataError, LimitMissed, WriteError
+from mapmore_cli.cli.console import print_document, settle, spec_of
+from mapmore_cli.domain.errors import DataError, WriteError
 from mapmore_cli.modelling.validation.comparison import Comparison, CurveChange, TermChange
 from mapmore_cli.pipeline.inspection import Inspection
 from mapmore_cli.storage import run_record
@@ -104,29 +104,6 @@ def test_documents_hold_no_numbers_that_json_lacks(capsys):
     assert printed["1"] == [1.5, None]
     assert printed["none"] == [None, 3]
     assert printed["issue"]["place"] == "s.yaml:1:2"
-
-
-@pytest.mark.parametrize(
-    ("error", "code", "document"),
-    [
-        (DataError("no data", "look"), 4, {"message": "no data", "remedy": "look", "exit_code": 4}),
-        (LimitMissed("more than 3"), 6, None),
-        (KeyboardInterrupt(), 130, None),
-        (ValueError("oh"), 1, {"exit_code": 1, "remedy": None}),
-    ],
-)
-def test_an_error_is_a_line_a_code_and_a_document(capsys, error, code, document):
-    assert exit_code(error) == code
-    for as_json in (False, True):
-        assert settle(error, debug=False, as_json=as_json) == code
-        out, err = capsys.readouterr()
-        assert "Traceback" not in err
-        if as_json and document:
-            assert document.items() <= json.loads(out)["error"].items()
-        else:
-            assert out == ""
-    settle(error, debug=True, as_json=False)
-    assert type(error).__name__ in capsys.readouterr().err
 
 
 def test_a_full_disk_is_named_and_a_closed_pipe_is_not(capsys, monkeypatch):

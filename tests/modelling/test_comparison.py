@@ -105,19 +105,16 @@ class TestCompare:
         squares, change = np.sum(a**2, axis=1), b - a
         ratios = np.sum(a * b, axis=1) / squares
         share = squares / squares.sum()
-        for row, curve in enumerate(found.curves):
-            worst = int(np.abs(change[row]).argmax())
-            assert (curve.curve, curve.points) == (f"pressure={levels[row]:g}", 41)
+        worst, rms = np.abs(change).argmax(axis=1), np.sqrt(np.mean(change**2, axis=1))
+        numbers = {"level": levels, "ratio": ratios, "weight": share, "rms": rms}
+        numbers |= {"difference": change.mean(axis=1), "largest": change[np.arange(7), worst]}
+        for name, values in numbers.items():
+            assert [getattr(curve, name) for curve in found.curves] == pytest.approx(values)
+        for level, at, curve in zip(levels, strain[worst], found.curves, strict=True):
+            assert (curve.curve, curve.points) == (f"pressure={level:g}", 41)
+            assert curve.place == pytest.approx({"strain": at, "pressure": level})
             assert not curve.interpolated
-            expected = (levels[row], ratios[row], share[row], change[row].mean())
-            numbers = (curve.level, curve.ratio, curve.weight, curve.difference)
-            assert numbers == pytest.approx(expected)
-            expected = (np.sqrt(np.mean(change[row] ** 2)), change[row, worst])
-            assert (curve.rms, curve.largest) == pytest.approx(expected)
-            place = {"strain": strain[worst], "pressure": levels[row]}
-            assert curve.place == pytest.approx(place)
-        sizes = [curve.rms for curve in found.by_effect]
-        assert sizes == sorted((curve.rms for curve in found.curves), reverse=True)
+        assert [curve.rms for curve in found.by_effect] == pytest.approx(sorted(rms, reverse=True))
         own, narrow = (weighted_mean(ratios, share, level) for level in (0.95, 0.90))
         assert (found.before, found.after, found.unit, found.margin) == ("a", "b", "N", 0.02)
         assert found.ratio == pytest.approx(own.value) == share @ ratios
