@@ -258,10 +258,11 @@ def points(model, n, seed=1):
     return columns
 
 
-def imported(model):
-    """The Python module of a model, which needs NumPy alone."""
-    _, text = python_module(model)
-    assert [line for line in text.splitlines() if "import" in line] == ["import numpy as np"]
+def imported(model, plain=False):
+    """The Python module of a model, which needs NumPy alone, or nothing in plain Python."""
+    _, text = python_module(model, plain)
+    needed = "import math" if plain else "import numpy as np"
+    assert [line for line in text.splitlines() if "import" in line] == [needed]
     module: dict[str, object] = {}
     exec(text, module)
     return SimpleNamespace(**module)

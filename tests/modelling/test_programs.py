@@ -21,10 +21,11 @@ def test_queues_are_as_long_as_the_oldest_value_that_is_recalled(name, sizes):
     assert {*program_of(WITH_MEMORY[name]).kept.queues.values()} == sizes
 
 
+@pytest.mark.parametrize("plain", [False, True])
 @pytest.mark.parametrize("name", WITH_MEMORY)
-def test_a_module_computes_sample_by_sample_what_the_model_predicts(name):
+def test_a_module_computes_sample_by_sample_what_the_model_predicts(name, plain):
     model = WITH_MEMORY[name]
-    module, columns = imported(model), recording(model, 300)
+    module, columns = imported(model, plain), recording(model, 300)
     state = module.State()
     found = []
     for row in range(300):
