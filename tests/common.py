@@ -13,6 +13,7 @@ import numpy as np
 
 from mapmore_cli.domain import plugins
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
+from mapmore_cli.domain.scores import Score
 from mapmore_cli.modelling.pieces.definition import pieces_program
 from mapmore_cli.modelling.program.values import evaluator
 
@@ -41,6 +42,11 @@ def dataset_of(*recordings, held_out=None, output="y"):
     return Dataset(
         output, None, {name: Quantity(name, "1") for name in recordings[0]}, (), tuple(curves)
     )
+
+
+def score_of(target="y", split="validate", curve="all", *, model="mapmore", rmse=1.0):
+    """A row of a score table."""
+    return Score(model, target, split, curve, 9, rmse, 1.0, 2.0, "range", 3.0, 4.0, 0.5)
 
 
 def files_without_parts(group, form, package):

@@ -25,7 +25,7 @@ ROOM = "modelling/scores/test_metrics.py::"
 HALVES = {
     "whose unit is only in its heading": (
         {SCORES: [(END, BEGIN + FORMULA.replace("[%] .2f", "[UNIT]") + REST)]},
-        f"{ROOM}test_headings_name_the_unit_of_the_target_and_a_smaller_error_is_on_the_better_side",
+        f"{ROOM}test_headings_name_the_unit_and_a_limit_is_on_the_better_side",
     ),
     "without its formula": ({SCORES: [(END, BEGIN + REST)]}, "an import"),
     "which no test knows": (PATCH, f"{ROOM}"

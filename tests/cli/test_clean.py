@@ -216,10 +216,6 @@ def test_a_trash_that_cannot_take_anything(runs, mapmore, monkeypatch):
     assert everything(runs / "bench") == before
 
 
-def test_a_cleaning_needs_both_words(runs, mapmore):
-    mapmore("clean", runs.parent / "other.yaml", "--runs", runs, "--now", code=2, says="--yes")
-
-
 def test_no_run_overwrites_what_changed_since(copied, mapmore):
     """It makes way into the trash, and is named; what came into the report stays there."""
     spec, runs = copied

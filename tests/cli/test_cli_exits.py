@@ -3,6 +3,7 @@ did not ask for it.
 """
 
 import errno
+import json
 import os
 import re
 import signal
@@ -114,6 +115,12 @@ def test_an_interrupted_run_prints_no_document(study, mapmore, monkeypatch):
     failing(monkeypatch, KeyboardInterrupt())
     result = mapmore("run", study, "--json", code=130)
     assert (result.stdout, result.stderr) == ("", "interrupted\n")
+
+
+def test_a_fault_of_the_program_is_a_document_too(study, mapmore, monkeypatch):
+    failing(monkeypatch, ZeroDivisionError("division by zero"))
+    error = json.loads(mapmore("run", study, "--json", code=1).stdout)["error"]
+    assert (error["exit_code"], error["remedy"]) == (1, None)
 
 
 BEFORE = """

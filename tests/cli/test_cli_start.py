@@ -6,6 +6,7 @@ import pytest
 from common import mapmore, python
 
 import mapmore_cli
+from mapmore_cli.cli.app import ORDER
 
 HEAVY = (
     "numpy",
@@ -18,35 +19,6 @@ HEAVY = (
     "jinja2",
     "multiprocessing",
 )
-COMMANDS = [
-    *(
-        "ingest",
-        "segment",
-        "fit",
-        "fuse",
-        "validate",
-        "report",
-        "run",
-        "batch",
-        "tune",
-        "plan",
-        "predict",
-        "adapt",
-        "invert",
-    ),
-    *(
-        "freeze",
-        "compare",
-        "export",
-        "figure",
-        "show",
-        "clean",
-        "init",
-        "example",
-        "check",
-        "schema",
-    ),
-]
 
 
 def modules_loaded_by(option):
@@ -78,11 +50,11 @@ def test_version_is_that_of_the_project(shell):
 
 def test_help_lists_the_commands_in_the_order_of_the_work(mapmore):
     listed = mapmore("--help").stdout.split("Commands:")[1]
-    assert [line.split()[0] for line in listed.strip().splitlines()] == COMMANDS
+    assert [line.split()[0] for line in listed.strip().splitlines()] == [*ORDER]
     assert "..." not in listed  # every summary is short enough to be shown whole
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", ORDER)
 def test_every_command_has_help(command, mapmore):
     result = mapmore(command, "--help", code=0)
     assert result.stdout.startswith(f"Usage: mapmore {command}")

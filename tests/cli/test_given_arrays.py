@@ -21,7 +21,7 @@ UNITS = pint.UnitRegistry()
 NA = type("NAType", (), {})()  # as pandas has it: no number, and no truth value
 P, E = np.repeat([100.0, 200.0, 300.0], 9), np.tile(np.linspace(0, 0.2, 9), 3)
 F = 3.3 * P * (1 - 3.2 * E) ** 2 - 70
-TABLE, NUMBERED = {"pressure": P, "strain": E, "force": F}, {0: P, 1: E, 2: F}
+TABLE = {"pressure": P, "strain": E, "force": F}
 SECTIONS = {
     "levels": {"of": "pressure", "at": "auto"},
     "dictionary": [{"polynomial": {"of": ["strain"], "order": 2}}],
@@ -243,14 +243,7 @@ def fitted():
 @pytest.mark.parametrize(
     ("table", "columns"),
     [
-        (Frame(NUMBERED), BY_NUMBER),
         (Frame({2: F, 0: P, 1: E}), BY_NUMBER),  # a label comes before a place
-        ({np.int64(0): P, np.int64(1): E, np.int64(2): F}, BY_NUMBER),
-        (Frame({"a": P, "b": E, "c": F}), BY_NUMBER),
-        (
-            Frame(NUMBERED),
-            {name: {**one, "column": str(one["column"])} for name, one in BY_NUMBER.items()},
-        ),
         (Table(TABLE), None),
         (np.ma.array(np.rec.fromarrays([*TABLE.values()], names=[*TABLE])), None),
         (

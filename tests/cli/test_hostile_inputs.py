@@ -53,7 +53,7 @@ def test_links_that_lead_nowhere_and_pipes_are_told(tmp_path):
             expand(pattern, tmp_path)
 
 
-def test_a_pipe_is_written_into_and_not_written_as_text(tmp_path):
+def test_a_pipe_is_written_into_and_not_replaced(tmp_path):
     pipe, found = tmp_path / "out.csv", []
     os.mkfifo(pipe)
     for write in (lambda: write_text(pipe, "a\n"), lambda: _stream(pipe)):

@@ -33,6 +33,7 @@ LINES = """
 2  tune SPEC --runs RUNS --over fit.max_terms=1,2 -o x.jpeg  cannot have this file ending
 2  tune SPEC --runs RUNS -o x.svg            a search has no figure
 2  tune SPEC --runs RUNS --over fit.max_terms=1,2 --budget 5s  give one of the two
+2  tune SPEC --runs RUNS --over fit.max_terms=1,2 --budget 3  --budget limits a search
 2  plan SPEC --runs RUNS --until much        is not a half width
 2  plan SPEC --runs RUNS --until -1%         is not a half width
 2  plan SPEC --runs RUNS --cost pressure     is not of the form
@@ -42,7 +43,7 @@ LINES = """
 2  figure RUN fat -o x.pdf                   choose one of data, fit
 2  figure RUN fit -o x.docx                  choose .svg
 2  figure RUN fit --curve 201 -o x.pdf       pressure=200
-2  figure RUN fit -o x.svg --data x.csv      --curve
+2  figure RUN fit -o x.svg --data x.csv      name the panel with --curve
 2  figure RUN fit -o x.svg --models plane,parrot  no model called 'parrot'
 2  figure RUN fit -o x.svg --set fit.max_terms=1  set a key of report.style
 3  figure RUN fit -o x.svg --set report.style.widht=80mm  did you mean `width`
@@ -53,6 +54,8 @@ LINES = """
 2  export MODEL -o out --to c --grid strain=0.1  --grid works with --to csv and --to table only
 2  export MODEL -o out --to csv --grid pressure=0:90000:100,strain=0.1  \
     outside of the training range
+2  export MODEL -o out --to table --grid pressure=1           --grid: no values for strain
+2  export MODEL -o out --to table --grid strain=1,pressure=1  --grid: pressure has a single point
 2  export MODEL -o out --to java             java
 7  export MODEL -o t.csv/out --to c          cannot be written
 7  export MODEL -o t.csv/out --to fmu        cannot be written
@@ -60,14 +63,26 @@ LINES = """
 2  compare bench --runs RUNS                 needs two models
 4  compare bench fourth --runs RUNS          there is no model with this name
 2  compare bench bench --runs RUNS --fail-on drift  neither `changed`
+2  compare bench bench --runs RUNS --fail-on -0.1  nor a relative change
+2  compare bench bench --runs RUNS --fail-on nan   nor a relative change
+2  compare bench bench --runs RUNS --fail-on inf   nor a relative change
+2  compare bench bench --runs RUNS --fail-on '3 %'  nor a relative change
 2  compare bench bench --runs RUNS --figure x.docx  .svg
 2  predict MODEL                             either a TABLE or --grid
 2  predict MODEL t.csv --grid pressure=100,strain=0  either a TABLE or --grid
+2  predict MODEL --grid pressure=1 --as pressure     --as needs a TABLE
+2  predict MODEL t.csv --as pressure --derivatives   --as needs a TABLE
+2  predict MODEL t.csv --as pressure --interval 0.9  --as needs a TABLE
+2  predict MODEL t.csv --as force            --as: the model has no input 'force'
+2  predict MODEL t.csv --set force=1         the model has no input 'force'
+2  predict MODEL t.csv --set pressure=x      --set pressure=x:
 7  predict MODEL --grid pressure=100,strain=0 -o none/out.csv  cannot be written
 7  predict MODEL --grid pressure=100,strain=0 -o .  cannot be written
 4  predict none.h5 --grid pressure=100,strain=0  none.h5
 4  predict RUN/fit.h5 --grid pressure=100,strain=0  fit.h5
 4  predict RUN/scores.csv --grid pressure=100,strain=0  scores.csv
+2  clean SPEC --runs . --now                 --now needs --yes
+2  clean SPEC --runs none                    none: this folder does not exist
 2  invert MODEL t.csv --for volume           no input 'volume'
 4  show LONG                                 file name too long
 4  init LONG                                 file name too long

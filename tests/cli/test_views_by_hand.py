@@ -7,16 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli_samples import hand_model
-from common import rows_of
 
 from mapmore_cli.checking.findings import Issue
 from mapmore_cli.cli import console
-from mapmore_cli.cli.compare import _limit
 from mapmore_cli.cli.compared import of_campaign, of_campaigns, of_comparisons, of_inspection
-from mapmore_cli.cli.console import exit_code, print_document, settle, spec_of
-from mapmore_cli.cli.predict import _constants_of
-from mapmore_cli.domain.errors import DataError, LimitMissed, UsageError, WriteError
+from mapmore_cli.cli.console import print_document, settle, spec_of
+from mapmore_cli.domain.errors import DataError, WriteError
 from mapmore_cli.modelling.validation.comparison import Comparison, CurveChange, TermChange
 from mapmore_cli.pipeline.inspection import Inspection
 from mapmore_cli.storage import run_record
@@ -78,20 +74,8 @@ def test_cautions_about_a_comparison():
     whole = of_campaigns(["old@1", "new"], results)
     assert whole.lines[0] == "3 runs: 2 changed, 1 same."
     assert whole.lines[1:] == (f"x: {shown.lines[1]}",)
-    assert [(run["run"], run["ratio"]) for run in whole.document["runs"]] == [
-        *(("x", 1.056), ("y", 1.056), ("z", 1.0)),
-    ]
-
-
-@pytest.mark.parametrize(
-    ("text", "limit"),
-    [(None, None), ("changed", None), ("0", 0.0), ("0.03", 0.03), ("1e3", 1000.0)],
-)
-def test_the_change_that_fails(text, limit):
-    assert _limit(text) == limit
-    for wrong in ("", "-0.1", "inf", "nan", "3 %"):
-        with pytest.raises(UsageError, match="neither `changed` nor a relative change"):
-            _limit(wrong)
+    ratios = {run["run"]: run["ratio"] for run in whole.document["runs"]}
+    assert ratios == {"x": 1.056, "y": 1.056, "z": 1.0}
 
 
 ISSUE = Issue("warning", "spikes", "s.yaml:1:2", "there are spikes", "take them out", "data")
@@ -122,29 +106,6 @@ def test_documents_hold_no_numbers_that_json_lacks(capsys):
     assert printed["issue"]["place"] == "s.yaml:1:2"
 
 
-@pytest.mark.parametrize(
-    ("error", "code", "document"),
-    [
-        (DataError("no data", "look"), 4, {"message": "no data", "remedy": "look", "exit_code": 4}),
-        (LimitMissed("more than 3"), 6, None),
-        (KeyboardInterrupt(), 130, None),
-        (ValueError("oh"), 1, {"exit_code": 1, "remedy": None}),
-    ],
-)
-def test_an_error_is_a_line_a_code_and_a_document(capsys, error, code, document):
-    assert exit_code(error) == code
-    for as_json in (False, True):
-        assert settle(error, debug=False, as_json=as_json) == code
-        out, err = capsys.readouterr()
-        assert "Traceback" not in err
-        if as_json and document:
-            assert document.items() <= json.loads(out)["error"].items()
-        else:
-            assert out == ""
-    settle(error, debug=True, as_json=False)
-    assert type(error).__name__ in capsys.readouterr().err
-
-
 def test_a_full_disk_is_named_and_a_closed_pipe_is_not(capsys, monkeypatch):
     silenced = []
     monkeypatch.setattr(console, "_silence_stdout", lambda: silenced.append(True))
@@ -173,46 +134,9 @@ def test_a_run_stands_for_its_spec_and_its_settings(tmp_path, monkeypatch):
         assert spec_of(Path(other), ["y=2"], runs) == (Path(other), ["y=2"])
 
 
-@pytest.mark.parametrize(
-    ("words", "says"),
-    rows_of("""
-predict MODEL                                       give either a TABLE or --grid
-predict MODEL t.csv --grid pressure=1               give either a TABLE or --grid
-predict MODEL --grid pressure=1 --as pressure       --as needs a TABLE
-predict MODEL t.csv --as pressure --derivatives     --as needs a TABLE
-predict MODEL t.csv --as pressure --interval 0.9    --as needs a TABLE
-predict MODEL t.csv --as force                      --as: the model has no input 'force'
-predict MODEL - --decimal ,                         stdin is always read as CSV
-predict MODEL t.csv --set force=1                   the model has no input 'force'
-predict MODEL t.csv --set pressure=x                --set pressure=x:
-figure runs nothing                                 there is no figure 'nothing'
-figure runs fit --data a.csv                        --data writes the numbers of one panel
-figure runs fit -o a.gif                            figures cannot be written as .gif
-clean s.yaml --runs . --now                         --now needs --yes
-clean s.yaml --runs none                            none: this folder does not exist
-tune s.yaml --over fit.max_terms=1,2 --budget 3     --budget limits a search
-export MODEL --to table --grid pressure=1           --grid: no values for strain
-export MODEL --to table --grid strain=1,pressure=1  --grid: pressure has a single point
-"""),
-)
-def test_options_that_contradict_each_other(mapmore, model_file, words, says):
-    Path("t.csv").write_text("pressure,strain\n150,0.05\n")
-    mapmore(*words.replace("MODEL", str(model_file)).split(), code=2, says=says)
-
-
-def test_constants_of_a_command_are_in_the_units_of_the_model():
-    model = hand_model()
-    given = ["pressure=1.5 bar", " strain = 20 %", "pressure=200"]
-    assert _constants_of(model, given[:2]) == {"pressure": 150.0, "strain": 0.2}
-    assert _constants_of(model, given)["pressure"] == 200.0
-
-
 def test_records_are_shown_by_their_stages(tmp_path, mapmore):
     record = {"stages": {"ingest": {"seconds": 0.254, "why": "forced"}, "fit": {}}}
     (tmp_path / "run.json").write_text(json.dumps(record))
     shown = [line.split() for line in mapmore("show", "run.json", code=0).stdout.splitlines()]
     assert ["ingest", "0.25", "forced"] in shown
     assert any(words[:1] == ["fit"] for words in shown)
-    for text in ("[]", "{}", '{"stages": 3}', '{"stages": {"a": {"seconds": "x"}}}'):
-        (tmp_path / "run.json").write_text(text)
-        mapmore("show", "run.json", code=4, says="is neither a scores.json nor a run.json")

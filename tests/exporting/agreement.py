@@ -12,10 +12,12 @@ import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 
 from mapmore_cli.annexes.exporting.c_source import STATUS, c_source
+from mapmore_cli.annexes.exporting.python_module import python_module
 from mapmore_cli.annexes.motion.body import StateSpace
 from mapmore_cli.annexes.sums import Sum
 from mapmore_cli.domain.errors import MapmoreError
@@ -254,6 +256,16 @@ def points(model, n, seed=1):
         x[own] = near[: len(own)]
         columns[quantity.name] = x
     return columns
+
+
+def imported(model, plain=False):
+    """The Python module of a model, which needs NumPy alone, or nothing in plain Python."""
+    _, text = python_module(model, plain)
+    needed = "import math" if plain else "import numpy as np"
+    assert [line for line in text.splitlines() if "import" in line] == [needed]
+    module: dict[str, object] = {}
+    exec(text, module)
+    return SimpleNamespace(**module)
 
 
 def edges_of(model, name):

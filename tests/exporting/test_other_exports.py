@@ -7,11 +7,10 @@ import io
 import zipfile
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from agreement import difference, points, recording
+from agreement import difference, imported, points, recording
 from common import NO_OCTAVE, OCTAVE, python
 from export_samples import STATIC, WITH_MEMORY, pieces
 from replay import Lift, by_octave, combi_tables, compiled
@@ -21,10 +20,9 @@ from scipy.io import loadmat
 import mapmore_cli as mm
 from mapmore_cli.annexes.exporting.commands import export
 from mapmore_cli.annexes.exporting.exports import EXPORTERS, Form, exported
-from mapmore_cli.annexes.exporting.python_module import python_module
 from mapmore_cli.annexes.exporting.templates import NOTICE
 from mapmore_cli.domain.errors import DataError, UsageError
-from mapmore_cli.modelling.kinds import fed_back, outside_range, predict
+from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.modelling.programs import slopes
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -33,35 +31,12 @@ DATA = (".csv", ".mat", ".txt", ".tex", ".xml", ".so", ".dll", ".dylib", "")
 """Endings of exported files that hold no code of mapmore."""
 
 
-def imported(model):
-    _, text = python_module(model)
-    assert [line for line in text.splitlines() if "import" in line] == ["import numpy as np"]
-    module = {}
-    exec(text, module)
-    return SimpleNamespace(**module)
-
-
 @pytest.mark.parametrize("name", STATIC)
 def test_a_module_of_numpy_alone(name):
     model = STATIC[name]
     module, columns = imported(model), points(model, 3000)
     assert difference(module.evaluate(**columns), predict(model, columns)) < 1e-12
     assert np.array_equal(module.outside_range(**columns), outside_range(model, columns))
-
-
-@pytest.mark.parametrize("name", WITH_MEMORY)
-def test_a_module_with_memory(name):
-    model = WITH_MEMORY[name]
-    module, columns = imported(model), recording(model, 300)
-    state = module.State()
-    found = []
-    for row in range(300):
-        found.append(module.step(state, **{one: columns[one][row] for one in module.INPUTS}))
-        if fed_back(model) and np.isnan(found[-1]) and row < 10:
-            state.measured(columns["force"][row])
-    with np.errstate(all="ignore"):
-        expected = predict(model, columns)
-    assert difference(np.array(found), expected) < 1e-12
 
 
 needs_octave = pytest.mark.skipif(OCTAVE is None, reason=NO_OCTAVE)

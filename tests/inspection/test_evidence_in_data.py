@@ -87,21 +87,19 @@ def test_a_sample_that_left_the_range_is_a_spike(n, seed, height, sign):
 
 
 @pytest.mark.parametrize(
-    ("step", "unit", "window"), [(0.02, "s", 0.16), (20.0, "ms", 0.16), (0.001, "s", 0.1)]
+    ("step", "unit", "window"), [(0.02, "s", 0.16), (0.02, "ms", 0.16), (0.001, "s", 0.1)]
 )
 def test_shares_of_settled_samples_at_two_rates(step, unit, window):
     """A pressure that rises 30 at 3 per second, and 70 at 5: 4 is settled, of a range of 100."""
-    time = np.arange(0, 24 * (1000 if unit == "ms" else 1), step)
-    seconds = time / (1000 if unit == "ms" else 1)
+    seconds = np.arange(0, 24, step)
+    time = seconds * {"s": 1, "ms": 1000}[unit]
     pressure = 20 + np.where(seconds < 10, 3 * seconds, 30 + 5 * (seconds - 10))
     settled = settling([recording(time=time, pressure=pressure)], unit)
     assert (settled.limit, settled.window) == (4.0, window)
     assert settled.share == pytest.approx(10 / 24, abs=0.005)
     assert settled.share_between == pytest.approx(20 / 3 / (20 / 3 + 12), abs=0.005)
-    parts = [
-        recording(time=time[rows], pressure=pressure[rows])
-        for rows in (slice(None, 600), slice(600, None))
-    ]
+    halves = zip(np.split(time, [600]), np.split(pressure, [600]), strict=True)
+    parts = [recording(time=t, pressure=p) for t, p in halves]
     assert settling(parts, unit).share == pytest.approx(settled.share, abs=0.01)
 
 

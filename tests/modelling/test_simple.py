@@ -80,29 +80,32 @@ def test_a_record_whose_columns_are_kept_in_files_has_the_same_arx(monkeypatch):
 
 
 def run_by_hand(theta, order, y, inputs, begun=0):
-    """The free run of an ARX from some measured samples on, or at rest before the first one; NaN
-    from where it is farther than a thousand times the largest output, or unknown.
-    """
-    a, b = theta[1 : order + 1], np.reshape(theta[order + 1 :], (len(inputs), order + 1))
-    values, lost = [*y[:begun]], False
-    most = 1e3 * np.abs(y[np.isfinite(y)]).max()
+    """The free run of an ARX from some measured samples on, or at rest before the first one."""
+    values = [*y[:begun]]
     for k in range(begun, len(y)):
         past = [values[k - i] if k >= i else y[0] for i in range(1, order + 1)]
-        now = theta[0] + a @ np.array(past)
-        for x, weights in zip(inputs, b, strict=True):
-            now += sum(weight * x[max(k - j, 0)] for j, weight in enumerate(weights))
-        values.append(now)
-    for k, value in enumerate(values):
-        lost |= not abs(value) <= most
-        values[k] = np.nan if lost else value
+        now = [x[max(k - j, 0)] for x in inputs for j in range(order + 1)]
+        values.append(theta @ [1.0, *past, *now])
     return np.array(values)
 
 
-@pytest.mark.parametrize("most", [50_000, 12])
-def test_an_arx_is_the_best_of_its_orders_in_free_run(most, monkeypatch):
-    """By sums written out: two inputs, a curve of two recordings, gaps in what is known, and
-    thinning to every n-th sample of what trains and then to `MOST_ROWS`.
+def fitted_by_hand(order, pieces, masks, most):
+    """The coefficients of an ARX by least squares, or None if there are too few samples; of what
+    trains, every n-th sample counts, and at most `MOST_ROWS` rows.
     """
+    rows = []
+    for (y, *inputs), trains in zip(pieces, masks, strict=True):
+        for k in [k for k in np.flatnonzero(trains) if k >= order][:: max(1, 200 // (4 * most))]:
+            past = [y[k - i] for i in range(1, order + 1)]
+            rows.append([1.0, *past, *(x[k - j] for x in inputs for j in range(order + 1)), y[k]])
+    known = np.array([row for row in rows if np.isfinite(row).all()])
+    P = known[np.linspace(0, len(known) - 1, min(len(known), most)).round().astype(int)]
+    return np.linalg.lstsq(P[:, :-1], P[:, -1], rcond=None)[0] if len(P) > 3 * order + 2 else None
+
+
+@pytest.mark.parametrize(("most", "orders"), [(50_000, {1, 2, 4, 8}), (12, {1, 2})])
+def test_an_arx_is_the_best_of_its_orders_in_free_run(most, orders, monkeypatch):
+    """By sums written out: two inputs, a curve of two recordings, and gaps in what is known."""
     monkeypatch.setattr(simple, "MOST_ROWS", most)
     rng = np.random.default_rng(5)
     pieces = []
@@ -111,67 +114,49 @@ def test_an_arx_is_the_best_of_its_orders_in_free_run(most, monkeypatch):
         y = np.zeros(n)
         for k in range(4, n):
             y[k] = 2 + 0.2 * y[k - 1] - 0.8 * y[k - 4] + u[k - 1] - 0.2 * v[k] + 0.1 * rng.normal()
-        pieces.append({"u": u, "v": v, "y": y})
+        pieces.append(np.array([y, u, v]))
     origin = np.arange(120) % 2 * (np.arange(120) < 100)  # 70 and 50 samples, mixed
     held_out = rng.random(120) < 0.2
-    pieces[0]["y"][np.flatnonzero(held_out[origin == 0])[2:4]] = np.nan
-    mixed = {name: np.empty(120) for name in ("u", "v", "y")}
-    for number, piece in enumerate(pieces[:2]):
-        for name, values in piece.items():
-            mixed[name][origin == number] = values
-    first = Curve("a", None, mixed, held_out, ("p", "q"), origin=origin)
-    second = curve_of(pieces[2], np.arange(80) > 60, "b")
-    quantities = {name: Quantity(name, "1") for name in mixed}
+    pieces[0][0, np.flatnonzero(held_out[origin == 0])[2:4]] = np.nan
+    mixed = np.empty((3, 120))
+    mixed[:, origin == 0], mixed[:, origin == 1], last = pieces
+    columns = dict(zip("yuv", mixed, strict=True))
+    first = Curve("a", None, columns, held_out, ("p", "q"), origin=origin)
+    second = curve_of(dict(zip("yuv", last, strict=True)), np.arange(80) > 60, "b")
     masks = [~held_out[origin == 0], ~held_out[origin == 1], np.arange(80) <= 60]
-    every = max(1, 200 // (4 * most))
-    errors = {}
+    found = {}
     for order in (1, 2, 4, 8):
-        rows, outputs = [], []
-        for piece, trains in zip(pieces, masks, strict=True):
-            y = piece["y"]
-            for k in [k for k in np.flatnonzero(trains) if k >= order][::every]:
-                row = [1.0, *(y[k - i] for i in range(1, order + 1))]
-                row += [piece[x][k - j] for x in ("u", "v") for j in range(order + 1)]
-                if np.isfinite([*row, y[k]]).all():
-                    rows.append(row)
-                    outputs.append(y[k])
-        share = np.linspace(0, len(rows) - 1, min(len(rows), most)).round().astype(int)
-        P, wanted = np.array(rows)[share], np.array(outputs)[share]
-        if len(wanted) < P.shape[1]:
-            continue
-        theta = np.linalg.lstsq(P, wanted, rcond=None)[0]
-        runs = [run_by_hand(theta, order, p["y"], [p["u"], p["v"]]) for p in pieces]
-        left = [run - p["y"] for run, p in zip(runs, pieces, strict=True)]
-        error = sum(np.sum(e[trains] ** 2) for e, trains in zip(left, masks, strict=True))
-        errors[order] = (error, theta, runs)
-    order = min(errors, key=lambda order: errors[order][0])
-    _, theta, runs = errors[order]
-    fitted, (mixed_run, run) = simple.arx(
-        Dataset("y", None, quantities, (), (first, second)), ["u", "v"]
-    )
-    assert (fitted.order, {*errors}) == (order, {1, 2, 4, 8} if most > 100 else {1, 2})
+        theta = fitted_by_hand(order, pieces, masks, most)
+        if theta is not None:
+            runs = [run_by_hand(theta, order, y, inputs) for y, *inputs in pieces]
+            left = [
+                (run - y)[trains] for run, (y, *_), trains in zip(runs, pieces, masks, strict=True)
+            ]
+            found[order] = (np.sum(np.concatenate(left) ** 2), theta, runs)
+    assert found.keys() == orders
+    order = min(found, key=lambda order: found[order][0])
+    _, theta, runs = found[order]
+    y, u, v = (Quantity(name, "1") for name in "yuv")
+    dataset = Dataset("y", None, {"y": y, "u": u, "v": v}, (), (first, second))
+    fitted, (mixed_run, run) = simple.arx(dataset, ["u", "v"])
+    assert fitted.order == order
     np.testing.assert_allclose(fitted.theta, theta, rtol=1e-8, atol=1e-10)
-    np.testing.assert_allclose(run, runs[2], rtol=1e-6)
-    for number in (0, 1):
-        np.testing.assert_allclose(mixed_run[origin == number], runs[number], rtol=1e-6)
-    timed = curve_of({"time": 0.1 * np.arange(80), **pieces[2]})
-    memory = Model("arx", quantities["y"], (quantities["u"], quantities["v"]),
-        fitted.as_memory([timed], (0.0, 5.0)))  # fmt: skip
-    begun = run_by_hand(theta, order, timed.columns["y"], [pieces[2]["u"], pieces[2]["v"]], order)
-    found = simulate(memory, timed.columns).values
-    np.testing.assert_allclose(found[order:], begun[order:], rtol=1e-6)
+    for each, expected in zip(
+        (mixed_run[origin == 0], mixed_run[origin == 1], run), runs, strict=True
+    ):
+        np.testing.assert_allclose(each, expected, rtol=1e-6)
+    timed = curve_of({"time": 0.1 * np.arange(80), **second.columns})
+    memory = Model("arx", y, (u, v), fitted.as_memory([timed], (0.0, 5.0)))
+    begun = run_by_hand(theta, order, last[0], last[1:], order)
+    values = simulate(memory, timed.columns).values
+    np.testing.assert_allclose(values[order:], begun[order:], rtol=1e-6)
 
 
-def test_an_arx_is_found():
-    """With an input, from what a plain loop makes, and without one."""
-    u, y = np.random.default_rng(3).normal(size=600), np.zeros(600)
-    for k in range(2, 600):
-        y[k] = 0.1 + 1.2 * y[k - 1] - 0.5 * y[k - 2] + 0.3 * u[k - 1]
-    for names, output, most in ((["u"], y, 1e-8), ([], 3 + 0.99 ** np.arange(600), 5e-3)):
-        data = dataset_of({"u": u, "y": output}, held_out=np.arange(600) >= 300)
-        _, (found,) = simple.arx(data, names)
-        # what it starts from is forgotten
-        np.testing.assert_allclose(found[80:], output[80:], rtol=0, atol=most)
+def test_an_arx_needs_no_input():
+    y = 3 + 0.99 ** np.arange(600)
+    _, (found,) = simple.arx(dataset_of({"y": y}, held_out=np.arange(600) >= 300), [])
+    # what it starts from is forgotten
+    np.testing.assert_allclose(found[80:], y[80:], rtol=0, atol=5e-3)
 
 
 def test_a_run_has_diverged_at_a_thousand_times_the_largest_output_of_all_blocks():

@@ -44,10 +44,6 @@ def test_words_of_no_model_or_of_several(places):
     for word in ("b", "both", "c@z", "*", "a@y"):
         with pytest.raises(DataError, match="there is no model with this name"):
             find_model(word, *places)
-    frozen = places[1] / "b@z" / "frozen.json"
-    frozen.write_text(json.dumps({"sha256": {"model.h5": "0"}}))
-    with pytest.raises(DataError, match="was changed after it was frozen"):
-        find_model("z", *places)
 
 
 def test_models_of_a_campaign_are_those_of_its_runs(places):

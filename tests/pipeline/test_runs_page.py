@@ -214,7 +214,6 @@ ROW = Row("a", "Peano", "", "a.csv", "force", "validate", {}, (), 0.0, ("", ""))
 @pytest.mark.parametrize(
     ("errors", "own", "best"),
     [
-        ({}, None, None),
         ({"mapmore": 2.0}, 2.0, None),
         ({"sarosi": 3.0, "mapmore": 2.0, "cubic": 2.5, "plane": 9.0}, 2.0, ("cubic", 2.5)),
     ],

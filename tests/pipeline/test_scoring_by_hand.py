@@ -6,12 +6,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from common import curve_of, dataset_of
+from common import curve_of, dataset_of, score_of
 
 from mapmore_cli.domain.compared import Normaliser
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.results import Forecast
-from mapmore_cli.domain.scores import Score
 from mapmore_cli.pipeline import scoring
 from mapmore_cli.pipeline.validate import required_limits
 
@@ -58,7 +57,7 @@ def test_rows_of_models_that_saw_held_out_samples_are_marked(monkeypatch):
         for name, run in (("old", Path("old")), ("new", Path("new")), ("cubic", None))
     ]
     rows = [
-        Score(name, "y", split, "all", 9, 1.0, 1.0, 1.0, "range", 1.0, 1.0, 0.5)
+        score_of(split=split, model=name)
         for name in ("old", "new", "cubic", "mapmore")
         for split in ("validate", "train")
     ]
@@ -120,16 +119,13 @@ def test_competitors_are_those_of_the_spec_and_the_simple_ones():
 
 
 def test_limits_are_compared_with_the_held_out_rows_of_the_models_own_outputs():
-    def row(model, target, split, curve="all", rmse=1.0):
-        return Score(model, target, split, curve, 9, rmse, 1.0, 2.0, "range", 3.0, 4.0, 0.5)
-
     rows = [
-        row("mapmore", "y", "validate", rmse=5.0),
-        row("mapmore", "y", "validate", "p=1", rmse=6.0),
-        row("mapmore", "y", "train"),
-        row("cubic", "y", "validate"),
+        score_of(rmse=5.0),
+        score_of(curve="p=1", rmse=6.0),
+        score_of(split="train"),
+        score_of(model="cubic"),
     ]
-    other = row("mapmore", "z", "validate", rmse=7.0)
+    other = score_of("z", rmse=7.0)
 
     def found(require, *rows):
         limits = required_limits(require, rows)

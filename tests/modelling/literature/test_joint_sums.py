@@ -2,6 +2,8 @@
 cannot tell apart.
 """
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,6 +11,7 @@ from hypothesis import strategies as st
 from literature_cases import MUSCLE_LIKE, TABLE_I, muscle_like, uniform
 
 from mapmore_cli.annexes.sums import Part, joint
+from mapmore_cli.annexes.sums.fitted import _unit
 from mapmore_cli.annexes.sums.joint import (
     fit_jointly,
     joint_formula,
@@ -223,3 +226,9 @@ def test_another_unit_is_refused_and_an_input_that_is_lacking(inputs, output, qu
     known = {text.split()[0]: Quantity(*text.split()) for text in quantities}
     with pytest.raises(SpecError, match=told):
         sum_of("joint", [Part(braid("flexor", 2.0), 1.0, inputs)], output, known)
+
+
+def test_inputs_of_a_sum_that_are_quantities_have_their_units():
+    dataset = SimpleNamespace(unit={"p1": "kPa", "s": "mm"}.get)
+    texts = ("p1", "-s", "0.1 - s", "2*s", "p1 + s", "-p1")
+    assert [_unit(text, dataset) for text in texts] == ["kPa", "mm", "1", "1", "1", "kPa"]

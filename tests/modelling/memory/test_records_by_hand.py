@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from common import curve_of
 from hypothesis import given
 from hypothesis import strategies as st
 from reading import refused
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.memory.records import (
     AtSample,
     begun,
@@ -58,10 +58,8 @@ def test_a_step_that_is_too_short_is_an_error_at_its_sample(short):
     assert uninterrupted(np.empty(0), 0.01) == [slice(0, 0)]
 
 
-def curve_at(time, held_out=None, name="a", **more):
-    n = len(time)
-    held = np.zeros(n, dtype=bool) if held_out is None else held_out
-    return Curve(name, None, {"time": time, "y": np.arange(n) * 1.0}, held, (name,), **more)
+def curve_at(time, held_out=None, name="a"):
+    return curve_of({"time": time, "y": np.arange(len(time)) * 1.0}, held_out, name)
 
 
 def test_recordings_have_one_step_or_only_an_order():

@@ -8,7 +8,6 @@ import pytest
 from mapmore_cli.annexes.motion.body import HARD, Motion, MotionFit, MotionSection, SectionSearch
 from mapmore_cli.annexes.motion.page import sections_table, show_fit, waveforms_table
 from mapmore_cli.annexes.motion.simulation import motion_errors
-from mapmore_cli.annexes.sums.fitted import _unit
 from mapmore_cli.domain.recording import Quantity
 
 SECTIONS = (
@@ -68,9 +67,3 @@ def test_errors_are_those_of_whole_recordings_that_were_held_out(shown):
     b = slice(n, 2 * n)
     errors = motion_errors(columns["y"][b], good[b], columns["u"][b], 0.25)
     assert rows == (() if shown else (("b", "mapmore", *errors),))
-
-
-def test_inputs_of_a_sum_that_are_quantities_have_their_units():
-    dataset = SimpleNamespace(unit={"p1": "kPa", "s": "mm"}.get)
-    texts = ("p1", "-s", "0.1 - s", "2*s", "p1 + s", "-p1")
-    assert [_unit(text, dataset) for text in texts] == ["kPa", "mm", "1", "1", "1", "kPa"]

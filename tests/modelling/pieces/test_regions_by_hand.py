@@ -7,11 +7,12 @@ from math import floor
 
 import numpy as np
 import pytest
+from common import curve_of
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
-from mapmore_cli.domain.recording import Curve, CurveRange
+from mapmore_cli.domain.recording import CurveRange
 from mapmore_cli.modelling.ranges import limits, outside_limits
 from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.modelling.shape.region import region_within
@@ -27,12 +28,10 @@ from mapmore_cli.modelling.shape.stencils import (
 
 def region_of(columns, fit=None, ranges=None, level=None):
     """The region of the output y of one curve along its other columns."""
-    n = len(columns["y"])
-    one = Curve("all", None, columns, np.zeros(n, dtype=bool), ("a",))
     names = [name for name in columns if name != "y"]
     ends = {name: (columns[name].min(), columns[name].max()) for name in names}
     whole = tuple(limits(ranges or [CurveRange("all", None, ends)], level))
-    return region_within(whole, [one], "y", names, fit or Fit())
+    return region_within(whole, [curve_of(columns)], "y", names, fit or Fit())
 
 
 @given(st.sampled_from([1, 2, 3, 7]), st.integers(0, 10_000))
@@ -184,23 +183,25 @@ def test_a_grid_has_even_lines_lines_beside_knots_and_a_line_at_zero():
 
 def by_word(word, y, x):
     """What must not be negative, of values y at places x, (m, points) each."""
-    half = y.shape[1] // 2
     sign = -1 if word in ("decreasing", "concave") else 1
     if word == "positive":
         return y[:, 0]
-    if half != 1 or y.shape[1] == 2:
-        return sign * (y[:, half:].mean(axis=1) - y[:, :half].mean(axis=1))
-    chord = y[:, 0] + (y[:, 2] - y[:, 0]) * (x[:, 1] - x[:, 0]) / (x[:, 2] - x[:, 0])
-    return sign * (chord - y[:, 1])
+    if POINTS[word] == 3:
+        share = (x[:, 1] - x[:, 0]) / (x[:, 2] - x[:, 0])
+        return sign * ((1 - share) * y[:, 0] + share * y[:, 2] - y[:, 1])
+    low, high = np.split(y, 2, axis=1)
+    return sign * (high.mean(axis=1) - low.mean(axis=1))
 
 
-@pytest.mark.parametrize("word", POINTS)
-@pytest.mark.parametrize("reach", [1, 2, 4])
+PAIRS = [word for word, points in POINTS.items() if points == 2]
+
+
+@pytest.mark.parametrize(
+    ("word", "reach"), [*((word, 1) for word in POINTS), *product(PAIRS, (2, 4))]
+)
 @pytest.mark.parametrize("quantity", ["a", "b"])
 def test_stencils_compare_neighbours_along_one_quantity(word, reach, quantity):
     """Means of `reach` neighbours; the next begins half of that farther; all lie inside."""
-    if reach > 1 and POINTS[word] != 2:
-        return
     rng = np.random.default_rng(reach)
     axes = {"a": np.cumsum(rng.random(9)), "b": np.cumsum(rng.random(10)), "still": np.ones(1)}
     columns = nodes_of(axes)
@@ -211,32 +212,22 @@ def test_stencils_compare_neighbours_along_one_quantity(word, reach, quantity):
     table = np.arange(90).reshape(9, 10)
     lines = (table.T if quantity == "a" or points == 1 else table).tolist()
     groups = [
-        line[start : start + points]
+        (line[start : start + points], line[0])
         for line in lines
         for start in range(0, len(line) - points + 1, max(reach // 2, 1))
         if inside[line[start : start + points]].all()
     ]
-    assert sorted(found.nodes.tolist()) == sorted(groups)
+    assert sorted(zip(found.nodes.tolist(), found.lines.tolist(), strict=True)) == sorted(groups)
     x = columns[quantity][found.nodes]
     np.testing.assert_allclose(stencil_weights(word, x), found.weights)
     expected = by_word(word, values[found.nodes], x)
     np.testing.assert_allclose(found.of(values), expected, atol=1e-12)
     both = found.of(np.column_stack([values, 2 * values]))
-    np.testing.assert_allclose(both, np.column_stack([expected, 2 * expected]), atol=1e-12)
-    if points > 1:
-        first = {line[0] for line in lines}
-        assert all(
-            line in first and columns[other][line] == columns[other][nodes[0]]
-            for line, nodes in zip(found.lines, found.nodes, strict=True)
-            for other in {"a", "b"} - {quantity}
-        )
-    some = found.at(np.array([2, 0]))
-    assert {name: x.tolist() for name, x in some.columns.items()} == {
-        name: x[np.unique(found.nodes[[2, 0]])].tolist() for name, x in columns.items()
-    }
-    np.testing.assert_allclose(
-        some.of(values[np.unique(found.nodes[[2, 0]])]), found.of(values)[[2, 0]]
-    )
+    np.testing.assert_allclose(both.T, [expected, 2 * expected], atol=1e-12)
+    some, used = found.at(np.array([2, 0])), np.unique(found.nodes[[2, 0]])
+    for name, column in columns.items():
+        assert some.columns[name].tolist() == column[used].tolist()
+    np.testing.assert_allclose(some.of(values[used]), expected[[2, 0]], atol=1e-12)
     places = ", ".join(f"{n} = {x[found.nodes[0]].mean():.4g}" for n, x in columns.items())
     assert found.told == f"{of}: {word} at {places}"
 

@@ -1,5 +1,7 @@
 """Residual tests against sums that are written out, over gaps and over pieces of many blocks."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -24,21 +26,13 @@ def pieces_of(seed, sizes, missing):
 
 def by_hand(residuals, inputs, most):
     """`sum u_t e_(t+k) / sqrt(sum u^2 sum e^2)`, a pair counts if all four values are known."""
-    pairs = [
-        (np.where(np.isfinite(u), e, np.nan), np.where(np.isfinite(e), u, np.nan))
-        for e, u in zip(residuals, inputs, strict=True)
-    ]
-    means = [np.nanmean(np.concatenate(column)) for column in zip(*pairs, strict=True)]
-    sums = np.zeros(2 * most + 1)
-    for e, u in pairs:
-        for place, lag in enumerate(range(-most, most + 1)):
-            first, last = max(0, -lag), len(e) - max(0, lag)
-            if last > first:
-                early, late = u[first:last] - means[1], e[first + lag : last + lag] - means[0]
-                sums[place] += np.nansum(early * late)
-    e, u = (np.concatenate(column) for column in zip(*pairs, strict=True))
-    size = np.nansum((e - means[0]) ** 2) * np.nansum((u - means[1]) ** 2)
-    return sums / np.sqrt(size), np.isfinite(e).sum()
+    gap = np.full((2, most), np.nan)  # no pair reaches from one piece into the next
+    pairs = [part for piece in zip(residuals, inputs, strict=True) for part in (piece, gap)]
+    known = np.concatenate(pairs, axis=1)
+    known[:, np.isnan(known).any(axis=0)] = np.nan
+    e, u = known - np.nanmean(known, axis=1, keepdims=True)
+    sums = [np.nansum(np.roll(u, lag) * e) for lag in range(-most, most + 1)]
+    return sums / np.sqrt(np.nansum(e**2) * np.nansum(u**2)), np.isfinite(e).sum()
 
 
 @pytest.mark.parametrize(
@@ -80,20 +74,13 @@ def test_means_over_values_or_over_tenths_of_the_samples(distinct, seed):
     np.testing.assert_allclose(found.bounds, width, rtol=1e-6)
 
 
-class Read:
-    """What `residual_tests` asks of a model."""
-
-    def __init__(self, *names):
-        self.inputs = [type("Quantity", (), {"name": name}) for name in names]
-
-
-def said_of(columns, predicted, order_by, level=None, **curve):
-    """The tests of one curve whose samples are all judged."""
-    n = len(predicted)
-    one = Curve("a", level, columns, np.zeros(n, dtype=bool), ("a", "b"), **curve)
-    given = Dataset("force", "level" if level is not None else None, {}, (), (one,))
-    found = residual_tests(Read(*columns), given, [predicted], order_by)
-    return {test.name: test for test in found}
+def named_tests(columns, predicted, order_by, **curve):
+    """The tests of one curve at a level of 2, whose samples are all judged."""
+    judged = np.zeros(len(predicted), dtype=bool)
+    one = Curve("a", 2.0, columns, judged, ("a", "b"), **curve)
+    model = SimpleNamespace(inputs=[SimpleNamespace(name=name) for name in columns])
+    made = residual_tests(model, Dataset("force", "level", {}, (), (one,)), [predicted], order_by)
+    return {test.name: test for test in made}
 
 
 def test_pieces_are_recordings_in_time_and_whole_curves_along_a_quantity():
@@ -114,23 +101,22 @@ def test_pieces_are_recordings_in_time_and_whole_curves_along_a_quantity():
     }
     predicted = rng.normal(size=n)
     origin = np.repeat([0, 1], [25, 35])
-    found = said_of(columns, predicted, None, 2.0, origin=origin)
+    found = named_tests(columns, predicted, None, origin=origin)
     assert set(found) == {"autocorrelation", "strain", "barely", "of recordings"}
     parts = [predicted[:25], predicted[25:]]
-    for name, inputs in (("strain", x), ("autocorrelation", predicted)):
-        both = cross_correlation(name, parts, [inputs[:25], inputs[25:]])
-        half = 8 if name == "autocorrelation" else 0
-        np.testing.assert_allclose(found[name].values, both.values[half:])
-    whole = said_of(columns, predicted, None, 2.0)
+    np.testing.assert_allclose(found["autocorrelation"].values, autocorrelation(parts).values)
+    crossed = cross_correlation("", parts, [x[:25], x[25:]])
+    np.testing.assert_allclose(found["strain"].values, crossed.values)
+    whole = named_tests(columns, predicted, None)
     np.testing.assert_allclose(
         whole["strain"].values, cross_correlation("", [predicted], [x]).values
     )
-    along = said_of(columns, predicted, "strain", 2.0, origin=origin)
+    along = named_tests(columns, predicted, "strain", origin=origin)
     order = np.argsort(x)
     np.testing.assert_allclose(
         along["autocorrelation"].values, autocorrelation([predicted[order]]).values
     )
     np.testing.assert_allclose(along["strain"].x, np.arange(4.5 - 2, 60, 6))
     unknown = np.where(origin == 1, np.nan, predicted)
-    short = said_of(columns, unknown, None, 2.0, origin=origin)
+    short = named_tests(columns, unknown, None, origin=origin)
     assert short["autocorrelation"].x[-1] == 25 // 4  # the recording without predictions is longer

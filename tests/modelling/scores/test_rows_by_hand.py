@@ -13,8 +13,6 @@ from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.results import Forecast, ResidualTest, Validation
 from mapmore_cli.domain.scores import (
     MEASURES,
-    METRICS,
-    OF_TARGET,
     Limit,
     Published,
     Score,
@@ -40,13 +38,6 @@ def test_a_limit_is_kept_at_its_value_and_never_by_nothing(metric, kept):
     assert limits[0].sentence == (
         f"{metric} of mapmore on the validate rows is 1.9; the limit is 2"
     )
-
-
-def test_numbers_have_a_meaning_and_some_the_unit_of_the_target():
-    assert METRICS["rmse"] == "root of the mean squared error"
-    assert METRICS.keys() == MEASURES.keys()
-    assert {"rmse", "max_abs_error", "interval_half_width"} < OF_TARGET
-    assert not {"nrmse", "r2", "n", "chi2_dof"} & OF_TARGET
 
 
 @pytest.mark.parametrize(

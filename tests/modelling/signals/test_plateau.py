@@ -131,28 +131,6 @@ def test_the_direction_is_latched_and_causal(rate, dead_band):
     )
 
 
-@settings(max_examples=30)
-@given(
-    st.floats(0.05, 0.3),
-    st.floats(2.4, 3.4),
-    st.floats(20, 600),
-    st.integers(0, 5),
-    st.floats(1e-3, 1e3),
-)
-def test_a_plateau_lies_between_rise_and_fall_in_any_unit(rise, vent, height, seed, scale):
-    pressure = step(rise, 0.2, vent, height) + np.random.default_rng(seed).normal(
-        0, 0.002 * height, len(TIME)
-    )
-    strain = 0.1 * step(1.3 * rise, 0.3, vent, 1.0)
-    start, end = find_plateau(TIME, pressure, {"strain": strain})
-    # settled to 5 %: three time constants of the slower one
-    assert 0.2 + 2.5 * rise < start < 0.3 + 6 * 1.3 * rise
-    assert vent - 0.05 < end < vent + 0.2 * rise
-    assert find_plateau(TIME, scale * pressure, {"strain": scale * strain}) == pytest.approx(
-        (start, end), abs=0.002
-    )
-
-
 def ramped(held, after=20):
     """Rest for a second, a rise to 100 in steps of 10, each .1 s long, a hold, and rest again."""
     return np.concatenate(
@@ -160,7 +138,7 @@ def ramped(held, after=20):
     )
 
 
-def test_a_plateau_is_a_band_around_the_final_value():
+def test_a_plateau_is_a_band_around_the_final_value_in_any_unit():
     """It begins when the last signal is within 5 % of its span for good, ends when the first one
     leaves, and lasts half as long as the rise from a tenth to nine tenths.
     """
@@ -176,8 +154,9 @@ def test_a_plateau_is_a_band_around_the_final_value():
     assert settled == pytest.approx((time[20], time[49]))
     moves = np.where(np.arange(70) < 26, 0.0, 1.0)
     moves[[30, 44]] = 0.96, 0.94
-    found = find_plateau(time[:70], pressure, {"strain": moves})
-    assert found == pytest.approx((time[26], time[43]))
+    for unit in (1e-3, 1.0, 1e3):
+        found = find_plateau(time[:70], unit * pressure, {"strain": unit * moves})
+        assert found == pytest.approx((time[26], time[43]))
     moves[32] = 1.06  # the band is left for a moment
     found = find_plateau(time[:70], pressure, {"strain": np.where(moves > 1, 0.9, moves)})
     assert found == pytest.approx((time[33], time[43]))
