@@ -117,10 +117,8 @@ def _cut_in(end: OpenEnd, rows: Rows) -> Cut | None:
         and len(digits) == 1
         and len(last[-1].strip().partition(end.decimal)[2]) < max(digits)
     ):
-        why = (
-            f"fewer digits in its last number, {shortened(last[-1].strip())}, than the lines "
-            "before it"
-        )
+        cell = shortened(last[-1].strip()) or "which is empty"
+        why = f"fewer digits in its last cell, {cell}, than the lines before it"
     else:
         return None
     return Cut(

@@ -370,3 +370,9 @@ def test_a_last_line_that_was_cut_off_is_refused_in_every_table(tmp_path, kind, 
     )
     found = table.columns[column]
     np.testing.assert_array_equal(found[np.isfinite(found)], whole.columns[column][:-samples])
+
+
+def test_a_last_line_whose_last_cell_is_empty_is_refused_in_words_that_say_so(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(["t,F", *ROWS[:-1], "10,"]))
+    refusal(("a.csv:row 12", "in its last cell, which is empty, than"), "csv", path, "t", "F")
