@@ -1,12 +1,14 @@
 """What a word on the command line stands for, and of which settings a comparison speaks."""
 
 import json
+from types import SimpleNamespace
 
 import pytest
 
 from mapmore_cli.domain.errors import DataError, UsageError
-from mapmore_cli.pipeline.archive import find_campaign, find_model, made_from
+from mapmore_cli.pipeline.archive import KEPT, find_campaign, find_model, freeze, made_from
 from mapmore_cli.storage.run_record import Origin
+from mapmore_cli.storage.stamps import take_stamp
 
 
 @pytest.fixture
@@ -66,3 +68,27 @@ def test_settings_without_an_effect_on_the_model_are_not_named(tmp_path, monkeyp
     ):
         monkeypatch.setattr("mapmore_cli.pipeline.archive.load_origin", lambda _, of=origin: of)
         assert made_from(tmp_path) == made
+
+
+@pytest.mark.parametrize("name", KEPT)
+def test_files_that_are_missing_or_not_as_the_run_wrote_them_are_not_frozen(
+    tmp_path, monkeypatch, name
+):
+    """The spec and the record are not outputs of a stage."""
+    run, outputs = tmp_path / "r", KEPT[:3]
+    run.mkdir()
+    for kept in KEPT:
+        (run / kept).write_text(json.dumps({"name": "r"}))
+    stamps = {kept: take_stamp(run / kept) for kept in outputs}
+    records = {"all": SimpleNamespace(outputs=stamps)}
+    monkeypatch.setattr("mapmore_cli.pipeline.archive.load_records", lambda _: records)
+    assert find_model("1", tmp_path, freeze(run, "1", tmp_path).parent).is_file()
+    (run / name).write_text(json.dumps({"name": "r", "more": 1}))
+    if name in outputs:
+        with pytest.raises(DataError, match=f"{name}: was changed after the run wrote it"):
+            freeze(run, "2", tmp_path)
+    else:
+        freeze(run, "2", tmp_path)
+    (run / name).unlink()
+    with pytest.raises(DataError, match=f"is not a finished run \\({name} missing\\)"):
+        freeze(run, "3", tmp_path)
