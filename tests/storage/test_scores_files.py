@@ -144,17 +144,17 @@ def test_scores_of_a_target_without_a_unit_are_shown(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("made_from", "stale"),
+    ("made_from", "old", "repeated"),
     [
-        ("segment=ingest fit=segment fuse=fit", {}),
-        ("fuse=other", {"fuse": "ingest"}),  # of the stages that there are
-        ("segment=other fit=segment fuse=fit", dict.fromkeys(("segment", "fit", "fuse"), "ingest")),
-        ("segment=ingest fit=other report=fit", {"fit": "segment", "report": "segment"}),
-        ("search=other segment=search fit=other", dict.fromkeys(("search", "segment", "fit"), "ingest")),
+        ("segment=ingest fit=segment fuse=fit", "", ""),
+        ("fuse=other", "fuse", "ingest"),  # of the stages that there are
+        ("segment=other fit=segment fuse=fit", "segment fit fuse", "ingest"),
+        ("segment=ingest fit=other report=fit", "fit report", "segment"),
+        ("search=other segment=search fit=other", "search segment fit", "ingest"),
     ],
-)  # fmt: skip
-def test_stages_behind_one_that_was_repeated_are_old(made_from, stale):
-    """With the name of the first one that was repeated; fingerprints are names here."""
+)
+def test_stages_behind_one_that_was_repeated_are_old(made_from, old, repeated):
+    """Fingerprints are names here."""
     pairs = [entry.split("=") for entry in ("ingest= " + made_from).split()]
     records = {name: SimpleNamespace(fingerprint=name, before=before) for name, before in pairs}
-    assert stale_stages(records) == stale
+    assert stale_stages(records) == dict.fromkeys(old.split(), repeated)
