@@ -2,6 +2,7 @@
 
 import gc
 import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,9 @@ settings.register_profile(
 settings.register_profile("search", deadline=None, max_examples=40)
 settings.register_profile("all", deadline=None, max_examples=200)
 settings.load_profile("ci" if os.environ.get("CI") else "search")
+
+# programs that tests interrupt get Ctrl-C as in a terminal; a job in the background ignores it
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 PROJECT = Path(__file__).resolve().parent.parent
 

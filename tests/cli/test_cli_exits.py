@@ -78,6 +78,7 @@ def without_memory():
         *((error, 1, "error: there is not enough memory for this") for error in without_memory()),
         (KeyboardInterrupt(), 130, "interrupted"),
         (within_c(), 130, "interrupted"),
+        (errors.Stopped(15), 143, "ended by SIGTERM"),
     ],
     ids=lambda value: type(value).__name__ if isinstance(value, BaseException) else None,
 )

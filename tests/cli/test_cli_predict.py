@@ -62,17 +62,6 @@ def test_every_row_stays_as_it_was_and_gains_two_fields(content):
             assert (predicted, outside) == ("", "")
 
 
-@given(st.lists(st.tuples(numbers, numbers, st.just("x")), min_size=2, max_size=20), st.randoms())
-def test_rows_know_nothing_of_each_other(content, random):
-    def predicted(of):
-        return list(predicted_lines(MODEL, table_of(of), "t"))[1:]
-
-    order = list(range(len(content)))
-    random.shuffle(order)
-    straight = predicted(content)
-    assert predicted([content[i] for i in order]) == [straight[i] for i in order]
-
-
 def test_bytes_are_kept():
     lines = [
         '  pressure ,"a ""quoted"", name",strain\r\n',

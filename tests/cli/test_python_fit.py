@@ -140,7 +140,8 @@ def test_long_fits_show_a_bar_in_a_terminal(wanted, seconds, shown, monkeypatch,
     monkeypatch.setenv("FORCE_COLOR", "1")  # as in a terminal
     now = count(0, seconds)
     monkeypatch.setattr("mapmore_cli.api.fitted.time", SimpleNamespace(monotonic=lambda: next(now)))
-    mm.fit(FRAME, **SECTIONS, progress=wanted)
+    with fitted_module._Bar(wanted) as bar:
+        bar("segments", 1, 4)
     assert ("segments" in capsys.readouterr().err) == shown
 
 

@@ -302,8 +302,10 @@ def test_repeated_stamps_of_the_second_log_are_mended_as_the_spec_says(ingest):
     np.testing.assert_allclose(got.columns["pressure"], 200 * T, atol=1e-9)
 
 
-def on_other_clocks(ingest, wave):
-    """Two logs of one pressure, the second in ms on a clock that is 7.5 s ahead of the first."""
+def on_other_clocks(ingest, wave, tick=0.1):
+    """Two logs of one pressure, the second in ms on a clock that is 7.5 s ahead of the first, which
+    has a stamp for every tick.
+    """
     t = np.arange(0, 40, 0.1)
     columns = {"time": {"column": "ms", "unit": "ms"}, "pressure_2": {"column": "p", "unit": "bar"}}
     entry = {
@@ -313,7 +315,7 @@ def on_other_clocks(ingest, wave):
         "match": MATCH,
     }
     files = {
-        "first.csv": csv_text(t=t, P=wave(t), eps=0 * t, F=t),
+        "first.csv": csv_text(t=tick * np.floor(t / tick + 1e-9), P=wave(t), eps=0 * t, F=t),
         "second.txt": csv_text(ms=1000 * t, p=wave(t - 7.5) / 100, F=t),
     }
     return ingest(
@@ -323,14 +325,19 @@ def on_other_clocks(ingest, wave):
         join=[entry],
         missing="drop",
         units={"pressure_2": "kPa"},
+        repeated_time="average",
     )
 
 
-def test_the_shift_is_found_and_told(ingest):
+@pytest.mark.parametrize("tick", [0.1, 0.5])
+def test_the_shift_is_found_and_told(ingest, tick):
+    """Of samples with one stamp, the first is at its time."""
     values = np.random.default_rng(4).uniform(0, 300, 40)
-    got = on_other_clocks(ingest, lambda t: np.interp(t, np.arange(-20, 60, 2), values))
+    got = on_other_clocks(ingest, lambda t: np.interp(t, np.arange(-20, 60, 2), values), tick)
     (note,) = (note for note in got.notes if "shift" in note)
     assert note.startswith("second.txt: shift -7.5")
+    if tick > 0.1:
+        return
     assert "correlation" in note
     columns = got.recordings[0].columns
     np.testing.assert_allclose(columns["pressure_2"], columns["pressure"], atol=2.0)

@@ -1,3 +1,5 @@
+from contextlib import nullcontext
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -45,6 +47,22 @@ def test_absolute_patterns_give_the_same_names(tree):
 
 def test_name_with_brackets_is_taken_literally(tree):
     assert [source.id for source in find_sources(["x [1].csv"], tree)] == ["x [1]"]
+
+
+def test_hidden_files_and_folders_are_meant_only_by_a_dot(tree):
+    for name in (".hid.csv", ".in/hid.csv"):
+        (tree / name).parent.mkdir(exist_ok=True)
+        (tree / name).write_text("1\n")
+    for pattern, found in (
+        ("*hid.csv", []),
+        ("*/hid.csv", []),
+        ("**/*hid.csv", []),
+        (".h*.csv", [".hid.csv"]),
+        (".i*/*.csv", [".in/hid.csv"]),
+        (".in/**/hid.csv", [".in/hid.csv"]),
+    ):
+        with refused("no such file") if not found else nullcontext():
+            assert [source.name for source in find_sources([pattern], tree)] == found
 
 
 def test_entries_carry_constants_and_an_id(tree):

@@ -1,6 +1,7 @@
 """Thresholds of the rules of `check`, each by samples on either side."""
 
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +28,7 @@ BASE = {
 }
 
 
-def subject_of(*recordings, made=None, **data):
+def subject_of(*recordings, made=None, units=UNITS, **data):
     spec = ExperimentSpec.model_validate({**BASE, "data": {**BASE["data"], **data}})
     files = [
         Recording(
@@ -38,7 +39,7 @@ def subject_of(*recordings, made=None, **data):
         for number, columns in enumerate(recordings)
     ]  # fmt: skip
     return Subject(
-        spec, lambda *loc: ".".join(map(str, loc)), tuple(files), UNITS, Path(), "force", made
+        spec, lambda *loc: ".".join(map(str, loc)), tuple(files), units, Path(), "force", made
     )
 
 
@@ -183,9 +184,11 @@ def test_a_few_samples_of_another_input_may_lie_outside():
 
 
 def test_no_gauge_shows_less_than_a_vacuum():
-    for lowest, told in ((-101.3, False), (-101.5, True)):
-        recording = {"pressure": [0.0, 5.0, lowest], "u": [-500.0] * 3}
-        issues = found(odd_values.below_vacuum, recording)
+    for (unit, size), (lowest, told) in product(
+        [("kPa", 1.0), ("bar", 100.0), ("psi", 6.894757)], [(-101.3, False), (-101.5, True)]
+    ):
+        recording = {"pressure": [0.0, 5.0, lowest / size], "u": [-500.0] * 3}
+        issues = found(odd_values.below_vacuum, recording, units={**UNITS, "pressure": unit})
         assert issues == [("warning", "below-vacuum", "data.columns.pressure")] * told
     subject = subject_of({"pressure": [0.0, -500.0, -300.0], "time": [0.0, 0.25, 0.5]})
     (issue,) = odd_values.below_vacuum(subject)

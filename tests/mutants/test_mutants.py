@@ -1,6 +1,7 @@
 """The list of small faults fits the package: each has its line, and is code that can run."""
 
 import ast
+import subprocess
 import sys
 from pathlib import Path
 
@@ -43,3 +44,13 @@ def test_what_can_be_wrong_with_a_line(code, faults, tmp_path, monkeypatch):
     monkeypatch.setattr(mutants, "PACKAGE", tmp_path)
     (tmp_path / "a.py").write_text(code + "\n")
     assert {one.becomes for one in mutants.mutants_of(tmp_path / "a.py")} == faults
+
+
+def test_tests_that_do_not_finish_have_noticed_nothing(tmp_path, monkeypatch):
+    def never_ends(*_line, **_options):
+        raise subprocess.TimeoutExpired("pytest", mutants.SECONDS)
+
+    (tmp_path / "mapmore_cli").mkdir()
+    (tmp_path / "mapmore_cli" / "__init__.py").write_text("")
+    monkeypatch.setattr(subprocess, "run", never_ends)
+    assert mutants.outcome_of(None, tmp_path, []) == mutants.UNFINISHED

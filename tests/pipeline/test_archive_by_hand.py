@@ -1,12 +1,15 @@
 """What a word on the command line stands for, and of which settings a comparison speaks."""
 
 import json
+from types import SimpleNamespace
 
 import pytest
 
-from mapmore_cli.domain.errors import DataError, UsageError
-from mapmore_cli.pipeline.archive import find_campaign, find_model, made_from
+from mapmore_cli.domain.errors import DataError, UsageError, WriteError
+from mapmore_cli.pipeline import archive as module
+from mapmore_cli.pipeline.archive import KEPT, find_campaign, find_model, freeze, made_from
 from mapmore_cli.storage.run_record import Origin
+from mapmore_cli.storage.stamps import take_stamp
 
 
 @pytest.fixture
@@ -64,5 +67,67 @@ def test_settings_without_an_effect_on_the_model_are_not_named(tmp_path, monkeyp
         (Origin("s.yaml", settings=said), ("s.yaml", ["fit.max_terms=2"])),
         (Origin("s.yaml", "c.yaml", said), ("c.yaml", [])),
     ):
-        monkeypatch.setattr("mapmore_cli.pipeline.archive.load_origin", lambda _, of=origin: of)
+        monkeypatch.setattr(module, "load_origin", lambda _, of=origin: of)
         assert made_from(tmp_path) == made
+
+
+@pytest.fixture
+def finished(tmp_path, monkeypatch):
+    """A run as its stages wrote it, of which the spec and the record are no outputs."""
+    run = tmp_path / "r"
+    run.mkdir()
+    for kept in KEPT:
+        (run / kept).write_text(json.dumps({"name": "r"}))
+    outputs = SimpleNamespace(outputs={kept: take_stamp(run / kept) for kept in KEPT[:3]})
+    monkeypatch.setattr(module, "load_records", lambda _: {"all": outputs})
+    return run
+
+
+@pytest.mark.parametrize("name", KEPT)
+def test_files_that_are_missing_or_not_as_the_run_wrote_them_are_not_frozen(finished, name):
+    kept = finished.parent
+    assert find_model("1", kept, freeze(finished, "1", kept).parent).is_file()
+    (finished / name).write_text(json.dumps({"name": "r", "more": 1}))
+    if name in KEPT[:3]:
+        with pytest.raises(DataError, match=f"{name}: was changed after the run wrote it"):
+            freeze(finished, "2", kept)
+    else:
+        freeze(finished, "2", kept)
+    (finished / name).unlink()
+    with pytest.raises(DataError, match=f"is not a finished run \\({name} missing\\)"):
+        freeze(finished, "3", kept)
+
+
+@pytest.mark.parametrize("name", [{}, {"name": 3}, {"name": "../elsewhere"}, {"name": "a\nb"}])
+def test_a_run_whose_record_has_no_name_of_a_run_is_not_frozen(finished, name):
+    """Found by fuzzing: without a name it was an internal fault, and a stranger's name led out of
+    the archive.
+    """
+    (finished / "run.json").write_text(json.dumps(name))
+    with pytest.raises(DataError, match="does not contain the name of the run"):
+        freeze(finished, "x", finished.parent / "archive")
+    assert [path.name for path in finished.parent.iterdir()] == ["r"]
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"sha256": []}', "[" * 100_000, "another model"])
+def test_a_frozen_model_or_record_that_was_changed_is_refused(finished, text):
+    frozen = freeze(finished, "1", finished.parent)
+    changed = frozen / ("model.h5" if text == "another model" else "frozen.json")
+    changed.chmod(0o644)
+    changed.write_text(text)
+    with pytest.raises(DataError, match="was changed after it was frozen"):
+        find_model("1", finished, finished.parent)
+
+
+def test_a_model_that_another_process_froze_meanwhile(finished, monkeypatch):
+    """Found by torture: it was an internal fault."""
+    place = finished.parent / "r@now"
+
+    def meanwhile(_folder):
+        place.mkdir()
+        (place / "model.h5").write_text("theirs")
+
+    monkeypatch.setattr(module, "sync_tree", meanwhile)
+    with pytest.raises(WriteError, match="frozen already"):
+        freeze(finished, "now", finished.parent)
+    assert [one.name for one in finished.parent.glob("*@*")] == ["r@now"]

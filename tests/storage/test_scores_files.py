@@ -1,9 +1,12 @@
-"""scores.csv and scores.json: digits, stable bytes, and numbers that are not finite."""
+"""scores.csv and scores.json: digits, stable bytes, and numbers that are not finite; and run.json:
+stages made from old results.
+"""
 
 import csv
 import json
 import math
 from dataclasses import fields, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +18,7 @@ from mapmore_cli.cli.views import of_file
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.foreign import csv_cell
 from mapmore_cli.domain.scores import Score, ScoreTable
-from mapmore_cli.storage.run_record import read_scores, write_scores
+from mapmore_cli.storage.run_record import read_scores, stale_stages, write_scores
 
 ROW = Score(
     "mapmore",
@@ -138,3 +141,20 @@ def test_a_count_that_is_none_is_wrong_data(count, tmp_path):
 def test_scores_of_a_target_without_a_unit_are_shown(tmp_path):
     write_scores(tmp_path, ScoreTable((ROW, replace(ROW, curve="all")), {}), "demo")
     assert len(of_file(tmp_path / "scores.json", print, False).tables) == 1
+
+
+@pytest.mark.parametrize(
+    ("made_from", "old", "repeated"),
+    [
+        ("segment=ingest fit=segment fuse=fit", "", ""),
+        ("fuse=other", "fuse", "ingest"),  # of the stages that there are
+        ("segment=other fit=segment fuse=fit", "segment fit fuse", "ingest"),
+        ("segment=ingest fit=other report=fit", "fit report", "segment"),
+        ("search=other segment=search fit=other", "search segment fit", "ingest"),
+    ],
+)
+def test_stages_behind_one_that_was_repeated_are_old(made_from, old, repeated):
+    """Fingerprints are names here."""
+    pairs = [entry.split("=") for entry in ("ingest= " + made_from).split()]
+    records = {name: SimpleNamespace(fingerprint=name, before=before) for name, before in pairs}
+    assert stale_stages(records) == dict.fromkeys(old.split(), repeated)

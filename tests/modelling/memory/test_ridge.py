@@ -93,7 +93,7 @@ def test_nothing_of_a_target_without_variance_is_unexplained():
 @pytest.mark.parametrize("stop", ["press", *PRICES, "tolerance", "none of it"])
 def test_coefficients_are_those_of_the_squares_and_the_penalty(stop):
     """In the units of the candidates, and as many terms as the rule prefers."""
-    P, y = problem(40, 5, 3)
+    P, y = problem(40, 5, 42)  # of which six candidates would keep three terms by ebic
     names = [f"x{i}" for i in range(5)]
     given = Regressors(tuple(map(parse, names)), dict(zip(names, P.T, strict=True)), y)
     rule = "tolerance" if stop == "none of it" else stop
@@ -125,7 +125,9 @@ def test_coefficients_are_those_of_the_squares_and_the_penalty(stop):
 
 @pytest.mark.parametrize("ridge", [0.0, 0.02])
 def test_standard_errors_allow_for_correlation_along_recordings(ridge):
-    """With a ridge, of centred columns and with the penalty; not with a robust loss."""
+    """With a ridge, of centred columns and with the penalty; not with a robust loss. In free run,
+    the constant of a model with a ridge is one more parameter.
+    """
     records = []
     for n in (90, 60):
         x = wandering(n, seed=n)
@@ -142,6 +144,13 @@ def test_standard_errors_allow_for_correlation_along_recordings(ridge):
     errors, worth = correlated_errors(P - P.mean(axis=0) * (ridge > 0), residual, [90, 60], penalty)
     np.testing.assert_allclose(found.model.theta_error, errors)
     assert found.selection.worth == worth
+    vector = np.append(theta, found.model.constant)
+    in_free_run = data.fit(data.selector.best(), vector).model
+    constant = np.ones((len(y), int(ridge > 0)))
+    expected, _ = correlated_errors(
+        np.hstack([P, constant]), residual, [90, 60], np.append(penalty, constant[0] * 0)
+    )
+    np.testing.assert_allclose(in_free_run.theta_error, expected[:2])
     robust = TrainingData(records, replace(asked, ridge=0.0, loss="huber"))
     assert np.isnan(robust.fit(robust.selector.best()).selection.worth)
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from common import curve_of
 
+from mapmore_cli.domain.declared import Contradiction
 from mapmore_cli.domain.recording import Dataset, Recording, united
 from mapmore_cli.modelling.pieces.placement import placements, span
 from mapmore_cli.modelling.pieces.recipe import CutByDirection, Cuts
@@ -115,6 +116,16 @@ def test_boundaries_by_hand():
     assert points(x, Cuts("even", 2), held).tolist() == [0, 4, 8]
     at = Cuts("breakpoints", at=(0.0, 4.0, 10.0, 12.0))
     assert points(x, at).tolist() == [0, 4, 10]
+    fewest = [points(np.arange(21), Cuts("optimal", 2, min_samples=n))[1] for n in (2, 5, None)]
+    assert fewest == [1, 4, 9]  # ends included; of equal costs, the first
+    assert Cuts("optimal", 20).segments == 20
+    for method, wrong in (
+        ("breakpoints", {"at": (1.0, 1.0)}),
+        ("breakpoints", {"at": (2.0, 1.0)}),
+        ("optimal", {"count": 21}),
+    ):
+        with pytest.raises(Contradiction):
+            Cuts(method, **wrong)
 
 
 def test_long_curves_are_thinned_for_the_costs_of_intervals():

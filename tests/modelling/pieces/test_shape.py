@@ -22,10 +22,12 @@ from mapmore_cli.modelling.inverse import UNIQUE, invert
 from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.pieces.recipe import Cuts
+from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.modelling.shape.least_squares import least_squares_under
-from mapmore_cli.modelling.shape.stencils import POINTS
+from mapmore_cli.modelling.shape.region import region_of
+from mapmore_cli.modelling.shape.stencils import POINTS, ShapeWord
 from mapmore_cli.modelling.shape.support import LEVEL, RUNS, refuse_unsupported
-from mapmore_cli.modelling.shape.violations import known_shape, verified, with_shape
+from mapmore_cli.modelling.shape.violations import known_shape, verified, violations, with_shape
 
 SHAPE = {"pressure": "increasing", "strain": "decreasing"}
 WAVY = {"shape": SHAPE, "max_terms": 3}
@@ -175,6 +177,20 @@ def test_high_orders_are_as_good_as_a_dense_quadratic_program(order, word):
     assert best.force.any()
     least = np.sum((chebvander(u, order) @ best.theta - y) ** 2)
     assert np.sum((predict(model, {"strain": x}) - y) ** 2) < 1.001 * least
+
+
+def test_a_wave_violates_its_shape_by_all_its_rises():
+    """Chebyshev's polynomial of order 4 rises twice by 2, which is its range."""
+    x = np.linspace(0, 1, 300)
+    columns = {"strain": x, "force": chebval(2 * x - 1, [0, 0, 0, 0, 1])}
+    wave = Curve("a", None, columns, np.zeros(300, bool), ("a",))
+    terms = ("1", *(f"strain^{power}" for power in range(1, 5)))
+    model = built(
+        (wave,), dictionary=terms, level=None, cuts={}, max_terms=5, tolerance=0.0, scaling="none"
+    )
+    region = region_of(model, [wave], Fit(shape={}, slack=0.0))
+    (found,) = violations(model, [ShapeWord("strain", "decreasing")], region)
+    assert (found.amount, found.share) == pytest.approx((4, 2), rel=1e-3)
 
 
 def noisy(true, n, seed, noise=0.05):

@@ -46,6 +46,19 @@ def test_the_corner_beyond_a_trained_triangle_is_a_new_combination():
     assert alert.sentence.startswith(f"{100 * share:.3g} % {words}, although each of them")
 
 
+@pytest.mark.parametrize("corner", [(1, 1), (1, -1), (-1, 1), (-1, -1)])
+@pytest.mark.parametrize(("beyond", "is_new"), [(0.09, False), (0.11, True)])
+def test_a_tenth_of_the_range_beyond_the_hull_is_still_known(corner, beyond, is_new):
+    """Squares of which one corner is cut off along the other diagonal: beyond it, towards every
+    corner.
+    """
+    x, y = np.meshgrid(*[np.linspace(-0.5, 0.5, 21)] * 2)
+    square = np.array([x.ravel(), y.ravel()]) * np.array(corner)[:, None]
+    known = square[:, np.dot(corner, square) <= 1e-9]
+    asked = np.array(corner)[:, None] * np.full(2, beyond / np.sqrt(2))[:, None]
+    assert bool([*new_combinations(*model_and_data(known, asked))]) == is_new
+
+
 @pytest.mark.parametrize(
     ("known", "asked"),
     [

@@ -159,6 +159,14 @@ def test_a_loop_has_its_floor_told():
     assert floors([x, x], [loop, 10 * x]) == pytest.approx([5.0 / 95.0, 0.0], abs=1e-9)
 
 
+@pytest.mark.parametrize("way", [1, -1])
+def test_places_count_by_their_samples_in_the_best_single_valued_curve(way):
+    """Rising: 0 to the right of three samples, 1.75 for the mean of one 4 and three 1."""
+    x, y = np.array([0, 0, 0, 1, 2, 2, 2.0]), np.array([0, 0, 0, 4, 1, 1, 1.0])
+    error = np.sqrt((2.25**2 + 3 * 0.75**2) / 7)
+    assert floors([x], [way * y]) == pytest.approx([error / 4])
+
+
 ONE = np.interp(np.arange(80), [0, 10, 40, 80], [0, 0, 100, 0])
 BEGIN = 11
 """The row of a cycle from which it counts: the last that is within 5 % of the rest."""
@@ -234,6 +242,17 @@ def test_a_cycle_that_lasts_longer_or_reaches_further_is_unknown_there(second):
     np.testing.assert_array_equal(np.isfinite(again(pressure, pressure, held)), known)
 
 
+@pytest.mark.parametrize(("higher", "is_same"), [(1.08, True), (1.12, False)])
+def test_a_course_within_a_twentieth_of_the_range_is_the_same(higher, is_same):
+    """Then samples are compared one by one, also above the peak of the cycle before."""
+    pressure = np.concatenate([ONE, higher * ONE])
+    apart = np.sqrt(np.mean((higher * ONE - ONE)[BEGIN:] ** 2)) / (100 * higher)
+    assert (apart <= 0.05) == is_same
+    held = last_cycles(pressure, 0.5)
+    known = np.isfinite(again(pressure, pressure, held))
+    assert known[held][:-BEGIN].all() == is_same
+
+
 def test_cycles_of_another_course_are_compared_on_the_same_stroke():
     slower = np.interp(np.arange(160), [0, 20, 80, 160], [0, 0, 99, 0])
     pressure = np.concatenate([ONE, slower])
@@ -255,11 +274,13 @@ def test_nothing_repeats_without_cycles_of_both_kinds():
     assert again(pressure, motion, curve.held_out, level=80.0) is None
 
 
-def test_a_held_out_cycle_between_training_ones_is_compared_with_the_one_before():
+@pytest.mark.parametrize("short", [0, 20])
+def test_a_held_out_cycle_between_training_ones_is_compared_with_the_one_before(short):
+    """Only its held-out samples, if training goes on before it ends."""
     (whole,) = record(4, drift=3.0)
     starts = BEGIN + len(ONE) * np.arange(5)
     held = np.zeros(whole.size, bool)
-    held[starts[2] : starts[3]] = True
+    held[starts[2] : starts[3] - short] = True
     found = again(*whole.columns.values(), held)
     np.testing.assert_array_equal(np.isfinite(found), held)
     np.testing.assert_allclose((found - whole.columns["displacement"])[held][1:], -3.0)
