@@ -43,6 +43,8 @@ def choice_of(*structures, box):
     [
         (0.95, [(0.50, 30)], [], 0),  # the black box errs hardly less
         (0.50, [(0.99, 30)], ["second"], 0),  # gains less than 5 %
+        (0.50, [(0.99, 10)], ["second"], 1),  # so does this one, but with no more parameters
+        (0.50, [(1.01, 9)], ["second"], 0),
         (0.50, [(0.94, 280)], ["second"], 0),  # gains less than its parameters cost
         (0.50, [(0.80, 12), (0.79, 13)], ["second", "third"], 1),  # the last gains nothing
         (0.50, [(0.51, 12)], ["second"], 1),  # then the black box errs hardly less

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from common import curve_of, dataset_of
 
-from mapmore_cli.annexes.search import bench, stretches
+from mapmore_cli.annexes.search import bench, parts, stretches
 from mapmore_cli.annexes.search.choosing import choose_structure
 from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.domain.errors import FitError
@@ -82,7 +82,7 @@ def test_inner_stretches_along_each_input():
 
 def test_ends_of_recordings_are_counted_from_the_last_training_sample():
     samples = curve_of({"y": np.zeros(12)}, held("----------xx"))
-    assert rows(bench._ends(samples)) == [[8, 9], [7, 8, 9], [5, 6, 7, 8, 9]]
+    assert rows(parts._ends(samples)) == [[8, 9], [7, 8, 9], [5, 6, 7, 8, 9]]
 
 
 @pytest.mark.parametrize(
@@ -100,7 +100,7 @@ def test_recordings_of_a_fair_size_are_left_out(sizes, left_out):
     origin = np.repeat(np.arange(len(sizes)), sizes)
     curve = curve_of({"y": np.zeros(len(origin))})
     samples = SimpleNamespace(origin=origin, training=curve.training)
-    folds = bench._fair(samples)
+    folds = parts._fair(samples)
     assert [int(origin[fold][0]) for fold in folds] == left_out
     assert all(fold.sum() == sizes[number] for fold, number in zip(folds, left_out, strict=True))
 
@@ -112,26 +112,44 @@ def level(value, out=False, size=2):
 
 
 @pytest.mark.parametrize(
-    ("out", "folds", "ends"),
+    ("out", "inner", "outer"),
     [
-        ((), [[2], [3], [4]], False),
-        ((3,), [[2], [4]], False),
-        ((2, 3), [[4]], False),  # of 1, 4 and 5, one is between two others
-        ((5,), [[4], [3, 4]], True),  # and one value more
-        ((1, 2), [[3]], True),
-        ((1, 5), [[2], [4]], True),
+        ((), [[2], [3], [4]], []),
+        ((3,), [[2], [4]], []),
+        ((2, 3), [[4]], []),  # of 1, 4 and 5, one is between two others
+        ((5,), [[2], [3]], [[4], [3, 4]]),  # and one value more
+        ((1, 2), [[4]], [[3]]),
+        ((1, 5), [[3]], [[2], [4]]),
+        ((1, 3), [[4]], [[2]]),
     ],
 )
-def test_neighbouring_values_are_left_out_as_the_study_does(out, folds, ends):
+def test_neighbouring_values_are_left_out_as_the_study_does(out, inner, outer):
     curves = [level(float(value), value in out) for value in range(1, 6)]
     study = replace(dataset_of({"p": np.zeros(1), "y": np.zeros(1)}), curves=tuple(curves))
     kept = tuple(curve for curve in curves if curve.training.any())
-    data = replace(study, curves=kept)
-    whole = np.array([curve.held_out.all() for curve in curves])
-    found, at_ends = bench._neighbours(data, study, whole, "p")
+    whole = np.concatenate([curve.held_out for curve in curves])
+    *found, beyond = parts._neighbours(replace(study, curves=kept), study, whole, "p")
     values = np.concatenate([curve.columns["p"] for curve in kept])
-    assert [np.unique(values[fold]).tolist() for fold in found] == folds
-    assert at_ends == ends
+    assert [[np.unique(values[fold]).tolist() for fold in some] for some in found] == [inner, outer]
+    every = np.repeat(range(1, 6), 2)
+    assert beyond.tolist() == ((every < values.min()) | (every > values.max())).tolist()
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "shares"),
+    [
+        ("--------", "--------", [0, 0, 1]),  # nothing is held out
+        ("xxxx----", "----xxxx", [0.5, 0.5, 0]),
+        ("xxxx----", "xx--xx--", [2 / 3, 1 / 3, 0]),  # of two kinds, the first one counts
+        ("xxxx----", "----x---", [1, 0, 0]),  # a kind below a quarter does not count
+        ("xx------", "--xx----", [0.5, 0.5, 0]),
+    ],
+)
+def test_shares_of_the_kinds_of_held_out_samples(first, second, shares):
+    kinds = [held(first), held(second)]
+    assert parts._shares(kinds, np.logical_or(*kinds)) == pytest.approx(shares)
+    others = parts._shares([kinds[0] & False, kinds[1] & False], np.logical_or(*kinds))
+    assert others == [0, 0, 1]  # stretches
 
 
 def outcome(family, parameters, *errors, failure=""):
@@ -180,9 +198,28 @@ def test_the_fewest_parameters_decide_where_they_are_limited():
     search = chosen_of(long, short, most=20, ends=True)
     assert (search.best, search.chosen) == (0, 1)
     assert "fewest parameters" in search.rule
-    assert "that leave an end out decide" in search.rule
+    assert "at an end of an input have 100% of the weight" in search.rule
     assert chosen_of(long, short, most=19).best == 1
     with pytest.raises(FitError, match=r"no structure could be fitted .*: singular"):
         chosen_of(BOX, FAILED, long, most=19)
     with pytest.raises(FitError, match="there was no time for any"):
         chosen_of(BOX)
+
+
+@pytest.mark.parametrize("most", [None, 8])
+@pytest.mark.parametrize("noise", [0.01, 0.1, 1.0])
+def test_no_structure_is_taken_if_another_one_dominates_it(noise, most):
+    """In random tables of candidates, none has a smaller error and no more parameters."""
+    rng = np.random.default_rng(7)
+    for _ in range(60):
+        count = int(rng.integers(2, 9))
+        kinds = rng.choice(["simple", "formula", "surface", "longer"], count)
+        sizes, errors = rng.integers(1, 10, count), np.exp(noise * rng.standard_normal((count, 3)))
+        sizes[0] = 1  # one that may be taken
+        every = [
+            outcome(str(kind), int(n), *e) for kind, n, e in zip(kinds, sizes, errors, strict=True)
+        ]
+        search = chosen_of(*every, BOX, FAILED, most=most)
+        rivals = [one for one in search.tried[:count] if one.parameters <= search.found.parameters]
+        assert search.found.excess == min(one.excess for one in rivals)
+        assert search.found.parameters <= (most or 9)

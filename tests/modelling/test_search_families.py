@@ -370,7 +370,8 @@ def leveled(*levels, held=()):
         (7, [3, 4], [[2, 5], [5, 6]], 2 / 3),
         (7, [6, 7], [[4, 5], [3, 4, 5]], 1),  # beyond an end: what lies there decides
         (6, [1, 2, 3], [[4]], 1),  # two stay
-        (7, [1, 4], [[2], [2, 3]], 1),
+        # half of it lies beyond an end, and half between levels
+        (7, [1, 4], [[2], [2, 3], [3], [5], [6]], 1 / 2 + 1 / 2 * 2 / 3),
     ],
 )
 def test_levels_are_left_out_as_the_study_holds_them_out(levels, held, out, weight):
@@ -446,25 +447,25 @@ def test_behind_gaps_a_recording_begins_where_its_output_is_known():
 
 
 @pytest.mark.parametrize(
-    ("held", "ends"),
+    ("held", "ends", "weight"),
     [
-        ([[0.8, 1]], [(0.6, 0.8)]),
-        ([[0, 0.3]], [(0.3, 0.53)]),  # a third of what trains at most
-        ([[0.4, 0.6]], []),
-        ([[0.4, 0.45], [0.9, 1]], [(0.8, 0.9)]),
+        ([[0.8, 1]], [(0.6, 0.8)], 1),
+        ([[0, 0.3]], [(0.3, 0.53)], 1),  # a third of what trains at most
+        ([[0.4, 0.6]], [], 0),
+        ([[0.4, 0.5], [0.9, 1]], [(0.8, 0.9)], 1 / 2),  # as much inside as beyond the end
+        ([[0.4, 0.42], [0.9, 1]], [(0.8, 0.9)], 1),  # hardly anything inside
     ],
 )
-def test_an_end_of_an_input_is_left_out_where_the_study_holds_one_out(held, ends):
+def test_an_end_of_an_input_is_left_out_where_the_study_holds_one_out(held, ends, weight):
     x, z = np.random.default_rng(1).random((2, 400))
     held_out = np.any([(x >= low) & (x <= high) for low, high in held], axis=0)
     part = replace(WHOLE, held_out=Holdout.model_validate({"x": {"between": held}}))
     bench = bench_of(dataset_of({"x": x, "z": z, "y": x * z}, held_out=held_out), part)
     values = bench.dataset.curves[0].columns["x"]
-    deciding = [fold for fold, w in zip(bench.folds, bench.weights, strict=True) if w > 0]
-    assert bench.ends == bool(ends)
-    if ends:
-        found = [(values[fold].min(), values[fold].max()) for fold in deciding]
-        assert np.array(found) == pytest.approx(np.array(ends), abs=0.03)
+    assert bench.ends == pytest.approx(weight, abs=0.1)
+    assert bench.weights[bench.blocks :].sum() == bench.ends
+    found = [(values[fold].min(), values[fold].max()) for fold in bench.folds[bench.blocks :]]
+    assert found == [pytest.approx(end, abs=0.03) for end in ends]
 
 
 @pytest.mark.parametrize(
@@ -472,20 +473,23 @@ def test_an_end_of_an_input_is_left_out_where_the_study_holds_one_out(held, ends
     [
         (6, [1, 2, 3], "few parameters"),  # the simplest within 20 % at the end
         (7, [6, 7], "least at the end"),  # two folds leave an end out, so they decide alone
+        (7, [1, 4], "a tenth more at the end, and little inside"),  # half of it lies inside
     ],
 )
-def test_only_folds_at_an_end_decide_if_an_end_is_held_out(levels, held, words):
+def test_folds_at_an_end_have_the_weight_of_the_ends_that_are_held_out(levels, held, words):
     bench = leveled(*range(1, levels + 1), held=held)
     sizes = [int(fold.sum()) for fold in bench.folds]
     errors = {  # parameters, error on folds inside, and at the end
         "least at the end": (12, 0.03, 0.1),
         "few parameters": (3, 0.03, 0.11),
         "a tenth more at the end, and little inside": (9, 0.01, 0.11),
-        "much more at the end, and nothing inside": (2, 0.001, 0.13),
+        "much more at the end, and less inside": (2, 0.02, 0.13),
     }
     outcomes = []
     for name, (parameters, inside, end) in errors.items():
-        places = [inside] * bench.blocks + [end] * (len(sizes) - bench.blocks)
+        at_end = bench.parts_left_out.startswith("each of 2 groups") + 1
+        places = [inside] * len(sizes)
+        places[bench.blocks : bench.blocks + at_end] = [end] * at_end
         left = [(np.full(n, e), np.full(n, True)) for n, e in zip(sizes, places, strict=True)]
         outcomes.append((Tried("states", name, {}, parameters=parameters), left))
     assert choose_structure(outcomes, bench, MOST_PARAMETERS).found.words == words

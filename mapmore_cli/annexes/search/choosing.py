@@ -27,8 +27,8 @@ BY_MEDIAN = (
 )
 
 BY_ENDS = (
-    "; because an end of an input is held out, only the folds (left-out parts) that leave an end "
-    "out decide"
+    "; folds (left-out parts) at an end of an input have {:.0%} of the weight, the share of the "
+    "held-out samples that lie beyond such an end"
 )
 
 PLAIN = ("simple", "formula")
@@ -81,7 +81,7 @@ def choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: int | None
         tuple(tried),
         usable[rank.best],
         usable[chosen],
-        f"{BY_MEDIAN if over_time else BY_MEAN}{BY_ENDS * bench.ends}",
+        f"{BY_MEDIAN if over_time else BY_MEAN}{BY_ENDS.format(bench.ends) if bench.ends else ''}",
     )
 
 

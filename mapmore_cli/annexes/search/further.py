@@ -11,7 +11,7 @@ from operator import attrgetter
 import numpy as np
 
 from mapmore_cli.annexes.search.bench import Bench
-from mapmore_cli.annexes.search.black_boxes import BLACK_BOX, Outcome
+from mapmore_cli.annexes.search.black_boxes import BLACK_BOX, SHOWN, Outcome
 from mapmore_cli.domain.results import Search
 from mapmore_cli.modelling.validation.significance import NOTHING, PRICE
 
@@ -53,7 +53,8 @@ def go_on(
     """Return the choice after later rounds.
 
     A round begins if a black box is clearly better than the structure found so far. The rounds end
-    if the best structure of a round gains less than `GAIN`.
+    if the best structure of a round gains less than `GAIN`. Then the structure found before is
+    kept, unless a structure of the round has a smaller error and no more parameters.
 
     - `first`: result of the first round.
     - `try_round`: function that tries the candidates of a file.
@@ -70,9 +71,23 @@ def go_on(
             for one in (longer.found, longer.tried[result.chosen])
         ]
         if costs[1] - costs[0] < GAIN:
-            return replace(longer, chosen=result.chosen, short=first.chosen)
+            kept = _least(longer, result.chosen)
+            return replace(longer, chosen=kept, short=first.chosen)
         result = replace(longer, short=first.chosen)
     return result
+
+
+def _least(result: Search, number: int) -> int:
+    """Return the index of the structure with the smallest error among all that have no more
+    parameters than one of the structures: this one itself, if no other one dominates it.
+    """
+    ranked = [
+        (one.excess, other != number, other)
+        for other, one in enumerate(result.tried)
+        if not one.failure and one.family not in SHOWN
+        if one.parameters <= result.tried[number].parameters
+    ]
+    return min(ranked)[-1]
 
 
 def note_of(result: Search, short: int) -> str:

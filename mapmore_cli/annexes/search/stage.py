@@ -79,7 +79,7 @@ def run_search(part: Slice, workspace: Workspace) -> None:
     )
 
 
-STAGE = Stage(name="search", revision=22, outputs=(SEARCH,), reads=search_slice, run=run_search)
+STAGE = Stage(name="search", revision=23, outputs=(SEARCH,), reads=search_slice, run=run_search)
 
 
 def settings_of(result: Search) -> dict[str, Any]:

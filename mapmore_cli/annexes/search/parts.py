@@ -1,0 +1,251 @@
+"""Leave out whole parts of the training data, of the kinds that a study holds out and in the same
+proportion: levels, recordings, their ends, and ends of an input.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from mapmore_cli.annexes.search.samples import pooled_samples
+from mapmore_cli.annexes.search.situation import Situation
+from mapmore_cli.domain.arrays import Array, BoolArray, extremes
+from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.modelling.signals.sampling import even_share
+
+BEHIND = (0.2, 0.35, 0.5)
+"""Shares of every recording, at its end, that the folds leave out if the study holds out ends of
+recordings, so that drift must be predicted.
+"""
+
+MOST_PARTS = 6
+"""Largest number of levels or recordings that are left out. If there are more, only an evenly
+spread part of them is left out.
+"""
+
+FAIR = (0.2, 1.2)
+"""Limits of the size of a recording that is left out, relative to the mean size of the recording in
+which a training sample lies. If a larger recording is left out, too few samples remain for
+training; the errors on a smaller one say little. (A mean over recordings, instead of over samples,
+would be dominated by fragments.)
+"""
+
+SOME, WIDEST = 1 / 4, 1 / 3
+"""A study holds out a kind of part if at least the first share of its held-out samples is of this
+kind. A fold leaves out at most the second fraction of the range of an input at its end.
+"""
+
+ASKED, OTHERWISE, ALONE = 2 / 3, (1 / 4, 1 / 2), 1 / 2
+"""Weights of all folds that leave out whole levels or recordings: if the study holds out such parts
+alone; if it holds out none, for tables and for recordings; and if there is only one such fold. All
+stretches together have the rest.
+"""
+
+
+class Parts(NamedTuple):
+    """Folds, (n,) each, that leave out parts of one kind, in words; the `share` of the held-out
+    samples of the study that are of this kind; and the weight of all these folds together. `is_end`
+    is True for ends of an input.
+    """
+
+    words: str
+    folds: Sequence[BoolArray]
+    share: float
+    weight: float
+    is_end: bool = False
+
+
+def parts_of(dataset: Dataset, situation: Situation, study: Dataset, by_level: bool) -> list[Parts]:
+    """Return the folds of every kind of part that has a weight.
+
+    Each held-out sample of the study is of the first of these kinds that it fits; if it fits none,
+    it belongs to a stretch:
+
+    - an end of an input: it lies at outermost levels, or in a table beyond the training range;
+    - the end of a recording: it comes after all training samples of its recording;
+    - a level or a recording: its curve is held out as a whole.
+
+    Ends of an input have their share of the weight, because only ends say something about ends.
+    With `by_level`, the study leaves out every level in turn.
+    """
+    samples, every = pooled_samples(dataset), pooled_samples(study)
+    whole = np.concatenate([np.full(curve.size, curve.held_out.all()) for curve in study.curves])
+    of = _standing(situation.inputs, study, whole)
+    words, folds, end_folds, at_end = "recordings", _fair(samples), list[BoolArray](), whole
+    if of is not None:
+        words, (folds, end_folds, at_end) = "levels", _neighbours(dataset, study, whole, of)
+    folds, end_folds = (_taught(some, samples, situation.inputs) for some in (folds, end_folds))
+    end_words = "groups of outermost levels"
+    if not end_folds:
+        end_words = "ends of an input, as the study holds one out"
+        end_folds, at_end = _beyond(dataset, situation, study)
+    behind, whole = _behind(every), whole | by_level
+    if situation.timed and of is None and len(samples.logs) == 1:
+        behind |= whole  # a run along the end of the only recording starts free as well
+    ends, drift, parts, rest = _shares([at_end, behind, whole], every.held_out | by_level)
+    asked, other = (ALONE, ALONE) if len(folds) == 1 else (ASKED, OTHERWISE[situation.timed])
+    found = (
+        Parts(end_words, end_folds, ends, ends, True),
+        Parts("ends of recordings", _ends(samples), drift, ASKED * drift),
+        Parts(words, folds, parts, asked * parts + other * rest),
+    )
+    return [one for one in found if one.weight and one.folds]
+
+
+def _shares(kinds: Sequence[BoolArray], held: BoolArray) -> list[float]:
+    """Return the shares of the held-out samples that are of each kind, of the first one that a
+    sample fits, and the share that fits none. Kinds with a share below `SOME` do not count.
+    """
+    first = np.argmax([*kinds, np.ones_like(held)], axis=0)[held]
+    counts = np.bincount(first, minlength=len(kinds) + 1)
+    counts[-1] += not len(first)
+    counts *= counts >= SOME * counts.sum()
+    shares: list[float] = (counts / counts.sum()).tolist()
+    return shares
+
+
+def _taught(folds: Sequence[BoolArray], samples: Curve, inputs: Sequence[str]) -> list[BoolArray]:
+    """Return at most `MOST_PARTS` of the folds without which every input still varies, because
+    nothing can be learnt about a constant input.
+    """
+    columns = [samples.columns[name].astype(np.float32) for name in inputs]
+    taught = [
+        fold for fold in folds if all(np.ptp(x[samples.training & ~fold]) > 0 for x in columns)
+    ]
+    places = even_share(np.arange(len(taught)), MOST_PARTS)
+    return [samples.training & taught[place] for place in places]
+
+
+def _behind(samples: Curve) -> BoolArray:
+    """Return True for samples, (n,), after the last training sample of their recording."""
+    behind = np.zeros(samples.size, dtype=np.bool_)
+    for log in samples.logs if "time" in samples.columns else ():
+        trained = np.flatnonzero(samples.training[log])
+        if len(trained):
+            behind[log[trained[-1] + 1 :]] = True
+    return behind
+
+
+def _ends(samples: Curve) -> list[BoolArray]:
+    """Return folds, (n,), that leave out the last fraction of the training samples of every
+    recording, for each fraction in `BEHIND`.
+    """
+    left = np.full(samples.size, 1.0)
+    for log in samples.logs:
+        rows = log[samples.training[log]]
+        left[rows] = np.arange(len(rows), 0, -1) / len(rows)
+    return [fold for fold in (left <= share for share in BEHIND) if fold.any()]
+
+
+def _standing(inputs: Sequence[str], study: Dataset, whole: BoolArray) -> str | None:
+    """Return the name of the level quantity, or of an input that is constant in every curve and has
+    other values in the curves that are held out as a whole (`whole`); None if there is neither.
+    """
+    if study.level is not None:
+        return study.level
+    for name in inputs:
+        values = _values(study, name)
+        still = all(np.ptp(curve.columns[name].astype(np.float32)) == 0 for curve in study.curves)
+        if still and whole.any() and not np.isin(values[whole], values[~whole]).any():
+            return name
+    return None
+
+
+def _values(dataset: Dataset, of: str) -> Array:
+    """Return the value at which the curve of each sample is constant, (n,), without rounding
+    errors.
+    """
+    return np.concatenate(
+        [
+            np.full(c.size, c.columns[of][0] if c.level is None else c.level, np.float32)
+            for c in dataset.curves
+        ]
+    )
+
+
+def _neighbours(
+    dataset: Dataset, study: Dataset, whole: BoolArray, of: str
+) -> tuple[list[BoolArray], list[BoolArray], BoolArray]:
+    """Return folds, (n,), that leave out inner neighbouring values: as many as the study holds out
+    in a row, or a single value. Also return folds that leave out outermost values, and a mask of
+    the samples of the study that lie beyond all training values. At each end that the study holds
+    out, one fold leaves out as many values as the study does. Another fold leaves out one value
+    more, because a choice by a single fold is uncertain. At least two values remain.
+    """
+    at, every = _values(dataset, of), _values(study, of)
+    values, known, trained = np.unique(every), np.unique(every[~whole]), np.unique(at)
+    most = len(trained) - 2
+    if most < 1:
+        return [], [], np.zeros_like(whole)
+    below, above = values < known[0], values > known[-1]
+    outer = [
+        side[:count]
+        for side, held in ((trained, below.sum()), (trained[::-1], above.sum()))
+        if held
+        for count in sorted({min(held, most), min(held + 1, most)})
+    ]
+    row = np.diff(np.searchsorted(values, known)).max() - 1
+    inner = sliding_window_view(trained[1:-1], int(np.clip(row, 1, most)))
+    folds, ends = ([np.isin(at, some) for some in each] for each in (inner, outer))
+    return folds, ends, np.isin(every, values[below | above])
+
+
+def _beyond(
+    dataset: Dataset, situation: Situation, study: Dataset
+) -> tuple[list[BoolArray], BoolArray]:
+    """Return folds, (n,), that leave out an end of an input's range, as wide as the part that the
+    study holds out beyond this end. Also return a mask of the samples of the study beyond these
+    ends. The range is that of all training samples. If too few held-out samples lie outside of it,
+    the range of each curve is tried instead. No fold is returned if too few samples lie outside of
+    that range too, or if samples are in the order of time.
+    """
+    samples, held = pooled_samples(dataset), pooled_samples(study).held_out
+    training, folds, beyond = samples.training, list[BoolArray](), np.zeros_like(held)
+    for of_each in () if situation.timed else (False, True):
+        for name in () if folds else situation.inputs:
+            values = samples.columns[name]
+            outside, _ = _from_ends(study, name, of_each)
+            above, widths = _from_ends(dataset, name, of_each)
+            for far, over in zip(outside, above, strict=True):
+                reach = np.minimum(np.max(far[held], initial=0.0), WIDEST * widths)
+                fold = training & (over >= -reach) & (reach > 0)
+                is_held = fold.any() and np.sum(far[held] > 0) >= SOME * held.sum()
+                rest = values[training & ~fold]
+                # the rest must cover at least half of the range, so that of two values neither is
+                # left alone
+                if is_held and len(rest) and 2 * np.ptp(rest) >= np.ptp(values[training]):
+                    folds.append(fold)
+                    beyond |= far > 0
+    return folds, beyond
+
+
+def _from_ends(dataset: Dataset, name: str, of_each: bool) -> tuple[Array, Array]:
+    """Return the distances of all samples below the lower end and above the upper end of the
+    training range, (2, n), and the width of this range, (n,). Distances inside the range are
+    negative. With `of_each`, each curve has its own range, which is unlimited for a curve without
+    training samples. Otherwise, all curves together have one range.
+    """
+    trained = [curve.columns[name][curve.training] for curve in dataset.curves]
+    whole = extremes(np.concatenate(trained))
+    far, widths = list[Array](), list[Array]()
+    for curve, values in zip(dataset.curves, trained, strict=True):
+        own = extremes(values) if len(values) else (-np.inf, np.inf)
+        low, high = own if of_each else whole
+        far.append(np.array([low - curve.columns[name], curve.columns[name] - high]))
+        widths.append(np.full(curve.size, high - low))
+    return np.concatenate(far, axis=1), np.concatenate(widths)
+
+
+def _fair(samples: Curve) -> list[BoolArray]:
+    """Return folds, (n,), that leave out one log each, for all logs whose size is within the limits
+    `FAIR`. Return an empty list if fewer than two logs have such a size.
+    """
+    logs = samples.origin
+    assert logs is not None
+    sizes = np.bincount(logs, samples.training)
+    low, high = (bound * (sizes @ sizes) / sizes.sum() for bound in FAIR)
+    fair = np.flatnonzero((low <= sizes) & (sizes <= high))
+    return [logs == number for number in fair] if len(fair) > 1 else []
