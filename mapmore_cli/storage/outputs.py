@@ -24,9 +24,10 @@ from mapmore_cli.storage.atomic import (
     refusals_told,
     refuse_irregular,
     replacing,
+    unfinished_beside,
     write_own,
 )
-from mapmore_cli.storage.inputs import is_read
+from mapmore_cli.storage.inputs import note_output, refuse_read
 
 MARKS = (b"mapmore", b"_predicted", b"schema_version")
 """Texts in what mapmore writes under names of its own choice: the second is in titles of tables,
@@ -46,9 +47,8 @@ def refuse_needed(path: Path) -> None:
         raise WriteError(f"{path}: cannot be written (it is a folder)", "name a file in it")
     if not path.is_file():
         return
-    if is_read(path):
-        why = "this command reads it, so its output does not replace it"
-    elif (folder := _run_with(path)) is not None:
+    refuse_read(path)
+    if (folder := _run_with(path)) is not None:
         why = f"it belongs to the run in {folder}, so no other output replaces it"
     elif not path.stat().st_mode & WRITABLE:
         why = "it is read-only, so no output replaces it"
@@ -69,6 +69,24 @@ def _run_with(path: Path) -> Path | None:
             if name in {RUN_RECORD, SEAL, *written_files(folder)}:
                 return folder
     return None
+
+
+def refuse_early(path: Path) -> None:
+    """Raise WriteError before a command computes if its output cannot be written: as
+    `refuse_needed` does, and if its folder does not exist or cannot be written to. If the command
+    reads this file later, it is refused at that moment (`note_read`).
+    """
+    with refusals_told(path.parent):
+        if is_special(path):
+            return
+        refuse_needed(path)
+        if not path.parent.is_dir():
+            raise WriteError(
+                f"{path}: cannot be written, because there is no folder {path.parent}",
+                "create the folder, or name a file in another one",
+            )
+        with unfinished_beside(path):
+            note_output(path)
 
 
 @contextmanager

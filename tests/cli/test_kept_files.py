@@ -73,13 +73,15 @@ def test_every_option_for_an_output_is_tried():
     commands = typer.main.get_command(app)
     context = typer.Context(commands)
     named = {
-        (name, option.opts[0])
+        (name, option.opts[0]): option.callback is not None
         for name in commands.list_commands(context)
         for option in commands.get_command(context, name).params
         if {"--output", "--out", "--junit", "--summary", "--figure", "--data"} & {*option.opts}
     }
     # test_cli_family has the family for `adapt`
-    assert named == {*OUTPUTS, ("adapt", "--output")}
+    assert named.keys() == {*OUTPUTS, ("adapt", "--output")}
+    # the names of exported files are not known before the model is read
+    assert [option for option, refuses in named.items() if not refuses] == [("export", "--output")]
 
 
 @pytest.mark.usefixtures("batch_here")
@@ -90,9 +92,35 @@ def test_no_output_replaces_a_file_that_is_needed(option, start, mapmore, monkey
     Path("hard.csv").hardlink_to("wanted.csv")
     for line, kept in OUTPUTS[option]:
         place = Path(kept, "bench.csv") if Path(kept).is_dir() else Path(kept)
-        before = place.read_bytes()
-        mapmore(*line.split(), kept, code=7, says=(f"{place}: ", "replace"))
-        assert place.read_bytes() == before, line
+        before = files_here()
+        again = ["--force"] if line.startswith(("run", "batch")) else []
+        mapmore(*line.split(), kept, *again, code=7, says=(f"{place}: ", "replace"))
+        assert files_here() == before, line
+
+
+def files_here():
+    """Return the files below the current folder with their contents and times."""
+    files = [path for path in sorted(Path().rglob("*")) if path.is_file()]
+    return {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in files}
+
+
+ADAPT = ("adapt", "--output"), [("adapt model.h5 points.csv -o", "")]
+
+
+@pytest.mark.parametrize("lines", [*OUTPUTS.items(), ADAPT], ids=lambda lines: " ".join(lines[0]))
+def test_an_output_that_cannot_be_written_is_refused_before_anything_is_read(lines, mapmore):
+    """There is no spec, model or table in this folder, which would be another error."""
+    (_, option), ((line, _), *_) = lines
+    if line.startswith("export"):
+        return
+    Path("sealed.svg").write_text("")
+    Path("sealed.svg").chmod(0o444)
+    Path("link.svg").symlink_to("nowhere.svg")
+    Path("folder.svg").mkdir()
+    long = f"{'a' * 300}.svg"
+    for output in ("no/such.svg", "sealed.svg", "link.svg", "folder.svg", "sealed.svg/a.svg", long):
+        mapmore(*line.split(), output, code=7, says=output)
+    assert [path.name for path in Path().iterdir() if path.name.startswith(".")] == [], option
 
 
 def test_a_file_with_a_chosen_name_replaces_those_of_mapmore_alone(tmp_path):
