@@ -163,6 +163,7 @@ def figure(
         refuse_early,
         refuse_foreign_file,
         write_bytes,
+        write_chosen,
         write_text,
     )
     from mapmore_cli.storage.run_record import load_records
@@ -191,7 +192,10 @@ def figure(
     load_records(folder)  # the sources of the run count as files that this command reads
     with Reporter(quiet) as reporter:
         drawn, numbers = drawn_figure(folder, name, curve, suffix, reporter.warn, looks, wanted)
-    write_bytes(out, drawn)
+    if chosen:
+        write_chosen(out.parent, {out.name: drawn})
+    else:
+        write_bytes(out, drawn)
     if data is not None and numbers is not None:
         write_text(data, numbers)
     print(out)

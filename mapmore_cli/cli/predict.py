@@ -367,7 +367,12 @@ def adapt(
     from mapmore_cli.pipeline.predict import adapt, dimension_of, names_of_points
     from mapmore_cli.reporting.table import Column, Table
     from mapmore_cli.storage.artefacts import read_model, write_model
-    from mapmore_cli.storage.outputs import refuse_early, refuse_foreign_file, refuse_needed
+    from mapmore_cli.storage.outputs import (
+        note_chosen,
+        refuse_early,
+        refuse_foreign_file,
+        refuse_needed,
+    )
 
     if output is None:
         refuse_foreign_file(ADAPTED)
@@ -382,9 +387,11 @@ def adapt(
             ways = [names_of_points(family)]
             lines, label = _lines_of(table, family, ways, options, reporter)
         model = adapt(family, lines, label, _constants_of(family, given))
-    output = output or ADAPTED
+    chosen, output = output is None, output or ADAPTED
     refuse_needed(output)
     write_model(output, model)
+    if chosen:
+        note_chosen(output.parent, [output.name])
     fit = model.backbone
     assert fit is not None
     rows = tuple((name, fit.parameters[name], fit.errors[name]) for name in fit.parameters)

@@ -12,7 +12,7 @@ from mapmore_cli.cli.app import app
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.pipeline.tables_in_memory import tables_of, write_tables
 from mapmore_cli.storage.inputs import files_read, note_read
-from mapmore_cli.storage.outputs import write_bytes, write_chosen
+from mapmore_cli.storage.outputs import WRITTEN, write_bytes, write_chosen
 
 MODEL = "runs/bench/model.h5"
 GRID = "pressure=100:200:50,strain=0:0.04:0.02"
@@ -124,16 +124,32 @@ def test_an_output_that_cannot_be_written_is_refused_before_anything_is_read(lin
 
 
 def test_a_file_with_a_chosen_name_replaces_those_of_mapmore_alone(tmp_path):
-    first = {"a.c": b"/* mapmore */ 1", "b.csv": b"force_predicted\n1\n"}
-    assert write_chosen(tmp_path / "new", first) == [tmp_path / "new/a.c", tmp_path / "new/b.csv"]
-    write_chosen(tmp_path / "new", {"a.c": b"2", "b.csv": b"mine"})
-    with pytest.raises(WriteError, match=r"b\.csv: exists, and mapmore has not written it"):
-        write_chosen(tmp_path / "new", {"c.c": b"", "b.csv": b"3"})
-    write_chosen(tmp_path / "new", {"b.csv": b"mine"})
-    assert {path.name: path.read_bytes() for path in (tmp_path / "new").iterdir()} == {
-        "a.c": b"2",
-        "b.csv": b"mine",
-    }
+    place = tmp_path / "new"
+    assert write_chosen(place, {"a.c": b"1", "b.csv": b"1"}) == [place / "a.c", place / "b.csv"]
+    write_chosen(place, {"a.c": b"2", "b.csv": b"1"})
+    (place / "d.c").write_bytes(b"/* mine, beside the code of mapmore */")
+    (place / "b.csv").write_bytes(b"1, edited")
+    with pytest.raises(WriteError, match=r"d\.c: exists, and mapmore has not written it"):
+        write_chosen(place, {"a.c": b"3", "d.c": b"3"})
+    with pytest.raises(WriteError, match=r"b\.csv: exists, and mapmore .* or it was changed since"):
+        write_chosen(place, {"a.c": b"3", "b.csv": b"3"})
+    moved = shutil.copytree(place, tmp_path / "moved")
+    write_chosen(moved, {"a.c": b"3"})
+    assert [(folder / "a.c").read_bytes() for folder in (place, moved)] == [b"2", b"3"]
+
+
+@pytest.mark.parametrize("left", [None, "", "[1]", "{", '{"a.c": 1}'])
+def test_without_its_note_a_file_with_a_chosen_name_is_kept(tmp_path, left):
+    write_chosen(tmp_path, {"a.c": b"1"})
+    (tmp_path / WRITTEN).unlink() if left is None else (tmp_path / WRITTEN).write_text(left)
+    with pytest.raises(WriteError, match=r"a\.c: exists, and "):
+        write_chosen(tmp_path, {"a.c": b"2"})
+    write_chosen(tmp_path, {"a.c": b"1"})  # the same contents are noted again
+    (tmp_path / WRITTEN).rename(tmp_path / "note")
+    (tmp_path / WRITTEN).symlink_to("note")
+    with pytest.raises(WriteError, match="is a link"):
+        write_chosen(tmp_path, {"a.c": b"2"})
+    assert (tmp_path / "a.c").read_bytes() == b"1"
 
 
 @pytest.mark.parametrize(
