@@ -189,3 +189,15 @@ def test_tables_in_memory_replace_no_recording_of_the_user(tmp_path):
     with pytest.raises(WriteError, match="mapmore has not written it"):
         write_tables(tables, place)
     assert path.read_text() == "mine"
+
+
+def test_a_glob_of_everything_reads_the_same_recordings_again(copied, mapmore, monkeypatch):
+    monkeypatch.chdir(copied[0].parent)
+    line = ("run", "bench.yaml", "--set", "data.files=['**/*.csv']", "--figures", "none")
+    mapmore(*line, "--force", "-q", code=0)
+    before = [Path(f"runs/bench/{name}").read_bytes() for name in ("scores.csv", "model.h5")]
+    told = mapmore(*line, "--force", code=0).stderr
+    assert "no recordings are read in runs/bench, because results of mapmore lie there" in told
+    assert [
+        Path(f"runs/bench/{name}").read_bytes() for name in ("scores.csv", "model.h5")
+    ] == before
