@@ -22,6 +22,7 @@ from mapmore_cli.cli.console import (
     folder_of,
     print_view,
     refuse_endings,
+    refuse_outputs,
     write_figure,
 )
 from mapmore_cli.cli.progress import Reporter
@@ -64,7 +65,10 @@ def compare(
     figure: Annotated[
         Path | None,
         Option(
-            "--figure", metavar="FILE", help="Draw the drift over all models (.svg .pdf .png .pgf)."
+            "--figure",
+            metavar="FILE",
+            callback=refuse_outputs,
+            help="Draw the drift over all models (.svg .pdf .png .pgf).",
         ),
     ] = None,
     archive: Archive = ARCHIVE,

@@ -41,6 +41,19 @@ if TYPE_CHECKING:
 # Options
 # --------------------------------------------------------------------------------------------------
 
+
+def refuse_outputs(named: Path | list[Path] | None) -> Path | list[Path] | None:
+    """Refuse the outputs that an option names, before the command computes, if they cannot be
+    written (`storage.outputs.refuse_early`). This is the callback of every option for an output.
+    """
+    from mapmore_cli.storage.outputs import refuse_early
+
+    for path in named if isinstance(named, list) else [named]:
+        if path is not None and path != STANDARD:
+            refuse_early(path)
+    return named
+
+
 Config = Annotated[Path, Argument(metavar="CONFIG", help="The experiment spec (YAML).")]
 SpecOrRun = Annotated[
     Path, Argument(metavar="CONFIG", help="The experiment spec (YAML), or the name of a run.")
@@ -79,18 +92,31 @@ Quiet = Annotated[bool, Option("--quiet", "-q", help="No progress and no warning
 Verbose = Annotated[bool, Option("--verbose", "-v", help="Also show how long each step took.")]
 Junit = Annotated[
     Path | None,
-    Option("--junit", metavar="FILE", help="Also write the outcome of each run, as JUnit XML."),
+    Option(
+        "--junit",
+        metavar="FILE",
+        callback=refuse_outputs,
+        help="Also write the outcome of each run, as JUnit XML.",
+    ),
 ]
 Summary = Annotated[
     Path | None,
     Option(
         "--summary",
         metavar="FILE",
+        callback=refuse_outputs,
         help="Also write a summary with the tables of scores (Markdown).",
     ),
 ]
 OutputOrStdout = Annotated[
-    Path, Option("--output", "-o", metavar="FILE", help="Where to write; - is stdout.")
+    Path,
+    Option(
+        "--output",
+        "-o",
+        metavar="FILE",
+        callback=refuse_outputs,
+        help="Where to write; - is stdout.",
+    ),
 ]
 
 RUNS, ARCHIVE, STANDARD = Path("runs"), Path("archive"), Path("-")

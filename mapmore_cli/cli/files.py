@@ -23,6 +23,7 @@ from mapmore_cli.cli.console import (
     print_document,
     print_view,
     refuse_endings,
+    refuse_outputs,
 )
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import UsageError
@@ -101,6 +102,7 @@ def figure(
             "--out",
             "-o",
             metavar="FILE",
+            callback=refuse_outputs,
             help=f"Output file: .{', .'.join(FIGURE_FILES)}. Default: FIGURE.FORMAT.",
         ),
     ] = None,
@@ -133,7 +135,11 @@ def figure(
     ] = None,
     data: Annotated[
         Path | None,
-        Option(metavar="FILE", help="Also write the data of the panel (CSV)."),
+        Option(
+            metavar="FILE",
+            callback=refuse_outputs,
+            help="Also write the data of the panel (CSV).",
+        ),
     ] = None,
     looks: Annotated[
         list[str],
@@ -153,7 +159,13 @@ def figure(
     --set.
     """
     from mapmore_cli.pipeline.report import drawn_figure
-    from mapmore_cli.storage.outputs import refuse_foreign_file, write_bytes, write_text
+    from mapmore_cli.storage.outputs import (
+        refuse_early,
+        refuse_foreign_file,
+        write_bytes,
+        write_chosen,
+        write_text,
+    )
     from mapmore_cli.storage.run_record import load_records
 
     chosen = out is None
@@ -172,14 +184,18 @@ def figure(
             "--data writes the numbers of one panel, and no panel is named",
             "name the panel with --curve",
         )
+    if chosen:
+        refuse_foreign_file(out)
+        refuse_early(out)
     wanted = [model.strip() for model in (models or "").split(",") if model.strip()]
     folder = folder_of(run, runs)
     load_records(folder)  # the sources of the run count as files that this command reads
     with Reporter(quiet) as reporter:
         drawn, numbers = drawn_figure(folder, name, curve, suffix, reporter.warn, looks, wanted)
     if chosen:
-        refuse_foreign_file(out)
-    write_bytes(out, drawn)
+        write_chosen(out.parent, {out.name: drawn})
+    else:
+        write_bytes(out, drawn)
     if data is not None and numbers is not None:
         write_text(data, numbers)
     print(out)

@@ -24,6 +24,7 @@ from mapmore_cli.cli.console import (
     Unverified,
     View,
     print_view,
+    refuse_outputs,
 )
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.cli.table_options import (
@@ -331,7 +332,13 @@ def adapt(
     ] = None,
     output: Annotated[
         Path | None,
-        Option("--output", "-o", metavar="FILE", help=f"The model to write. Default: {ADAPTED}."),
+        Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            callback=refuse_outputs,
+            help=f"The model to write. Default: {ADAPTED}.",
+        ),
     ] = None,
     given: Annotated[
         list[str],
@@ -360,8 +367,16 @@ def adapt(
     from mapmore_cli.pipeline.predict import adapt, dimension_of, names_of_points
     from mapmore_cli.reporting.table import Column, Table
     from mapmore_cli.storage.artefacts import read_model, write_model
-    from mapmore_cli.storage.outputs import refuse_foreign_file, refuse_needed
+    from mapmore_cli.storage.outputs import (
+        note_chosen,
+        refuse_early,
+        refuse_foreign_file,
+        refuse_needed,
+    )
 
+    if output is None:
+        refuse_foreign_file(ADAPTED)
+        refuse_early(ADAPTED)
     options = table_options(delimiter, decimal, thousands, sheet, columns, units)
     with Reporter(quiet) as reporter, remedies_by_options(options):
         family = read_model(model_file, reporter.warn)
@@ -372,9 +387,11 @@ def adapt(
             ways = [names_of_points(family)]
             lines, label = _lines_of(table, family, ways, options, reporter)
         model = adapt(family, lines, label, _constants_of(family, given))
-    refuse_foreign_file(ADAPTED) if output is None else refuse_needed(output)
-    output = output or ADAPTED
+    chosen, output = output is None, output or ADAPTED
+    refuse_needed(output)
     write_model(output, model)
+    if chosen:
+        note_chosen(output.parent, [output.name])
     fit = model.backbone
     assert fit is not None
     rows = tuple((name, fit.parameters[name], fit.errors[name]) for name in fit.parameters)

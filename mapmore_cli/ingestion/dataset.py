@@ -85,7 +85,7 @@ def build_dataset(
     """
     data, units, target = slice_.data, dict(slice_.units), slice_.measured
     _check(data)
-    sources = find_sources(data.files, spec_dir, data.join, tables, data.skip_bad_files)
+    sources = find_sources(data.files, spec_dir, data.join, tables, data.skip_bad_files, warn)
     meter = Meter(sources, progress)
     notes, warnings, logs = list[str](), list[str](), list[list[Recording]]()
     faults: list[DataError] = []

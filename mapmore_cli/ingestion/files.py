@@ -20,11 +20,12 @@ from types import MappingProxyType
 from typing import Literal
 
 from mapmore_cli.domain.declared import is_label
-from mapmore_cli.domain.errors import DataError, SpecError
+from mapmore_cli.domain.errors import DataError, SpecError, Warn
 from mapmore_cli.fitting.kinds.dictionary import derivations_of, units_of
 from mapmore_cli.fitting.stage import Progress
 from mapmore_cli.storage.inputs import note_read
 from mapmore_cli.storage.readers import READERS
+from mapmore_cli.storage.run_record import holds_results
 from mapmore_cli.storage.tables import RawTable, WhichTable
 from mapmore_cli.storage.tables.lines import name_of_packed
 from mapmore_cli.study.experiment import ExperimentSpec
@@ -132,16 +133,17 @@ def find_sources(
     joins: Sequence[Join] = (),
     tables: Tables = NO_TABLES,
     bad: bool | Sequence[str] = False,
+    warn: Warn = lambda _: None,
 ) -> tuple[Source, ...]:
     """Return the files of `data.files` in the order of the entries, each with its joined logs.
     Files of one glob are sorted by path. If an entry has the name of one of the `tables`, this
     table in memory is used instead of a file. Files named in `bad` (`data.skip_bad_files`) are left
-    out after logs were paired.
+    out after logs were paired. `warn` is called if a glob leads into results of mapmore.
 
     Raises DataError if a glob matches nothing, a file is named twice, or joined logs cannot be
     paired; SpecError if two recordings have the same id.
     """
-    found = _found(entries, folder, tables, may_be_empty=bool(bad))
+    found = _found(entries, folder, tables, may_be_empty=bool(bad), warn=warn)
     ids = [
         entry.id or automatic
         for (_, entry), automatic in zip(found, _automatic([log for log, _ in found]), strict=True)
@@ -180,7 +182,11 @@ def is_file_named(name: str, pattern: str, folder: Path) -> bool:
 
 
 def _found(
-    entries: Entries, folder: Path, tables: Tables = NO_TABLES, may_be_empty: bool = False
+    entries: Entries,
+    folder: Path,
+    tables: Tables = NO_TABLES,
+    may_be_empty: bool = False,
+    warn: Warn = lambda _: None,
 ) -> list[tuple[Log, FileEntry]]:
     """Return every file with the entry that names it. Sheets that entries name separately count as
     files.
@@ -188,7 +194,9 @@ def _found(
     found: dict[tuple[str, str | None, WhichTable | None], tuple[Log, FileEntry]] = {}
     for entry in (FileEntry(path=entry) if isinstance(entry, str) else entry for entry in entries):
         table = tables.get(entry.path)
-        paths = expand(entry.path, folder, may_be_empty) if table is None else [folder / entry.path]
+        paths = [folder / entry.path]
+        if table is None:
+            paths = expand(entry.path, folder, may_be_empty, warn)
         if entry.id is not None and len(paths) > 1:
             raise SpecError(
                 f"files: the id '{entry.id}' is given to {len(paths)} files ({entry.path})",
@@ -246,11 +254,15 @@ def _logs_to_join(join: Join, count: int, folder: Path) -> list[Log]:
     return logs if len(logs) == count else logs * count
 
 
-def expand(pattern: str, folder: Path, may_be_empty: bool = False) -> list[Path]:
+def expand(
+    pattern: str, folder: Path, may_be_empty: bool = False, warn: Warn = lambda _: None
+) -> list[Path]:
     """Return the files that a glob matches, sorted by POSIX path. Relative globs start at `folder`.
 
-    If a path exists exactly as it is written, brackets in it are no wildcards. Raises DataError for
-    a folder, for an empty file unless `may_be_empty`, and if nothing matches.
+    If a path exists exactly as it is written, brackets in it are no wildcards. Wildcards lead into
+    no folder with results of mapmore, of which `warn` tells, because the next run would read what
+    this one writes. Raises DataError for a folder, for an empty file unless `may_be_empty`, and if
+    nothing matches.
     """
     literal = folder / pattern
     if literal.is_dir():
@@ -258,8 +270,10 @@ def expand(pattern: str, folder: Path, may_be_empty: bool = False) -> list[Path]
             f"{pattern}: is a folder",
             f"Name the files in it, for example `{pattern.rstrip('/')}/*.csv`.",
         )
-    files = []
-    matches = {literal} if literal.is_file() else {*_matches(pattern, folder)}
+    files, results = list[Path](), set[Path]()
+    matches = {literal} if literal.is_file() else {*_matches(pattern, folder, results)}
+    names = sorted(relative_name(place, folder) for place in results)
+    shown = ", ".join(names[:SHOWN]) + (", ..." if len(names) > SHOWN else "")
     for name, path in sorted((relative_name(path, folder), path) for path in matches):
         if path.is_dir():
             continue
@@ -283,24 +297,40 @@ def expand(pattern: str, folder: Path, may_be_empty: bool = False) -> list[Path]
             )
         files.append(path)
     if not files:
-        raise DataError(f"{pattern}: no such file", _what_exists(literal))
+        where = f" outside of the results of mapmore in {shown}" if results else ""
+        raise DataError(f"{pattern}: no such file{where}", _what_exists(literal))
+    if results:
+        warn(f"{pattern}: no recordings are read in {shown}, because results of mapmore lie there")
     note_read(files)
     return files
 
 
-def _matches(pattern: str, folder: Path) -> Iterator[Path]:
+def _matches(pattern: str, folder: Path, results: set[Path]) -> Iterator[Path]:
     """Return everything that a glob matches. `**` enters each folder only once, even if several
-    links lead to it, because links may lead back to a parent folder.
+    links lead to it, because links may lead back to a parent folder. Folders with results of
+    mapmore, to which wildcards lead, are not entered but added to `results`.
 
     Raises DataError if the glob leads through more than `MOST_FOLDERS` folders.
     """
     entered = count(1)
-    yield from _below(PurePath(pattern).parts, folder, pattern, entered)
+
+    def is_entered(place: Path) -> bool:
+        if holds_results(place):
+            results.add(place)
+            return False
+        if next(entered) > MOST_FOLDERS:
+            raise DataError(
+                f"{pattern}: matches paths through more than {MOST_FOLDERS} folders",
+                "name the folders explicitly, for example `measured/*/*.csv`",
+            )
+        return True
+
+    yield from _below(PurePath(pattern).parts, folder, is_entered)
 
 
-def _below(parts: Sequence[str], top: Path, pattern: str, entered: Iterator[int]) -> Iterator[Path]:
-    """Yield the paths below a folder that match a glob, given by its parts. `entered` counts the
-    folders.
+def _below(parts: Sequence[str], top: Path, is_entered: Callable[[Path], bool]) -> Iterator[Path]:
+    """Yield the paths below a folder that match a glob, given by its parts. `is_entered` is asked
+    about every folder to which a wildcard leads.
     """
     plain = list(takewhile(lambda part: not glob.has_magic(part), parts))
     here, rest = top.joinpath(*plain), parts[len(plain) :]
@@ -308,20 +338,15 @@ def _below(parts: Sequence[str], top: Path, pattern: str, entered: Iterator[int]
         yield from [here] if os.path.lexists(here) else ()
         return
     if rest[0] == "**":
-        inner: Iterable[Path] = _folders(here, set()) if here.is_dir() else ()
+        inner: Iterable[Path] = _folders(here, set(), is_entered) if here.is_dir() else ()
     else:
         found = _entries(here, rest[0])
         if len(rest) == 1:
             yield from map(Path, found)
             return
-        inner = (Path(entry) for entry in found if entry.is_dir())
+        inner = (Path(entry) for entry in found if entry.is_dir() and is_entered(Path(entry)))
     for path in inner:
-        if next(entered) > MOST_FOLDERS:
-            raise DataError(
-                f"{pattern}: matches paths through more than {MOST_FOLDERS} folders",
-                "name the folders explicitly, for example `measured/*/*.csv`",
-            )
-        yield from _below(rest[1:] or ["*"], path, pattern, entered)
+        yield from _below(rest[1:] or ["*"], path, is_entered)
 
 
 def _entries(folder: Path, part: str) -> list[os.DirEntry[str]]:
@@ -338,8 +363,12 @@ def _entries(folder: Path, part: str) -> list[os.DirEntry[str]]:
     return []
 
 
-def _folders(top: Path, seen: set[tuple[int, int]]) -> Iterator[Path]:
-    """Yield a folder and all folders inside it, except hidden ones."""
+def _folders(
+    top: Path, seen: set[tuple[int, int]], is_entered: Callable[[Path], bool]
+) -> Iterator[Path]:
+    """Yield a folder and all folders inside it, except hidden ones and those that are not
+    entered.
+    """
 
     def refused(fault: OSError) -> None:
         what = f"{fault.filename}: cannot be read ({fault.strerror})"
@@ -351,7 +380,9 @@ def _folders(top: Path, seen: set[tuple[int, int]]) -> Iterator[Path]:
             inner.clear()
             continue
         seen.add((state.st_dev, state.st_ino))
-        inner[:] = sorted(one for one in inner if not one.startswith("."))
+        inner[:] = sorted(
+            one for one in inner if not one.startswith(".") and is_entered(Path(name, one))
+        )
         yield Path(name)
 
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mapmore_cli.domain.errors import MapmoreError
+from mapmore_cli.domain.errors import MapmoreError, WriteError
 from mapmore_cli.pipeline.runner import AS_USUAL, Options, RunOutcome, bring_up_to_date
 from mapmore_cli.pipeline.stages import recordings
 from mapmore_cli.pipeline.validate import required_limits
@@ -118,13 +117,19 @@ def run_one(job: Job) -> Finished:
     return Finished.of(loaded, outcome, warnings, started)
 
 
-def note_sources(job: Job, result: Finished | BaseException) -> None:
+def note_sources(job: Job, done: Finished | None) -> None:
     """Count the spec and the recordings of a job as read (`storage.inputs`), although another
-    process has read them.
+    process reads them. `done` is its result if its run is up to date.
+
+    Raises WriteError if one of these files is an output of the command.
     """
-    if not isinstance(result, BaseException):
-        load_records(result.run_dir)
+    if done is not None:
+        load_records(done.run_dir)
         return
-    with suppress(MapmoreError):  # the files of a broken spec are unknown
+    try:
         loaded = load(job.config, job.overrides)
         recordings(loaded.spec, loaded.folder)
+    except WriteError:
+        raise
+    except MapmoreError:  # the files of a broken spec are unknown
+        return

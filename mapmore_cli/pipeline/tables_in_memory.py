@@ -14,7 +14,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.pipeline.frames import Door, labels_of
 from mapmore_cli.storage.atomic import make_folder, replacing
-from mapmore_cli.storage.outputs import refuse_foreign_file
+from mapmore_cli.storage.outputs import note_chosen, refuse_foreign_file
 from mapmore_cli.storage.tables import IN_MEMORY, RawTable, known_names
 from mapmore_cli.storage.tables.cells import CellReader
 from mapmore_cli.study.fields import as_target
@@ -189,6 +189,7 @@ def write_tables(tables: Mapping[str, RawTable], folder: Path) -> list[Path]:
             file.attrs["creator"] = "mapmore"
             for name, values in table.columns.items():
                 file.create_dataset(name, data=values, track_times=False)
+    note_chosen(folder, [path.name for path in paths])
     return paths
 
 

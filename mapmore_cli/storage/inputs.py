@@ -1,4 +1,6 @@
-"""Remember the files that a command reads, so that none of its outputs replaces one of them."""
+"""Remember the files that a command reads and those that it will write, so that none of its outputs
+replaces a file that it reads.
+"""
 
 from __future__ import annotations
 
@@ -6,37 +8,71 @@ import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
+from dataclasses import dataclass
 from pathlib import Path
 
-_READ: ContextVar[set[Path] | None] = ContextVar("_READ", default=None)
+from mapmore_cli.domain.errors import WriteError
+
+
+@dataclass(frozen=True)
+class _Files:
+    """Files of a command: those that it has read, and the outputs that it will write."""
+
+    read: set[Path]
+    outputs: list[Path]
+
+
+_FILES: ContextVar[_Files | None] = ContextVar("_FILES", default=None)
 
 
 @contextmanager
 def files_read() -> Iterator[set[Path]]:
     """Collect the paths of the files that are read within the context. A context around it collects
-    them too.
+    them too, and its outputs are those of this one.
     """
-    around, paths = _READ.get(), set[Path]()
-    token = _READ.set(paths)
+    around = _FILES.get()
+    files = _Files(set(), [] if around is None else around.outputs)
+    token = _FILES.set(files)
     try:
-        yield paths
+        yield files.read
     finally:
-        _READ.reset(token)
+        _FILES.reset(token)
         if around is not None:
-            around |= paths
+            around.read.update(files.read)
 
 
 def note_read(paths: Iterable[Path]) -> None:
-    """Add paths to those that `files_read` collects; outside of its context, do nothing."""
-    if (known := _READ.get()) is not None:
-        known.update(paths)
+    """Add paths to those that `files_read` collects; outside of its context, do nothing. Raises
+    WriteError if one of them is an output of the command.
+    """
+    if (files := _FILES.get()) is not None:
+        new = {*paths} - files.read
+        files.read.update(new)
+        for output in files.outputs:
+            _refuse_same(output, new)
 
 
-def is_read(path: Path) -> bool:
-    """Return True if an existing file is one of those that were read, under any name."""
-    state = path.stat()
-    for other in _READ.get() or ():
-        with suppress(OSError):  # a file that was read may be gone
-            if os.path.samestat(state, other.stat()):
-                return True
-    return False
+def note_output(path: Path) -> None:
+    """Remember an output of the command, so that `note_read` refuses it before the command
+    computes; outside of the context of `files_read`, do nothing.
+    """
+    if (files := _FILES.get()) is not None:
+        files.outputs.append(path)
+
+
+def refuse_read(path: Path) -> None:
+    """Raise WriteError if an existing file is one of those that were read, under any name."""
+    if (files := _FILES.get()) is not None:
+        _refuse_same(path, files.read)
+
+
+def _refuse_same(output: Path, inputs: Iterable[Path]) -> None:
+    with suppress(OSError):  # nothing is lost if the output does not exist
+        state = output.stat()
+        for path in inputs:
+            with suppress(OSError):  # a file that was read may be gone
+                if os.path.samestat(state, path.stat()):
+                    raise WriteError(
+                        f"{output}: this command reads it, so its output does not replace it",
+                        "name another file for the output",
+                    )

@@ -2,36 +2,38 @@
 
 A file that the user names is replaced, as other programs replace their outputs, unless it is still
 needed: the command reads it, it belongs to a run, or it is read-only, as frozen models are. A file
-whose name mapmore chooses is replaced only if mapmore has written it.
+whose name mapmore chooses is replaced only if mapmore has written it and nobody has changed it
+since. For this, a file beside it, `WRITTEN`, holds its hash.
 """
 
 from __future__ import annotations
 
 import gzip
 import io
+import json
 import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from mmap import ACCESS_READ, mmap
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, TextIO
 
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.storage.atomic import (
+    content_of,
     holds,
     is_special,
     opened_special,
     refusals_told,
     refuse_irregular,
     replacing,
+    unfinished_beside,
     write_own,
 )
-from mapmore_cli.storage.inputs import is_read
+from mapmore_cli.storage.inputs import note_output, refuse_read
+from mapmore_cli.storage.seals import SEAL, hashes_of
 
-MARKS = (b"mapmore", b"_predicted", b"schema_version")
-"""Texts in what mapmore writes under names of its own choice: the second is in titles of tables,
-and the third in specs.
-"""
+WRITTEN = ".mapmore-files"
+"""File with the SHA-256 of the files in its folder whose names mapmore has chosen, by name."""
 
 WRITABLE = 0o222
 """Permissions of which a read-only file has none."""
@@ -46,9 +48,8 @@ def refuse_needed(path: Path) -> None:
         raise WriteError(f"{path}: cannot be written (it is a folder)", "name a file in it")
     if not path.is_file():
         return
-    if is_read(path):
-        why = "this command reads it, so its output does not replace it"
-    elif (folder := _run_with(path)) is not None:
+    refuse_read(path)
+    if (folder := _run_with(path)) is not None:
         why = f"it belongs to the run in {folder}, so no other output replaces it"
     elif not path.stat().st_mode & WRITABLE:
         why = "it is read-only, so no output replaces it"
@@ -60,7 +61,6 @@ def refuse_needed(path: Path) -> None:
 def _run_with(path: Path) -> Path | None:
     """Return the folder of the run to which a file belongs, or None."""
     from mapmore_cli.storage.run_record import RUN_RECORD, written_files
-    from mapmore_cli.storage.seals import SEAL
 
     place = Path(os.path.realpath(path))
     for folder in place.parents:
@@ -69,6 +69,24 @@ def _run_with(path: Path) -> Path | None:
             if name in {RUN_RECORD, SEAL, *written_files(folder)}:
                 return folder
     return None
+
+
+def refuse_early(path: Path) -> None:
+    """Raise WriteError before a command computes if its output cannot be written: as
+    `refuse_needed` does, and if its folder does not exist or cannot be written to. If the command
+    reads this file later, it is refused at that moment (`note_read`).
+    """
+    with refusals_told(path.parent):
+        if is_special(path):
+            return
+        refuse_needed(path)
+        if not path.parent.is_dir():
+            raise WriteError(
+                f"{path}: cannot be written, because there is no folder {path.parent}",
+                "create the folder, or name a file in another one",
+            )
+        with unfinished_beside(path):
+            note_output(path)
 
 
 @contextmanager
@@ -129,19 +147,39 @@ def write_text(path: Path, text: str) -> None:
 
 
 def refuse_foreign_file(path: Path) -> None:
-    """Raise WriteError if a file whose name mapmore chooses exists, and mapmore has not written it.
-    A file that is still needed is refused too.
+    """Raise WriteError if a file whose name mapmore chooses exists, unless `note_chosen` has noted
+    it and its contents are the same. A file that is still needed is refused too.
     """
     refuse_needed(path)
+    refuse_irregular(path.parent / WRITTEN)
     if not path.is_file() or path.stat().st_size == 0:
         return
-    with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as data:
-        ours = any(data.find(mark) >= 0 for mark in MARKS)
-    if not ours:
+    if _hashes_in(path.parent).get(path.name) != hashes_of(path.parent, [path.name])[path.name]:
         raise WriteError(
-            f"{path}: exists, and mapmore has not written it, so it is not replaced",
+            f"{path}: exists, and mapmore has not written it, or it was changed since, so it is "
+            "not replaced",
             "move it away, or choose another place with -o",
         )
+
+
+def note_chosen(folder: Path, names: Iterable[str]) -> None:
+    """Note the contents of files whose names mapmore has chosen, so that it may replace them later
+    (`refuse_foreign_file`). If the note is lost, these files are refused.
+    """
+    known = {**_hashes_in(folder), **hashes_of(folder, names)}
+    hashes = {name: known[name] for name in sorted(known) if (folder / name).is_file()}
+    text = json.dumps(hashes, indent=1, ensure_ascii=False) + "\n"
+    if not holds(folder / WRITTEN, text.encode()):
+        write_own(folder / WRITTEN, text)
+
+
+def _hashes_in(folder: Path) -> dict[str, str]:
+    """Return the hashes that `note_chosen` has noted, by name; empty if they cannot be read."""
+    with suppress(OSError, ValueError):
+        noted = json.loads(content_of(folder / WRITTEN))
+        if isinstance(noted, dict):
+            return noted
+    return {}
 
 
 def write_chosen(folder: Path, files: Mapping[str, bytes]) -> list[Path]:
@@ -161,4 +199,5 @@ def write_chosen(folder: Path, files: Mapping[str, bytes]) -> list[Path]:
         refuse_foreign_file(path)
     for path, data in changed.items():
         write_own(path, data)
+    note_chosen(folder, files)
     return [folder / name for name in files]

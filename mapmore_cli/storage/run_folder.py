@@ -8,7 +8,6 @@ the process is interrupted in this instant, `recover` restores it.
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -22,7 +21,6 @@ from mapmore_cli.domain.errors import DataError, WriteError
 from mapmore_cli.domain.results import Search
 from mapmore_cli.storage.atomic import (
     UNFINISHED,
-    content_of,
     refusals_told,
     refuse_irregular,
     remove,
@@ -31,7 +29,13 @@ from mapmore_cli.storage.atomic import (
     unfinished_beside,
 )
 from mapmore_cli.storage.ownership import ASIDE, LOCK, is_as_written, is_same, put_back, to_trash
-from mapmore_cli.storage.run_record import RUN_RECORD, Stamp, read_scores, written_files
+from mapmore_cli.storage.run_record import (
+    RUN_RECORD,
+    Stamp,
+    is_record,
+    read_scores,
+    written_files,
+)
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.fits import SegmentedCurve
@@ -182,25 +186,13 @@ def refuse_foreign(folder: Path, record: str) -> None:
             "change its permissions, or choose another folder",
         ) from fault
     others = sorted(name for name in names if name != LOCK and not UNFINISHED.fullmatch(name))
-    if others and (record not in names or not _is_ours(folder / record)):
+    if others and (record not in names or not is_record(folder / record)):
         more = ", ..." if len(others) > 3 else ""
         raise WriteError(
             f"{folder}: holds files that mapmore did not write there "
             f"({', '.join(others[:3])}{more})",
             "give the study another `name`, or choose another folder with --runs",
         )
-
-
-def _is_ours(record: Path) -> bool:
-    """Return True if a record may have been written by mapmore, even if it is damaged; False for an
-    intact document of another program.
-    """
-    try:
-        document = json.loads(content_of(record))
-    except (OSError, ValueError, RecursionError):
-        return record.is_file()
-    ours = document.get("creator") == "mapmore" if isinstance(document, dict) else True
-    return ours or not document or "stages" in document
 
 
 def recover(run_dir: Path, outputs: Iterable[str]) -> None:

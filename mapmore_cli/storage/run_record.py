@@ -239,6 +239,26 @@ def _sources_of(run_dir: Path, stages: Mapping[str, StageRecord]) -> Iterator[Pa
             yield from (spec.parent / path for path in record.inputs)
 
 
+def is_record(record: Path) -> bool:
+    """Return True if a record may have been written by mapmore, even if it is damaged; False for an
+    intact document of another program.
+    """
+    try:
+        document = json.loads(content_of(record))
+    except (OSError, ValueError, RecursionError):
+        return record.is_file()
+    ours = document.get("creator") == "mapmore" if isinstance(document, dict) else True
+    return ours or not document or "stages" in document
+
+
+def holds_results(folder: Path) -> bool:
+    """Return True if a folder holds the record of a run, of a frozen model or of a campaign."""
+    return any(
+        (folder / name).is_file() and is_record(folder / name)
+        for name in (RUN_RECORD, CAMPAIGN_RECORD)
+    )
+
+
 def written_files(run_dir: Path) -> dict[str, Stamp]:
     """Return all files that the record of a run lists, by POSIX path in its folder; empty if it
     cannot be read.

@@ -95,7 +95,7 @@ def test_a_specimen_is_adapted_to_a_model_of_its_own(folder, tmp_path, mapmore, 
     foreign = tmp_path / "foreign.csv", *read_by
     for kept in (model, few):
         line = ("adapt", model, few, "--set", "rest=250", "-o", kept, "-q")
-        mapmore(*line, code=7, says=f"{kept}: this command reads it")
+        mapmore(*line, code=7, says=(f"{kept}: ", "replace"))
     again = document("adapt", model, *foreign, "--set", "rest=250", "-o", out, "-q")
     assert again["parameters"] == pytest.approx(found["parameters"], rel=1e-6)
     assert "learnt from 3 specimens" in found["notes"][0]

@@ -12,7 +12,7 @@ from mapmore_cli.cli.app import app
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.pipeline.tables_in_memory import tables_of, write_tables
 from mapmore_cli.storage.inputs import files_read, note_read
-from mapmore_cli.storage.outputs import write_bytes, write_chosen
+from mapmore_cli.storage.outputs import WRITTEN, write_bytes, write_chosen
 
 MODEL = "runs/bench/model.h5"
 GRID = "pressure=100:200:50,strain=0:0.04:0.02"
@@ -73,13 +73,15 @@ def test_every_option_for_an_output_is_tried():
     commands = typer.main.get_command(app)
     context = typer.Context(commands)
     named = {
-        (name, option.opts[0])
+        (name, option.opts[0]): option.callback is not None
         for name in commands.list_commands(context)
         for option in commands.get_command(context, name).params
         if {"--output", "--out", "--junit", "--summary", "--figure", "--data"} & {*option.opts}
     }
     # test_cli_family has the family for `adapt`
-    assert named == {*OUTPUTS, ("adapt", "--output")}
+    assert named.keys() == {*OUTPUTS, ("adapt", "--output")}
+    # the names of exported files are not known before the model is read
+    assert [option for option, refuses in named.items() if not refuses] == [("export", "--output")]
 
 
 @pytest.mark.usefixtures("batch_here")
@@ -90,22 +92,64 @@ def test_no_output_replaces_a_file_that_is_needed(option, start, mapmore, monkey
     Path("hard.csv").hardlink_to("wanted.csv")
     for line, kept in OUTPUTS[option]:
         place = Path(kept, "bench.csv") if Path(kept).is_dir() else Path(kept)
-        before = place.read_bytes()
-        mapmore(*line.split(), kept, code=7, says=(f"{place}: ", "replace"))
-        assert place.read_bytes() == before, line
+        before = files_here()
+        again = ["--force"] if line.startswith(("run", "batch")) else []
+        mapmore(*line.split(), kept, *again, code=7, says=(f"{place}: ", "replace"))
+        assert files_here() == before, line
+
+
+def files_here():
+    """Return the files below the current folder with their contents and times."""
+    files = [path for path in sorted(Path().rglob("*")) if path.is_file()]
+    return {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in files}
+
+
+ADAPT = ("adapt", "--output"), [("adapt model.h5 points.csv -o", "")]
+
+
+@pytest.mark.parametrize("lines", [*OUTPUTS.items(), ADAPT], ids=lambda lines: " ".join(lines[0]))
+def test_an_output_that_cannot_be_written_is_refused_before_anything_is_read(lines, mapmore):
+    """There is no spec, model or table in this folder, which would be another error."""
+    (_, option), ((line, _), *_) = lines
+    if line.startswith("export"):
+        return
+    Path("sealed.svg").write_text("")
+    Path("sealed.svg").chmod(0o444)
+    Path("link.svg").symlink_to("nowhere.svg")
+    Path("folder.svg").mkdir()
+    long = f"{'a' * 300}.svg"
+    for output in ("no/such.svg", "sealed.svg", "link.svg", "folder.svg", "sealed.svg/a.svg", long):
+        mapmore(*line.split(), output, code=7, says=output)
+    assert [path.name for path in Path().iterdir() if path.name.startswith(".")] == [], option
 
 
 def test_a_file_with_a_chosen_name_replaces_those_of_mapmore_alone(tmp_path):
-    first = {"a.c": b"/* mapmore */ 1", "b.csv": b"force_predicted\n1\n"}
-    assert write_chosen(tmp_path / "new", first) == [tmp_path / "new/a.c", tmp_path / "new/b.csv"]
-    write_chosen(tmp_path / "new", {"a.c": b"2", "b.csv": b"mine"})
-    with pytest.raises(WriteError, match=r"b\.csv: exists, and mapmore has not written it"):
-        write_chosen(tmp_path / "new", {"c.c": b"", "b.csv": b"3"})
-    write_chosen(tmp_path / "new", {"b.csv": b"mine"})
-    assert {path.name: path.read_bytes() for path in (tmp_path / "new").iterdir()} == {
-        "a.c": b"2",
-        "b.csv": b"mine",
-    }
+    place = tmp_path / "new"
+    assert write_chosen(place, {"a.c": b"1", "b.csv": b"1"}) == [place / "a.c", place / "b.csv"]
+    write_chosen(place, {"a.c": b"2", "b.csv": b"1"})
+    (place / "d.c").write_bytes(b"/* mine, beside the code of mapmore */")
+    (place / "b.csv").write_bytes(b"1, edited")
+    with pytest.raises(WriteError, match=r"d\.c: exists, and mapmore has not written it"):
+        write_chosen(place, {"a.c": b"3", "d.c": b"3"})
+    with pytest.raises(WriteError, match=r"b\.csv: exists, and mapmore .* or it was changed since"):
+        write_chosen(place, {"a.c": b"3", "b.csv": b"3"})
+    moved = shutil.copytree(place, tmp_path / "moved")
+    write_chosen(moved, {"a.c": b"3"})
+    assert [(folder / "a.c").read_bytes() for folder in (place, moved)] == [b"2", b"3"]
+
+
+@pytest.mark.parametrize("left", [None, "", "[1]", "{", '{"a.c": 1}'])
+def test_without_its_note_a_file_with_a_chosen_name_is_kept(tmp_path, left):
+    write_chosen(tmp_path, {"a.c": b"1"})
+    (tmp_path / WRITTEN).unlink() if left is None else (tmp_path / WRITTEN).write_text(left)
+    with pytest.raises(WriteError, match=r"a\.c: exists, and "):
+        write_chosen(tmp_path, {"a.c": b"2"})
+    write_chosen(tmp_path, {"a.c": b"1"})  # the same contents are noted again
+    (tmp_path / WRITTEN).rename(tmp_path / "note")
+    (tmp_path / WRITTEN).symlink_to("note")
+    with pytest.raises(WriteError, match="is a link"):
+        write_chosen(tmp_path, {"a.c": b"2"})
+    assert (tmp_path / "a.c").read_bytes() == b"1"
 
 
 @pytest.mark.parametrize(
@@ -145,3 +189,15 @@ def test_tables_in_memory_replace_no_recording_of_the_user(tmp_path):
     with pytest.raises(WriteError, match="mapmore has not written it"):
         write_tables(tables, place)
     assert path.read_text() == "mine"
+
+
+def test_a_glob_of_everything_reads_the_same_recordings_again(copied, mapmore, monkeypatch):
+    monkeypatch.chdir(copied[0].parent)
+    line = ("run", "bench.yaml", "--set", "data.files=['**/*.csv']", "--figures", "none")
+    mapmore(*line, "--force", "-q", code=0)
+    before = [Path(f"runs/bench/{name}").read_bytes() for name in ("scores.csv", "model.h5")]
+    told = mapmore(*line, "--force", code=0).stderr
+    assert "no recordings are read in runs/bench, because results of mapmore lie there" in told
+    assert [
+        Path(f"runs/bench/{name}").read_bytes() for name in ("scores.csv", "model.h5")
+    ] == before

@@ -122,3 +122,31 @@ def test_globs_that_lead_through_a_whole_computer(tree, monkeypatch):
     for pattern in (deep, "../**/*.csv"):
         with refused(f"{pattern}: matches paths through more than 2 folders", "`measured/*/*.csv`"):
             find_sources([pattern], tree)
+
+
+RECORD = '{"creator": "mapmore", "stages": {}}'
+
+
+def test_a_glob_enters_no_folder_with_results(tree):
+    """Otherwise, the second run would read what the first one has written."""
+    patterns = ["../**/*.csv", "../*/*.csv"]
+    before = [find_sources([pattern], tree) for pattern in patterns]
+    for name, record in {"out/a": "run.json", "campaign": "campaign.json"}.items():
+        place = tree.parent / name / "report"
+        place.mkdir(parents=True)
+        for folder in (place, place.parent):
+            (folder / "scores.csv").write_text("x\n1\n")
+        (place.parent / record).write_text(RECORD)
+    warnings = []
+    again = [find_sources([pattern], tree, warn=warnings.append) for pattern in patterns]
+    assert again == before
+    assert len(warnings) == 2
+    assert warnings[0] == (
+        "../**/*.csv: no recordings are read in ../campaign, ../out/a, because results of mapmore "
+        "lie there"
+    )
+    with refused("../out/*/*.csv: no such file outside of the results of mapmore in ../out/a"):
+        find_sources(["../out/*/*.csv"], tree)
+    assert [one.id for one in find_sources(["../out/a/*.csv"], tree)] == ["scores"]
+    (tree.parent / "campaign/campaign.json").write_text('{"creator": "another program"}')
+    assert len(find_sources(["../*/*.csv"], tree)) == len(before[1]) + 1

@@ -114,11 +114,15 @@ def batch(
         )
         for number, entry in enumerate(entries)
     }
-    results: dict[int, Result] = {
+    sealed = {
         number: known
         for number, entry in enumerate(entries)
         if (known := known_by_seal(todo[number], entry.called)) is not None
     }
+    if any(path is not None and path.exists() for path in (junit, summary)):
+        for number, job in todo.items():
+            note_sources(job, sealed.get(number))
+    results: dict[int, Result] = {**sealed}
     names = run_names(entries, campaigns, {number: entries[number].called for number in results})
     # a campaign whose page cannot be written is refused before its runs are done
     for campaign in campaigns:
@@ -171,9 +175,6 @@ def batch(
         for entry, name in zip(entries, names, strict=True)
     ]
     print_view(View({"runs": documents}, tuple(tables), tuple(lines)), as_json)
-    if any(path is not None and path.exists() for path in (junit, summary)):
-        for number, job in todo.items():
-            note_sources(job, results[number])
     write_ci_files(junit, summary, ordered, tables)
     if code := max(map(_code, ordered.values())):
         raise Exit(code)

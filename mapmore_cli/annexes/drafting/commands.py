@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from typer import Argument, Option
 
-from mapmore_cli.cli.console import STANDARD, Quiet
+from mapmore_cli.cli.console import STANDARD, Quiet, refuse_outputs
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import UsageError, WriteError
 from mapmore_cli.storage.outputs import refuse_foreign_file, write_chosen, write_text
@@ -27,6 +27,7 @@ def init(
             "--output",
             "-o",
             metavar="FILE",
+            callback=refuse_outputs,
             help=(
                 "Where to write the spec. Default: NAME.yaml in the current folder; - for "
                 "standard output."

@@ -44,7 +44,8 @@ def export(
 ) -> None:
     """Write a model in another language.
 
-    The files have the name of the model. They replace only files that mapmore has written.
+    The files have the name of the model. They replace only files that mapmore has written and
+    that nobody has changed since.
 
     `c` needs only math.h, allocates no memory and has no global state. `fmu` is an FMU for
     co-simulation with FMI 2.0, `fmu3` with FMI 3.0. `py` is one Python file without any dependency,

@@ -93,7 +93,6 @@ def unit_file(model: Model, wanted: Wanted, standard: int = 2) -> dict[str, byte
         )
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
-        archive.comment = b"written by mapmore"
         for name, data in files.items():
             # the default date of 1980 is kept, so that the same model gives the same bytes
             entry = zipfile.ZipInfo(name)

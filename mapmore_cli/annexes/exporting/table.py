@@ -172,8 +172,7 @@ def _combi_table(model: Model, grid: Grid) -> str:
     """
     rows, columns = grid.places.values()
     quantities = (*model.inputs, model.output)
-    labels = ("# " + note(quantity.label) for quantity in quantities)
-    lines = ["#1", "# written by mapmore", *labels]
+    lines = ["#1", *("# " + note(quantity.label) for quantity in quantities)]
     for name, values in ((name_of_output(model), grid.values), ("valid", grid.valid)):
         lines += ["", code("double {}({},{})", name, len(rows) + 1, len(columns) + 1)]
         inner = values.reshape(len(rows), len(columns))
@@ -196,7 +195,7 @@ def tex_equations(model: Model, _wanted: Wanted) -> dict[str, str]:
     ]
     text = rendered_template(
         "equations.tex",
-        about=f"{model.name}: {units} (written by mapmore)",
+        about=f"{model.name}: {units}",
         equations=typeset,
         rules=rules(model),
         limits=[Code(to_latex(table)) for table in limits_tables(model)],

@@ -21,6 +21,7 @@ from mapmore_cli.cli.console import (
     SpecOrRun,
     print_view,
     refuse_endings,
+    refuse_outputs,
     spec_of,
     write_figure,
 )
@@ -38,6 +39,7 @@ Outputs = Annotated[
         "--output",
         "-o",
         metavar="FILE",
+        callback=refuse_outputs,
         help="Also write the figure (.svg .pdf .png .pgf) or the table (.csv .tex). Repeatable.",
     ),
 ]

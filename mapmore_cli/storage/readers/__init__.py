@@ -14,13 +14,15 @@ from pathlib import Path
 
 from mapmore_cli.domain import plugins
 from mapmore_cli.storage.tables import RawTable, Reader, TableRequest
+from mapmore_cli.storage.tables.beginnings import begins_like
 from mapmore_cli.storage.tables.gate import gated
 from mapmore_cli.storage.tables.lines import head_of, name_of_packed
 
 __all__ = ["READERS", "RawTable", "Reader", "TableRequest", "reader_of", "suffix_of"]
 
+_PARTS = {part.name: part.value for part in sorted(plugins.parts("readers", Reader, __name__))}
 READERS: Mapping[str, Reader] = {
-    part.name: gated(part.value) for part in sorted(plugins.parts("readers", Reader, __name__))
+    name: gated(reader, _PARTS.values()) for name, reader in _PARTS.items()
 }
 """All readers by name, in alphabetical order."""
 
@@ -31,9 +33,11 @@ def suffix_of(path: Path) -> str:
 
 
 def reader_of(path: Path) -> Reader | None:
-    """Return the reader for files with this beginning or this name; None if no reader claims it."""
+    """Return the reader for files with this beginning or this name; None if no reader claims it.
+    Of several readers for this beginning, that for the name is returned.
+    """
     # the beginning of a pipe is not examined, because a pipe can be read only once
-    begin = head_of(path) if path.is_file() else b""
-    begun = (one for one in READERS.values() if one.begins and begin.startswith(one.begins))
-    named = (one for one in READERS.values() if suffix_of(path) in one.suffixes)
+    head = head_of(path) if path.is_file() else b""
+    named = [one for one in READERS.values() if suffix_of(path) in one.suffixes]
+    begun = (one for one in chain(named, READERS.values()) if begins_like(one, head))
     return next(chain(begun, named), None)

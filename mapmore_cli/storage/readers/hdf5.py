@@ -399,4 +399,6 @@ def _check_fit(selection: Selection, shape: Sequence[int]) -> None:
         raise IndexError(selection)
 
 
-READER = tree_reader("hdf5", opened_hdf5, (".h5", ".hdf5", ".nc"), "group/dataset")
+BEGINS = rb"\x89HDF\r\n\x1a\n"
+
+READER = tree_reader("hdf5", opened_hdf5, (".h5", ".hdf5", ".nc"), "group/dataset", begins=BEGINS)

@@ -26,7 +26,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.readers.hdf5 import EMPTY, opened_hdf5
+from mapmore_cli.storage.readers.hdf5 import BEGINS, EMPTY, opened_hdf5
 from mapmore_cli.storage.tables import BOMB_RATIO, BOMB_SIZE, TableRequest, reading, refuse_bombs
 from mapmore_cli.storage.tables.matlab_objects import object_of_matlab
 from mapmore_cli.storage.tables.members import (
@@ -224,4 +224,4 @@ def _version_4(path: Path) -> Iterator[tuple[str, Any]]:
         yield name, partial(member, variables[name])
 
 
-READER = tree_reader("mat", opened_mat, (".mat",), "run.P", ".")
+READER = tree_reader("mat", opened_mat, (".mat",), "run.P", ".", begins=rb"MATLAB [57]\.|" + BEGINS)

@@ -63,4 +63,6 @@ def _npz_array(archive: zipfile.ZipFile, part: zipfile.ZipInfo, size: int) -> Me
     return array_of(lambda selection: values()[selection], shape)
 
 
-READER = tree_reader("npz", opened_npz, (".npz",), "force")
+READER = tree_reader(
+    "npz", opened_npz, (".npz",), "force", begins=rb"PK\x03\x04.{26}[^\0]{1,200}?\.npy"
+)

@@ -82,7 +82,7 @@ def _unit_noted(file: ParquetFile, field: Field) -> str:
 
 
 READER = replace(
-    tree_reader("parquet", opened_parquet, (".parquet",), "force", by_index=False),
+    tree_reader("parquet", opened_parquet, (".parquet",), "force", by_index=False, begins=b"PAR1"),
     # only `root` is allowed: other keys for texts have no effect, because the columns hold numbers
     keys=("root",),
 )

@@ -117,4 +117,6 @@ def _breaks_off(stream: BinaryIO) -> bool:
     return position > size
 
 
-READER = tree_reader("tdms", opened_tdms, (".tdms",), "Group/Channel", by_index=False)
+READER = tree_reader(
+    "tdms", opened_tdms, (".tdms",), "Group/Channel", by_index=False, begins=b"TDSm"
+)

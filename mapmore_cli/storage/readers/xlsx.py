@@ -318,6 +318,12 @@ def below_xlsx(path: Path, request: TableRequest) -> list[Below]:
     return tables_below(rows, request.header, rule)
 
 
+BEGINS = (
+    rb"PK\x03\x04.*?(?:xl/(?:workbook|worksheets|sharedStrings|styles|theme)|\.spreadsheet)"
+    rb"|\xd0\xcf\x11\xe0.*?(?:W\0o\0r\0k\0b|B)\0o\0o\0k\0"
+)
+"""First bytes of an archive with the parts of a workbook, or of a file of Excel 97 to 2003."""
+
 READER = Reader(
     "xlsx",
     read_xlsx,
@@ -325,4 +331,5 @@ READER = Reader(
     keys=("header", "skip_rows", "table", "decimal", "thousands", "sheet", "hidden"),
     peek=peek_xlsx,
     below=below_xlsx,
+    begins=BEGINS,
 )

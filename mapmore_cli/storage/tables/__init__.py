@@ -231,8 +231,8 @@ class Reader:
       probable first; without it, `read` is called without columns, which means all columns.
     - `below`: function that returns the tables below each other or side by side in a file, for a
       request without columns.
-    - `begins`: bytes with which such files begin, whatever their names; empty if the format cannot
-      be recognised by them.
+    - `begins`: regular expression of the first bytes of such files, whatever their names, in which
+      a dot is any byte; empty if the format cannot be recognised by them.
     """
 
     name: str

@@ -6,13 +6,14 @@ number when a cell is read (`cells.CellReader`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import takewhile
 from pathlib import Path
 
 from mapmore_cli.domain.arrays import Rows
+from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables import (
     Cut,
     OpenEnd,
@@ -22,6 +23,7 @@ from mapmore_cli.storage.tables import (
     Top,
     reading,
 )
+from mapmore_cli.storage.tables.beginnings import refuse_other_format
 from mapmore_cli.storage.tables.cells import shortened
 
 # smallest number of rows with the same number of digits for which a last row with fewer digits is
@@ -34,24 +36,38 @@ on.
 """
 
 
-def gated(reader: Reader) -> Reader:
+def gated(reader: Reader, readers: Collection[Reader] = ()) -> Reader:
     """Return the reader with a `read` whose results the gate has checked, and with a function that
-    returns the first rows.
+    returns the first rows. If a file cannot be read, the error names which of the `readers` fits.
     """
-    read = partial(_judged_tables, reader.read, f"file for the reader `{reader.name}`")
-    return replace(reader, read=read, peek=reader.peek or partial(_first_rows, read))
+    read = partial(_judged_tables, reader, readers)
+    peek = reader.peek or partial(_first_rows, read)
+    return replace(reader, read=read, peek=partial(_judged_rows, reader, readers, peek))
+
+
+def _judged_rows(
+    reader: Reader,
+    readers: Collection[Reader],
+    peek: Callable[[Path, int], Iterable[Top]],
+    path: Path,
+    most: int,
+) -> Iterable[Top]:
+    refuse_other_format(reader, readers, path, path.name)
+    return peek(path, most)
 
 
 def _judged_tables(
-    read: Callable[[Path, TableRequest], list[RawTable]],
-    kind: str,
-    path: Path,
-    request: TableRequest,
+    reader: Reader, readers: Collection[Reader], path: Path, request: TableRequest
 ) -> list[RawTable]:
-    with reading(request.label, kind, DAMAGE):
-        return [
-            _without_cut_rows(_with_padding_told(table), request) for table in read(path, request)
-        ]
+    try:
+        with reading(request.label, f"file for the reader `{reader.name}`", DAMAGE):
+            return [
+                _without_cut_rows(_with_padding_told(table), request)
+                for table in reader.read(path, request)
+            ]
+    except DataError:
+        refuse_other_format(reader, readers, path, request.label)
+        raise
 
 
 def _first_rows(

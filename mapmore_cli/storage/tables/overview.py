@@ -39,6 +39,7 @@ def tree_reader(
     column: str,
     separator: str = "/",
     by_index: bool = True,
+    begins: bytes = b"",
 ) -> Reader:
     """Return the reader of a format of trees, whose addresses have the `separator`."""
 
@@ -51,7 +52,7 @@ def tree_reader(
             return [first_rows(top, most, separator)]
 
     keys = ("root", "decimal", "thousands")
-    return Reader(name, read, suffixes, keys, column, by_index, peek)
+    return Reader(name, read, suffixes, keys, column, by_index, peek, begins)
 
 
 class Place(NamedTuple):

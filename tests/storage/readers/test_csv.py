@@ -281,7 +281,7 @@ WRONG = {
     "nothing after the header lines": (GOOD, ("t",), {"header": 3}, ["header but no data"]),
     "gz with a wrong checksum": (ZIPPED[:-6] + bytes(6), ("t",), {},
         ["a.csv: the file is damaged", "get it again"]),
-    "binary": (bytes(range(256)), (0,), {"header": 0}, ["not a text file in UTF-8"]),
+    "binary": (bytes(range(256)), (0,), {"header": 0}, ["is no text file"]),
     "not UTF-16": (GOOD, ("t",), {"encoding": "utf-16"}, ["not a text file in UTF-16"]),
     "latin-1 header": ("t,°C\n1,2\n".encode("latin-1"), ("t",), {}, ["not a text file in UTF-8",
         "0xb0"]),
