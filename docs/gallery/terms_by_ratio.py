@@ -1,4 +1,6 @@
-"""FROLS alone: which terms explain the data, and in which order they are chosen."""
+"""FROLS can be used without a study. It finds which terms explain the data, and in which order they
+are chosen.
+"""
 
 import matplotlib.pyplot as plt
 import numpy as np
