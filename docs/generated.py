@@ -113,8 +113,8 @@ def example(script: Path) -> str:
     """Return the page of an example: what it shows, its picture and its script."""
     return (
         f"# {title(script)}\n\n{about(script)}\n\n![{title(script)}]({script.stem}.svg)\n\n"
-        f"The script is `docs/gallery/{script.name}`. It imports the module "
-        "`docs/gallery/muscle.py`, which simulates a muscle and saves pictures.\n\n"
+        f"The script `docs/gallery/{script.name}` imports the module `docs/gallery/muscle.py`, "
+        "which simulates a muscle and saves pictures.\n\n"
         f"```python\n{script.read_text(encoding='utf-8')}```\n"
     )
 

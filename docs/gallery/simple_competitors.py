@@ -1,5 +1,5 @@
-"""Every model has simple competitors. They are planes, quadratic and cubic polynomials in its
-inputs, its backbone alone, and formulas.
+"""Every model is compared with simple competitors, which are planes, quadratic and cubic
+polynomials in its inputs, its backbone alone, and formulas.
 """
 
 import matplotlib.pyplot as plt
