@@ -1,5 +1,5 @@
 """Two campaigns of measurements of one muscle are compared. The three possible answers are that the
-muscle has changed, that it is the same, or that the data cannot tell.
+muscle has changed, that the muscle is the same, or that the data cannot tell.
 """
 
 import matplotlib.pyplot as plt

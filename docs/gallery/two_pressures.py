@@ -1,5 +1,5 @@
 """With a formula as the backbone, curves at two pressures are enough for a model between these
-pressures. The formula then gives the shape of the curves between them.
+pressures. The formula gives the shape of the curves between the two pressures.
 """
 
 import matplotlib.pyplot as plt
