@@ -113,7 +113,8 @@ def example(script: Path) -> str:
     """Return the page of an example: what it shows, its picture and its script."""
     return (
         f"# {title(script)}\n\n{about(script)}\n\n![{title(script)}]({script.stem}.svg)\n\n"
-        f"The script is `docs/gallery/{script.name}`; `muscle.py` beside it has the data.\n\n"
+        f"The script `docs/gallery/{script.name}` imports the module `docs/gallery/muscle.py`, "
+        "which simulates a muscle and saves pictures.\n\n"
         f"```python\n{script.read_text(encoding='utf-8')}```\n"
     )
 
@@ -127,7 +128,7 @@ def gallery() -> str:
     ]
     return (
         "# Gallery\n\nEach picture comes from a Python script of about twenty lines. Click a "
-        "picture to see its script. The tests run all of them.\n\n"
+        "picture to see its script. The tests run all of these scripts.\n\n"
         f'<div class="gallery" markdown>\n\n{chr(10).join(parts)}\n</div>\n'
     )
 

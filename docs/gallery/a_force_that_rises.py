@@ -1,5 +1,6 @@
-"""A polynomial can turn round beyond the data. With `fit.shape`, the force keeps falling with the
-strain, as far as `beyond` says.
+"""Beyond the data, the force of a polynomial model can rise again with the strain. With
+`fit.shape`, the force keeps falling with the strain, up to the distance from the data that
+`beyond` sets.
 """
 
 import warnings

@@ -1,5 +1,6 @@
-"""A recording with creep and friction. A slow state explains the creep, and a play explains the
-friction. A static model can explain neither, and a linear model with lags only the creep.
+"""A recording shows creep and friction. A slow state describes the creep, and a play operator
+describes the friction. A static model can describe neither of them, and a linear model with lags
+can describe only the creep.
 """
 
 from typing import Any

@@ -1,5 +1,5 @@
-"""A linear process is identified from its recording: the terms, and the free run over data that
-were not used for fitting.
+"""A linear process is identified from its recording. The script shows the chosen terms, and a free
+run over data that were not used for fitting.
 """
 
 import matplotlib.pyplot as plt

@@ -1,4 +1,6 @@
-"""Two campaigns of one muscle are compared. The answers are: changed, the same, or cannot tell."""
+"""Two campaigns of measurements of one muscle are compared. The three possible answers are that the
+muscle has changed, that the muscle is the same, or that the data cannot tell.
+"""
 
 import matplotlib.pyplot as plt
 from muscle import STUDY, recording, save

@@ -1,4 +1,6 @@
-"""When to stop adding terms: the information criterion finds the two true terms in noise."""
+"""When should you stop to add terms? From noisy data, the information criterion finds the two terms
+of the true model.
+"""
 
 import matplotlib.pyplot as plt
 import numpy as np

@@ -1,5 +1,5 @@
-"""What `z_s` and `extrapolation` do: two segment functions are joined with a jump or in zones,
-and go on beyond the data in three ways.
+"""The key `z_s` joins two segment functions with a jump or in a zone. The key `extrapolation` says
+how the model goes on beyond the data.
 """
 
 import warnings

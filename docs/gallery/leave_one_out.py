@@ -1,5 +1,6 @@
 """Each level is left out in turn, and the model predicts the level that it has not seen. At the
-outermost levels it must extrapolate: a formula as a backbone can do this, segments alone cannot.
+outermost levels the model must extrapolate. A formula as a backbone can extrapolate, but segments
+alone cannot.
 """
 
 import matplotlib.pyplot as plt

@@ -1,5 +1,5 @@
-"""The exported Python file is used in a simulation: a weight of 12 kg hangs on the muscle, and
-the pressure jumps.
+"""The exported Python file of a model is used in a simulation. A weight of 12 kg hangs on the
+muscle, and the pressure jumps.
 """
 
 from typing import Any

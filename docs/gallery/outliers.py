@@ -1,4 +1,6 @@
-"""Gross outliers bend a least-squares fit. `loss: bisquare` gives them no weight and lists them."""
+"""Gross outliers bend a least-squares fit. With `loss: bisquare`, the fit gives outliers no weight
+and lists them.
+"""
 
 import matplotlib.pyplot as plt
 import numpy as np

@@ -1,4 +1,4 @@
-"""The inverse: which pressure gives 200 N at each strain?"""
+"""The inverse of a model finds the pressure that gives 200 N at each strain."""
 
 import matplotlib.pyplot as plt
 import numpy as np

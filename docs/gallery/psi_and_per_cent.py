@@ -1,4 +1,6 @@
-"""A log in psi and per cent: you write units and factors once, in `columns`."""
+"""A recording has its pressure in psi and its strain in per cent. You write these units and factors
+once, in `columns`.
+"""
 
 from muscle import STUDY, recording, save
 

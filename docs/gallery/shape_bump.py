@@ -1,5 +1,5 @@
-"""A bump that `fit.shape` removes: at 500 kPa the force of the example study rises by 1 N while the
-strain grows, and the model with a shape falls everywhere.
+"""The key `fit.shape` removes a bump. At 500 kPa the force of the example study rises by 1 N while
+the strain grows, but the force of a model with a shape falls everywhere.
 """
 
 from typing import Any

@@ -1,5 +1,5 @@
-"""The simple competitors of every model: planes, quadratic and cubic polynomials in its inputs,
-its backbone alone, and formulas.
+"""Every model is compared with simple competitors, which are planes, quadratic and cubic
+polynomials in its inputs, its backbone alone, and formulas.
 """
 
 import matplotlib.pyplot as plt

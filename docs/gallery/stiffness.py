@@ -1,4 +1,4 @@
-"""Derivatives of a model: the stiffness of the muscle over its stroke."""
+"""The derivative of a model over the strain gives the stiffness of the muscle over its stroke."""
 
 import matplotlib.pyplot as plt
 import numpy as np

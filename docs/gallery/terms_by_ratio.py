@@ -1,4 +1,4 @@
-"""FROLS alone: which terms explain the data, and in which order they are chosen."""
+"""Without a study, FROLS finds which terms explain the data, and in which order they are chosen."""
 
 import matplotlib.pyplot as plt
 import numpy as np

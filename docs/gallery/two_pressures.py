@@ -1,5 +1,5 @@
-"""Two pressures are enough for a model between them if a formula, as the backbone, gives the
-shape there.
+"""With a formula as the backbone, curves at two pressures are enough for a model between these
+pressures. The formula gives the shape of the curves between the two pressures.
 """
 
 import matplotlib.pyplot as plt

@@ -1,4 +1,6 @@
-"""A lookup table with a mask: inside, the model was trained; outside, it extrapolates."""
+"""A model is exported as a lookup table with a mask. The mask marks the points inside the training
+range; at all other points the model extrapolates.
+"""
 
 import matplotlib.pyplot as plt
 import numpy as np
