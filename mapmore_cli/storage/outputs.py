@@ -105,8 +105,7 @@ def written_as_text(path: Path) -> Iterator[TextIO]:
             text = io.TextIOWrapper(binary, "utf-8", TEXT_ERRORS, newline="")
             yield text
             text.flush()
-            # closing a gzip stream writes its end and leaves `raw` open; other streams are only
-            # detached
+            # closing a gzip stream writes its end and leaves `raw` open
             text.close() if zipped else text.detach()
     except BrokenPipeError:
         raise

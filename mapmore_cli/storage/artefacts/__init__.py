@@ -95,8 +95,8 @@ class FileKind(Generic[T]):
     """A kind of file: its name in the attribute `kind`, the stage that makes it, and the type of
     its contents.
 
-    `fault` returns why a record cannot be used, or None. `ratio` limits the size to which a file
-    may unpack.
+    `fault` returns the reason why a record cannot be used, or None. `ratio` is the largest allowed
+    ratio of the unpacked size of a file to its size on the disk.
     """
 
     name: str
@@ -119,7 +119,7 @@ class FileKind(Generic[T]):
             arrays: list[Waiting] = []
 
             def put(path: str, value: Numbers, *label: str) -> Reference:
-                # the array is made read-only, because a later stage may get the same record
+                # a later stage may get the same array, so the array is made read-only
                 value.setflags(write=False)
                 arrays.append(Waiting({ARRAY: path}, value, label))
                 return arrays[-1].reference
@@ -134,8 +134,8 @@ class FileKind(Generic[T]):
             file.attrs.update(about | {CHECKSUM: digest.hexdigest()})
         mark = _mark(path)
         _as_written[mark] = digest.hexdigest()
-        # The record is kept only if its arrays are contiguous, as those of a reader are, because
-        # the last digit of a sum may depend on that.
+        # Arrays from a file are contiguous, and the last digit of a sum may depend on that.
+        # So only a record with contiguous arrays may replace the one in the file.
         if mark[-1] < ROOM and all(array.value.flags.c_contiguous for array in arrays):
             _keep(mark, record)
 
@@ -143,8 +143,8 @@ class FileKind(Generic[T]):
         """Return the record in a file. `warn` is called if no checksum proves that the file is
         unchanged.
 
-        Raises the errors described in the module; for a wrong checksum only if the file may not be
-        `unverified`.
+        Raises the errors that the module describes. A wrong checksum raises an error only if
+        `unverified` is False.
         """
         with _opened_file(path) as (file, kind, version):
             if kind != self.name:

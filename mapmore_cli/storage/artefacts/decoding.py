@@ -132,8 +132,7 @@ class Decoder:
                 f"{path}/{name[:60]}",
                 "is missing" if name in known else "is not known in this format",
             )
-        # the fields are decoded in the order of the document, because the checksum includes arrays
-        # in that order
+        # the checksum depends on the order in which arrays are read: that of the document
         return type_(
             **{
                 name: self.value(field, known[name][0], f"{path}/{name}", (), sizes)
@@ -187,9 +186,7 @@ def _plain_value(node: object, form: Hint, path: str) -> object:
 
 
 def _compare_lengths(path: str, shape: tuple[int, ...], letters: Letters, sizes: Sizes) -> None:
-    """Raise Invalid if the length of an array along a dimension differs from the length of another
-    array with the same letter.
-    """
+    """Raise Invalid if two arrays have different lengths along a dimension with the same letter."""
     for length, letter in zip(shape, letters, strict=False):
         name = letter.removesuffix(" or 0")
         if (length or name == letter) and sizes.setdefault(name, length) != length:

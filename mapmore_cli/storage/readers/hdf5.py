@@ -110,8 +110,7 @@ def _below(group: h5py.Group, name: str) -> Member:
     return _member(node)
 
 
-# largest number of bytes of an attribute that is read; number of bytes of a reference to a text of
-# any length
+# largest size of an attribute that is read, and the size of a reference to a text, in bytes
 LONGEST, REFERENCE = 4096, 16
 UNIT = ("units", "unit", "Units", "Unit")
 UNSIGNED, MISSING = "_Unsigned", ("_FillValue", "missing_value")
@@ -150,8 +149,8 @@ def _meant(stored: Values, said: Mapping[str, Any]) -> Array:
         }
     factor, offset = said.get("scale_factor", [1.0])[0], said.get("add_offset", [0.0])[0]
     numbers = stored.astype(np.float64) * factor + offset
-    # By the rules of netCDF, limits of valid numbers refer to stored values. If the limits are
-    # floats and the stored values are not, they refer to the scaled values.
+    # In netCDF, the limits of valid numbers usually refer to stored values.
+    # Limits that are floats refer to the scaled values if the stored values are integers.
     limits = [said[key] for key in LIMITS if key in said]
     as_meant = kind != "f" and any(limit.dtype.kind == "f" for limit in limits)
     limited = numbers if as_meant else stored
@@ -241,14 +240,13 @@ def _texts(dataset: h5py.Dataset, values: h5py.Dataset) -> Values:
     for begin in range(0, len(dataset), step):
         parts.append(values[begin : begin + step])
         total += sum(map(len, parts[-1].flat)) + REFERENCE * parts[-1].size
-        # texts are not compressed, so the sum of their lengths is compared with the size of the
-        # file
+        # texts are stored without compression, so together they cannot be longer than the file
         refuse_bombs(dataset.name, total, size // BOMB_RATIO)
     return np.concatenate(parts)
 
 
-# MATLAB 7.3 files: the axes are in the opposite order, and cells and elements of struct arrays are
-# references
+# In MATLAB 7.3 files, the axes are in the opposite order.
+# Cells and the elements of struct arrays are stored as references to other objects.
 
 
 def _matlab_struct(group: h5py.Group, kind: str = "a struct") -> Member:
@@ -363,7 +361,7 @@ def _own_values(dataset: h5py.Dataset, selection: Selection = ()) -> h5py.Datase
         1 if isinstance(one, int) else length
         for one, length in zip_longest(selection, dataset.shape)
     ]
-    # a value becomes a double when it is read, so it counts eight bytes at least
+    # a value becomes a double when it is read, so it counts as at least eight bytes
     read[f"{dataset.name}{selection}"] = math.prod(lengths) * max(dataset.dtype.itemsize, 8)
     refuse_bombs(dataset.name, sum(read.values()), dataset.file.id.get_filesize())
     return dataset

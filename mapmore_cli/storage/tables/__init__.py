@@ -80,14 +80,13 @@ class TableRequest:
 
     @property
     def marks_of_thousands(self) -> set[str]:
-        """Return the marks between thousands of all columns."""
+        """Return the thousands separators that occur in any column."""
         return {*filter(None, [self.thousands, *self.thousands_of.values()])}
 
     def cells(self, column: SourceColumn) -> CellReader:
         """Return the reader of the cells of a column."""
         thousands = self.thousands_of.get(column, self.thousands)
-        # if the decimal point of the table separates thousands in this column, the other mark is
-        # its decimal point
+        # if `decimal` separates thousands in this column, its decimal mark is the other one
         other = "," if thousands == "." else "."
         return CellReader(
             self.missing,

@@ -116,7 +116,9 @@ class NotANumber(DataError):
         self.cell, self.known = cell, known
 
     def at(self, where: str, remedy: str | None = None) -> Self:
-        """Return the error with its place, and with a better remedy if there is one."""
+        """Return the error with its place in the file. `remedy` replaces the usual remedy if it is
+        given.
+        """
         self.message, self.remedy = f"{where}: {self.message}", remedy or self.remedy
         return self
 

@@ -24,8 +24,7 @@ from mapmore_cli.storage.tables import (
 )
 from mapmore_cli.storage.tables.cells import shortened
 
-# smallest number of rows with the same number of digits for which a last row with fewer digits is
-# suspicious
+# at least so many rows must have equal numbers of digits before a shorter last one is suspicious
 FEWEST_ROWS = 10
 
 DAMAGE = (OSError, EOFError, ValueError)
@@ -35,8 +34,8 @@ on.
 
 
 def gated(reader: Reader) -> Reader:
-    """Return the reader with a `read` whose results the gate has checked, and with a function that
-    returns the first rows.
+    """Return a reader whose function `read` passes its results through the gate. The function that
+    returns the first rows is added if the reader lacks one.
     """
     read = partial(_judged_tables, reader.read, f"file for the reader `{reader.name}`")
     return replace(reader, read=read, peek=reader.peek or partial(_first_rows, read))

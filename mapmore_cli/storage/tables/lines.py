@@ -134,10 +134,9 @@ class Lines(Iterator[str]):
         self._plain = codecs.lookup(encoding).name == "utf-8"
         self._decoder = codecs.getincrementaldecoder(encoding)(errors)
         self._held, self._at, self._ended, self._size = b"", 0, False, 0
-        self._tail = b""  # padding at the end of the text read so far; text may still follow it
+        self._tail = b""  # padding at the end of the text read so far; more text may follow
         self.taken = self.rows = self.padding = 0
-        # if True, reading stops after too much padding, because a device may be endless and consist
-        # of padding only
+        # a device may deliver padding without end; if True, reading stops after too much of it
         self.endless = False
 
     def __next__(self) -> str:

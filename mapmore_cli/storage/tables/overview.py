@@ -123,7 +123,7 @@ def _places(top: Member, separator: str) -> list[Place]:
     may form circles.
     """
     places = [Place("", "", "", top)]
-    for address, _, _, here, _ in places:  # places are added to the list during this loop
+    for address, _, _, here, _ in places:  # the loop itself adds members to this list
         for name in here.names or range(here.count or 0):
             if len(places) > MOST_MEMBERS:
                 return places

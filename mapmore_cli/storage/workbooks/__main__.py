@@ -31,7 +31,7 @@ MOST_CELLS, CELLS_OF_BYTE = 100_000, 50
 number takes at least a byte, however well it is compressed.
 """
 
-TOO_LARGE = 3  # exit code if the sheets span more cells than that
+TOO_LARGE = 3  # exit code if the sheets have too many cells
 
 
 Sheet = tuple[str, bool, list[list[Any]], list[int], list[int]]
@@ -88,8 +88,8 @@ def _hidden(facts: Iterable[Fact], cells: list[list[Any]]) -> tuple[list[int], l
 
 
 def _mark(cells: list[list[Any]], facts: Iterable[Fact]) -> None:
-    """Replace cells for which there are facts by marks: errors, formulas that were never computed,
-    numbers shown in per cent, and merged cells.
+    """Replace each cell about which a fact is known by a mark. Facts are errors, formulas that were
+    never computed, numbers that are shown in per cent, and merged cells.
     """
     width = max(map(len, cells), default=0)
     # the total is limited, because ranges of cells that overlap many times are nonsense

@@ -1,5 +1,5 @@
-"""Represent facts about the cells of a workbook that are not their values, for example errors and
-hidden rows.
+"""Represent facts that a workbook contains about its cells besides their values, for example errors
+and hidden rows.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ MOST = 1 << 20
 
 
 def hidden_rows(first: int, last: int) -> Fact:
-    """Return the fact that rows are hidden."""
+    """Return the record that says which rows are hidden."""
     return first, 0, last, MOST, HIDDEN
 
 
 def hidden_columns(first: int, last: int) -> Fact:
-    """Return the fact that columns are hidden."""
+    """Return the record that says which columns are hidden."""
     return 0, first, MOST, last, HIDDEN
 
 
