@@ -20,12 +20,11 @@ from mapmore_cli.study.units import convert
 FEWEST = 30  # smallest number of samples; with fewer, a finding may be due to chance
 # largest number of recordings that are compared with each other; more are thinned evenly
 COMPARED = 200
-# columns are the same signal if they agree to within this fraction of their range, or if their
-# correlation differs from 1 by less than this
+# columns are one signal if they differ by less than this fraction of their range
 ROUNDING = 1e-4
-LITTLE = 0.01  # fraction of samples or of a range that may be due to chance
-SOME = 0.05  # fraction of samples or of a range that is worth a warning
-# smallest fraction that counts as most of the samples, of a value or of a difference
+LITTLE = 0.01  # a smaller fraction of the samples or of a range may be due to chance
+SOME = 0.05  # a larger fraction of the samples or of a range is worth a warning
+# from this fraction on, it is most of the samples, of a value or of a difference
 MUCH = 0.5
 
 SLOW = 0.04  # largest rate of a settled pressure, as a fraction of the pressure range per second
@@ -51,9 +50,10 @@ class Settling:
 
 
 def settling(recordings: Sequence[Recording], unit: str = "s") -> Settling | None:
-    """Find the share of settled samples in recordings with a pressure and a time in `unit`.
+    """Return the share of settled samples in recordings of a pressure. `unit` is the unit of their
+    time.
 
-    None if the pressure does not move, or if the time stamps do not allow a rate.
+    Return None if the pressure is constant, or if no rate can be computed from the time stamps.
     """
     records = [
         (convert(recording.columns["time"][part], unit, "s"), recording.columns["pressure"][part])
@@ -71,7 +71,7 @@ def settling(recordings: Sequence[Recording], unit: str = "s") -> Settling | Non
         rates = np.concatenate(
             [rate(time, pressure, window, order=2) for time, pressure in records]
         )
-    except DataError:  # some gaps are wider than the window
+    except DataError:  # some gaps are wider than the window of the rate
         return None
     settled = np.abs(rates) < limit
     low, high = (pressures.min() + place * np.ptp(pressures) for place in MIDDLE)
@@ -86,7 +86,7 @@ def two_digits(value: float) -> float:
     return float(f"{round(value, 1 - math.floor(math.log10(value))):.6g}")
 
 
-# One signal in two units
+# Repeated signals
 # --------------------------------------------------------------------------------------------------
 
 
@@ -112,7 +112,7 @@ def same_signals(columns: Sequence[Array]) -> list[list[int]]:
     return [family for family in families if len(family) > 1]
 
 
-# Equal inputs, unequal outputs
+# Unexplained differences
 # --------------------------------------------------------------------------------------------------
 
 

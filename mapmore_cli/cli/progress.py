@@ -148,8 +148,7 @@ class Reporter:
             from rich.console import Console
             from rich.progress import Progress
 
-            # The bar is drawn here at most ten times a second, because Rich's own thread would
-            # compete with the computation.
+            # Rich's own thread would compete with the computation, so the bar is drawn here.
             self._bar = Progress(console=Console(stderr=True), transient=True, auto_refresh=False)
             self._bar.start()
             self._bar.add_task(what)

@@ -327,8 +327,8 @@ def _formula_lines(formula: FormulaFit | None) -> tuple[str, ...]:
 
 
 def _memory_tables(memory: MemoryModel) -> list[Table]:
-    """Return the coefficients with standard errors, and the numbers of the states if there are
-    any.
+    """Return the table of the coefficients and their standard errors. If states have parameters,
+    add the table of these parameters.
     """
     columns = ("term", "coefficient #.6g", "standard error .3g")
     numbers = (memory.theta.tolist(), memory.theta_error.tolist())
@@ -369,8 +369,8 @@ class Shown(Protocol):
     """A kind of model, added by a plug-in, that defines how `mapmore show` shows its models."""
 
     def show(self, model: Model, show_other: Callable[[Model], View]) -> View:
-        """Return a view of a model that is shown before its equations. `show_other` makes the view
-        of a model that this model contains.
+        """Return the view that is shown before the equations of a model. `show_other` makes the
+        views of the models that this model contains.
         """
 
 

@@ -261,8 +261,7 @@ def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> I
         free = column.unit is None and (
             name == "input" or (units[name] == "1" and not is_canonical(name))
         )
-        # without a default unit (for example for a command), there is nothing with which the unit
-        # in the file could disagree
+        # a quantity without a default unit, for example a command, may have any unit
         if not told.unit.strip() or scales or free:
             continue
         unit = unit_of_file(told.unit, declared)

@@ -100,8 +100,8 @@ def _pooled(value: Mapping[str, Any]) -> bool:
 
 def _sized_by_data(fit: dict[str, Any]) -> None:
     """Let the data choose the number of terms if the model has no segments and the spec does not
-    set the number. One term is enough for a segment, but for all data it would often be the
-    constant.
+    set the number. One term is enough for a segment, but for all data together, the single term
+    would often be the constant.
     """
     if "max_terms" not in fit:
         fit["max_terms"] = TERMS_OF_ONE_MODEL

@@ -89,7 +89,7 @@ class Section(BaseModel):
         return self
 
 
-# What validators know about the rest of the spec
+# Context of validators
 
 
 @dataclass(frozen=True)

@@ -153,7 +153,7 @@ def _sections_within(
                 yield from _sections_within(value, sections, skipped)
 
 
-# The reference of the keys
+# Reference of keys
 # --------------------------------------------------------------------------------------------------
 
 

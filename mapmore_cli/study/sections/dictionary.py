@@ -166,7 +166,7 @@ class AlongRange(Section):
 
 
 class Spline(AlongRange):
-    """Cubic spline of one input, also multiplied by each factor in `with`.
+    """Cubic spline of one input, and its products with each factor in `with`.
 
     - `knots`: Number of knots, evenly spaced inside the training range. More knots follow finer
       details. Example: `9`
@@ -190,8 +190,8 @@ class Spline(AlongRange):
 
 
 class Ends(AlongRange):
-    """Exponential functions that decay from both ends of the training range of an input, also
-    multiplied by each factor in `with`.
+    """Exponential functions that decay from both ends of the training range of an input, and their
+    products with each factor in `with`.
 
     - `widths`: Decay lengths of the exponentials, as fractions of the range. Example: `[0.03, 0.1,
       0.3]`
@@ -212,8 +212,8 @@ class Ends(AlongRange):
 
 
 class SmoothSteps(AlongRange):
-    """Smooth steps (tanh) at evenly spaced places of the training range of an input, also
-    multiplied by each factor in `with`.
+    """Smooth steps (tanh) at evenly spaced places of the training range of an input, and their
+    products with each factor in `with`.
 
     - `count`: Number of places. Example: `21`
     - `widths`: Widths of the steps, as fractions of the range. Example: `[0.03, 0.1]`
@@ -412,8 +412,8 @@ STATIC = ("polynomial", "terms", "products", "spline", "ends", "steps")
 
 def timed_terms(dictionary: Sequence[DictionaryEntry]) -> tuple[str, ...]:
     """Return the kinds of terms and the states that need equal time steps, because they count
-    samples (as lags do) or use the time between them (as `slow` does). The others, such as `play`,
-    need only the order of the samples.
+    samples (as lags do) or use the time between them (as `slow` does). Kinds of terms that are not
+    returned, such as `play`, need only the order of the samples.
     """
     found: dict[str, None] = {}
     for loc, name, family in entries_of(dictionary):
