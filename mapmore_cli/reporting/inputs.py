@@ -74,7 +74,7 @@ class FigureStyle:
 
 @dataclass(frozen=True)
 class ReportInputs:
-    """Contents of the report. All numbers of the report are these, or summaries of these.
+    """Contents of the report. A report shows only these numbers and summaries of them.
 
     - `muscle`: labels of the muscle as the spec gives them (`name`, `kind`, `length`, ...), ready
       to print.

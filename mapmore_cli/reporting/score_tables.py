@@ -1,4 +1,4 @@
-"""Show scores as tables: the result of a run, also if nothing had to be done."""
+"""Show the scores of a run as tables. A run shows them even if all its stages were up to date."""
 
 from __future__ import annotations
 

@@ -251,7 +251,8 @@ def pieces_table(equations: Sequence[Equation], title: str) -> Table:
 
 def limits_tables(model: Model) -> Iterator[Table]:
     """Yield tables of the training range of each input within each curve, for a model and all
-    models that it contains; several outputs share them.
+    models that it contains. The outputs of one model share the tables, because they have the same
+    ranges.
     """
     several = len(model.each) > 1
     for number, one in enumerate(model.each[:1] if several else model.every):

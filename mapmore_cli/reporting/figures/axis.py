@@ -48,7 +48,7 @@ class Axis:
         """Start and end of the axis, in the unit of the data."""
         if self.limits is not None:
             return self.limits
-        if self.logarithmic:  # zero and negative values have no place on it
+        if self.logarithmic:  # a logarithmic axis cannot show values of zero or below
             if not self.least <= self.high:
                 return 1.0, 10.0
             margin = (self.high / self.least) ** self.margin if self.high > self.least else 2.0

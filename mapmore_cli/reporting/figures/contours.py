@@ -62,8 +62,8 @@ def _intervals(x: Array, z: Array, level: float) -> list[Ends]:
 
 
 def _crossing(x: Array, z: Array, level: float, inside: int, outside: int) -> float:
-    """Return where a row crosses a level between two neighbours; the place of the inner neighbour
-    at the edge of the grid.
+    """Return the x at which a row crosses a level between two neighbours. At the edge of the grid,
+    return the x of the inner neighbour.
     """
     if not 0 <= outside < len(z) or not np.isfinite(z[outside]):
         return float(x[inside])

@@ -127,7 +127,7 @@ def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:
     try:
         figures: list[Drawing] = _modules()[name].draw(inputs) if name in _modules() else []
         if figures and not _modules()[name].__name__.startswith("mapmore_cli."):
-            for drawing in figures:  # a figure is left out too if drawing it fails
+            for drawing in figures:  # a plug-in may also fail when its figure is drawn
                 compose(drawing, inputs.style)
     except Exception as fault:
         if plugins.blamed(fault) is None:
@@ -359,8 +359,7 @@ def to_bytes(figure: Figure, suffix: str, name: str, alt: str) -> bytes:
     if suffix == "svg":
         return (SVG_PROLOGUE + to_svg(figure, name, alt)).encode()
     if suffix == "pgf":
-        # imported here because this import alone takes a third of the time of all imports for
-        # figures
+        # imported here because this import takes a third of the time of all imports for figures
         from mapmore_cli.reporting.pgf import to_pgf
 
         return to_pgf(figure).encode()

@@ -66,7 +66,7 @@ def _step(across: float, up: float) -> str:
     return _tenths(across) + ("" if top.startswith("-") else " ") + top
 
 
-@lru_cache(4096)  # most steps are short
+@lru_cache(4096)  # most steps are short, so their texts repeat
 def _tenths(count: float) -> str:
     """Return the text of a number that counts tenths, without a zero before its point."""
     return re.sub(r"^(-?)0\.", r"\1.", f"{count / 10 + 0.0:.1f}".removesuffix(".0"))
@@ -92,7 +92,7 @@ def line_svg(x: Array, y: Array, look: dict[str, Any]) -> str:
 
 
 def markers(x: Array, y: Array, marker: str, colour: str, look: dict[str, Any]) -> str:
-    """Return SVG elements that draw a marker at each place: circles, or one path for all."""
+    """Return SVG elements that draw a marker at each point: circles, or one path for all."""
     radius, shape = look.get("markersize", 6) / 2, SHAPES[marker]
     filled = hex_of(look.get("markerfacecolor", colour))
     edge = look.get("markeredgewidth", 1.0) or (0.6 if marker in "xXP" else 0.0)
@@ -103,7 +103,7 @@ def markers(x: Array, y: Array, marker: str, colour: str, look: dict[str, Any]) 
         corners = [corner.split(",") for corner in f"{shape} nan,nan".split()]
         outlines = places[:, None] + radius * np.array(corners, dtype=np.float64)
         return f'<path d="{path(*outlines.reshape(-1, 2).T)}" fill="{filled}"{stroke}/>'
-    if not edge:  # round ends of steps of length zero; dots at one place are one dot
+    if not edge:  # a step of length zero with round ends is a dot; equal dots are drawn once
         left, top = np.unique(np.round(places, 1), axis=0).T
         return (
             f'<path d="{path(left, top, dots=True)}" stroke="{filled}" '

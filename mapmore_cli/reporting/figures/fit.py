@@ -258,7 +258,7 @@ def curve_data(inputs: ReportInputs, curve: CurveFit) -> dict[str, Values]:
     }
 
 
-# Training curves of a static model
+# Static models
 # --------------------------------------------------------------------------------------------------
 
 
@@ -295,7 +295,7 @@ def training_figures(inputs: ReportInputs) -> list[Drawing]:
     return [Drawing("fit_training", caption, (panel,), Layout(2.95, (2.2, 1.0)))]
 
 
-# Loops of a model with memory
+# Loops with memory
 # --------------------------------------------------------------------------------------------------
 
 

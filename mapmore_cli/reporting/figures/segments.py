@@ -174,8 +174,8 @@ def level_figures(inputs: ReportInputs, pieces: Pieces) -> list[Drawing]:
 
 
 def _level_grid(pieces: Pieces, levels: Array) -> Array:
-    """Return values of the level quantity, including the levels, and places a little outside the
-    outermost levels if the model extrapolates there.
+    """Return values of the level quantity at which the model is drawn. They include the levels, and
+    values a little outside the outermost levels if the model extrapolates there.
     """
     sides = pieces.fusion.extrapolation[str(pieces.level)]
     below, above = (0.08 * np.ptp(levels) * isinstance(side, str) for side in sides)

@@ -51,9 +51,9 @@ def plane_of(inputs: ReportInputs) -> Plane | None:
 
 
 class Sheet(NamedTuple):
-    """The model over its plane: places of a grid, `(CELLS, CELLS)` each, whose rows end at the
-    edges of the training range. `output` is NaN outside the range. `rows` are the samples that a
-    panel shows.
+    """The output of a model on a grid over its two inputs. The coordinates `across` and `up` and
+    the output are `(CELLS, CELLS)` each. The rows of the grid end at the edges of the training
+    range, outside of which `output` is NaN. `rows` are the samples that a panel shows.
     """
 
     plane: Plane
@@ -64,7 +64,7 @@ class Sheet(NamedTuple):
     label: str
 
     def panel(self, draw: Callable[..., None]) -> Panel:
-        """Return the panel of this sheet, with `draw` as the function that draws it."""
+        """Return a panel that shows this sheet; `draw` is the function that draws it."""
         x_label, y_label = self.plane.labels
         columns = (self.across.ravel(), self.up.ravel(), self.output.ravel())
         data = dict(zip((x_label, y_label, self.label), columns, strict=True))
@@ -110,8 +110,8 @@ vertical coordinates.
 
 
 def _up_to_the_rim(across: Array, up: Array, beyond: Beyond) -> Array:
-    """Return the horizontal places of a grid. The places of each row are spread over the part of
-    the row that lies within the training range.
+    """Return the horizontal coordinates of a grid. In each row, they are spread over the part that
+    lies within the training range.
     """
     inside = ~beyond(across, up)
     rows = np.flatnonzero(inside.any(axis=1))
@@ -126,8 +126,8 @@ def _up_to_the_rim(across: Array, up: Array, beyond: Beyond) -> Array:
 
 
 def _rim(inner: Array, outer: Array, up: Array, beyond: Beyond) -> Array:
-    """Return the edges of the training range between places within it (`inner`) and places outside
-    (`outer`), found by bisection.
+    """Return the edges of the training range, found by bisection between points inside it (`inner`)
+    and points outside it (`outer`).
     """
     for _ in range(BISECTIONS):
         middle = (inner + outer) / 2
