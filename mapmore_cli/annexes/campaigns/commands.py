@@ -120,7 +120,7 @@ def batch(
         if (known := known_by_seal(todo[number], entry.called)) is not None
     }
     names = run_names(entries, campaigns, {number: entries[number].called for number in results})
-    # a campaign whose page cannot be written is refused before its runs are done
+    # if the page of a campaign cannot be written, the campaign is refused before its runs begin
     for campaign in campaigns:
         refuse_foreign(runs / campaign.campaign.campaign, CAMPAIGN_RECORD)
     waiting = {number: job for number, job in todo.items() if number not in results}

@@ -1,4 +1,4 @@
-"""Add the settings to a draft that its recordings need: for words that mean missing values, for odd
+"""Add to a draft the settings that its recordings need: for words that mean missing values, for odd
 time stamps, and for files that cannot be read.
 """
 

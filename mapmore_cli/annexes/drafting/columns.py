@@ -27,8 +27,7 @@ KINDS = {"pressure": "pressure", "force": "force", "load": "force"} | dict.fromk
     POSITIONS, "position"
 )
 """Quantities that a title can identify, and the kind of each."""
-# A whole number in brackets is an index, as in `s[12]` or `s_1`, except for the 1 in `strain [1]`,
-# which is a unit.
+# A whole number in brackets is an index, as in `s[12]`, except for the unit 1 in `strain [1]`.
 _BRACKETS = re.compile(r"[\[(]\s*((?<=\s[\[(])1(?=\s*[\])])|(?!\d+\s*[\])])[^\])]+?)\s*[\])]")
 HALF_WIDTH = str.maketrans(
     "（）［］／％", "()[]/%"
@@ -275,7 +274,7 @@ def _read_title(
         )
         if own_unit or not unit:
             quantity, is_plain, unit = label.quantity, label.plain, own_unit
-    if not (unit or quantity) and plain.strip().casefold() in CLOCKS:  # the title is a unit alone
+    if not (unit or quantity) and plain.strip().casefold() in CLOCKS:  # the title is only a unit
         unit = plain.strip().casefold()
     source = "" if not unit else "the file's units" if unit_of(line) else "title"
     return TitledColumn(column, place, title, values, quantity, is_plain, unit, source)

@@ -72,8 +72,7 @@ class NamedColumn:
         """Return the column in the form of the spec."""
         if self.parts:
             return {"columns": [*self.parts], "format": " ".join(self.parts.values())}
-        # the unit 1 is written if the title contains `%`, because the rules of `check` would
-        # otherwise expect values in per cent
+        # if the title has `%`, the unit 1 is written, or `check` would expect values in per cent
         plain_units = ("",) if "%" in str(self.column) else ("", "1")
         usual = {"unit": plain_units, "scale": (1.0,), "offset": (0.0,), "texts": (False,)}
         entry = {key: getattr(self, key) for key in usual}

@@ -11,11 +11,9 @@ from mapmore_cli.annexes.drafting.experiment import Experiment, set_values
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.recording import Recording
 
-# fraction of the samples that is held out at random, if the last samples lie outside the range of
-# the others
+# fraction of samples held out at random, if the last samples lie outside the range of the others
 SHARE = 0.2
-# fraction of each recording that is held out at its end, if no level and no recording can be held
-# out
+# fraction held out at the end of each recording, if no level or recording can be held out
 LAST = 0.3
 # words with which a person may name held-out data, besides the name of an input
 WHOLE, LAST_SAMPLES = "recordings", "last"

@@ -30,8 +30,7 @@ from mapmore_cli.study.units import default_unit
 
 MOST_FILES = 5  # largest number of files that are read
 MOST_SHOWN = 12  # largest number of columns that a line names
-# largest number of words that may mean missing numbers in one column; a column with more is a
-# column of words
+# a column with more different words than this is a column of words, not of missing numbers
 MOST_WORDS = 3
 
 T = TypeVar("T")

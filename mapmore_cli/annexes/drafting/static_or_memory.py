@@ -20,13 +20,11 @@ from mapmore_cli.study.units import default_unit
 
 # smallest number of samples of a study with memory, in all recordings together
 FEWEST = 200
-# number of samples, in all recordings together, above which a draft of a study with memory takes
-# longer time steps
+# a study with memory takes longer time steps if all recordings together have more samples
 MOST = 6_000
 # smallest number of samples that a usual recording keeps with these longer time steps
 LEAST = 100
-# movement within a recording that is smaller than this fraction of the differences between
-# recordings is scatter
+# a smaller movement in a recording, as a fraction of that between recordings, is scatter
 MUCH_LESS = 0.1
 COMPETITORS = ("sarosi", "polynomial_2", "polynomial_5", "muscle_like", "polynomial_3")
 

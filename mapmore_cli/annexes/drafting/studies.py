@@ -126,7 +126,7 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
     inside = (one for one in sorted(path.rglob("*")) if one.is_file() and _is_own(one, path))
     every = [path] if path.is_file() else [*inside]
     readable = {file for file in every if file == path or reader_of(file) is not None}
-    copies = _copies(readable)  # a copy that nobody reads is no reason to leave a file out
+    copies = _copies(readable)  # only files that can be read are compared with their copies
     left_out: list[str] = []
     bad: dict[Path, str] = {}
     above: dict[Path, Sequence[str]] = {}

@@ -248,8 +248,7 @@ def training_ends(model: Model) -> dict[str, tuple[list[float], list[float]]]:
     limits, ends = program_of(model).limits, {}
     for name in model.input_names:
         known = [limit for limit in limits if limit.inputs == {name}]
-        # only limits of the input itself are used, not limits of quantities that are computed from
-        # it
+        # limits of the input itself are used, not limits of quantities that are computed from it
         known = [limit for limit in known if limit.value == Name(f"{INPUT}{name}")] or known
         ends[name] = (
             [place for limit in known for place in limit.low.tolist()],

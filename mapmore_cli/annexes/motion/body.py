@@ -1,4 +1,6 @@
-"""Define the data of a state-space model of motion, and of the search that found it (P)."""
+"""Define the data of a state-space model of motion as in the paper P, and of the search that found
+it.
+"""
 
 from __future__ import annotations
 
@@ -133,7 +135,7 @@ class MotionFit(Fit):
 
 @dataclass(frozen=True)
 class StateSpace(Body):
-    """A model of motion: linear sections along an input (P)."""
+    """A model of motion: linear sections along an input, as in the paper P."""
 
     motion: Annotated[Motion, "the sections"]
     ranges: Annotated[tuple[CurveRange, ...], "training range of each curve"]

@@ -104,8 +104,8 @@ class MotionSettings(Settings):
 
 @dataclass(frozen=True, kw_only=True)
 class MotionRecipe(MotionSettings):
-    """Settings of one fit with the input known; the `output` and the `step` between samples (s) are
-    those of the records.
+    """Settings of one fit. The records determine its `output` and the `step` between samples, s;
+    `input` is never None here.
     """
 
     input: str
@@ -113,8 +113,8 @@ class MotionRecipe(MotionSettings):
     step: float
 
     def reach(self, longest: int) -> float:
-        """Return the largest modulus of a pole, `exp(-step/slowest)`, for a longest piece of this
-        many samples.
+        """Return the largest modulus of a pole that is searched, `exp(-step/slowest)`. `longest` is
+        the number of samples of the longest piece.
         """
         return math.exp(
             -self.step / (QUARTER * longest * self.step if self.slowest is None else self.slowest)
@@ -122,8 +122,8 @@ class MotionRecipe(MotionSettings):
 
     @property
     def drives(self) -> tuple[str, ...]:
-        """Terms that drive every section, the input first. Sections that share a state need a
-        constant each to meet at their boundaries.
+        """Terms that drive every section, the input first. If sections share a state, each needs a
+        constant, so that they meet at their boundaries.
         """
         constant = self.offset or self.switching == "bumpless"
         on_load = () if self.load is None else (self.load, f"{self.input}*{self.load}")

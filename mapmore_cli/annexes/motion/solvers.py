@@ -21,12 +21,14 @@ STRIDES = (1, 3, 10, 30)
 """Samples between those that a linear start compares: short strides are sensitive to noise, and
 long ones miss fast poles.
 """
-NEAREST = 0.999  # starting values may lie at most at this fraction of the edge of stability
+NEAREST = 0.999  # largest reflection coefficient of starting values; 1 is the edge of stability
 TOLERANCE = 1e-12
 
 
 def least_squares(problem: Problem, _recipe: MotionRecipe) -> Found:
-    """Return the result of Gauss-Newton over the poles, from the best of the linear starts."""
+    """Return the parameters that Gauss-Newton iterations over the poles find. They begin at the
+    best of the starting values that linear regressions give.
+    """
     reach = problem.reach
     starts = (linear_start(problem.pieces, stride) for stride in STRIDES)
     places = [angles(*start, reach, NEAREST) for start in starts if start is not None]

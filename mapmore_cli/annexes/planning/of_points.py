@@ -118,10 +118,10 @@ def formulas_of(
     dataset: Dataset, measured: MeasuredMap, places: Array
 ) -> dict[str, tuple[Array, Array]]:
     """Return the predictions of each member of the committee at the measured points and at the
-    places; an empty mapping if there is none.
+    possible new points (`places`). The mapping is empty if the committee has no member.
 
-    A formula that deviates from the measured values by more than their range, as can happen with
-    few points, is no member.
+    A formula that deviates from the measured values by more than their range is no member; this can
+    happen with few points.
     """
     members = {"none": (np.zeros(len(measured.y)), np.zeros(len(places)))}
     for name in COMMITTEE:

@@ -23,14 +23,12 @@ from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.modelling.validation.gaussian_process import GaussianProcess, most_likely
 from mapmore_cli.modelling.validation.intervals import NORMAL
 
-# points with a small expected |target| have the weight `SLACK`; small means below the fraction
-# `LITTLE` of the largest |target|
+# weight of points whose expected |target| is below the fraction `LITTLE` of the largest one
 SLACK, LITTLE = (
     0.15,
     0.02,
 )
-# largest number of points to which the processes are fitted; they are spread over the samples, so
-# that a curve of thousands of samples does not dominate
+# largest number of measured points to which the Gaussian processes are fitted
 MOST_MEASURED = 150
 MOST_POINTS = 100  # largest number of further points for which a forecast is made
 

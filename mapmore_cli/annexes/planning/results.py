@@ -72,7 +72,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Trial:
-    """One combination of settings, by their place in the spec."""
+    """One combination of settings, by their paths in the spec, and its errors."""
 
     settings: Mapping[str, Any]
     parameters: int = (

@@ -42,7 +42,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Sum(Body):
-    """A body of several models that are added."""
+    """The stored form of a sum: several models, which are added."""
 
     parts: Annotated[tuple[Part, ...], "the summands, with their signs and inputs"]
 
