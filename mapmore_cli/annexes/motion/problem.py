@@ -30,8 +30,8 @@ QUARTER = 0.25  # longest time constant that is searched, as a fraction of the l
 class Bounds(Settings):
     """Ranges in which the particles of `solver: swarm` begin.
 
-    By default, they contain every stable section, for which P1 is in -1..1, P2 in -2..2, and `|1 -
-    P1 - P2| < 4`.
+    By default, these ranges contain every stable section, for which P1 is in -1..1, P2 in -2..2,
+    and `|1 - P1 - P2| < 4`.
 
     - `p1`: Range of P1. Example: `[-1, 1]`
     - `p2`: Range of P2. Example: `[-2, 2]`

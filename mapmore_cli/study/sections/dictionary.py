@@ -52,7 +52,7 @@ def _forms() -> Iterator[tuple[str, type[OperatorFamily]]]:
         form = create_model(
             "".join(key.title() for key in keys) if shape else "Operators",
             __base__=OperatorFamily,
-            __doc__=f"States that an operator makes of the quantities in `of`.\n\n{about}",
+            __doc__=f"States that an operator computes from the quantities in `of`.\n\n{about}",
             __module__=__name__,
             **_number_fields(families()[keys[0]][0]) if shape else {},
         )

@@ -42,7 +42,8 @@ class FormulaParameter(Section):
 
 
 class OwnFormula(Section):
-    """A formula of your own. It can be named wherever a formula of the literature can be named.
+    """A formula of your own. Its name can be used wherever a formula of the literature can be
+    named.
 
     - `name`: Name of the formula. Example: `my_formula`
     - `expression`: The force as an expression of quantities and parameters. Example: `a*pressure*(1
@@ -183,14 +184,16 @@ else:  # the types of mapmore itself, and the kinds of models that plugins add
 class ModelSettings(Settings):
     """The kind of model that the run builds. The key `type` is one of these words:
 
-    - `mapmore`: functions of each segment, made of the dictionary's terms, on a backbone or alone.
-    - `literature`: the formula `name` alone, or a `family`.
-    - `auto`: a search for the structure, on the training data. It is the default if the spec has
-      neither `dictionary` nor `model`. The run folder holds the result as a spec, `found.yaml`.
-    - `sum`: the sum of the static and the damping model of the runs in `needs` (the default for
-      `target: dynamic`), or of parts with signs and renamed inputs.
-    - `state_space`: a state-space model of motion with linear sections along an input (Brown and
-      Xie 2024).
+    - `mapmore` fits a function to each segment. The function consists of terms of the dictionary,
+      and may be added to a formula (the backbone).
+    - `literature` fits the formula `name` alone, or a `family`.
+    - `auto` searches a structure for the model on the training data. `auto` is the default if the
+      spec has neither `dictionary` nor `model`. The run folder holds the result as a spec,
+      `found.yaml`.
+    - `sum` adds the static and the damping model of the runs in `needs`, or other parts with signs
+      and renamed inputs. `sum` is the default for the target `dynamic`.
+    - `state_space` fits a state-space model of motion with linear sections along an input (Brown
+      and Xie 2024).
 
     - `type`: Kind of the model, one of the words above. Example: `literature`
     - `budget`: Computing time of each process of a search. More time tries more structures. If the

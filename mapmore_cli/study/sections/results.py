@@ -211,8 +211,8 @@ class Validate(Section):
 
 
 class PublishedScores(Section):
-    """Printed numbers of a publication that are shown beside the scores, by model, all for held-out
-    data. They are never used in a computation.
+    """Errors on held-out data that a publication prints, by model. The report shows these numbers
+    beside the scores, and never computes with them.
 
     - `source`: Where the numbers were printed. Example: `M2 table 5`
     - `nrmse`: NRMSE of each model, as fractions. Example: `{sarosi: 0.021}`

@@ -43,8 +43,8 @@ class Holdout(Section):
     """Samples that are held out of training and used to validate the model. A sample is held out if
     it fulfils every condition given here.
 
-    Any key that is not in this table must be the name of a quantity. Its value is a list of values,
-    or `{between: [[low, high], ...]}`.
+    Any key that is not in this table must be the name of a quantity. The value of such a key is a
+    list of values of the quantity, or `between` with a list of intervals.
 
     - `files`: Hold out the files with these names (with wildcards). Example: `["*_take2.csv"]`
     - `recordings`: Hold out the recordings with these ids (with wildcards). Example: `["log#2"]`
