@@ -18,13 +18,13 @@ from mapmore_cli.modelling.signals.sampling import PART, correlation, even_parts
 from mapmore_cli.study.units import convert
 
 FEWEST = 30  # smallest number of samples; with fewer, a finding may be due to chance
-# largest number of recordings that are compared with each other; more are thinned evenly
+# largest number of recordings that are compared with each other; others are left out evenly
 COMPARED = 200
 # columns are one signal if they differ by less than this fraction of their range
 ROUNDING = 1e-4
 LITTLE = 0.01  # a smaller fraction of the samples or of a range may be due to chance
 SOME = 0.05  # a larger fraction of the samples or of a range is worth a warning
-# from this fraction on, it is most of the samples, of a value or of a difference
+# at least this fraction counts as most of the samples, of a value or of a difference
 MUCH = 0.5
 
 SLOW = 0.04  # largest rate of a settled pressure, as a fraction of the pressure range per second
@@ -39,8 +39,8 @@ class Settling:
 
     A sample is settled if its rate, computed in a `window` (s), is below `limit`, a round number,
     per second. `share` is the settled share of all samples. `share_between` is the settled share of
-    the samples in the middle of the pressure range. It is large if the pressure moves in steps,
-    because it then rests there too, and small for a sweep.
+    the samples in the middle of the pressure range. This share is large if the pressure moves in
+    steps, because the pressure then rests in the middle of its range, too. It is small for a sweep.
     """
 
     limit: float
@@ -170,8 +170,8 @@ def unequal(recordings: Sequence[Recording], inputs: Sequence[str], target: str)
 
     Inputs are equal if they differ by less than 1 % of their ranges (rms), from the first sample to
     the end of the shorter recording, which must have at least half of the samples. A quantity was
-    held constant if it stays within 1 % of its largest value. More than 200 recordings are thinned
-    evenly.
+    held constant if it stays within 1 % of its largest value. Of more than 200 recordings, only
+    some that are evenly spread are compared.
     """
     usable = [recording for recording in recordings if recording.rows_kept >= FEWEST]
     if not usable:

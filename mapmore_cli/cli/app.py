@@ -146,8 +146,7 @@ class Commands(TyperGroup):
         """Run the command and flush its output, so that a broken pipe is noticed here and not at
         exit.
         """
-        # Typer uses the package click, or contains a copy of it, depending on its version.
-        # Usage errors are therefore found as the base class of Typer's BadParameter.
+        # Typer may contain its own copy of click, so the class of usage errors is taken from Typer
         typers_own: tuple[type[BaseException], ...] = (
             typer.Exit,
             typer.Abort,

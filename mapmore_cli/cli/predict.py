@@ -199,7 +199,7 @@ def _lines_of(
             "other tables cannot be used",
             "write the table to a file, and give the path of the file",
         )
-    # Only foreign tables are protected: the prediction for another table contains all its columns.
+    # the prediction for a foreign table lacks some of its columns, so it must not replace the table
     if table != STANDARD and is_foreign(table, options):
         note_read([table])
         lines = foreign_lines(table, options, ways, units_of(model, ways), reporter.warn)

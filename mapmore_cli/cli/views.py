@@ -57,7 +57,7 @@ def of_file(path: Path, warn: Warn, unverified: bool) -> View:
     """Return the contents of a result file or a run folder. Raises DataError if it is neither.
 
     `warn` is called if nothing proves that a file is unchanged. A file that has been changed is
-    read only if it may be `unverified`.
+    read only if `unverified` is True.
     """
     if path.is_dir():
         return _of_run(path)
@@ -190,7 +190,7 @@ def of_scores(table: ScoreTable, published: Published | None = None) -> View:
 
 
 def _of_validation(validation: Validation) -> View:
-    """Return the pooled scores, those by curve, and the formulas that were fitted as
+    """Return the pooled scores, the scores by curve, and the formulas that were fitted as
     competitors.
     """
     if validation.others:

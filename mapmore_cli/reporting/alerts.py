@@ -84,7 +84,7 @@ def unconfirmed_sentence(count: int) -> str:
 
 
 def _of_output(dataset: Dataset, model: Model, validation: Validation) -> Iterator[tuple[str, str]]:
-    """Yield kind and sentence of the alerts of one output."""
+    """Yield the kind and the sentence of each alert of one output."""
     for warning in validation.warnings:
         yield "structure" if warning.startswith(SEEN) else "warning", warning
     yield from _of_competitors(validation.scores, next(iter(validation.units.values()), ""))

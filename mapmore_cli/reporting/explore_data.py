@@ -234,8 +234,8 @@ def _interval(inputs: ReportInputs) -> dict[str, Any] | None:
 
 
 def _no_interval(inputs: ReportInputs) -> str:
-    """Return a sentence on why there is no interval, or on what it does not contain; empty if the
-    interval is complete.
+    """Return a sentence that says why there is no interval, or what the interval does not contain;
+    empty if the interval is complete.
     """
     if inputs.left_out is not None:
         limits = interval_limits(inputs.left_out)

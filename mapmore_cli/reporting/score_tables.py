@@ -133,9 +133,9 @@ def verdict_sentence(
     of the others, on held-out data if there are any.
 
     `target` is the scored quantity. `failed` names the competitors without scores, because their
-    fit failed. If one of the `warnings` says that held-out data chose the structure, it comes
-    first, followed by an `alert`. Competitors that were trained with held-out data are named but
-    not compared.
+    fit failed. If one of the `warnings` says that held-out data chose the structure, this warning
+    comes first, followed by an `alert`. Competitors that were trained with held-out data are named
+    but not compared.
     """
     head = f"Alert: {alert}. " if alert else ""
     compared = deciding(scores)

@@ -93,7 +93,7 @@ def written_as_text(path: Path) -> Iterator[TextIO]:
     (`written`).
 
     Errors of the file system inside the block count as errors of this file, and become WriteErrors.
-    Raises BrokenPipeError if nobody reads any more.
+    Raises BrokenPipeError if the program that reads from a pipe has ended.
     """
     from mapmore_cli.storage.tables.lines import TEXT_ERRORS
 

@@ -55,7 +55,7 @@ class Campaign(Section):
     best_of: list[
         str
         # in each run, only the best of these formulas is shown, as one competitor
-        # The scores that are shown also choose it, so its score is slightly optimistic.
+        # The best formula is chosen by the scores that are shown, so its score is optimistic.
     ] = []
 
     def _contradictions(self) -> Sequence[Row]:

@@ -67,7 +67,7 @@ def locate(finding: Finding, root: Node) -> Mistake:
     at = node.start if on_key else node.at
     if finding.offset and isinstance(node.value, str):
         written = _source_line(at)[at.column - 1 :]
-        # without a match, the source spells the text differently, for example with escapes
+        # nothing matches if the source spells the text differently, for example with escapes
         for quote in ("", '"', "'"):
             if written.startswith(quote + node.value):
                 at = replace(at, column=at.column + len(quote) + finding.offset)

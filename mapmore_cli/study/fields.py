@@ -236,7 +236,7 @@ Share = Annotated[float, always_in("1")]
 
 def _share_of_value(value: object, info: ValidationInfo) -> object:
     """Keep a text such as `2 %` unchanged, because it is a share of the measured value. If the
-    quantity itself is measured in per cent, it is an ordinary number.
+    quantity itself is measured in per cent, the text is an ordinary number with a unit.
     """
     if not isinstance(value, Written) or not isinstance(info.context, Context):
         return value

@@ -38,8 +38,8 @@ variables belong to the whole process.
 
 @dataclass(frozen=True)
 class Shared:
-    """Data that a worker needs in addition to its job: a file that shows whether it sees the folder
-    of runs, the version of mapmore, and the variables that specs may use.
+    """Data that a worker needs in addition to its job: a file that shows whether the worker sees
+    the folder of runs, the version of mapmore, and the variables that specs may use.
     """
 
     token: Path

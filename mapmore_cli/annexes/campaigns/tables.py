@@ -50,7 +50,9 @@ class CampaignScores:
 
     @cached_property
     def pooled(self) -> dict[str, Pooled]:
-        """The decisive scores of each run."""
+        """The scores of each run that decide comparisons: all curves pooled, on held-out data if
+        there are any.
+        """
         return {
             name: {score.model: score for score in deciding(scores)}
             for name, scores in self.runs.items()
@@ -58,7 +60,9 @@ class CampaignScores:
 
     @property
     def models(self) -> tuple[str, ...]:
-        """Every model of any run; rows that are no models come last."""
+        """Every model of any run. The difference between repeated measurements, which is no model,
+        comes last.
+        """
         names = dict.fromkeys(model for scores in self.pooled.values() for model in scores)
         return tuple(sorted(names, key=lambda name: name == REPEATABILITY))
 

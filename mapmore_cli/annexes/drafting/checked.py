@@ -1,5 +1,5 @@
 """Try a draft with the rules of `check` before it is written. No model is fitted. If there are
-thousands of files, the rules examine only some of them; all were read before.
+thousands of files, the rules examine only some of them. All files were read before.
 """
 
 from __future__ import annotations

@@ -49,8 +49,8 @@ class TitledColumn:
         One array `(n,)` for each file; none for a column of texts.
     texts, numbered, how
         The different texts in its cells; and for each file an array `(n,)` with the number of each
-        cell's text, counted from 1. Both are empty for a column of numbers. The last is the value
-        of the key `texts` with which a spec reads them.
+        cell's text, counted from 1. Both are empty for a column of numbers. `how` is the
+        value of the key `texts` with which a spec reads the column.
     quantity
         The quantity that its title names; empty for none.
     plain

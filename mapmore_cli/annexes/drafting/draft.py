@@ -100,8 +100,8 @@ class Note:
 
 @dataclass(frozen=True)
 class Draft:
-    """Sections in the form of the YAML file, with numbers in the model's units, and the reasons for
-    the choices.
+    """A draft of a spec: its sections in the form of the YAML file, with numbers in the model's
+    units, and the reasons for the choices.
 
     `files` is the number of files with recordings, and `raw` has the values of all columns in some
     of them. If the draft is for one of several outputs of a study, `of` is the name of the study.

@@ -154,9 +154,9 @@ class FoundTable:
         return lines
 
     def line_of_titles(self, lines: Mapping[int, list[str]]) -> int | None:
-        """Return the line with the most different texts that names at least half of the columns of
-        numbers and is not a line of units. If several have as many texts, return the first; if all
-        are remarks, the last.
+        """Return the line of titles. It is no line of units, and names at least half of the columns
+        of numbers. If several lines do so, it is the one with the largest number of different texts
+        and, among equals, the first. If all of them are remarks, it is the last.
         """
 
         def rank(line: int) -> tuple[bool, int, int]:
@@ -221,9 +221,9 @@ def table_in(top: Top) -> FoundTable | None:
 
 def _labelled_lines(rows: Sequence[Row], wide: int, top: Top) -> list[Row]:
     """Return the lines with `wide` cells at the beginning that say in their first cell what they
-    hold, for example `Name:`, `Unit:` and `Count:`. If the first cells of the lower half are empty,
-    there are at least three such lines; if they hold numbers, the label ends with a colon or an
-    equals sign.
+    hold, for example `Name:`, `Unit:` and `Count:`. The first cells of the rows in the lower half
+    decide what counts as a label. If these cells are empty, at least three lines must have one. If
+    they hold numbers, a label must end with a colon or an equals sign.
     """
     firsts = nonempty([row[0] for row in rows[len(rows) // 2 :] if len(row) == wide])
     filled = [row for row in rows if nonempty(row)]

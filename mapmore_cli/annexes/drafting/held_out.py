@@ -63,8 +63,8 @@ def inner(levels: Sequence[float]) -> list[float]:
 
 def _last_or_between(done: Experiment, is_free: bool) -> tuple[Section, str]:
     """Return the last samples of every recording. If these lie outside the others, and no person
-    asked for them (`is_free`), return inner values of a quantity that moves steadily, or samples
-    drawn at random if there is no such quantity.
+    asked for them (`is_free`), return the middle of the range of a quantity that moves steadily, or
+    samples drawn at random if there is no such quantity.
     """
     names = _beyond(done)
     if not names:
@@ -83,8 +83,9 @@ def _last_or_between(done: Experiment, is_free: bool) -> tuple[Section, str]:
 
 
 def _whole_recordings(done: Experiment, logs: Sequence[str]) -> Section:
-    """Return every third log for holding out, with all its pieces if it was cut. Inner logs are
-    preferred. Recordings that one quantity distinguishes are named by its values.
+    """Return every third log for holding out, with all its pieces if it was cut. Logs that are
+    neither the first nor the last are preferred. Recordings that one quantity distinguishes are
+    named by its values.
     """
     held = logs[1:-1:3] or logs[1:]
     if len(done.apart) == 1:

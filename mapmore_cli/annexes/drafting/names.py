@@ -1,4 +1,4 @@
-"""Read names of files, folders and sheets: numbers with a unit or a word beside them."""
+"""Find numbers in names of files, folders and sheets, with the unit or the word beside them."""
 
 from __future__ import annotations
 
@@ -226,8 +226,8 @@ def _series_of(names: Sequence[str]) -> list[Series]:
 
 
 def _told_quantity(quantity: str, unit: str, numbers: Series, names: Sequence[str]) -> Condition:
-    """Return the numbers in names as a condition of this quantity. A name without a number means
-    zero.
+    """Return the quantity whose values are these numbers in names. A name without a number gives
+    the value zero.
     """
     written = next(iter(numbers.values())).unit
     unit = _UNITS[written][1] if written else unit

@@ -54,9 +54,9 @@ def read_draft(draft: Draft, folder: Path, measured: str, warn: Warn = lambda _:
 
 
 def with_words(read: Callable[[object], T], known: Sequence[str] = ()) -> tuple[object, T]:
-    """Return the rule for missing values that was needed to read something, and the result. Cells
-    with a few different words, for example `---`, are taken as missing values, in addition to the
-    `known` words.
+    """Call `read` with a rule for missing values; return the rule that was needed, and the result.
+    The rule takes cells with a few different words, for example `---`, as missing values, in
+    addition to the `known` words.
 
     Raises DataError if there are too many different words, or if a cell holds something else than a
     word, for example a date.

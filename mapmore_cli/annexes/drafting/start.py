@@ -210,8 +210,8 @@ def _with_experiment(
 
 
 def _with_sessions(draft: Draft, apart: Unequal | None, group: str | None) -> Draft:
-    """Return the draft, changed if two recordings have equal inputs but unequal outputs (`apart`):
-    with settings for the groups that a person named, otherwise with a remark.
+    """Return the draft. If two recordings have equal inputs but unequal outputs (`apart`), settings
+    for the groups that a person named are added to it; without such groups, a remark is added.
     """
     if apart is None or (group is not None and not apart.effects):
         return draft

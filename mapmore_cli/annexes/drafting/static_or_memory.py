@@ -1,5 +1,5 @@
-"""Choose between a static study and a study with memory, and add the settings of its kind to the
-draft.
+"""Choose between a static study and a study with memory, and add the settings that this kind of
+study needs to the draft.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from mapmore_cli.study.units import default_unit
 
 # smallest number of samples of a study with memory, in all recordings together
 FEWEST = 200
-# a study with memory takes longer time steps if all recordings together have more samples
+# with more samples than this in all recordings, a study with memory takes longer time steps
 MOST = 6_000
 # smallest number of samples that a usual recording keeps with these longer time steps
 LEAST = 100
-# a smaller movement in a recording, as a fraction of that between recordings, is scatter
+# movement in a recording is scatter if it is below this fraction of that between recordings
 MUCH_LESS = 0.1
 COMPETITORS = ("sarosi", "polynomial_2", "polynomial_5", "muscle_like", "polynomial_3")
 

@@ -80,8 +80,8 @@ class Study:
     @cached_property
     def parts(self) -> list[tuple[Path, Section]]:
         """The file of every recording, and the sheet or table of the file that holds the recording.
-        The sheet is given if the names of sheets contain information; the table, if there are
-        several.
+        The sheet is given if the names of sheets contain information. The number of the table is
+        given if a file holds several tables.
         """
         if self.layout.tables:
             places: list[Section] = [{"table": at} for at in self.layout.tables]
@@ -147,7 +147,7 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
             left_out.append(fault.message)
             bad[file] = "holds no table that could be read"
             continue
-        if not layout.tables:  # further tables, and words above them, may follow equal first lines
+        if not layout.tables:  # equal first lines do not prove equal later tables
             seen[like] = layout
         above[file] = layout.above
         layouts.setdefault(repr(layout), (layout, []))[1].append(file)
@@ -236,8 +236,8 @@ def _joined(layouts: Sequence[tuple[Layout, list[Path]]]) -> list[Study]:
 
 
 def _is_own(file: Path, folder: Path) -> bool:
-    """Return True for a file that is neither hidden, nor left by an office program or a file
-    manager, nor the result of a run, nor the schema that `init` writes for editors.
+    """Return False for hidden files, files that office programs or file managers leave behind,
+    results of runs, and the schema that `init` writes for editors; return True for any other file.
     """
     inside = file.relative_to(folder)
     ours = any((folder / parent / "run.json").is_file() for parent in inside.parents)

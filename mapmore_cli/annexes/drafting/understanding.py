@@ -84,7 +84,7 @@ def understood(
     columns |= chosen
     wanted = answers.inputs or {}
     renamed = [name for name, column in wanted.items() if not column.refers_to(name)]
-    measured = [one.quantity for one in _found(table, wanted)]  # not the person's names
+    measured = [one.quantity for one in _found(table, wanted)]  # names of known quantities
     known = [*columns, *renamed, *measured]
     conditions, repeats = told_by_names(study.names, answers.hold, known)
     titled = {} if answers.columns else table

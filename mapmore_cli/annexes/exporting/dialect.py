@@ -269,8 +269,8 @@ class Body:
         self.lines.append(Code(form.format(*parts, **named)))
 
     def _inner(self, lines: list[Code]) -> Body:
-        """Return a body for a block inside this one. It can use the names of this body; its own
-        names are valid only within the block.
+        """Return the body of an inner block. The inner block can use the names of this body, but
+        its own names are valid only within it.
         """
         return replace(self, lines=lines, known=dict(self.known))
 

@@ -30,7 +30,7 @@ class MotionKind(Kind):
     """
 
     def maker(self) -> Maker:
-        """Return the maker that fits these models."""
+        """Return the object that fits these models."""
         from mapmore_cli.annexes.motion.fitted import MotionMaker
 
         return MotionMaker()

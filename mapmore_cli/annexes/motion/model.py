@@ -21,8 +21,10 @@ from mapmore_cli.modelling.kinds import Verbs
 from mapmore_cli.modelling.literature.model import printed
 from mapmore_cli.modelling.program.writing import Inputs, Side, Writer, limit, renamed_all, total
 
-# writes the value of the active section from the values of all; a stem names new variables
 OfSection = Callable[[str, Sequence[Side]], Expression]
+"""Function that writes the value of the active section. Its arguments are the beginning of the
+names of new variables, and the values of all sections.
+"""
 
 
 def build(

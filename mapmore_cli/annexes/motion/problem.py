@@ -179,7 +179,7 @@ class Problem:
         self.start, self.reach = start, reach
         self.random = np.random.default_rng(seed)
         self.pieces = tuple(piece for piece in pieces if piece.counts.any())
-        # with a slice, nothing is copied
+        # a slice avoids a copy
         self.own = [slice(None) if piece.counts.all() else piece.counts for piece in self.pieces]
         self.y = np.concatenate([piece.y[piece.counts] for piece in self.pieces])
         self.size = root_mean_square(self.y) or 1.0

@@ -200,8 +200,9 @@ REPEATS = 1e-3
 
 
 class MotionErrors(NamedTuple):
-    """Errors over the last wavelength, in the unit of the displacement and per second; `transient`
-    is the largest error before it.
+    """Errors of the displacement and of the velocity over the last wavelength of the input, in the
+    unit of the displacement and in this unit per second. `transient` is the largest error of the
+    displacement before the last wavelength.
     """
 
     displacement_rmse: float

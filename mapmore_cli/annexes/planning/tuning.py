@@ -96,8 +96,8 @@ def _variants(
 
 
 def _try_settings(settings: Mapping[str, Any], choices: ModelChoices, folds: Folds) -> Trial:
-    """Fit models with some settings without each fold, and return their errors on the fold. If a
-    fit fails, return the reason.
+    """For each fold, fit a model with these settings without the samples of the fold, and measure
+    its error on them. If a fit fails, return the reason instead of the errors.
     """
     try:
         size = parameters(refit(choices, folds.dataset))

@@ -59,7 +59,7 @@ class SumKind(Kind):
     """
 
     def maker(self) -> Maker:
-        """Return the maker of sums."""
+        """Return the object that makes sums from specs."""
         from mapmore_cli.annexes.sums.fitted import SumMaker
 
         return SumMaker()

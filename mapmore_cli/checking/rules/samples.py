@@ -1,4 +1,4 @@
-"""Check samples: what was recorded, what was left out, and whether it is static."""
+"""Check samples: what was recorded, what was left out, and whether the samples are static."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mapmore_cli.domain.recording import Recording
 from mapmore_cli.domain.scores import FAR_FROM_ZERO
 from mapmore_cli.modelling.signals.sampling import PART, even_share
 
-# how many times as often a saturated sensor has an end of its range as any other value
+# a sensor is saturated if an end of its range is so many times as frequent as other values
 FAR_MORE = 10
 # quantities that hardly ever keep exactly one value unless their sensor is saturated
 FROM_SENSORS = ("force", "pressure", "load")
@@ -140,8 +140,7 @@ def still_cycles(subject: Subject) -> Issues:
     if cycles is None or not subject.has(cycles.over):
         return
     low, high = subject.span(cycles.over)
-    # A movement within a recording counts if it is not small compared with two other numbers:
-    # the range over all recordings, which is large if recordings differ, and the largest value.
+    # a movement below a share of the range of all recordings, or of the largest value, is noise
     least = max(STILL * (high - low), LITTLE * max(abs(low), abs(high)))
     kept = [recording for recording in subject.recordings if recording.rows_kept]
     columns = [recording.columns[cycles.over] for recording in kept]

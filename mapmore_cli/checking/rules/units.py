@@ -146,7 +146,7 @@ def _contradicted(subject: Subject, name: str, unit_told: str | None) -> str:
     declared = column.unit or default_unit(name, subject.spec.units)
     if unit_told is None or column.scale != 1.0:
         return ""
-    # `bar` may also mean absolute pressures; a unit of another dimension contradicts nothing
+    # `bar` may mean absolute pressure, and a unit of another dimension may be no unit at all
     agrees = any(is_same(unit, declared) for unit in (unit_told, f"{unit_told} abs"))
     return "" if agrees or not can_convert(unit_told, declared) else declared
 

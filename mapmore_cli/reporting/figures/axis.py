@@ -64,8 +64,8 @@ class Axis:
         self.limits = (known[0] if low is None else low, known[1] if high is None else high)
 
     def set_ticks(self, at: Iterable[float], names: Sequence[str] | None) -> None:
-        """Set the places of the ticks. `names` are their labels, or None to label them with their
-        numbers.
+        """Set the values at which ticks stand. `names` are their labels, or None to label them with
+        these values.
         """
         places = [float(one) for one in at]
         words = [f"{one:g}" for one in places] if names is None else names
@@ -73,7 +73,9 @@ class Axis:
         self.ticks = dict(zip(places, words, strict=True))
 
     def scale(self, start: float, stop: float) -> Place:
-        """Return a function that converts values to points between two positions of the sheet."""
+        """Return a function that converts values to positions on the sheet, in points. The axis
+        reaches from the position `start` to the position `stop`.
+        """
         low, high = self.ends
 
         def place(values: Any) -> Array:

@@ -219,7 +219,8 @@ def arranged(
     drawing: Drawing, style: FigureStyle, panel: Panel | None = None, width: float | None = None
 ) -> Arrangement:
     """Return the arrangement of the panels of a figure on a page, or of one `panel` in the width of
-    the style. With a `width`, all panels together have this width, and fewer are side by side.
+    the style. A `width` limits the width of all panels together, so that fewer panels than usual
+    may stand side by side.
     """
     grid, panels = drawing.grid, drawing.panels if panel is None else (panel,)
     columns = min(grid.columns or (2 if len(panels) == 4 else 3), len(panels))
@@ -256,7 +257,8 @@ def compose(
     """Draw all panels of a figure in the grid of a page; or one `panel` with the legend of the
     figure, in the width of the style.
 
-    With a `width`, in inches, all panels together have this width, and fewer are side by side.
+    A `width`, in inches, limits the width of all panels together, so that fewer panels than usual
+    may stand side by side.
     """
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine

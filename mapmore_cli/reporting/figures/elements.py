@@ -40,8 +40,8 @@ def path(x: Sequence[float] | Array, y: Sequence[float] | Array, dots: bool = Fa
     """Return the data of a path through points, with a gap at NaN, or of a dot at each point.
 
     Every point after the first is written as a step from the point before it, because a step takes
-    half as many characters as a place. Errors of steps do not add up, because places are rounded to
-    tenths of a point before steps are computed.
+    half as many characters as a position. Rounding errors of steps do not add up, because positions
+    are rounded to tenths of a point before steps are computed.
     """
     commands: list[str] = []
     before, gap = None, False
@@ -68,7 +68,7 @@ def _step(across: float, up: float) -> str:
 
 @lru_cache(4096)  # most steps are short, so their texts repeat
 def _tenths(count: float) -> str:
-    """Return the text of a number that counts tenths, without a zero before its point."""
+    """Return a number of tenths as a decimal number without a zero before its point: 3 as `.3`."""
     return re.sub(r"^(-?)0\.", r"\1.", f"{count / 10 + 0.0:.1f}".removesuffix(".0"))
 
 

@@ -58,7 +58,8 @@ class CurveFit:
       not affect the scale of the axes.
     - `interval`: ends of the prediction intervals of the run's own model (the first model), or
       None.
-    - `pieces`: rows of its recordings if it is drawn over time, otherwise empty.
+    - `pieces`: rows of each recording of the curve if the curve is drawn over time, otherwise
+      empty.
     - `shaded`: ranges of `x` with a grey background: plateaus, or held-out parts of a training
       curve.
     """

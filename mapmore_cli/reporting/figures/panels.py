@@ -154,7 +154,7 @@ def plain_logarithm(ax: Axes, side: Literal["x", "y"], subs: Sequence[float] | N
 
 
 def label_rows(ax: Axes, names: Sequence[str]) -> None:
-    """Name the rows 0, 1, ... of a panel from the top down."""
+    """Label the horizontal rows 0, 1, ... of a panel with names, from the top to the bottom."""
     ax.set_yticks(range(len(names)), names)
     ax.tick_params(axis="y", length=0)
     ax.set_ylim(len(names) - 0.45, -0.55)
@@ -168,7 +168,7 @@ def write_beside(ax: Axes, row: float, text: str) -> None:
 def write_at(
     ax: Axes, text: str, place: tuple[Any, Any], offset: tuple[int, int], **look: Any
 ) -> None:
-    """Write a text in small letters at an offset in points from a place."""
+    """Write a text in small letters at an offset, in points, from a position."""
     if not is_sketch(ax):
         from matplotlib import rcParams
 

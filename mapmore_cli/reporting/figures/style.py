@@ -150,7 +150,7 @@ def model_styles(models: Sequence[str], palette: Sequence[str] = ()) -> dict[str
     """Return a style for each model. The first model, the run's own, always has the same style. The
     others get the remaining styles in their order. Repeated names are ignored.
 
-    A `palette` replaces the colours; its first one is that of the run's own model.
+    A `palette` replaces the colours; its first colour is for the run's own model.
     """
     styles: dict[str, ModelStyle] = {}
     for i, name in enumerate(dict.fromkeys(models)):

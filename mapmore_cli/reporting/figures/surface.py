@@ -24,8 +24,9 @@ range.
 
 
 class Plane(NamedTuple):
-    """Names and axis labels of the two inputs of a model, the input that varies within a curve
-    first; and the samples of all curves, (n,) each: both inputs, and the target `z`.
+    """The two inputs of a model with their names and axis labels; the input that varies within a
+    curve comes first. `x`, `y` and `z`, (n,) each, are the two inputs and the target at the samples
+    of all curves.
     """
 
     names: tuple[str, ...]
@@ -36,8 +37,8 @@ class Plane(NamedTuple):
 
 
 def plane_of(inputs: ReportInputs) -> Plane | None:
-    """Return the plane of a model of two inputs that vary; None if there are more or fewer, or if
-    time matters.
+    """Return the plane of the two inputs of a model. Return None if more or fewer inputs vary, or
+    if the output depends on the time.
     """
     pair = sorted(inputs.model.inputs, key=lambda one: one.name == inputs.dataset.level)
     names, curves = tuple(one.name for one in pair), inputs.dataset.curves
@@ -78,8 +79,8 @@ class Sheet(NamedTuple):
 
 
 def sheet_of(inputs: ReportInputs) -> Sheet | None:
-    """Return the model over its two inputs; None if the model has more or fewer inputs, or if the
-    report shows another quantity than its output.
+    """Return the output of a model over its two inputs. Return None if the model has more or fewer
+    inputs, or if the report shows another quantity than the output.
     """
     plane, model = plane_of(inputs), inputs.model
     if plane is None or inputs.dataset.target != model.output.name:

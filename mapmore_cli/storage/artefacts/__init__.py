@@ -134,8 +134,7 @@ class FileKind(Generic[T]):
             file.attrs.update(about | {CHECKSUM: digest.hexdigest()})
         mark = _mark(path)
         _as_written[mark] = digest.hexdigest()
-        # Arrays from a file are contiguous, and the last digit of a sum may depend on that.
-        # So only a record with contiguous arrays may replace the one in the file.
+        # as in a file, arrays must be contiguous, because the last digit of a sum may depend on it
         if mark[-1] < ROOM and all(array.value.flags.c_contiguous for array in arrays):
             _keep(mark, record)
 

@@ -41,7 +41,8 @@ Take = Callable[[str, str, int], Numbers]
 
 @dataclass(frozen=True)
 class Decoder:
-    """Decoder that rebuilds a record. Raises Invalid for a value that does not have its type.
+    """Decoder that rebuilds a record. Raises Invalid for a value whose type differs from its type
+    hint.
 
     If `lenient`, unknown fields are ignored.
     """
@@ -167,7 +168,7 @@ class Decoder:
                 raise Invalid(path, "is not a reference to its array")
         values = stored.astype(number, copy=False)
         _compare_lengths(path, values.shape, letters, sizes)
-        # the array is made read-only, because several stages may get the same one
+        # several stages may get the same array, so the array is made read-only
         values.setflags(write=False)
         return values
 

@@ -156,8 +156,9 @@ def _begin(
 
 
 def _refuse_thousands(path: Path, table: RawTable, request: TableRequest) -> None:
-    """Raise NotANumber if a decimal point separates thousands. If the numbers of the table could
-    have such points, the file is read again to find out.
+    """Raise NotANumber if the points in the numbers of a table separate thousands, although the
+    spec takes them for decimal points. Only a table in which this is possible is read again to find
+    out.
     """
     for number, (column, values) in enumerate(table.columns.items()):
         if request.cells(column).thousands is None and may_be_grouped(values):

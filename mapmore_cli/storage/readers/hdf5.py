@@ -149,8 +149,7 @@ def _meant(stored: Values, said: Mapping[str, Any]) -> Array:
         }
     factor, offset = said.get("scale_factor", [1.0])[0], said.get("add_offset", [0.0])[0]
     numbers = stored.astype(np.float64) * factor + offset
-    # In netCDF, the limits of valid numbers usually refer to stored values.
-    # Limits that are floats refer to the scaled values if the stored values are integers.
+    # in netCDF, limits of valid numbers are stored values, unless only the limits are floats
     limits = [said[key] for key in LIMITS if key in said]
     as_meant = kind != "f" and any(limit.dtype.kind == "f" for limit in limits)
     limited = numbers if as_meant else stored

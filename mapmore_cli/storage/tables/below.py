@@ -145,7 +145,7 @@ def _repeated_columns(header: Sequence[Sequence[Any]]) -> list[slice]:
 
 
 def _padded(cells: Sequence[Any], width: int) -> list[Any]:
-    """Return the cells with empty ones at the end, `width` in all."""
+    """Return the cells, extended by empty cells at the end to `width` cells."""
     return [*cells, *[""] * (width - len(cells))]
 
 

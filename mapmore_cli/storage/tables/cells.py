@@ -193,8 +193,7 @@ class CellReader:
         """
         if isinstance(cell, Lacking):
             if self.texts is not None and not cell.text:
-                # the cell is merged with others, and the text of all of them stands in the first
-                # one
+                # in merged cells, the text of all cells stands in the first of them
                 return math.nan
             raise NotANumber("", cell.said, cell.remedy)
         cell = cell.decode("utf-8", "replace") if isinstance(cell, bytes) else cell

@@ -161,7 +161,7 @@ class Lines(Iterator[str]):
         return self._held[self._at : end]
 
     def take(self, lines: bytes, count: int) -> None:
-        """Mark these lines as read; `count` is their number."""
+        """Mark the next lines, which `block` has returned, as consumed; `count` is their number."""
         self._at += len(lines)
         self.taken, self.rows = self.taken + len(lines), self.rows + count
 

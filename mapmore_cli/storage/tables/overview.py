@@ -40,7 +40,9 @@ def tree_reader(
     separator: str = "/",
     by_index: bool = True,
 ) -> Reader:
-    """Return the reader of a format of trees, whose addresses have the `separator`."""
+    """Return a reader for a format whose files contain a tree of arrays. In an address, the
+    `separator` stands between two names.
+    """
 
     def read(path: Path, request: TableRequest) -> list[RawTable]:
         with opened(path, request.label, request) as top:
@@ -290,8 +292,8 @@ def _columns_of(place: Place, most: int, titles: Sequence[Sequence[str]] = ()) -
 
 
 def _sample_time(columns: Iterable[Column]) -> float | None:
-    """Return the seconds between samples from a number whose name says so; None if there is
-    none.
+    """Return the seconds between samples from a number with a name such as `fs` or `dt`; None if
+    there is no such number.
     """
     for column in columns:
         if column.length != 1:

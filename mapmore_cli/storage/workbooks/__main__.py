@@ -121,7 +121,7 @@ def _plain(cell: object) -> object:
 
 
 if __name__ == "__main__":
-    # the module does not exist on Windows, and the system may already have a lower limit
+    # Windows lacks the module `resource`, and the system may already have a lower limit
     with suppress(ImportError, ValueError):
         import resource
 

@@ -373,8 +373,8 @@ else:
 def entries_of(
     entries: Sequence[str | DictionaryEntry], loc: Loc = ("dictionary",)
 ) -> Iterator[tuple[Loc, str, Family]]:
-    """Yield the place, the name and the settings of every kind of term in a dictionary, also of
-    those inside products.
+    """Yield the path, the name and the settings of every kind of term in a dictionary. Kinds of
+    terms inside products are included.
     """
     for place, entry in enumerate(entries):
         if isinstance(entry, DictionaryEntry):
@@ -386,10 +386,8 @@ def entries_of(
 
 def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
     """Yield every text in the settings of a kind of term (`family`) that names quantities or
-    states: its place, the text itself, and True if it is an expression or False if it is the name
-    of a state.
-
-    `loc` is the place of the settings. Kinds of terms inside products are left out.
+    states: its path, the text itself, and True if it is an expression or False if it is the name of
+    a state. `loc` is the path of the settings. Kinds of terms inside products are left out.
     """
     if isinstance(family, list):
         yield from (((*loc, place), text, True) for place, text in enumerate(family))

@@ -141,7 +141,7 @@ class Summand(Settings):
     tendon: TendonSettings | None = None
 
     def __post_init__(self) -> None:
-        """Require either a model or a formula, and no formula behind a tendon."""
+        """Require either a model or a formula, and refuse a formula in series with a tendon."""
         if self.tendon is not None and self.formula is not None:
             raise Contradiction(
                 "a formula cannot be fitted behind a tendon",
