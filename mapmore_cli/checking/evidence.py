@@ -168,10 +168,10 @@ def unequal(recordings: Sequence[Recording], inputs: Sequence[str], target: str)
     """Return the two recordings whose outputs differ most at equal inputs. None if they differ by
     less than 1 % of the target's range, or by less than 5 % without an effect that explains it.
 
-    Inputs are equal if they differ by less than 1 % of their ranges (rms), from the first sample to
-    the end of the shorter recording, which must have at least half of the samples. A quantity was
-    held constant if it stays within 1 % of its largest value. Of more than 200 recordings, only
-    some that are evenly spread are compared.
+    Inputs are equal if they differ by less than 1 % of their ranges (rms). They are compared from
+    the first sample to the end of the shorter recording, which must have at least half as many
+    samples as the longer one. A quantity was held constant if it stays within 1 % of its largest
+    value. Of more than 200 recordings, only some that are evenly spread are compared.
     """
     usable = [recording for recording in recordings if recording.rows_kept >= FEWEST]
     if not usable:
@@ -271,7 +271,7 @@ def spikes(values: Array) -> IntArray:
 
 def _heights(x: Array) -> Array:
     """Return by how much the value of each sample (except the ends) lies above or below the values
-    of both neighbours, (n - 2,). It is negative if the value lies between the values of the
+    of both neighbours, (n - 2,). The result is negative if the value lies between the values of the
     neighbours.
     """
     steps = np.diff(x)

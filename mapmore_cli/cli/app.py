@@ -1,5 +1,5 @@
-"""Define the command `mapmore`: its subcommands in the order of the work, and the place where every
-error ends.
+"""Define the command `mapmore`: its subcommands in the order of the work, and the handling of every
+error.
 
 Nothing large is imported here or in the modules of the commands. Only the module of the requested
 command is imported, and it imports what it needs when it runs.

@@ -52,7 +52,7 @@ def example(
 ) -> None:
     """Copy a small example study. The name of the study is the name of the folder.
 
-    Its recordings are from a simulated muscle.
+    The recordings of the example are from a simulated muscle.
     """
     from mapmore_cli.cli.console import View
     from mapmore_cli.pipeline.example import write_example

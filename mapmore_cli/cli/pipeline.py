@@ -158,7 +158,7 @@ PrintSpec = Annotated[
 
 
 def _with_figures(overrides: list[str], figures: str | None) -> list[str]:
-    """Return the overrides of the spec, extended by those for --figures."""
+    """Return the overrides of the spec, extended by the overrides that --figures stands for."""
     from mapmore_cli.reporting.order import FIGURES
 
     if figures is None:

@@ -44,7 +44,7 @@ class FigureStyle:
       axis labels.
     - `labels`: axis labels by quantity, including the unit; formulas may stand between dollar
       signs.
-    - `palette`: colours of the models; the first is that of the run's own model.
+    - `palette`: colours of the models; the first is the colour of the run's own model.
     """
 
     width: float = SINGLE
@@ -280,7 +280,7 @@ class ReportInputs:
 
     @property
     def fits(self) -> dict[str, Fit | None]:
-        """The run's own fit, and those of its competitors that pages show, by name."""
+        """The run's own fit, and the fits of the competitors that pages show, by name."""
         return {self.own: self.fit.body, **self.validation.fits}
 
     @property

@@ -233,8 +233,8 @@ def _comparison(ours: Score, others: Sequence[Score], failed: Sequence[str]) -> 
 
 
 def pieces_sentence(scores: Sequence[Score], own: str, backbone: str) -> str:
-    """Return a sentence that compares the pooled error of the model `own` with that of its
-    `backbone`; empty if one of them has no score.
+    """Return a sentence that compares the pooled error of the model `own` with the pooled error of
+    its `backbone`; empty if one of them has no score.
     """
     errors = {score.model: score.rmse for score in deciding(scores)}
     alone = errors.get(backbone, errors.get("backbone", math.nan))

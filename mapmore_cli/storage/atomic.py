@@ -226,9 +226,9 @@ def opened_special(path: Path) -> Iterator[IO[bytes]]:
 
 
 def write_own(path: Path, content: str | bytes) -> None:
-    """Write a file as a whole, as `replacing` does, and replace any file with this name. This is
-    for files whose names mapmore chooses; the module `outputs` protects files that the user names.
-    Nothing is written into a pipe, because writing would wait for a reader.
+    """Write a file as a whole, as `replacing` does, and replace any file with this name. Use this
+    function for files whose names mapmore chooses; the module `outputs` protects files that the
+    user names. Nothing is written into a pipe, because writing would wait for a reader.
     """
     with replacing(path) as file:
         file.write(content.encode() if isinstance(content, str) else content)

@@ -27,7 +27,7 @@ def files_read() -> Iterator[set[Path]]:
 
 
 def note_read(paths: Iterable[Path]) -> None:
-    """Add paths to those that `files_read` collects. Outside of the context of `files_read`, do
+    """Add paths to the set that `files_read` collects. Outside of the context of `files_read`, do
     nothing.
     """
     if (known := _READ.get()) is not None:
@@ -35,7 +35,7 @@ def note_read(paths: Iterable[Path]) -> None:
 
 
 def is_read(path: Path) -> bool:
-    """Return True if an existing file is one of those that were read, under any name."""
+    """Return True if an existing file was read before, under any name."""
     state = path.stat()
     for other in _READ.get() or ():
         with suppress(OSError):  # the file may have been removed since

@@ -39,8 +39,8 @@ def take_stamp(path: Path, known: Stamp | None = None, rehash: bool = False) -> 
 
 
 def stamp_of_result(path: Path) -> Stamp:
-    """Return the stamp of a file that was written for a run. Moving it to its place afterwards
-    changes its `ctime_ns`.
+    """Return the stamp of a file that was written for a run. The file is moved to its final path
+    afterwards, which changes its `ctime_ns`.
     """
     return replace(take_stamp(path), ctime_ns=0)
 

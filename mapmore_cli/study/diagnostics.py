@@ -56,7 +56,7 @@ class Finding:
 
 def locate(finding: Finding, root: Node) -> Mistake:
     """Return the finding with its place in a file. If the sources do not hold the value, the place
-    is that of its nearest ancestor.
+    of its nearest ancestor is returned.
     """
     node = nearest(root, finding.loc)
     on_key = (

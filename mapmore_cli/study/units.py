@@ -2,8 +2,8 @@
 of the model.
 
 Common units are converted with a table of exact factors, which a test compares with pint. Pint
-knows all other units. It is imported for these only, because it loads in 0.4 s of processor time,
-while a run that is up to date takes 0.6 s.
+knows all other units. Pint is imported only if such a unit occurs, because loading it takes 0.4 s
+of processor time, while a run that is up to date takes 0.6 s.
 
 A pressure is a gauge pressure, which is zero in the open air: `psig` is the same as `psi`. An
 absolute pressure, for example in `psia`, is larger by 101.325 kPa.

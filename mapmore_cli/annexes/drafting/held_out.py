@@ -62,9 +62,10 @@ def inner(levels: Sequence[float]) -> list[float]:
 
 
 def _last_or_between(done: Experiment, is_free: bool) -> tuple[Section, str]:
-    """Return the last samples of every recording. If these lie outside the others, and no person
-    asked for them (`is_free`), return the middle of the range of a quantity that moves steadily, or
-    samples drawn at random if there is no such quantity.
+    """Return the last samples of every recording. If `is_free` is True, nobody asked for the last
+    samples, and other samples may replace them if they lie outside the earlier ones. The
+    replacement is the middle of the range of a quantity that moves steadily. Without such a
+    quantity, samples are drawn at random.
     """
     names = _beyond(done)
     if not names:

@@ -56,8 +56,8 @@ class Study:
 
     def changed_columns(self, columns: Named) -> dict[Path, Section]:
         """Return the entries of `columns` that a file needs for itself because its titles or units
-        differ from those of most files. A file in which only the order of the columns differs needs
-        none.
+        differ from the titles or units of most files. A file in which only the order of the columns
+        differs needs none.
         """
         of_layouts = {id(one): self._columns_of(one, columns) for one in self.variants.values()}
         changed = {file: of_layouts[id(layout)] for file, layout in self.variants.items()}
@@ -92,9 +92,9 @@ class Study:
 
     @cached_property
     def names(self) -> list[str]:
-        """Text that distinguishes each recording from the others. It is the path of the file in the
-        folder if there are several files, and the sheet or the text above the table if all
-        recordings are in one file. Both are given for tables in several files.
+        """Text that distinguishes each recording from the others. If there are several files, the
+        text is the path of the file in the folder. If all recordings are in one file, the text is
+        the sheet or the text above the table. For tables in several files, the text contains both.
         """
         is_one = len(self.files) == 1
         stems = {file: stem_of(relative_name(file, self.folder)) for file in self.files}
@@ -196,7 +196,7 @@ def _identities(layout: Layout) -> dict[Column, Identity]:
     """Return an identity for each column of numbers. Columns with equal identities correspond to
     each other in files whose units or order of columns differ. The identity consists of the name
     and the quantity of the column, and of its unit. For a known quantity, whose units can be
-    converted, any unit counts as the same. The place of a column is added if some titles are
+    converted, any unit counts as the same. The position of a column is added if some titles are
     missing or equal.
     """
     columns = [one for one in read_titles(layout, {}).values() if one.place in layout.numeric]

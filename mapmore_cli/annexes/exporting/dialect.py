@@ -255,8 +255,8 @@ class Body:
     """The body of a function that is being written: its `lines`, and the powers and function values
     that have names, so that they can be used again.
 
-    They are computed in the same order as in `expressions.compiled`, so that all languages round
-    alike.
+    Everything is computed in the same order as in `expressions.compiled`, so that all languages
+    round alike.
     """
 
     program: Program

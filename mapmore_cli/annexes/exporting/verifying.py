@@ -162,9 +162,9 @@ def verify_files(model: Model, files: Mapping[str, str], command: Sequence[str])
 
 
 def _verify(model: Model, command: Sequence[str], folder: Path, close: float = CLOSE) -> None:
-    """Run a program in a folder and compare its numbers with `predict`. It reads inputs and
-    measured outputs line by line, and prints the outputs and the bits of inputs outside their
-    range.
+    """Run a program in a folder and compare its numbers with `predict`. The program reads inputs
+    and measured outputs line by line. It prints the outputs, and bits that mark the inputs outside
+    their range.
     """
     columns, count = points(model), len(model.inputs)
     names = [*model.input_names, *fed_back(model)]

@@ -36,8 +36,8 @@ class MotionSection:
     """A linear section: `x1[k+1] = x2[k]`, `x2[k+1] = P1 x1[k] + P2 x2[k] + sum_m w_m d_m[k]`,
     output x1 (P eq 10, in discrete time).
 
-    `x2` is the output one sample ahead. The signals d that drive the section (drives) are those of
-    the model. The first is the input, so that `w_1` is P3.
+    `x2` is the output one sample ahead. The signals d drive the section (`drives` of the model).
+    The first of them is the input, so that `w_1` is P3.
     """
 
     id: Annotated[Label, "identifier of the section, such as `2` or `rise 2`"]

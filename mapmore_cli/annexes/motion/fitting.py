@@ -2,10 +2,10 @@
 nothing jumps at their boundaries.
 
 The steady output of a section is `s(u) = sum_m w_m d_m/(1 - P1 - P2)`. If sections are joined, s is
-one piecewise linear function of the input. It is given by its heights at the boundaries and at the
-ends of the training range. With a load L, a second function of this kind is multiplied by L. Rise
-and fall have separate functions. When the direction changes, the output moves from one to the other
-as fast as the poles of the section allow.
+one piecewise linear function of the input. This function is given by its heights at the boundaries
+and at the ends of the training range. With a load L, a second function of this kind is multiplied
+by L. Rise and fall have separate functions. When the direction changes, the output moves from one
+to the other as fast as the poles of the section allow.
 
 For given poles, the output is linear in the heights, so that linear least squares gives them. The
 poles of all sections are refined together.
@@ -57,8 +57,8 @@ def fit_motion(
     """Fit every section to its own training samples; if sections share a state, then fit all of
     them together.
 
-    A section's samples are those at which it is active. With hard switching, it still runs along
-    the whole input.
+    The samples of a section are the samples at which it is active. With hard switching, it still
+    runs along the whole input.
 
     Raises DataError if the input never changes, boundaries leave a section without samples or with
     too few of them; SpecError if the solver refuses the sections; FitError if it finds no stable

@@ -137,8 +137,8 @@ class MotionVerbs(Verbs):
     """Operations of a model of motion."""
 
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
-        """Return the output along one recording, (n,), from rest. It is NaN if an input is NaN, and
-        the model starts again after such rows.
+        """Return the output along one recording, (n,), from rest. The output is NaN at rows with an
+        input of NaN, and the model starts again after such rows.
         """
         names = [
             *model.input_names,

@@ -70,8 +70,8 @@ def of_points(
     wanted: float | None,
     prices: Mapping[str, float],
 ) -> Planned:
-    """Return the next points to measure. None of them is at a place that was measured already, even
-    if the sample there is held out.
+    """Return the next points to measure. Points that were measured already are not chosen, even if
+    their samples are held out.
     """
     name, dataset = choices.name, training_only(whole)
     columns = pooled_training(dataset.curves)

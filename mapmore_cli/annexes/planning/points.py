@@ -1,10 +1,10 @@
 """Choose the next points of a map of two or more inputs.
 
 Several models, each with a Gaussian process for its residual, form a committee. The worth of a
-point is the product of the committee's spread and the processes' standard deviation, multiplied by
-`SLACK` if the muscle is expected to pull with less than 2 % of its largest force. Points are chosen
-one after the other. Each chosen point is then treated as if it had been measured, with the value
-that the committee expects (docs/planning.md).
+point is the spread of the committee times the standard deviation of the Gaussian processes. It is
+multiplied by `SLACK` if the expected force is below 2 % of the largest force. Points are chosen one
+after the other. Each chosen point is then treated as if it had been measured, with the value that
+the committee expects (docs/planning.md).
 """
 
 from __future__ import annotations
@@ -60,9 +60,9 @@ class MeasuredMap:
         return np.asarray(self.x.min(axis=0) + every * np.ptp(self.x, axis=0))
 
     def unmeasured(self, places: Array, samples: Array, steps: int) -> BoolArray:
-        """Return True for the places of a grid that have not been measured, (m,). At such a place,
-        no sample lies within half a step along every input. `samples`, (n, d), include held-out
-        samples.
+        """Return True for the points of a grid that have not been measured, (m,). A point has been
+        measured if a sample lies within half a step of it along every input. `samples`, (n, d),
+        include held-out samples.
         """
         nearest, _ = KDTree(self.scaled(samples)).query(self.scaled(places), p=np.inf)
         return np.asarray(nearest > 0.5 / (steps - 1))
@@ -154,8 +154,8 @@ def next_points(
     prices: Mapping[str, float],
     free: BoolArray | None = None,
 ) -> tuple[tuple[Candidate, ...], tuple[Array, Array]]:
-    """Return the next points in the order of their worth, and the half widths at all places before
-    and after them.
+    """Return the next points in the order of their worth, and the half widths of the interval at
+    all candidates before and after these points are measured.
 
     The worth of a point is divided by its cost. The cost is the sum of the prices of the quantities
     whose value no new point before it has, and at least the lowest price. Only candidates at which

@@ -119,8 +119,8 @@ def nice_ticks(low: float, high: float, most: int) -> list[float]:
 
 
 def levels_of(low: float, high: float, most: int) -> list[float]:
-    """Return about `most` round numbers at equal distances. They cover a range, and the first and
-    the last lie at or just outside its ends.
+    """Return about `most` round numbers at equal distances. The numbers cover a range; the first
+    and the last lie at its ends or just outside of them.
     """
     ticks = nice_ticks(low, high, most)
     step = ticks[1] - ticks[0] if len(ticks) > 1 else (high - low) or 1.0

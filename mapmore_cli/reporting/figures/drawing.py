@@ -121,8 +121,8 @@ class Drawing:
 def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:
     """Return the figures with this name in a spec; an empty list if there is nothing to draw.
 
-    They are made by the function `draw` in the module of that name, which belongs to mapmore or to
-    a plugin.
+    The function `draw` in the module of this name makes the figures. The module belongs to mapmore
+    or to a plugin.
     """
     try:
         figures: list[Drawing] = _modules()[name].draw(inputs) if name in _modules() else []

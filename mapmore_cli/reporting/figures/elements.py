@@ -59,8 +59,8 @@ def path(x: Sequence[float] | Array, y: Sequence[float] | Array, dots: bool = Fa
 
 
 def _step(across: float, up: float) -> str:
-    """Return a step as text. Both numbers count tenths, and a space separates them unless the
-    second has a minus sign.
+    """Return a step across and up as text. Both arguments count tenths of a point. A space
+    separates the two numbers unless the second has a minus sign.
     """
     top = _tenths(up)
     return _tenths(across) + ("" if top.startswith("-") else " ") + top

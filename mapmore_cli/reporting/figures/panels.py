@@ -196,8 +196,8 @@ class Key:
 
 
 def colour_bar(ax: Any, shades: Any, label: str, **look: Any) -> None:
-    """Draw the colour bar of `shades` at the right of axes. Both get the name `map`, so that a
-    dark page does not invert their colours.
+    """Draw the colour bar of `shades` at the right of axes. The bar and the axes get the name
+    `map`, so that a dark page does not invert their colours.
     """
     bar = ax.figure.colorbar(shades, ax=ax, label=label, use_gridspec=False, **look)
     for part in () if is_sketch(ax) else (shades, bar.solids):

@@ -36,8 +36,8 @@ def text_of(name: str) -> str:
 
 
 def joined(*names: str) -> str:
-    """Return modules as one script, each after those that it imports. Their top-level names must be
-    different, because they share one scope.
+    """Return modules as one script, each after the modules that it imports. Their top-level names
+    must be different, because they share one scope.
     """
     texts: dict[str, str] = {}
 

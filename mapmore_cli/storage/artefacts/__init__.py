@@ -2,10 +2,10 @@
 arrays, and a labelled dataset for each array.
 
 Every `write_*` writes a whole file or none (WriteError), with bytes that depend only on the
-arguments. Every `read_*` raises DataError with the name of the file if it is missing, damaged, of
-another kind or another major format, if it holds unknown fields or invalid names or values, if its
-model cannot be evaluated, or if its values have been changed. `unverified` accepts changed values;
-`warn` is called for these, and for files without a checksum.
+arguments. Every `read_*` raises DataError with the name of the file if the file is missing,
+damaged, of another kind or of another major format. The same holds for unknown fields, invalid
+names or values, a model that cannot be evaluated, and values that have been changed. `unverified`
+accepts changed values; `warn` is called for these, and for files without a checksum.
 
 The argument `units` of `write_segmentation` and `write_fit` is `units_of(dataset)`, because
 segmentations and fits do not contain the units of their quantities. Older programs refuse a new

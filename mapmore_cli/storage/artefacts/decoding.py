@@ -133,7 +133,7 @@ class Decoder:
                 f"{path}/{name[:60]}",
                 "is missing" if name in known else "is not known in this format",
             )
-        # the checksum depends on the order in which arrays are read: that of the document
+        # the checksum depends on the order of the arrays, which is the order in the document
         return type_(
             **{
                 name: self.value(field, known[name][0], f"{path}/{name}", (), sizes)

@@ -1,5 +1,5 @@
-"""Read HDF5 and netCDF-4 files, and those that MATLAB wrote: groups, datasets, and fields of
-compound datasets, addressed like `group/dataset[:,0]`.
+"""Read HDF5 and netCDF-4 files, and HDF5 files that MATLAB wrote. Groups, datasets, and fields of
+compound datasets have addresses such as `group/dataset[:,0]`.
 
 `root: "group[*]"` takes the members of a group in natural order (run_2 before run_10). Only the
 wanted columns are read.

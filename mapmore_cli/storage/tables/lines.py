@@ -149,7 +149,7 @@ class Lines(Iterator[str]):
         return text
 
     def block(self) -> bytes:
-        """Return the next lines in UTF-8, about `CHUNK` bytes; empty at the end. They are not
+        """Return the next lines in UTF-8, about `CHUNK` bytes; empty at the end. The lines are not
         consumed yet.
         """
         line = self._line()

@@ -166,7 +166,7 @@ def _text(here: Member, name: str) -> str:
 
 
 def _readable(here: Member, name: str | int) -> Member | None:
-    """Return a member or an element; None if there is none, or if it cannot be read."""
+    """Return a member or an element. Return None if it does not exist or cannot be read."""
     with suppress(DataError):
         if isinstance(name, int):
             return here.element(name)

@@ -64,8 +64,8 @@ class OwnFormula(Section):
     def definition(self, units: Mapping[str, str]) -> str:
         """Return the formula in a model's `units` as a definition that no longer needs the spec.
 
-        Raises ExpressionError for a malformed expression, SpecError for a unit that does not fit,
-        and ValueError for a parameter without bounds in which the formula is not linear.
+        Raises ExpressionError for a malformed expression, SpecError for a wrong unit, and
+        ValueError if the formula is nonlinear in a parameter that has no bounds.
         """
         from mapmore_cli.modelling.expressions import (
             Name,
@@ -223,8 +223,8 @@ class ModelSettings(Settings):
     family: FamilySettings | None = None
 
     def __post_init__(self) -> None:
-        """Refuse keys that do not belong to the type, and require those that it needs. `family`
-        implies `type: literature`.
+        """Refuse keys that do not belong to the type, and require the keys that the type needs.
+        `family` implies `type: literature`.
         """
         if self.type not in (*kinds.OWN_TYPES, *(kind.name for kind in kinds.kinds())):
             raise Contradiction(

@@ -174,7 +174,7 @@ class Apart(Section):
 
     @property
     def quantities(self) -> list[str]:
-        """Names of the quantities whose values distinguish recordings. They are no inputs of a
-        model.
+        """Names of the quantities whose values distinguish recordings. These quantities are no
+        inputs of a model.
         """
         return [self.of] if isinstance(self.of, str) else self.of
