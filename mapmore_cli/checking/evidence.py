@@ -18,12 +18,12 @@ from mapmore_cli.modelling.signals.sampling import PART, correlation, even_parts
 from mapmore_cli.study.units import convert
 
 FEWEST = 30  # smallest number of samples; with fewer, a finding may be due to chance
-# largest number of recordings that are compared with each other; others are left out evenly
+# at most so many recordings are compared with each other; they are spread evenly over all
 COMPARED = 200
 # columns are one signal if they differ by less than this fraction of their range
 ROUNDING = 1e-4
-LITTLE = 0.01  # a smaller fraction of the samples or of a range may be due to chance
-SOME = 0.05  # a larger fraction of the samples or of a range is worth a warning
+LITTLE = 0.01  # below this fraction of the samples or of a range, a finding may be due to chance
+SOME = 0.05  # above this fraction of the samples or of a range, a finding is worth a warning
 # at least this fraction counts as most of the samples, of a value or of a difference
 MUCH = 0.5
 
@@ -165,8 +165,9 @@ class Unequal:
 
 
 def unequal(recordings: Sequence[Recording], inputs: Sequence[str], target: str) -> Unequal | None:
-    """Return the two recordings whose outputs differ most at equal inputs. None if they differ by
-    less than 1 % of the target's range, or by less than 5 % without an effect that explains it.
+    """Return the two recordings whose outputs differ most at equal inputs. Return None if these
+    outputs differ by less than 1 % of the target's range, or by less than 5 % without an effect
+    that explains the difference.
 
     Inputs are equal if they differ by less than 1 % of their ranges (rms). They are compared from
     the first sample to the end of the shorter recording, which must have at least half as many

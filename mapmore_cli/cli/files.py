@@ -148,9 +148,8 @@ def figure(
 ) -> None:
     """Draw one figure of a run and write it to a file.
 
-    The figure is drawn as a whole, or one panel only, also the panel of a curve that the page
-    leaves out. Width, font, size, labels and colours are those of the spec's report.style, or of
-    --set.
+    With --curve, only one panel is drawn, even a panel that the page leaves out. Width, font, size,
+    labels and colours are taken from the spec's report.style, or from --set.
     """
     from mapmore_cli.pipeline.report import drawn_figure
     from mapmore_cli.storage.outputs import refuse_foreign_file, write_bytes, write_text

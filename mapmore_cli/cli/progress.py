@@ -33,7 +33,9 @@ LINE_EVERY = 5.0
 
 
 def _kind(message: str) -> str:
-    """Return a message without the words that contain a digit, such as files and numbers."""
+    """Return a message without the words that contain a digit, such as names of files and numbers,
+    so that messages of one kind are equal.
+    """
     return re.sub(r"\S*\d\S*", "", message)
 
 

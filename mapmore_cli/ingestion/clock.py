@@ -173,8 +173,8 @@ def _at_gaps(samples: Samples, data: Data, unit: str) -> list[Samples]:
 
 
 def _resampled(samples: Samples, step: float) -> Samples:
-    """Return the samples at equal time steps. Each has the row number of the measured sample before
-    it.
+    """Return the samples at equal time steps. Each sample gets the row number of the measured
+    sample before it.
     """
     time = samples.columns["time"]
     wanted = np.ptp(time) / step

@@ -58,8 +58,8 @@ from mapmore_cli.study.sections.logs import FileEntry
 from mapmore_cli.study.sections.split import Between, Holdout
 
 BAD = "is left out as a bad file"
-FEW = 10  # a recording with fewer remaining samples is worth a warning
-MUCH = 0.5  # a recording that loses a larger fraction of its samples is worth a warning
+FEW = 10  # warn if a recording has fewer remaining samples
+MUCH = 0.5  # warn if a recording loses more than this fraction of its samples
 
 
 def build_dataset(

@@ -314,7 +314,7 @@ class ReportInputs:
 
     @property
     def all_notes(self) -> tuple[str, ...]:
-        """Notes of the run and of every stage, each once."""
+        """Notes of the run and of every stage, without repetitions."""
         return tuple(
             dict.fromkeys((*self.notes, *self.dataset.notes, *self.model.notes, *self.fit.notes))
         )

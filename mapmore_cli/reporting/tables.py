@@ -71,8 +71,8 @@ SINGLE_VALUED_NOTE = (
 
 
 def levels_table(dataset: Dataset, along: str | None = None, whole: Dataset | None = None) -> Table:
-    """Return the curves, with their numbers of training and validation samples in the `whole`
-    dataset.
+    """Return a table of the curves, with their numbers of training and validation samples in the
+    `whole` dataset.
 
     `along` is the quantity over which a static model has one value; if curves are not
     single-valued, the table says by how much.

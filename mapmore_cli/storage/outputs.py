@@ -117,13 +117,13 @@ def written_as_text(path: Path) -> Iterator[TextIO]:
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file as a whole that the user has named, as `written` does."""
+    """Write a file that the user has named, as a whole, as `written` does."""
     with written(path) as file:
         file.write(data)
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a UTF-8 file as a whole that the user has named, with the line ends of `text`."""
+    """Write a UTF-8 file that the user has named, as a whole, with the line ends of `text`."""
     write_bytes(path, text.encode())
 
 

@@ -108,7 +108,7 @@ class Context:
     level: str | None = None  # the quantity that is constant within a curve
     partial: bool = False
     known: dict[int, tuple[Mapping[str, Any], list[str]]] = field(default_factory=dict)
-    paths: set[int] = field(default_factory=set)  # identities of nodes whose texts are paths
+    paths: set[int] = field(default_factory=set)  # `id` of each node whose text is a path
 
     @classmethod
     def of(cls, root: Node, partial: bool = False) -> Context:

@@ -152,7 +152,7 @@ def default_unit(
     """
     if name in changes:
         return changes[name]
-    # a rate that depends on itself is reported elsewhere
+    # a check of the spec reports a rate that is derived from itself
     others = {key: of for key, of in rates.items() if key != name}
     if name in rates or name.endswith("_rate"):
         of = rates.get(name, name.removesuffix("_rate"))

@@ -127,8 +127,9 @@ def _refuse_map(table: Table, where: str, path: str) -> UsageError:
     """
     row, column, cell = (range_of(one.values) for one in table.values())
     return UsageError(
-        f"{where}: is a map, in which nothing says what was measured. The first column (`row`) has "
-        f"{row}, the first line (`column`) {column}, and the cells (`cell`) {cell}",
+        f"{where}: is a map of values over two quantities, but nothing in it says what was "
+        f"measured. The first column (`row`) has {row}, the first line (`column`) has {column}, "
+        f"and the cells (`cell`) have {cell}",
         f"complete this with your quantities and units: mapmore init {path} "
         "--target force=cell:N --inputs pressure=row:kPa,strain=column:%",
     )

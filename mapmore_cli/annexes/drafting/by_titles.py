@@ -159,7 +159,7 @@ def target_of(kinds: Mapping[str, str], is_driven: bool) -> str | None:
 
 def kind_to_predict(name: str, titled: TitledColumn | None) -> str:
     """Return `force`, `position` or `drive` for a column whose title plainly says so; an empty text
-    if the title says nothing, and `unclear` if it is ambiguous.
+    if the title says nothing, and `unclear` if the title is ambiguous.
 
     A column with only two values was set by a switch, so it drives. If there is no column, the name
     decides, because a person gave it.

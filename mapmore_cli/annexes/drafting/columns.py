@@ -181,14 +181,14 @@ class TitledColumn:
 
     @property
     def is_time(self) -> bool:
-        """Return True if the title or the unit says that it is the time."""
+        """Return True if the title or the unit says that the column is the time."""
         by_unit = not self.quantity and bool(unit_of(self.unit, "s"))
         return self.quantity == "time" or by_unit
 
     @property
     def may_be_clock(self) -> bool:
-        """Return True if the column increases like a clock and its title does not say
-        what it is.
+        """Return True if the column increases like a clock and its title does not say what the
+        column holds.
         """
         return not self.title and self.rises and not self.turn
 

@@ -248,7 +248,8 @@ def _asked_for(hold: Hold, series: Sequence[Series]) -> Series:
     if asked is None:
         listed = ", ".join(dict.fromkeys(next(iter(numbers.values())).shown for numbers in series))
         raise UsageError(
-            f"--hold: no column is called {hold.name}, and no number in the names of the files is",
+            f"--hold: no column is called {hold.name}, and no number in the names of files belongs "
+            f"to {hold.name}",
             f"the names of the files contain {listed or 'no number that varies'}; write `--hold "
             f"{hold.name}=WORD:UNIT` with the word before the number that you mean, or `--hold "
             "none` if nothing was held constant",

@@ -1,7 +1,8 @@
 """Implement `mapmore init`: draft specs for a file or a folder, with a remark about everything that
 is left out.
 
-Titles, units and the person decide the meaning of columns; it is never guessed from values.
+The meaning of a column follows from its title, its unit and the answers of the person. It is never
+guessed from values.
 """
 
 from __future__ import annotations

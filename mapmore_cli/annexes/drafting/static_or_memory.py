@@ -22,9 +22,9 @@ from mapmore_cli.study.units import default_unit
 FEWEST = 200
 # with more samples than this in all recordings, a study with memory takes longer time steps
 MOST = 6_000
-# smallest number of samples that a usual recording keeps with these longer time steps
+# smallest number of samples that a usual recording must keep if its time steps are made longer
 LEAST = 100
-# movement in a recording is scatter if it is below this fraction of that between recordings
+# below this fraction of the differences between recordings, movement in one is scatter
 MUCH_LESS = 0.1
 COMPETITORS = ("sarosi", "polynomial_2", "polynomial_5", "muscle_like", "polynomial_3")
 

@@ -280,7 +280,7 @@ class Body:
         return [self.text(result) for result in block.results]
 
     def write(self, statements: Sequence[Statement]) -> None:
-        """Write statements, appended to the lines."""
+        """Write statements, and append them to the lines of the body."""
         dialect, sizes = self.dialect, self.program.kept.queues
         for statement in statements:
             match statement:

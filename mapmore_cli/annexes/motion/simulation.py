@@ -106,7 +106,7 @@ def active(motion: Motion, u: Array, moving: Array | None = None) -> IntArray:
 
 
 def extent(boundaries: Sequence[float], place: int) -> str:
-    """Return the inputs of the section with an index as text, for example `from 1.05 to 2.35`."""
+    """Return the range of the input of one section as text, for example `from 1.05 to 2.35`."""
     if not boundaries:
         return "any input"
     if place == 1:

@@ -21,7 +21,7 @@ from mapmore_cli.modelling.validation.significance import NOTHING
 
 
 def training_only(dataset: Dataset) -> Dataset:
-    """Return the dataset without its held-out samples; curves without other samples are left
+    """Return the dataset without its held-out samples. Curves of which nothing remains are left
     out.
     """
     curves = [curve for curve in dataset.curves if curve.training.any()]

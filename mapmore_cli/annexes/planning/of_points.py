@@ -100,8 +100,8 @@ def of_points(
     free = measured.unmeasured(places, np.column_stack(known), steps)
     if not free.any():
         raise DataError(
-            f"{name}: all places of a grid of {steps} steps have been measured",
-            "extend the range of an input, or measure the same places again",
+            f"{name}: all points of a grid with {steps} steps have been measured",
+            "extend the range of an input, or measure the same points again",
         )
     formulas = formulas_of(dataset, measured, places)
 

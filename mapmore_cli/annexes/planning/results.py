@@ -36,7 +36,7 @@ class Until:
 
     wanted: float
     widest: float  # present half width
-    more: int | None  # None if further measurements do not reach it
+    more: int | None  # None if further measurements do not reach the wanted half width
     least: float  # smallest half width that further measurements reach
 
 

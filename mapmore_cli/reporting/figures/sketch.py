@@ -305,5 +305,5 @@ class Sketch:
 
 
 def is_sketch(ax: object) -> TypeGuard[Sketch]:
-    """Return True for axes of a quick drawing, False for Matplotlib's."""
+    """Return True for axes of a quick drawing, and False for axes of Matplotlib."""
     return isinstance(ax, Sketch)

@@ -186,8 +186,8 @@ def _reader(dataset: h5py.Dataset, field: str | None = None) -> Callable[[Select
 
 
 def _parts_written(dataset: h5py.Dataset) -> list[tuple[range, ...]] | None:
-    """Return the indices along each axis of the parts of a dataset that were written; None if all
-    of it was.
+    """Return the indices along each axis of the parts of a dataset that were written; None if the
+    whole dataset was written.
     """
     if not dataset.size or dataset.external or dataset.is_virtual:
         return None
@@ -319,7 +319,7 @@ def _referred(dataset: h5py.Dataset, index: int) -> Member:
     return _matlab_member(dataset.file[_own_values(dataset)[()].reshape(-1)[index]])
 
 
-# Checks before a value is read
+# Checks before reading
 # -------------------------------------------------------------------------------------------------
 
 _read: ContextVar[dict[str, int]] = ContextVar("_read")

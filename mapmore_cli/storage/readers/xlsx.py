@@ -163,8 +163,8 @@ def _number_rule(decimal: str | None) -> Callable[[Any], bool]:
 
 
 def _sheets_in(path: Path, label: str, most: int = 0) -> list[SheetCells]:
-    """Return the sheets of a workbook with at most `most` rows each (all for 0). Raises ValueError
-    for a damaged workbook.
+    """Return the sheets of a workbook with at most `most` rows each; 0 means all rows. Raises
+    ValueError for a damaged workbook.
 
     A separate process reads them: see `storage/workbooks/__main__.py`.
     """

@@ -189,7 +189,7 @@ class CellReader:
 
     def __call__(self, cell: object) -> float:
         """Return the number in the cell, or the number of its time stamp or of its text; NaN if it
-        is missing. Raises NotANumber.
+        is missing. Raises NotANumber for any other cell.
         """
         if isinstance(cell, Lacking):
             if self.texts is not None and not cell.text:
