@@ -147,7 +147,7 @@ def _clear_abandoned(path: Path) -> None:
     for left in (path.parent / entry for entry in found):
         if (handle := _locked(left, patient=False)) is not None:
             try:
-                with suppress(OSError):  # the remains may belong to another user
+                with suppress(OSError):  # another user's remains stay
                     remove(left)
             finally:
                 os.close(handle)

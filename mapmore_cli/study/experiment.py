@@ -43,8 +43,8 @@ from mapmore_cli.study.sections.results import Validate
 
 @dataclass(frozen=True)
 class Muscle(Settings):
-    """The muscle that was measured. The results record these facts about the muscle, and formulas
-    that contain its dimensions use them.
+    """The muscle that was measured. The results record what you write in this section. Formulas
+    that contain the length or the diameter of the muscle use it.
 
     - `name`: Name of the muscle on pages. Example: `DMSP-20-88N`
     - `kind`: Kind of muscle. Example: `mckibben`

@@ -168,7 +168,7 @@ class Context:
 
 @dataclass(frozen=True)
 class Place:
-    """Place of a number in the spec. Its unit can depend on the place."""
+    """Place of a number in the spec, on which the unit of the number can depend."""
 
     context: Context
     text: Written

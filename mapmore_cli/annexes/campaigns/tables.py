@@ -150,8 +150,8 @@ def models_table(scores: CampaignScores) -> Table:
 
 
 def _known(error: float) -> float:
-    """Return the error; NaN, for a run that diverged, becomes infinite, which is worse than any
-    other.
+    """Return the error. NaN means that the run diverged; return infinity, which is worse than any
+    other error.
     """
     return math.inf if math.isnan(error) else error
 

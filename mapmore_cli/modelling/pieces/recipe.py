@@ -128,8 +128,8 @@ WordOrValue = Annotated[Beyond | OfKey, Either()]
 
 @dataclass(frozen=True)
 class BelowAbove(Settings):
-    """Extrapolation of one variable below and above the measured range. Each is a word, or the
-    value that replaces the variable there (M2 eq 12).
+    """Extrapolation of one variable below and above the measured range. For each side, give a word,
+    or the value that replaces the variable on this side (M2 eq 12).
 
     - `below`: Extrapolation below the lower limit. Example: `saturate`
     - `above`: Extrapolation above the upper limit. Example: `zero`

@@ -400,7 +400,7 @@ class Logs(Section):
 
 class Match(Section):
     """Two quantities that change together, one in each log. If `shift` is `auto`, the shift between
-    the clocks is estimated from their changes.
+    the clocks is estimated from the changes of the two quantities.
 
     - `first`: The quantity in the first log. Example: `pressure`
     - `second`: The quantity in the second log. Example: `valve`

@@ -42,8 +42,8 @@ class FormulaParameter(Section):
 
 
 class OwnFormula(Section):
-    """A formula of your own. Its name can be used wherever a formula of the literature can be
-    named.
+    """A formula of your own. The name of your formula can be used wherever a formula of the
+    literature can be named.
 
     - `name`: Name of the formula. Example: `my_formula`
     - `expression`: The force as an expression of quantities and parameters. Example: `a*pressure*(1

@@ -41,7 +41,7 @@ HeldOut = Annotated[Annotated[list[OfKey], Field(min_length=1)] | Between, Eithe
 
 class Holdout(Section):
     """Samples that are held out of training and used to validate the model. A sample is held out if
-    it fulfils every condition given here.
+    it fulfils every condition of this section.
 
     Any key that is not in this table must be the name of a quantity. The value of such a key is a
     list of values of the quantity, or `between` with a list of intervals.
