@@ -61,8 +61,8 @@ OF_CHECK: tuple[Rule, ...] = (
 def issues_of(
     loaded: LoadedSpec, dataset: Dataset, *, curves: bool = True, hints: bool = False
 ) -> list[Issue]:
-    """Return the issues that the rules find in a dataset, or in its recordings only; with hints if
-    `hints` is True.
+    """Return the issues that the rules find in a dataset. If `curves` is False, only the rules
+    about recordings are applied. If `hints` is True, hints are included.
     """
     units = slice_of(loaded.spec).units
     subjects = [
@@ -87,10 +87,9 @@ def issues_of(
 
 
 def issues_without_curves(loaded: LoadedSpec) -> list[Issue]:
-    """Return the issues of recordings from which no curves can be made; nothing if they cannot be
-    read either.
-
-    For example, a strain in per cent can be the reason why no sample is at its level.
+    """Return the issues of recordings from which no curves can be made, because they may explain
+    why. For example, a strain in per cent can be the reason why no sample is at its level. Return
+    nothing if the recordings cannot be read.
     """
     bare: dict[str, Any] = {
         "derive": {},

@@ -18,14 +18,13 @@ from mapmore_cli.modelling.signals.sampling import PART, correlation, even_parts
 from mapmore_cli.study.units import convert
 
 FEWEST = 30  # smallest number of samples; with fewer, a finding may be due to chance
-# largest number of recordings that are compared with each other; more are thinned evenly
+# at most so many recordings are compared with each other; they are spread evenly over all
 COMPARED = 200
-# columns are the same signal if they agree to within this fraction of their range, or if their
-# correlation differs from 1 by less than this
+# columns are one signal if they differ by less than this fraction of their range
 ROUNDING = 1e-4
-LITTLE = 0.01  # fraction of samples or of a range that may be due to chance
-SOME = 0.05  # fraction of samples or of a range that is worth a warning
-# smallest fraction that counts as most of the samples, of a value or of a difference
+LITTLE = 0.01  # below this fraction of the samples or of a range, a finding may be due to chance
+SOME = 0.05  # above this fraction of the samples or of a range, a finding is worth a warning
+# at least this fraction counts as most of the samples, of a value or of a difference
 MUCH = 0.5
 
 SLOW = 0.04  # largest rate of a settled pressure, as a fraction of the pressure range per second
@@ -40,8 +39,8 @@ class Settling:
 
     A sample is settled if its rate, computed in a `window` (s), is below `limit`, a round number,
     per second. `share` is the settled share of all samples. `share_between` is the settled share of
-    the samples in the middle of the pressure range. It is large if the pressure moves in steps,
-    because it then rests there too, and small for a sweep.
+    the samples in the middle of the pressure range. This share is large if the pressure moves in
+    steps, because the pressure then rests in the middle of its range, too. It is small for a sweep.
     """
 
     limit: float
@@ -51,9 +50,10 @@ class Settling:
 
 
 def settling(recordings: Sequence[Recording], unit: str = "s") -> Settling | None:
-    """Find the share of settled samples in recordings with a pressure and a time in `unit`.
+    """Return the share of settled samples in recordings of a pressure. `unit` is the unit of their
+    time.
 
-    None if the pressure does not move, or if the time stamps do not allow a rate.
+    Return None if the pressure is constant, or if no rate can be computed from the time stamps.
     """
     records = [
         (convert(recording.columns["time"][part], unit, "s"), recording.columns["pressure"][part])
@@ -71,7 +71,7 @@ def settling(recordings: Sequence[Recording], unit: str = "s") -> Settling | Non
         rates = np.concatenate(
             [rate(time, pressure, window, order=2) for time, pressure in records]
         )
-    except DataError:  # some gaps are wider than the window
+    except DataError:  # some gaps are wider than the window of the rate
         return None
     settled = np.abs(rates) < limit
     low, high = (pressures.min() + place * np.ptp(pressures) for place in MIDDLE)
@@ -86,7 +86,7 @@ def two_digits(value: float) -> float:
     return float(f"{round(value, 1 - math.floor(math.log10(value))):.6g}")
 
 
-# One signal in two units
+# Repeated signals
 # --------------------------------------------------------------------------------------------------
 
 
@@ -112,7 +112,7 @@ def same_signals(columns: Sequence[Array]) -> list[list[int]]:
     return [family for family in families if len(family) > 1]
 
 
-# Equal inputs, unequal outputs
+# Unexplained differences
 # --------------------------------------------------------------------------------------------------
 
 
@@ -165,13 +165,14 @@ class Unequal:
 
 
 def unequal(recordings: Sequence[Recording], inputs: Sequence[str], target: str) -> Unequal | None:
-    """Return the two recordings whose outputs differ most at equal inputs. None if they differ by
-    less than 1 % of the target's range, or by less than 5 % without an effect that explains it.
+    """Return the two recordings whose outputs differ most at equal inputs. Return None if these
+    outputs differ by less than 1 % of the target's range, or by less than 5 % without an effect
+    that explains the difference.
 
-    Inputs are equal if they differ by less than 1 % of their ranges (rms), from the first sample to
-    the end of the shorter recording, which must have at least half of the samples. A quantity was
-    held constant if it stays within 1 % of its largest value. More than 200 recordings are thinned
-    evenly.
+    Inputs are equal if they differ by less than 1 % of their ranges (rms). They are compared from
+    the first sample to the end of the shorter recording, which must have at least half as many
+    samples as the longer one. A quantity was held constant if it stays within 1 % of its largest
+    value. Of more than 200 recordings, only some that are evenly spread are compared.
     """
     usable = [recording for recording in recordings if recording.rows_kept >= FEWEST]
     if not usable:
@@ -271,7 +272,7 @@ def spikes(values: Array) -> IntArray:
 
 def _heights(x: Array) -> Array:
     """Return by how much the value of each sample (except the ends) lies above or below the values
-    of both neighbours, (n - 2,). It is negative if the value lies between the values of the
+    of both neighbours, (n - 2,). The result is negative if the value lies between the values of the
     neighbours.
     """
     steps = np.diff(x)

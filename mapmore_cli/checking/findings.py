@@ -1,5 +1,5 @@
-"""Keep what the rules found in a run. Every command that brings the run up to date reports it, and
-the run folder stores it.
+"""Keep the findings of the rules about a run. Every command that brings the run up to date reports
+these findings, and the run folder stores them.
 """
 
 from __future__ import annotations

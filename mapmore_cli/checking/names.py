@@ -54,8 +54,7 @@ def read_label(name: str) -> ColumnTitle | None:
     The first word that names a quantity is used, and a unit is expected after it. If no word names
     a quantity, a unit of pressure shows that it is a pressure.
     """
-    # camel case is split, and so is the `L` or `R` of a pair such as `pL`; kPa and MPa are not
-    # split
+    # camel case is split, and `pL` into `p` and `L` (left); kPa and MPa are not split
     apart = re.sub(
         r"(?<=[a-z]{3})(?=[A-Z])|(?<=\bp)(?=[LRAB]\b)", " ", spell_pressures(name).replace("_", " ")
     )

@@ -30,7 +30,7 @@ def annotate(kind: Kind, text: str) -> None:
 def workflow_commands(kind: Kind, text: str) -> Iterator[str]:
     """Yield a workflow command for each mistake of a message, with the indented lines below it.
 
-    A mistake that begins with the place of an existing file (`spec.yaml:17:3`, `a.csv:row 17`)
+    A mistake that begins with a position in an existing file (`spec.yaml:17:3`, `a.csv:row 17`)
     gets the properties `file`, `line` and `col`. Paths are relative to the root of the checkout,
     which is the current folder unless `GITHUB_WORKSPACE` names another.
     """

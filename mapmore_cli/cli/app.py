@@ -1,5 +1,5 @@
-"""Define the command `mapmore`: its subcommands in the order of the work, and the place where every
-error ends.
+"""Define the command `mapmore`: its subcommands in the order of the work, and the handling of every
+error.
 
 Nothing large is imported here or in the modules of the commands. Only the module of the requested
 command is imported, and it imports what it needs when it runs.
@@ -102,8 +102,7 @@ class Commands(TyperGroup):
 
     def list_commands(self, ctx: Context) -> list[str]:  # noqa: ARG002 - as click calls it
         """Return the names of all commands, in the order of the work."""
-        # installed commands are looked up only when the command line is known, because
-        # `--no-plugins` may exclude them
+        # installed commands are looked up late, because `--no-plugins` may exclude them
         if not self.commands:
             added = plugins.entry_points("commands")
             for name in added.keys() & MODULES.keys():
@@ -128,8 +127,8 @@ class Commands(TyperGroup):
         return super().get_command(ctx, cmd_name)
 
     def parse_args(self, ctx: Context, args: list[str]) -> list[str]:
-        """Move `--debug`, `--no-plugins`, `--no-color` and `--env NAME` to the front, so that they
-        can be added at the end of a line that failed.
+        """Move `--debug`, `--no-plugins`, `--no-color` and `--env NAME` to the front, so that a
+        user can append them to a command that failed.
         """
         ctx.meta[AS_JSON] = "--json" in args
         if "--no-plugins" in args:
@@ -147,8 +146,7 @@ class Commands(TyperGroup):
         """Run the command and flush its output, so that a broken pipe is noticed here and not at
         exit.
         """
-        # Some versions of Typer contain a copy of click, others use the package. In both cases, the
-        # base class of Typer's BadParameter is the class of usage errors that is really raised.
+        # Typer may contain its own copy of click, so the class of usage errors is taken from Typer
         typers_own: tuple[type[BaseException], ...] = (
             typer.Exit,
             typer.Abort,
@@ -233,8 +231,8 @@ def _show_warning(
     file: TextIO | None = None,
     line: str | None = None,
 ) -> None:
-    """Print the warning about a plugin that is left out like other warnings of the command; print
-    all others as Python does.
+    """Print the warning that a plugin is left out in the form of mapmore's own warnings. Print all
+    other warnings as Python does.
     """
     if not issubclass(category, plugins.PluginLeftOut):
         (file or sys.stderr).write(
@@ -247,7 +245,7 @@ def _show_warning(
 def main() -> None:
     """Run the command `mapmore`, also as `python -m mapmore_cli`."""
     warnings.showwarning = _show_warning
-    # so that a terminal without ² and – still shows the table
+    # a terminal that cannot show ² or – still shows the rest of the table
     cast(io.TextIOWrapper, sys.stdout).reconfigure(errors="replace")
     try:
         app(prog_name="mapmore")

@@ -1,4 +1,4 @@
-"""Implement `mapmore check`: is the spec valid, and do its data fit?"""
+"""Implement `mapmore check`, which tests whether a spec is valid and whether its data suit it."""
 
 from __future__ import annotations
 

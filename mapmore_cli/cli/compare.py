@@ -127,9 +127,9 @@ def compare(
 def _of_models(
     names: Sequence[str], paths: Sequence[Path], margin: float, other_settings: bool
 ) -> tuple[dict[str, Comparison], View]:
-    """Return the comparison of the first model with the last one. The key is the name of the last
-    model. With several outputs, there is a comparison for each output, and the keys are their
-    names.
+    """Return the comparison of the first model with the last one. The result is a mapping, in which
+    the key of the comparison is the name of the last model. With several outputs, the mapping has a
+    comparison for each output, with the name of the output as its key.
 
     Raises UsageError for more than two models of several outputs.
     """

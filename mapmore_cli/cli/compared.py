@@ -66,7 +66,9 @@ def of_campaigns(
 
 
 def _verdict(before: str, after: str, comparison: Comparison) -> str:
-    """Return one of the possible answers, with its numbers and the place of the largest change."""
+    """Return a sentence that says whether the model has changed, has not changed, or whether the
+    data cannot show it. It contains the numbers of the test, and the place of the largest change.
+    """
     low, high = comparison.interval
     margin = f"{100 * comparison.margin:g} %"
     size = (

@@ -146,7 +146,9 @@ class View:
 
 
 def members(of: object, *names: str) -> Document:
-    """Return attributes by their names; `key=attribute` stores an attribute under another name."""
+    """Return attributes of an object by their names. `key=attribute` returns an attribute under the
+    name `key`.
+    """
     return {(parts := name.split("="))[0]: getattr(of, parts[-1]) for name in names}
 
 
@@ -323,7 +325,7 @@ def settle(error: BaseException, debug: bool, as_json: bool) -> int:
         try:
             print_document({"error": error_document(error)})
             sys.stdout.flush()
-        except OSError:  # the message on stderr and the exit code still say what is wrong
+        except OSError:  # nobody reads stdout; stderr and the exit code report the error
             _silence_stdout()
     return exit_code(error)
 

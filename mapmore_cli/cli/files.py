@@ -53,7 +53,7 @@ def example(
 ) -> None:
     """Copy a small example study. The name of the study is the name of the folder.
 
-    Its recordings are from a simulated muscle.
+    The recordings of the example are from a simulated muscle.
     """
     from mapmore_cli.cli.console import View
     from mapmore_cli.pipeline.example import write_example
@@ -154,9 +154,8 @@ def figure(
 ) -> None:
     """Draw one figure of a run and write it to a file.
 
-    The figure is drawn as a whole, or one panel only, also the panel of a curve that the page
-    leaves out. Width, font, size, labels and colours are those of the spec's report.style, or of
-    --set.
+    With --curve, only one panel is drawn, even a panel that the page leaves out. Width, font, size,
+    labels and colours are taken from the spec's report.style, or from --set.
     """
     from mapmore_cli.pipeline.report import drawn_figure
     from mapmore_cli.storage.outputs import (

@@ -1,5 +1,5 @@
 """Implement `ingest`, `segment`, `fit`, `fuse`, `validate`, `report`, and `run`, which does all of
-them: like make, they do only what is not up to date.
+these. As `make` does, the commands repeat only stages that are not up to date.
 """
 
 from __future__ import annotations
@@ -158,7 +158,7 @@ PrintSpec = Annotated[
 
 
 def _with_figures(overrides: list[str], figures: str | None) -> list[str]:
-    """Return the overrides of the spec, extended by those for --figures."""
+    """Return the overrides of the spec, extended by the overrides that --figures stands for."""
     from mapmore_cli.reporting.order import FIGURES
 
     if figures is None:
@@ -169,7 +169,7 @@ def _with_figures(overrides: list[str], figures: str | None) -> list[str]:
 
 
 def _stage(name: str, about: str) -> Callable[..., None]:
-    """Return the command that brings a run up to date up to a stage, with its help."""
+    """Return a command that brings a run up to date as far as one stage. `about` is its help."""
 
     def bring(
         config: Config,

@@ -200,7 +200,7 @@ def _lines_of(
             "other tables cannot be used",
             "write the table to a file, and give the path of the file",
         )
-    # a table of the model's names may be replaced by its prediction, which keeps all its columns
+    # the prediction for a foreign table lacks some of its columns, so it must not replace the table
     if table != STANDARD and is_foreign(table, options):
         note_read([table])
         lines = foreign_lines(table, options, ways, units_of(model, ways), reporter.warn)
@@ -361,8 +361,8 @@ def adapt(
 
     The force is multiplied by one factor and the strain by another. Both are expected to be near 1
     (prior: 1 +- 15 %). The new model has the inputs pressure and strain, and can be used like any
-    other model. Without a TABLE, the new model follows from the dimension alone. Its intervals
-    remain those of the family.
+    other model. Without a TABLE, the new model follows from the dimension alone. Its intervals are
+    the intervals of the family.
     """
     from mapmore_cli.pipeline.predict import adapt, dimension_of, names_of_points
     from mapmore_cli.reporting.table import Column, Table

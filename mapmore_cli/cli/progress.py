@@ -33,7 +33,9 @@ LINE_EVERY = 5.0
 
 
 def _kind(message: str) -> str:
-    """Return a message without the words that contain a digit, such as files and numbers."""
+    """Return a message without the words that contain a digit, such as names of files and numbers,
+    so that messages of one kind are equal.
+    """
     return re.sub(r"\S*\d\S*", "", message)
 
 
@@ -148,8 +150,7 @@ class Reporter:
             from rich.console import Console
             from rich.progress import Progress
 
-            # The bar is drawn here at most ten times a second, because Rich's own thread would
-            # compete with the computation.
+            # Rich's own thread would compete with the computation, so the bar is drawn here.
             self._bar = Progress(console=Console(stderr=True), transient=True, auto_refresh=False)
             self._bar.start()
             self._bar.add_task(what)

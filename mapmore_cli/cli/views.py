@@ -57,7 +57,7 @@ def of_file(path: Path, warn: Warn, unverified: bool) -> View:
     """Return the contents of a result file or a run folder. Raises DataError if it is neither.
 
     `warn` is called if nothing proves that a file is unchanged. A file that has been changed is
-    read only if it may be `unverified`.
+    read only if `unverified` is True.
     """
     if path.is_dir():
         return _of_run(path)
@@ -190,7 +190,7 @@ def of_scores(table: ScoreTable, published: Published | None = None) -> View:
 
 
 def _of_validation(validation: Validation) -> View:
-    """Return the pooled scores, those by curve, and the formulas that were fitted as
+    """Return the pooled scores, the scores by curve, and the formulas that were fitted as
     competitors.
     """
     if validation.others:
@@ -327,8 +327,8 @@ def _formula_lines(formula: FormulaFit | None) -> tuple[str, ...]:
 
 
 def _memory_tables(memory: MemoryModel) -> list[Table]:
-    """Return the coefficients with standard errors, and the numbers of the states if there are
-    any.
+    """Return the table of the coefficients and their standard errors. If states have parameters,
+    add the table of these parameters.
     """
     columns = ("term", "coefficient #.6g", "standard error .3g")
     numbers = (memory.theta.tolist(), memory.theta_error.tolist())
@@ -369,8 +369,8 @@ class Shown(Protocol):
     """A kind of model, added by a plug-in, that defines how `mapmore show` shows its models."""
 
     def show(self, model: Model, show_other: Callable[[Model], View]) -> View:
-        """Return a view of a model that is shown before its equations. `show_other` makes the view
-        of a model that this model contains.
+        """Return the view that is shown before the equations of a model. `show_other` makes the
+        views of the models that this model contains.
         """
 
 

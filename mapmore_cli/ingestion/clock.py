@@ -21,10 +21,9 @@ from mapmore_cli.study.sections.logs import Join
 from mapmore_cli.study.units import convert
 
 REPEATS = "time stamps repeat"
-# largest share of samples that are removed as glitches; a clock that was set back would lose more
+# if glitches were a larger share of the samples, the clock was set back, and none is removed
 MOST_GLITCHES = 0.01
-# a gap longer than this multiple of the usual step is worth a warning, if the spec does not define
-# gaps
+# without `gaps` in the spec, a gap longer than this multiple of the usual step gets a warning
 CONSPICUOUS = 10
 
 MOST_SAMPLES, MOST_TIMES = 10_000_000, 100
@@ -174,8 +173,8 @@ def _at_gaps(samples: Samples, data: Data, unit: str) -> list[Samples]:
 
 
 def _resampled(samples: Samples, step: float) -> Samples:
-    """Return the samples at equal time steps. Each has the row number of the measured sample before
-    it.
+    """Return the samples at equal time steps. Each sample gets the row number of the measured
+    sample before it.
     """
     time = samples.columns["time"]
     wanted = np.ptp(time) / step
@@ -343,8 +342,8 @@ def _found_shift(
 
 
 def _ordered_signal(samples: Samples, name: str) -> tuple[Array, Array]:
-    """Return stamps and values of the first log without missing values; of samples with the same
-    stamp, only the first.
+    """Return the time stamps and the values of the first log, without missing values. Of several
+    samples with the same stamp, only the first is returned.
     """
     time, values = samples.columns["time"], samples.columns[name]
     there = np.flatnonzero(np.isfinite(time) & np.isfinite(values))

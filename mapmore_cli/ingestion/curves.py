@@ -190,8 +190,8 @@ class LevelPart:
 
 
 def level_set(levels: Levels, recordings: Sequence[Recording]) -> LevelSet:
-    """Return the levels in the spec, or those at which the quantity dwells in all recordings
-    together.
+    """Return the levels in the spec. If the spec has none, return the values at which the quantity
+    dwells in all recordings together.
     """
     of = levels.of
     if levels.at == "auto":
@@ -211,7 +211,7 @@ def level_set(levels: Levels, recordings: Sequence[Recording]) -> LevelSet:
 def cut_by_level(
     logs: Sequence[Sequence[Recording]], levels: LevelSet | None
 ) -> tuple[list[Recording], list[LevelPart]]:
-    """Return the recordings with only those samples that are at a level, and the parts of each
+    """Return the recordings, reduced to the samples that are at a level, and the parts of each
     recording in the order of the levels.
 
     A log consists of the pieces of one recording in the order of time. Without levels, every piece
@@ -250,8 +250,8 @@ def cut_by_level(
 
 
 def _at_levels_only(recording: Recording, levels: LevelSet) -> tuple[Recording, Array]:
-    """Return the recording with only those samples that are at a level, and the level of each
-    original sample, (n,); NaN for a sample at no level.
+    """Return the recording, reduced to the samples that are at a level, and the level of each
+    original sample, (n,), with NaN for a sample between levels.
     """
     level = by_blocks(levels.match, recording.columns[levels.of])
     at_one = by_blocks(np.isfinite, level)

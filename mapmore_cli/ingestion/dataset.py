@@ -58,8 +58,8 @@ from mapmore_cli.study.sections.logs import FileEntry
 from mapmore_cli.study.sections.split import Between, Holdout
 
 BAD = "is left out as a bad file"
-FEW = 10  # a recording with fewer remaining samples is worth a warning
-MUCH = 0.5  # a recording that loses a larger fraction of its samples is worth a warning
+FEW = 10  # warn if a recording has fewer remaining samples
+MUCH = 0.5  # warn if a recording loses more than this fraction of its samples
 
 
 def build_dataset(
@@ -257,8 +257,7 @@ def _losses(recording: Recording) -> Iterator[str]:
         )
 
 
-# smallest and largest magnitude of a quantity; powers and squares of values outside these limits
-# underflow or overflow
+# outside these limits of its magnitude, powers of a quantity underflow or overflow
 LEAST, MOST = (
     1e-30,
     1e30,
@@ -344,7 +343,7 @@ def _conditions(
         yield np.concatenate([part.behind(1 - choice.last) for part in parts])
     if choice.last_cycles is not None and choice.of is not None:
         yield _last_cycles(parts, choice.of, choice.last_cycles)
-    # the nearest whole number of samples is drawn, without replacement
+    # the number of samples that are drawn is rounded to a whole number
     if choice.fraction is not None:
         drawn = np.random.default_rng(choice.seed or 0).permutation(sum(sizes))[
             : round(choice.fraction * sum(sizes))

@@ -83,9 +83,10 @@ def slice_of(spec: ExperimentSpec) -> IngestSlice:
 
 @dataclass(frozen=True)
 class Log:
-    """A file to read: its name relative to the folder of the spec, and the sheet or the number of
-    the table if its entry gives one; or a `table` in memory with this name. `columns` holds the
-    columns whose names in this log differ from those in the other logs.
+    """A file to read, or a `table` in memory. `name` is the name of the file relative to the folder
+    of the spec. `sheet` and `table_below` choose one sheet or table of a file, if its entry in the
+    spec does. `columns` holds the columns that have another name or unit in this log than in the
+    other logs.
     """
 
     path: Path

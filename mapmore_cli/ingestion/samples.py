@@ -154,8 +154,8 @@ def read_tables(
 
 
 def _second(table: Logs, units: Mapping[str, str]) -> float:
-    """Return the length of a second in the unit of the time column. It is 1 if there is no such
-    column, and also for a clock in several columns, which have units of their own.
+    """Return the length of a second in the unit of the time column. The length is 1 if there is no
+    such column, and also for a clock in several columns, which have units of their own.
     """
     clock = table.columns.get("time")
     if clock is None or clock.columns:
@@ -261,8 +261,7 @@ def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> I
         free = column.unit is None and (
             name == "input" or (units[name] == "1" and not is_canonical(name))
         )
-        # without a default unit (for example for a command), there is nothing with which the unit
-        # in the file could disagree
+        # a quantity without a default unit, for example a command, may have any unit
         if not told.unit.strip() or scales or free:
             continue
         unit = unit_of_file(told.unit, declared)
@@ -390,8 +389,8 @@ def recordings_apart(
 def derived(
     samples: Samples, derive: Mapping[str, str | Rate | Direction], units: Mapping[str, str]
 ) -> Samples:
-    """Add the quantities of `derive`, each after those on which it depends. Raises DataError for a
-    value that is not finite.
+    """Add the quantities of `derive`. A quantity is computed after the quantities on which it
+    depends. Raises DataError for a value that is not finite.
     """
     expressions = {
         name: terms.parse(rule) for name, rule in derive.items() if isinstance(rule, str)

@@ -70,7 +70,9 @@ def _positive_deviation(
 
 
 def _deviation(curve: Curve, name: str, rule: Rule, data: Data, units: Mapping[str, str]) -> Array:
-    """Return the standard deviation of each sample, (n,); NaN in a group without one."""
+    """Return the standard deviation of each sample, (n,); NaN for samples of a group without a
+    value.
+    """
     if isinstance(rule, dict):
         assert data.groups is not None
         group = curve.columns[data.groups.of]

@@ -1,5 +1,5 @@
-"""Collect the sentences that warn about the error in a verdict, as one list for the page, `--json`
-and stderr.
+"""Collect warnings about the error that the verdict of a run states. The page, `--json` and stderr
+show the same list.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def unconfirmed_sentence(count: int) -> str:
 
 
 def _of_output(dataset: Dataset, model: Model, validation: Validation) -> Iterator[tuple[str, str]]:
-    """Yield kind and sentence of the alerts of one output."""
+    """Yield the kind and the sentence of each alert of one output."""
     for warning in validation.warnings:
         yield "structure" if warning.startswith(SEEN) else "warning", warning
     yield from _of_competitors(validation.scores, next(iter(validation.units.values()), ""))
@@ -110,8 +110,8 @@ def _of_residuals(test: ResidualTest) -> tuple[str, str]:
 
 
 def _of_held_out(dataset: Dataset, model: Model, left_out: bool) -> Iterator[tuple[str, str]]:
-    """Yield alerts about the number of held-out samples and curves, and their place. If no samples
-    are held out permanently, `left_out` is True if every part was left out once (cross-validation).
+    """Yield alerts if few samples or curves are held out, or if held-out samples lie beyond the
+    training data. `left_out` is True for cross-validation, in which every part is held out once.
     """
     held_out = [curve for curve in dataset.curves if curve.held_out.any()]
     if not held_out:
@@ -137,8 +137,9 @@ def _of_held_out(dataset: Dataset, model: Model, left_out: bool) -> Iterator[tup
 
 
 def _of_competitors(scores: Sequence[Score], unit: str) -> Iterator[tuple[str, str]]:
-    """Yield alerts about competitors with a smaller error, and about those with one that is equal
-    within one standard error. As in the verdict, errors that differ by 1 % or less are equal.
+    """Yield an alert for each competitor whose error is smaller by more than 1 %, as in the
+    verdict. Yield another alert that names the competitors whose errors on the curves equal the
+    errors of the model within one standard error.
     """
     compared = [s for s in deciding(scores) if math.isfinite(s.rmse) and s.model != REPEATABILITY]
     ours = next((score for score in compared if score.model == OWN), None)

@@ -78,7 +78,7 @@ def _case(run: str, name: str, seconds: float) -> ET.Element:
 
 
 def to_summary(runs: Sequence[RunReport], tables: Sequence[Table]) -> str:
-    """Return a Markdown text with the number of successful runs, the faults of the others, and the
+    """Return a Markdown text with the number of successful runs, the faults of failed runs, and the
     tables.
     """
     bad = [run for run in runs if run.failure is not None or run.missed]

@@ -1,4 +1,6 @@
-"""Print competitors on a page: their equations with numbers, or why there are none."""
+"""Print the equations of competitors with their numbers on a page. If a competitor has no
+equations, print the reason.
+"""
 
 from __future__ import annotations
 

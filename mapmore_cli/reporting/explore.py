@@ -61,7 +61,7 @@ def explored(every: Sequence[ReportInputs]) -> Explored | None:
     code: dict[str, str] = {}
 
     def module(key: str, model: Model, more: str = "") -> bool:
-        """Store the code of a model; return True if there is any."""
+        """Store the code of a model. Return False if the model cannot be written as code."""
         try:
             code[key] = wrapped(key, model, more)
         except MapmoreError:  # a part of the model has no closed expression
@@ -96,7 +96,7 @@ def explored(every: Sequence[ReportInputs]) -> Explored | None:
 
 
 def uncomputed_segments(model: Model) -> int:
-    """Return the number of segments of a model that has too many of them for a page, otherwise
+    """Return the number of segments of a model if the page cannot show so many; otherwise return
     zero.
     """
     count = len(model.pieces.segments) if model.pieces else 0
@@ -105,12 +105,13 @@ def uncomputed_segments(model: Model) -> int:
 
 def wrapped(key: str, model: Model, more: str = "") -> str:
     """Return the exported JavaScript module of a model as a function that calls itself, because a
-    page cannot import modules. Its result is `mapmore.models[key]`, which also holds `more`.
+    page cannot import modules. The page finds its result as `mapmore.models[key]`. `more` is code
+    for further members of this result.
 
     Raises DataError if a part of the model has no closed expression.
     """
     (text,) = plugins.load("python", "export")(model, "js", verify=False).values()
-    code = _COMMENTS.sub("", text.decode())  # comments are for people who read the exported file
+    code = _COMMENTS.sub("", text.decode())  # comments are for readers of exported files
     inside = _EXPORTED.sub(rf"\nreturn {{ \1{more} }};\n", code)
     return f"mapmore.models[{json_text(key)}] = (() => {{\n{inside}}})();\n"
 
@@ -135,14 +136,15 @@ def _competitors(inputs: ReportInputs) -> dict[str, Model]:
 
 
 def _steps_of(model: Model) -> set[float]:
-    """Return the times between samples by which a model runs; an empty set if it has no memory."""
+    """Return the time steps of a model and of its parts, in s; an empty set if none has memory."""
     return {memory.states.step for memory in model.memories}
 
 
 def bare_of(model: Model) -> tuple[Model, str]:
     """Return what a page needs to join the pieces of a model in other ways. The first result is the
-    model without limits of its segment functions outside their samples. The second is JavaScript
-    code that gives access to its curves, its segments with their slopes, and all transitions.
+    model whose segment functions continue unchanged outside the ranges of their samples. The second
+    result is JavaScript code for further members of the model: its curves, its segments with their
+    slopes, and all transitions.
 
     `rejoin` replaces the functions of the curves.
     """
@@ -166,8 +168,8 @@ def bare_of(model: Model) -> tuple[Model, str]:
 
 
 def _course(words: str) -> str:
-    """Return the course of a transition, given in words such as `w = 3*t^2 - 2*t^3`, as a function
-    in JavaScript.
+    """Return a function in JavaScript for a transition between pieces, which is given as a formula
+    such as `w = 3*t^2 - 2*t^3`.
     """
     first, _, rest = words.removeprefix("w = ").partition(" up to t = 1/2, then ")
     text = f"t < 0.5 ? {first} : {rest}" if rest else first

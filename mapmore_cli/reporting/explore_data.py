@@ -77,7 +77,9 @@ def _span(curves: Sequence[Curve], name: str) -> Ends:
 
 
 def _quantity(one: Quantity, inputs: ReportInputs) -> dict[str, str]:
-    """Return the texts of a quantity. Formulas in a user's label are not typeset by the script."""
+    """Return the name, title, unit and label of a quantity for the page. A user's label that
+    contains a formula is replaced, because the script cannot typeset it.
+    """
     label = inputs.axis_label(one)
     return {
         "name": one.name,
@@ -89,7 +91,7 @@ def _quantity(one: Quantity, inputs: ReportInputs) -> dict[str, str]:
 
 def _reach(low: float, high: float) -> dict[str, Any]:
     """Return the ends of the slider of an input, which lie beyond its training range, and the
-    distance up to which a sample counts as near.
+    largest distance at which the page counts a sample as near the value of the slider.
     """
     width = high - low or abs(low) or 1.0
     return {
@@ -111,7 +113,7 @@ def _knob_of_input(name: str, span: Ends, value: float) -> dict[str, Any]:
 
 
 def _swing(name: str, width: float) -> dict[str, Any]:
-    """Return the slider for the amplitude of a course of an input."""
+    """Return the slider for the amplitude with which an input varies over time."""
     width = width or 1.0
     return _knob(f"amplitude:{name}", (0.0, 0.65 * width), 0.4 * width)
 
@@ -122,10 +124,10 @@ def _numbers(values: Array) -> list[float | None]:
 
 
 def _samples(inputs: ReportInputs, spans: Mapping[str, Ends]) -> dict[str, Any]:
-    """Return the samples of the page, evenly thinned to `MOST_TRAINED` samples of training data and
-    `MOST_SAMPLES` held-out ones; the samples of each button; and the sliders of the inputs in
-    `spans`, which start at the middle sample of the first held-out curve, or in the middle of all
-    ranges.
+    """Return three groups of data for the page. The first is the samples, evenly thinned to
+    `MOST_TRAINED` training samples and `MOST_SAMPLES` held-out samples. The second is the samples
+    to which each button leads. The third is the sliders of the inputs in `spans`. They start at the
+    middle sample of the first held-out curve, or, without one, in the middle of their ranges.
     """
     kept = [*spans, inputs.model.output.name]
     pooled = np.array([inputs.pooled(name) for name in kept])
@@ -200,7 +202,9 @@ def _record(inputs: ReportInputs, curves: Sequence[Curve]) -> dict[str, Any]:
 
 
 def _begins(inputs: ReportInputs) -> str:
-    """Return a sentence on what a free run of the model and of its competitors begins with."""
+    """Return a sentence that says with which values a free run of the model and of its competitors
+    begins.
+    """
     output = inputs.model.output.name.replace("_", " ")
     measured = (
         f"begins with as many values of {output} as it needs of the past: those measured at the "
@@ -215,8 +219,8 @@ def _begins(inputs: ReportInputs) -> str:
 
 
 def _interval(inputs: ReportInputs) -> dict[str, Any] | None:
-    """Return half the width of intervals at levels with equal steps; None if the study has no
-    intervals.
+    """Return half the width of the prediction interval at evenly spaced values of the level
+    quantity; None if the study has no intervals.
     """
     if inputs.left_out is None:
         return None
@@ -230,8 +234,8 @@ def _interval(inputs: ReportInputs) -> dict[str, Any] | None:
 
 
 def _no_interval(inputs: ReportInputs) -> str:
-    """Return a sentence on why there is no interval, or on what it does not contain; empty if the
-    interval is complete.
+    """Return a sentence that says why there is no interval, or what the interval does not contain;
+    empty if the interval is complete.
     """
     if inputs.left_out is not None:
         limits = interval_limits(inputs.left_out)

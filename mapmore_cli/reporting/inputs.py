@@ -44,7 +44,7 @@ class FigureStyle:
       axis labels.
     - `labels`: axis labels by quantity, including the unit; formulas may stand between dollar
       signs.
-    - `palette`: colours of the models; the first is that of the run's own model.
+    - `palette`: colours of the models; the first is the colour of the run's own model.
     """
 
     width: float = SINGLE
@@ -74,7 +74,7 @@ class FigureStyle:
 
 @dataclass(frozen=True)
 class ReportInputs:
-    """Contents of the report. All numbers of the report are these, or summaries of these.
+    """Contents of the report. A report shows only these numbers and summaries of them.
 
     - `muscle`: labels of the muscle as the spec gives them (`name`, `kind`, `length`, ...), ready
       to print.
@@ -280,7 +280,7 @@ class ReportInputs:
 
     @property
     def fits(self) -> dict[str, Fit | None]:
-        """The run's own fit, and those of its competitors that pages show, by name."""
+        """The run's own fit, and the fits of the competitors that pages show, by name."""
         return {self.own: self.fit.body, **self.validation.fits}
 
     @property
@@ -314,7 +314,7 @@ class ReportInputs:
 
     @property
     def all_notes(self) -> tuple[str, ...]:
-        """Notes of the run and of every stage, each once."""
+        """Notes of the run and of every stage, without repetitions."""
         return tuple(
             dict.fromkeys((*self.notes, *self.dataset.notes, *self.model.notes, *self.fit.notes))
         )

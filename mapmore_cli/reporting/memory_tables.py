@@ -29,8 +29,8 @@ def states_table(states: StateSet) -> Table:
 
 
 def identified_table(fit: MemoryFit) -> Table:
-    """Return the operator parameters that training estimated; without rows if the dictionary left
-    none free.
+    """Return a table of the operator parameters that training estimated. The table has no rows if
+    the dictionary gave all parameters.
     """
     rows: list[Cells] = []
     if (numbers := fit.identified) is not None:
@@ -46,8 +46,9 @@ def identified_table(fit: MemoryFit) -> Table:
 
 
 def sizes_table(fit: MemoryFit) -> Table:
-    """Return the free-run error of models with 1, 2, ... terms on training samples that were held
-    out for that purpose; without rows if there were none.
+    """Return a table of the free-run error of models with 1, 2, ... terms. The errors are measured
+    on training samples that were left out of these fits. Without such samples, the table has no
+    rows.
     """
     rows = enumerate([] if fit.held_out is None else fit.held_out.tolist(), 1)
     title = "How many terms: error over the last quarter of the training samples"

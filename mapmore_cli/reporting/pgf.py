@@ -11,8 +11,8 @@ from mapmore_cli.domain.foreign import tex_label, tex_text
 
 
 class _Renderer(RendererPgf):
-    """Renderer that needs no TeX: the sizes of letters are those in the fonts of the other formats.
-    Names are escaped, so that TeX executes none of them.
+    """Renderer that does not call TeX to measure texts. It measures them in the font of the other
+    formats. Names are escaped, so that TeX executes none of them.
     """
 
     def get_text_width_height_descent(self, s, prop, ismath):  # type: ignore[no-untyped-def]

@@ -58,7 +58,7 @@ def render_page(
     inputs: ReportInputs, figures: Figures, others: Sequence[tuple[ReportInputs, Figures]] = ()
 ) -> str:
     """Return the page, from the template `templates/page.html`, with `figures` by section, followed
-    by those of other outputs. All texts of the user are escaped.
+    by the figures of other outputs. All texts of the user are escaped.
     """
     pages = ((inputs, figures), *others)
     outputs = [_words_of(*own) for own in pages]

@@ -1,4 +1,4 @@
-"""Show scores as tables: the result of a run, also if nothing had to be done."""
+"""Show the scores of a run as tables. A run shows them even if all its stages were up to date."""
 
 from __future__ import annotations
 
@@ -133,9 +133,9 @@ def verdict_sentence(
     of the others, on held-out data if there are any.
 
     `target` is the scored quantity. `failed` names the competitors without scores, because their
-    fit failed. If one of the `warnings` says that held-out data chose the structure, it comes
-    first, followed by an `alert`. Competitors that were trained with held-out data are named but
-    not compared.
+    fit failed. If one of the `warnings` says that held-out data chose the structure, this warning
+    comes first, followed by an `alert`. Competitors that were trained with held-out data are named
+    but not compared.
     """
     head = f"Alert: {alert}. " if alert else ""
     compared = deciding(scores)
@@ -233,8 +233,8 @@ def _comparison(ours: Score, others: Sequence[Score], failed: Sequence[str]) -> 
 
 
 def pieces_sentence(scores: Sequence[Score], own: str, backbone: str) -> str:
-    """Return a sentence that compares the pooled error of the model `own` with that of its
-    `backbone`; empty if one of them has no score.
+    """Return a sentence that compares the pooled error of the model `own` with the pooled error of
+    its `backbone`; empty if one of them has no score.
     """
     errors = {score.model: score.rmse for score in deciding(scores)}
     alone = errors.get(backbone, errors.get("backbone", math.nan))

@@ -295,8 +295,10 @@ def title_of(text: str) -> str:
 
 @cache
 def environment() -> Environment:
-    """Return the templates of the package, with tables, figures and sentences as filters."""
-    # imported here because tables and figures need none of it
+    """Return the Jinja environment with the templates of the package. Its filters write tables,
+    figures and sentences as HTML.
+    """
+    # Jinja is imported here, because tables and figures do not need it
     from jinja2 import (
         Environment,
         PackageLoader,

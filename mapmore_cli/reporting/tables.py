@@ -71,8 +71,8 @@ SINGLE_VALUED_NOTE = (
 
 
 def levels_table(dataset: Dataset, along: str | None = None, whole: Dataset | None = None) -> Table:
-    """Return the curves, with their numbers of training and validation samples in the `whole`
-    dataset.
+    """Return a table of the curves, with their numbers of training and validation samples in the
+    `whole` dataset.
 
     `along` is the quantity over which a static model has one value; if curves are not
     single-valued, the table says by how much.
@@ -189,7 +189,8 @@ def coefficient_rows(
     """Yield each segment, or the model with memory, with a row for each of its terms: the row of
     `Selection.table`, and half the `width` of the 95 % interval of the coefficient.
 
-    If a `model` is given, which keeps a shape, its coefficients replace those of the fit.
+    If a `model` is given, which keeps a shape, its coefficients replace the coefficients of the
+    fit.
     """
     kept: dict[str, SegmentFunction | MemoryModel] = {}
     if model is not None and model.shape is not None:
@@ -206,8 +207,8 @@ def coefficient_rows(
 
 def coefficients_table(fit: FitResult, unit: str, model: Model | None = None) -> Table:
     """Return the coefficients of every segment with standard errors and 95 % confidence intervals,
-    in scaled coordinates and in the target's unit; a note names those that the data do not
-    determine.
+    in scaled coordinates and in the target's unit; a note names the coefficients that the data do
+    not determine.
     """
     columns = (
         *("segment", "term", "theta", "standard error .3g", "t .3g", "± 95 % .3g"),
@@ -251,7 +252,8 @@ def pieces_table(equations: Sequence[Equation], title: str) -> Table:
 
 def limits_tables(model: Model) -> Iterator[Table]:
     """Yield tables of the training range of each input within each curve, for a model and all
-    models that it contains; several outputs share them.
+    models that it contains. The outputs of one model share the tables, because they have the same
+    ranges.
     """
     several = len(model.each) > 1
     for number, one in enumerate(model.each[:1] if several else model.every):
@@ -380,7 +382,7 @@ def same_models(fitted: Sequence[tuple[str, FormulaFit]]) -> tuple[str, ...]:
 
     Two formulas count as the same model if their fits to the same samples have the same sum of
     squares. For example, tondu_lopez with a fitted area is chou_hannaford in other parameters, if
-    the parameters of the latter describe a braid.
+    the parameters of chou_hannaford describe a braid.
     """
     known = [(name, fit) for name, fit in fitted if not fit.failed and fit.sse > 0.0]
     return tuple(

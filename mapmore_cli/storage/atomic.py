@@ -103,8 +103,8 @@ def make_folder(folder: Path) -> None:
 
 @contextmanager
 def unfinished_beside(path: Path, folder: bool = False) -> Iterator[Path]:
-    """Make an empty file or folder that is to become `path`. It is removed at the end unless it was
-    moved there.
+    """Make an empty file or folder that is to become `path`. At the end of the context it is
+    removed, unless it was moved to `path`.
 
     Remains of killed processes for the same file are removed. The new file or folder is locked as
     long as this process lives, so that other processes do not remove it.
@@ -147,7 +147,7 @@ def _clear_abandoned(path: Path) -> None:
     for left in (path.parent / entry for entry in found):
         if (handle := _locked(left, patient=False)) is not None:
             try:
-                with suppress(OSError):  # the remains may belong to another user
+                with suppress(OSError):  # another user's remains stay
                     remove(left)
             finally:
                 os.close(handle)
@@ -157,7 +157,7 @@ def _locked(place: Path, patient: bool = True) -> int | None:
     """Lock a file or folder against other processes that ask for the lock. Return None if another
     process holds it, or if the system has no such locks.
     """
-    # without locks, nothing shows that an unfinished file is abandoned, so all of them stay
+    # without locks, nothing shows that an unfinished file is abandoned, so none is removed
     if sys.platform == "win32":
         return None
     import fcntl
@@ -226,9 +226,9 @@ def opened_special(path: Path) -> Iterator[IO[bytes]]:
 
 
 def write_own(path: Path, content: str | bytes) -> None:
-    """Write a file as a whole, as `replacing` does, whatever file was in its place; files that the
-    user names are protected by `outputs`. Nothing is written into a pipe, because writing would
-    wait for a reader.
+    """Write a file as a whole, as `replacing` does, and replace any file with this name. Use this
+    function for files whose names mapmore chooses; the module `outputs` protects files that the
+    user names. Nothing is written into a pipe, because writing would wait for a reader.
     """
     with replacing(path) as file:
         file.write(content.encode() if isinstance(content, str) else content)
@@ -253,7 +253,8 @@ def refusals_told(folder: Path) -> Iterator[None]:
     """Convert an error into a WriteError if the disk is full, or if the file system refuses access
     to something in `folder`. Other errors are not changed.
 
-    A refusal elsewhere is handled elsewhere, for example by a stage that cannot read a recording.
+    If access to a file outside of `folder` is refused, the caller handles the error, for example a
+    stage that cannot read a recording.
     """
     try:
         yield

@@ -27,8 +27,9 @@ _FILES: ContextVar[_Files | None] = ContextVar("_FILES", default=None)
 
 @contextmanager
 def files_read() -> Iterator[set[Path]]:
-    """Collect the paths of the files that are read within the context. A context around it collects
-    them too, and its outputs are those of this one.
+    """Collect the paths of the files that are read within the context. If the context is inside
+    another one of this kind, both collect the paths, and the outputs of the outer context count in
+    the inner one too.
     """
     around = _FILES.get()
     files = _Files(set(), [] if around is None else around.outputs)
@@ -42,8 +43,8 @@ def files_read() -> Iterator[set[Path]]:
 
 
 def note_read(paths: Iterable[Path]) -> None:
-    """Add paths to those that `files_read` collects; outside of its context, do nothing. Raises
-    WriteError if one of them is an output of the command.
+    """Add paths to the set that `files_read` collects. Outside of the context of `files_read`, do
+    nothing. Raises WriteError if one of the paths is an output of the command.
     """
     if (files := _FILES.get()) is not None:
         new = {*paths} - files.read

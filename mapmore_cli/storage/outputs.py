@@ -111,7 +111,7 @@ def written_as_text(path: Path) -> Iterator[TextIO]:
     (`written`).
 
     Errors of the file system inside the block count as errors of this file, and become WriteErrors.
-    Raises BrokenPipeError if nobody reads any more.
+    Raises BrokenPipeError if the program that reads from a pipe has ended.
     """
     from mapmore_cli.storage.tables.lines import TEXT_ERRORS
 
@@ -123,8 +123,7 @@ def written_as_text(path: Path) -> Iterator[TextIO]:
             text = io.TextIOWrapper(binary, "utf-8", TEXT_ERRORS, newline="")
             yield text
             text.flush()
-            # closing a gzip stream writes its end and leaves `raw` open; other streams are only
-            # detached
+            # closing a gzip stream writes its end and leaves `raw` open
             text.close() if zipped else text.detach()
     except BrokenPipeError:
         raise
@@ -136,13 +135,13 @@ def written_as_text(path: Path) -> Iterator[TextIO]:
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file as a whole that the user has named, as `written` does."""
+    """Write a file that the user has named, as a whole, as `written` does."""
     with written(path) as file:
         file.write(data)
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a UTF-8 file as a whole that the user has named, with the line ends of `text`."""
+    """Write a UTF-8 file that the user has named, as a whole, with the line ends of `text`."""
     write_bytes(path, text.encode())
 
 

@@ -1,9 +1,9 @@
-"""Find out which files in a run folder belong to the run: those that its record lists, if they are
-unchanged.
+"""Find out which files in a run folder belong to the run. These are the files that its record
+lists, if they are unchanged.
 
-Everything else may be important to somebody, for example a file that was changed after the run. It
-is never removed or overwritten: it stays where it is, or is moved to the trash, `RUNS/.trash/DATE`,
-which mapmore never empties.
+Everything else may be important to somebody, for example a file that was changed after the run.
+Such files are never removed or overwritten. They stay where they are, or are moved to the trash,
+`RUNS/.trash/DATE`, which mapmore never empties.
 """
 
 from __future__ import annotations

@@ -56,7 +56,7 @@ class Stamp:
     SHA-256 of its content (for a long result file, its own checksum).
 
     Programs that copy files set the modification time. The file's inode number and the time of its
-    last change of any kind therefore reveal a file that was replaced. They are 0 if they are
+    last change of any kind therefore reveal a file that was replaced. Both are 0 if they are
     unknown, as in a record of an older version, or if they change anyway (`storage/stamps.py`).
     """
 

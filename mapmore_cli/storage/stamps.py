@@ -1,8 +1,9 @@
 """Decide whether files are still the ones that were read or written.
 
-A long result file contains a checksum of its values, computed while they were written. It replaces
-the hash of the file, which need not be read again. If the checksum does not match the values, the
-file itself is hashed, which gives another hash than before.
+A long result file contains a checksum of its values, computed while they were written. Its stamp
+contains this checksum instead of a hash of the file, so the whole file need not be read again. If
+the checksum does not match the values, the file itself is hashed. This hash differs from the
+checksum in the old stamp, so the change is detected.
 """
 
 from __future__ import annotations
@@ -20,8 +21,8 @@ def take_stamp(path: Path, known: Stamp | None = None, rehash: bool = False) -> 
     """Return the stamp of a file. The hash is taken from `known` if the state of the file is the
     same, unless `rehash` is True. Raises OSError if the file cannot be read.
     """
-    # The state is taken before reading: if the file changes while it is read, its time differs from
-    # its stamp, and it is read again next time.
+    # The state is taken before the file is read.
+    # If the file changes during reading, its time differs from the stamp: it is read again.
     state = state_of(path.stat())
     if known is not None and not rehash and known.is_of(state):
         return known
@@ -38,8 +39,8 @@ def take_stamp(path: Path, known: Stamp | None = None, rehash: bool = False) -> 
 
 
 def stamp_of_result(path: Path) -> Stamp:
-    """Return the stamp of a file that was written for a run. Moving it to its place afterwards
-    changes its `ctime_ns`.
+    """Return the stamp of a file that was written for a run. The file is moved to its final path
+    afterwards, which changes its `ctime_ns`.
     """
     return replace(take_stamp(path), ctime_ns=0)
 

@@ -54,8 +54,8 @@ class Campaign(Section):
     relative_to: str | None = None
     best_of: list[
         str
-        # formulas whose best one in each run is shown as one competitor; it is chosen by the scores
-        # themselves
+        # in each run, only the best of these formulas is shown, as one competitor
+        # The best formula is chosen by the scores that are shown, so its score is optimistic.
     ] = []
 
     def _contradictions(self) -> Sequence[Row]:
@@ -92,7 +92,7 @@ def is_campaign(path: Path) -> bool:
     try:
         lines = read_source(path).text.splitlines()
     except SpecError:
-        return False  # whoever loads the file reports why it cannot be read
+        return False  # the function that loads the file reports why it cannot be read
     return any(line.startswith("campaign:") for line in lines)
 
 

@@ -56,7 +56,7 @@ class Finding:
 
 def locate(finding: Finding, root: Node) -> Mistake:
     """Return the finding with its place in a file. If the sources do not hold the value, the place
-    is that of its nearest ancestor.
+    of its nearest ancestor is returned.
     """
     node = nearest(root, finding.loc)
     on_key = (
@@ -67,7 +67,7 @@ def locate(finding: Finding, root: Node) -> Mistake:
     at = node.start if on_key else node.at
     if finding.offset and isinstance(node.value, str):
         written = _source_line(at)[at.column - 1 :]
-        # if no quotes match, the source writes the text in another way
+        # nothing matches if the source spells the text differently, for example with escapes
         for quote in ("", '"', "'"):
             if written.startswith(quote + node.value):
                 at = replace(at, column=at.column + len(quote) + finding.offset)
@@ -156,7 +156,7 @@ def _source_line(at: Position) -> str:
     return lines[at.line - 1] if at.line <= len(lines) else ""
 
 
-# What pydantic finds
+# Faults from pydantic
 # --------------------------------------------------------------------------------------------------
 
 Explained = tuple[str, str | None]
@@ -217,8 +217,8 @@ def explain(error: ValidationError, root: Node, keys_at: KeysAt) -> list[Mistake
 
 
 def lost(error: ValidationError, root: Node, keys_at: KeysAt) -> Iterator[tuple[Loc, Loc | None]]:
-    """Yield the path of each value or section that pydantic rejected, and the path of the key that
-    the spec lacks without it.
+    """Yield two paths for each value or section that pydantic rejected: its own path, and the path
+    of the key that is missing if the rejected value is removed.
 
     For an unknown key, the second path is that of the missing key that it resembles, or None if
     there is no such key. For everything else, both paths are equal.
@@ -240,8 +240,7 @@ def _problem(details: ErrorDetails, root: Node, keys_at: KeysAt) -> Mistake:
     loc, rest = _split(details["loc"], root)
     node = nearest(root, loc)
     name = f"`{_dotted(loc)}`" if loc else "the spec"
-    # The key is taken for the name of a quantity, but its value shows that a key with a similar
-    # name was meant.
+    # The key was taken for a quantity, but its value shows that a similar key was meant.
     for depth, key in enumerate(loc, start=1):
         known = keys_at(loc[: depth - 1])
         near = () if key in known else get_close_matches(str(key), known, n=1, cutoff=0.75)
@@ -266,7 +265,7 @@ def _problem(details: ErrorDetails, root: Node, keys_at: KeysAt) -> Mistake:
             return Mistake(
                 node.start, message, "use letters, digits and `_`, for example `step_pressure`"
             )
-    # a number with a unit is shown as the converted number
+    # if the number had a unit, the message shows it as it is after the conversion
     value = details["input"] if isinstance(details["input"], float) else node.value
     return Mistake(node.at, *_of_value(details, value, name))
 

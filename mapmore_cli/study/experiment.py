@@ -43,7 +43,8 @@ from mapmore_cli.study.sections.results import Validate
 
 @dataclass(frozen=True)
 class Muscle(Settings):
-    """The muscle that was measured. The results record it, and formulas with dimensions use it.
+    """The muscle that was measured. The results record what you write in this section. Formulas
+    that contain the length or the diameter of the muscle use it.
 
     - `name`: Name of the muscle on pages. Example: `DMSP-20-88N`
     - `kind`: Kind of muscle. Example: `mckibben`
@@ -64,8 +65,8 @@ class Muscle(Settings):
 
 @dataclass(frozen=True)
 class TargetColumn(Settings):
-    """A measured quantity as target. `target: tip` is short for `target: {column: tip}`, and
-    `target: [tip_x, tip_y]` for `target: {column: tip_x, also: [tip_y]}`.
+    """A measured quantity as target. The target `tip` is short for the `column` `tip`. The target
+    `[tip_x, tip_y]` is short for the `column` `tip_x` with `[tip_y]` in `also`.
 
     - `column`: The quantity, which must be a key of `data.columns` or `data.derive`. Example: `tip`
     - `also`: Further quantities that are modelled with the same segments and terms. Example:
@@ -100,8 +101,8 @@ def _pooled(value: Mapping[str, Any]) -> bool:
 
 def _sized_by_data(fit: dict[str, Any]) -> None:
     """Let the data choose the number of terms if the model has no segments and the spec does not
-    set the number. One term is enough for a segment, but for all data it would often be the
-    constant.
+    set the number. One term is enough for a segment, but for all data together, the single term
+    would often be the constant.
     """
     if "max_terms" not in fit:
         fit["max_terms"] = TERMS_OF_ONE_MODEL

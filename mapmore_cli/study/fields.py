@@ -89,7 +89,7 @@ class Section(BaseModel):
         return self
 
 
-# What validators know about the rest of the spec
+# Context of validators
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class Context:
     level: str | None = None  # the quantity that is constant within a curve
     partial: bool = False
     known: dict[int, tuple[Mapping[str, Any], list[str]]] = field(default_factory=dict)
-    paths: set[int] = field(default_factory=set)  # identities of nodes whose texts are paths
+    paths: set[int] = field(default_factory=set)  # `id` of each node whose text is a path
 
     @classmethod
     def of(cls, root: Node, partial: bool = False) -> Context:
@@ -168,7 +168,7 @@ class Context:
 
 @dataclass(frozen=True)
 class Place:
-    """Place of a number in the spec. Its unit can depend on the place."""
+    """Place of a number in the spec, on which the unit of the number can depend."""
 
     context: Context
     text: Written
@@ -236,7 +236,7 @@ Share = Annotated[float, always_in("1")]
 
 def _share_of_value(value: object, info: ValidationInfo) -> object:
     """Keep a text such as `2 %` unchanged, because it is a share of the measured value. If the
-    quantity itself is measured in per cent, it is an ordinary number.
+    quantity itself is measured in per cent, the text is an ordinary number with a unit.
     """
     if not isinstance(value, Written) or not isinstance(info.context, Context):
         return value

@@ -92,8 +92,8 @@ class Loaded(Generic[M]):
 
     @cached_property
     def resolved(self) -> str:
-        """YAML with all defaults, in which `extends`, variables and units are resolved. It loads to
-        an equal spec.
+        """YAML with all defaults, in which `extends`, variables and units are resolved. Loading
+        this YAML gives an equal spec.
         """
         return self._text()
 
@@ -111,8 +111,8 @@ class Loaded(Generic[M]):
         return dump(escaped(document))
 
     def resolved_in(self, folder: Path, given_only: bool = False) -> str:
-        """Return the resolved spec for a file in another folder. Its relative paths start there, so
-        that it can be run there.
+        """Return the resolved spec for a file in another folder. Its relative paths start in that
+        folder, so that it can be run there.
 
         With `given_only`, leave out the defaults, and keep the line that names the schema to
         editors if the spec has one.

@@ -153,7 +153,7 @@ def _sections_within(
                 yield from _sections_within(value, sections, skipped)
 
 
-# The reference of the keys
+# Reference of keys
 # --------------------------------------------------------------------------------------------------
 
 
@@ -180,9 +180,10 @@ def reference() -> str:
 _METRICS = """\
 ### Metrics
 
-`validate.require` can limit these numbers, for example `{{nrmse: 0.05, r2: 0.9}}`. The limits of {}
-are lower limits, all others are upper limits. They are compared with the scores of the run's own
-model on all held-out data, or on the training data if nothing is held out.
+`validate.require` can limit these numbers, for example `{{nrmse: 0.05, r2: 0.9}}`. A limit of {}
+is the smallest value that is allowed. A limit of any other metric is the largest value that is
+allowed. Limits are compared with the scores of the run's own model on all held-out data, or on the
+training data if nothing is held out.
 
 | metric | meaning | in units of |
 |---|---|---|

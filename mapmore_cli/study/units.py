@@ -2,8 +2,8 @@
 of the model.
 
 Common units are converted with a table of exact factors, which a test compares with pint. Pint
-knows all other units. It is imported for these only, because it loads in 0.4 s of processor time,
-while a run that is up to date takes 0.6 s.
+knows all other units. Pint is imported only if such a unit occurs, because loading it takes 0.4 s
+of processor time, while a run that is up to date takes 0.6 s.
 
 A pressure is a gauge pressure, which is zero in the open air: `psig` is the same as `psi`. An
 absolute pressure, for example in `psia`, is larger by 101.325 kPa.
@@ -152,7 +152,7 @@ def default_unit(
     """
     if name in changes:
         return changes[name]
-    # a rate that depends on itself is reported elsewhere
+    # a check of the spec reports a rate that is derived from itself
     others = {key: of for key, of in rates.items() if key != name}
     if name in rates or name.endswith("_rate"):
         of = rates.get(name, name.removesuffix("_rate"))
@@ -310,7 +310,7 @@ def unit_of(text: str, like: str | None = None) -> str | None:
     whole = _spelt(text)
     bracket = _BRACKETS.search(whole)
     word = _spelt(bracket[1]) if bracket else whole
-    # `s` and `S` are different units, unless `like` decides
+    # `s` and `S` are different units, so a single letter keeps its case, unless `like` decides
     unit = _ANY_CASE.get(word.casefold(), word) if like is not None or len(word) > 1 else word
     factors = [factor.partition("^")[0] for factor in re.split(r"[*/]", unit)]
     if (unit not in _KNOWN and not _KNOWN.issuperset(factors)) or unit.casefold() == "n/a":

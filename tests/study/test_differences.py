@@ -169,5 +169,5 @@ def test_a_difference_does_not_depend_on_where_the_zero_of_its_unit_lies(
 def test_equations_are_not_printed_in_a_unit_with_another_zero(tmp_path):
     text = SEVERAL.format(unit="K", number=1) + "report: {units: {heat: UNIT}}\n"
     assert load_text(tmp_path, text.replace("UNIT", "mK"))
-    with pytest.raises(SpecError, match="the zero of `degC` differs from that of `K`"):
+    with pytest.raises(SpecError, match="the zero of `degC` differs from the zero of `K`"):
         load_text(tmp_path, text.replace("UNIT", "degC"))

@@ -38,8 +38,8 @@ variables belong to the whole process.
 
 @dataclass(frozen=True)
 class Shared:
-    """Data that a worker needs in addition to its job: a file that shows whether it sees the folder
-    of runs, the version of mapmore, and the variables that specs may use.
+    """Data that a worker needs in addition to its job: a file that shows whether the worker sees
+    the folder of runs, the version of mapmore, and the variables that specs may use.
     """
 
     token: Path
@@ -88,8 +88,8 @@ def run_on_cluster(
     tell: Callable[[int, str], None],
     say: Warn,
 ) -> Generator[tuple[int, Finished | BaseException], None, None]:
-    """Do numbered jobs on the workers of a scheduler, given by its address or by the file that it
-    wrote; yield like `workers.ended`.
+    """Do numbered jobs on the workers of a scheduler, which is given by its address or by the file
+    that it wrote. Yield the same as `workers.ended`.
 
     If a worker dies, the scheduler starts its job again, at most as often as its setting
     `allowed-failures` says (3); `tell` is called with the number of the job. `say` is called with
@@ -108,8 +108,8 @@ def run_on_cluster(
             say(f"{scheduler}: waiting for a worker")
             client.wait_for_workers(1)
         say(f"{scheduler}: {checked_workers(client, shared)} workers, which share {runs}")
-        # `pure=False`: the result of a job must not be taken from a cache, because a job also
-        # writes files. `retries=0`: a job that raised an error would raise it again.
+        # A job also writes files, so its result must not be taken from a cache (`pure=False`).
+        # A job that raised an error would raise it again, so it is not repeated (`retries=0`).
         executor = client.get_executor(pure=False, retries=0)
         futures = {
             executor.submit(_work, job.elsewhere(), shared, number): number

@@ -124,7 +124,7 @@ def batch(
             note_sources(job, sealed.get(number))
     results: dict[int, Result] = {**sealed}
     names = run_names(entries, campaigns, {number: entries[number].called for number in results})
-    # a campaign whose page cannot be written is refused before its runs are done
+    # if the page of a campaign cannot be written, the campaign is refused before its runs begin
     for campaign in campaigns:
         refuse_foreign(runs / campaign.campaign.campaign, CAMPAIGN_RECORD)
     waiting = {number: job for number, job in todo.items() if number not in results}

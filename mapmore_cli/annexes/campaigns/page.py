@@ -35,7 +35,7 @@ def write_page(
     warn: Warn = lambda _message: None,
 ) -> tuple[Path, tuple[Table, ...]]:
     """Write `RUNS/CAMPAIGN/index.html` with its figures and tables. `results` holds the results of
-    its runs by name, in order. `warn` is called for files there that somebody changed.
+    its runs by name, in order. `warn` is called for each file in this folder that somebody changed.
 
     Returns the path of the page, and the tables on it.
     """

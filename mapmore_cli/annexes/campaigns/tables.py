@@ -50,7 +50,9 @@ class CampaignScores:
 
     @cached_property
     def pooled(self) -> dict[str, Pooled]:
-        """The decisive scores of each run."""
+        """The scores of each run that decide comparisons: all curves pooled, on held-out data if
+        there are any.
+        """
         return {
             name: {score.model: score for score in deciding(scores)}
             for name, scores in self.runs.items()
@@ -58,7 +60,9 @@ class CampaignScores:
 
     @property
     def models(self) -> tuple[str, ...]:
-        """Every model of any run; rows that are no models come last."""
+        """Every model of any run. The difference between repeated measurements, which is no model,
+        comes last.
+        """
         names = dict.fromkeys(model for scores in self.pooled.values() for model in scores)
         return tuple(sorted(names, key=lambda name: name == REPEATABILITY))
 
@@ -83,13 +87,14 @@ def campaign_tables(scores: CampaignScores) -> tuple[Table, ...]:
 
 
 def nrmse_table(scores: CampaignScores) -> Table:
-    """Return the table of the validation NRMSE of every model (columns) in every run (rows); of the
-    training NRMSE if a run holds nothing out.
+    """Return the table of the validation NRMSE, with a column for every model and a row for every
+    run. If a run holds nothing out, its row shows the training NRMSE.
 
-    The last rows give the median and the worst of each group, over the runs that have the model;
-    the geometric mean, the worst and the number of wins for the ratio of each model's RMSE to that
-    of `relative_to`, over the runs that have both; and the number of runs in which it is below the
-    best of `best_of`.
+    The last rows are of three kinds. For each group, they give the median and the worst NRMSE over
+    the runs that have the model. For the ratio of each model's RMSE to the RMSE of `relative_to`,
+    they give the geometric mean, the worst and the number of wins over the runs that have both
+    models. They also give the number of runs in which the model has a smaller RMSE than the best
+    model of `best_of`.
     """
     models, runs = scores.models, scores.pooled
     rows: list[Cells] = [
@@ -145,16 +150,16 @@ def models_table(scores: CampaignScores) -> Table:
 
 
 def _known(error: float) -> float:
-    """Return the error; NaN, for a run that diverged, becomes infinite, which is worse than any
-    other.
+    """Return the error. NaN means that the run diverged; return infinity, which is worse than any
+    other error.
     """
     return math.inf if math.isnan(error) else error
 
 
 def _ratios(scores: CampaignScores, model: str, relative_to: str) -> tuple[Cell, Cell, Cell]:
     """Return the summary of the ratio of one model's RMSE to another model's RMSE, over the runs
-    that have both models: geometric mean, worst, and the number of runs in which it is better. The
-    repeatability has no wins.
+    that have both models: geometric mean, largest value, and the number of runs in which the first
+    model is better. The repeatability of measurements has no such number.
     """
     both = [run for run in scores.pooled.values() if {model, relative_to} <= run.keys()]
     pairs = [(_known(run[model].rmse), run[relative_to].rmse) for run in both]
@@ -174,8 +179,8 @@ def _won(won: int, count: int, tied: int) -> str:
 
 
 def _wins(scores: CampaignScores, model: str) -> Cell:
-    """Return in how many runs a model is below the best of `best_of`, and in how many it is exactly
-    equal.
+    """Return in how many runs the RMSE of a model is below the smallest RMSE of `best_of`, and in
+    how many both are exactly equal.
     """
     if model == REPEATABILITY:
         return None

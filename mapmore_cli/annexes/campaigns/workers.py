@@ -45,8 +45,7 @@ def in_processes(
     if not jobs:  # a pool must have at least one process
         return
     left = dict(jobs)
-    # Spawned instead of forked, because a fork of a process with BLAS threads or an open HDF5 file
-    # may hang.
+    # Workers are spawned. A fork of a process with BLAS threads or an open HDF5 file may hang.
     with processes(min(count, len(jobs)), "spawn") as pool:
         with deaf_to_interrupts():
             futures = {pool.submit(work, job): number for number, job in jobs.items()}
@@ -66,7 +65,7 @@ def in_processes(
 
 
 def worker_died(times: int) -> MapmoreError:
-    """Return the error of a job during which its worker died, `times` times."""
+    """Return the error that a job gets after its worker has died `times` times."""
     remedy = (
         "check whether the system ended it because memory was short; use fewer runs at a time "
         "(--jobs)"

@@ -110,7 +110,7 @@ def _clock_among(
     option.
     """
     has_clock = any(one.is_time for one in table.values())
-    # with two columns, one must be the input
+    # if there are only two columns, one must be the input and is no clock
     for place, one in columns.items() if len(columns) > 2 else ():
         if one.counts and not (one.unit or has_clock):
             how_long = "counts the rows: how long is the time between them?"
@@ -122,11 +122,14 @@ def _clock_among(
 
 
 def _refuse_map(table: Table, where: str, path: str) -> UsageError:
-    """Return the error for a map of cells, in which nothing says what was measured."""
+    """Return the error for a map, that is, a table of values over two quantities: nothing in it
+    says what was measured.
+    """
     row, column, cell = (range_of(one.values) for one in table.values())
     return UsageError(
-        f"{where}: is a map, in which nothing says what was measured. The first column (`row`) has "
-        f"{row}, the first line (`column`) {column}, and the cells (`cell`) {cell}",
+        f"{where}: is a map of values over two quantities, but nothing in it says what was "
+        f"measured. The first column (`row`) has {row}, the first line (`column`) has {column}, "
+        f"and the cells (`cell`) have {cell}",
         f"complete this with your quantities and units: mapmore init {path} "
         "--target force=cell:N --inputs pressure=row:kPa,strain=column:%",
     )

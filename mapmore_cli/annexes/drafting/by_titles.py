@@ -124,9 +124,10 @@ def _plain_names(columns: Sequence[TitledColumn]) -> dict[Column, str]:
 
 
 def _plainness(one: TitledColumn) -> int:
-    """Return how plainly a title names its quantity, as a number. It is 2 if the title contains
-    nothing else, and 1 if it contains other words and a suitable unit. Otherwise, it is 0, for
-    example for a single letter among other words, or for an `x` without a unit.
+    """Return how plainly a title names its quantity, as a number. The number is 2 if the title
+    contains only the quantity, and 1 if the title contains other words and a suitable unit.
+    Otherwise, the number is 0, for example for a single letter among other words, or for an `x`
+    without a unit.
     """
     if one.plain:
         return 0 if not one.unit and one.quantity in ("displacement", "length") else 2
@@ -137,8 +138,8 @@ def _plainness(one: TitledColumn) -> int:
 def target_of(kinds: Mapping[str, str], is_driven: bool) -> str | None:
     """Return the quantity to predict if plain titles leave no choice, otherwise None.
 
-    It is the only force, if an input or a position is known; the only position, if there is no
-    force and an input is known; or the only column of another kind, if all other columns are
+    This is the only force, if an input or a position is known. Without a force, it is the only
+    position, if an input is known. It is the only column of another kind, if all other columns are
     inputs. `kinds` holds the results of `kind_to_predict`, by name; `is_driven` is True if names of
     files give an input.
     """
@@ -158,7 +159,7 @@ def target_of(kinds: Mapping[str, str], is_driven: bool) -> str | None:
 
 def kind_to_predict(name: str, titled: TitledColumn | None) -> str:
     """Return `force`, `position` or `drive` for a column whose title plainly says so; an empty text
-    if the title says nothing, and `unclear` if it is ambiguous.
+    if the title says nothing, and `unclear` if the title is ambiguous.
 
     A column with only two values was set by a switch, so it drives. If there is no column, the name
     decides, because a person gave it.

@@ -1,5 +1,5 @@
 """Try a draft with the rules of `check` before it is written. No model is fitted. If there are
-thousands of files, the rules examine only some of them; all were read before.
+thousands of files, the rules examine only some of them. All files were read before.
 """
 
 from __future__ import annotations
@@ -62,9 +62,8 @@ def with_few_files(draft: Draft, folder: Path) -> tuple[Draft, int]:
     files. For all values that names of files contain, for example for each level, at least one file
     is drawn. The recordings keep their ids.
 
-    The draft is unchanged if it has at most `MOST` files, if another log is joined, if names
-    contain more than `MOST` different values, or if the drawn files do not contain the held-out
-    data.
+    The draft is unchanged in four cases: it has at most `MOST` files; another log is joined; names
+    contain more than `MOST` different values; the drawn files do not contain the held-out data.
     """
     data = Data.model_validate(draft.data)
     sources = find_sources(data.files, folder, data.join, bad=data.skip_bad_files)

@@ -1,4 +1,4 @@
-"""Add the settings to a draft that its recordings need: for words that mean missing values, for odd
+"""Add to a draft the settings that its recordings need: for words that mean missing values, for odd
 time stamps, and for files that cannot be read.
 """
 
@@ -18,7 +18,7 @@ from mapmore_cli.ingestion.dataset import BAD
 from mapmore_cli.ingestion.files import find_sources
 from mapmore_cli.study.sections.data import Data
 
-# rule that cuts a recording at a place where its clock was set back
+# rule that cuts a recording where its clock was set back
 RESET = {"longer_than": 60.0, "action": "split"}
 
 

@@ -27,8 +27,7 @@ KINDS = {"pressure": "pressure", "force": "force", "load": "force"} | dict.fromk
     POSITIONS, "position"
 )
 """Quantities that a title can identify, and the kind of each."""
-# A whole number in brackets is an index, as in `s[12]` or `s_1`, except for the 1 in `strain [1]`,
-# which is a unit.
+# A whole number in brackets is an index, as in `s[12]`, except for the unit 1 in `strain [1]`.
 _BRACKETS = re.compile(r"[\[(]\s*((?<=\s[\[(])1(?=\s*[\])])|(?!\d+\s*[\])])[^\])]+?)\s*[\])]")
 HALF_WIDTH = str.maketrans(
     "（）［］／％", "()[]/%"
@@ -50,8 +49,8 @@ class TitledColumn:
         One array `(n,)` for each file; none for a column of texts.
     texts, numbered, how
         The different texts in its cells; and for each file an array `(n,)` with the number of each
-        cell's text, counted from 1. Both are empty for a column of numbers. The last is the value
-        of the key `texts` with which a spec reads them.
+        cell's text, counted from 1. Both are empty for a column of numbers. `how` is the
+        value of the key `texts` with which a spec reads the column.
     quantity
         The quantity that its title names; empty for none.
     plain
@@ -182,14 +181,14 @@ class TitledColumn:
 
     @property
     def is_time(self) -> bool:
-        """Return True if the title or the unit says that it is the time."""
+        """Return True if the title or the unit says that the column is the time."""
         by_unit = not self.quantity and bool(unit_of(self.unit, "s"))
         return self.quantity == "time" or by_unit
 
     @property
     def may_be_clock(self) -> bool:
-        """Return True if the column increases like a clock and its title does not say
-        what it is.
+        """Return True if the column increases like a clock and its title does not say what the
+        column holds.
         """
         return not self.title and self.rises and not self.turn
 
@@ -275,7 +274,7 @@ def _read_title(
         )
         if own_unit or not unit:
             quantity, is_plain, unit = label.quantity, label.plain, own_unit
-    if not (unit or quantity) and plain.strip().casefold() in CLOCKS:  # the title is a unit alone
+    if not (unit or quantity) and plain.strip().casefold() in CLOCKS:  # the title is only a unit
         unit = plain.strip().casefold()
     source = "" if not unit else "the file's units" if unit_of(line) else "title"
     return TitledColumn(column, place, title, values, quantity, is_plain, unit, source)

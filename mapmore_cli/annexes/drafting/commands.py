@@ -201,8 +201,8 @@ def _write(files: Mapping[Path, tuple[str, Draft]], force: bool, reporter: Repor
 
 
 def ask(question: Question) -> str:
-    """Ask a question until the answer is a possible one, and return this answer. At the end of the
-    input, return an empty text.
+    """Ask a question until the answer is valid, and return this answer. At the end of the input,
+    return an empty text.
     """
     from rich.console import Console
     from rich.markup import escape

@@ -72,8 +72,7 @@ class NamedColumn:
         """Return the column in the form of the spec."""
         if self.parts:
             return {"columns": [*self.parts], "format": " ".join(self.parts.values())}
-        # the unit 1 is written if the title contains `%`, because the rules of `check` would
-        # otherwise expect values in per cent
+        # if the title has `%`, the unit 1 is written, or `check` would expect values in per cent
         plain_units = ("",) if "%" in str(self.column) else ("", "1")
         usual = {"unit": plain_units, "scale": (1.0,), "offset": (0.0,), "texts": (False,)}
         entry = {key: getattr(self, key) for key in usual}
@@ -101,8 +100,8 @@ class Note:
 
 @dataclass(frozen=True)
 class Draft:
-    """Sections in the form of the YAML file, with numbers in the model's units, and the reasons for
-    the choices.
+    """A draft of a spec: its sections in the form of the YAML file, with numbers in the model's
+    units, and the reasons for the choices.
 
     `files` is the number of files with recordings, and `raw` has the values of all columns in some
     of them. If the draft is for one of several outputs of a study, `of` is the name of the study.

@@ -17,8 +17,7 @@ from mapmore_cli.modelling.signals.cycles import split_cycles
 from mapmore_cli.modelling.signals.plateau import default_within, find_levels, match_levels
 from mapmore_cli.study.sections.data import Cycles
 
-# fraction of the distance between levels within which samples belong to a level, if there are
-# samples between levels
+# samples farther from a level than this fraction of the distance between levels are left out
 NEAR = 0.1
 
 

@@ -1,5 +1,5 @@
-"""Look at the first lines of a file: which reader reads it, which lines are alike, and whether
-comments or labels stand among its numbers.
+"""Examine the first lines of a file to find out which reader reads it, which lines are alike, and
+whether comments or labels stand among its numbers.
 """
 
 from __future__ import annotations

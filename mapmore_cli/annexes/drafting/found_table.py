@@ -45,9 +45,10 @@ class FoundTable:
 
     @property
     def top_of_map(self) -> int | None:
-        """The index of the first line of a map: it holds ordered values of one quantity, the first
-        column ordered values of another, and the corner no number. None if the table is no map.
-        Consecutive numbers in the first line are titles instead.
+        """The index of the first line of a map; None if the table is no map. In a map, the first
+        line holds ordered values of one quantity, and the first column holds ordered values of
+        another. The corner between them holds no number. If the numbers in the first line are
+        consecutive, they are titles, and the table is no map.
         """
         above = [at for at in range(self.first) if nonempty(self.rows[at])]
         if self.labelled:
@@ -62,7 +63,7 @@ class FoundTable:
         return top if is_ordered and {*steps[0]} != {1.0} else None
 
     def _is_without_corner(self, at: int) -> bool:
-        """Return True if a row is as wide as the others and does not begin with a number."""
+        """Return True if a row is as wide as the table and does not begin with a number."""
         row = self.rows[at]
         return len(row) == self.wide and not self.top.is_number(row[0])
 
@@ -153,9 +154,9 @@ class FoundTable:
         return lines
 
     def line_of_titles(self, lines: Mapping[int, list[str]]) -> int | None:
-        """Return the line with the most different texts that names at least half of the columns of
-        numbers and is not a line of units. If several have as many texts, return the first; if all
-        are remarks, the last.
+        """Return the line of titles. It is no line of units, and names at least half of the columns
+        of numbers. If several lines do so, it is the one with the largest number of different texts
+        and, among equals, the first. If all of them are remarks, it is the last.
         """
 
         def rank(line: int) -> tuple[bool, int, int]:
@@ -220,9 +221,9 @@ def table_in(top: Top) -> FoundTable | None:
 
 def _labelled_lines(rows: Sequence[Row], wide: int, top: Top) -> list[Row]:
     """Return the lines with `wide` cells at the beginning that say in their first cell what they
-    hold, for example `Name:`, `Unit:` and `Count:`. If the first cells of the lower half are empty,
-    there are at least three such lines; if they hold numbers, the label ends with a colon or an
-    equals sign.
+    hold, for example `Name:`, `Unit:` and `Count:`. The first cells of the rows in the lower half
+    decide what counts as a label. If these cells are empty, at least three lines must have one. If
+    they hold numbers, a label must end with a colon or an equals sign.
     """
     firsts = nonempty([row[0] for row in rows[len(rows) // 2 :] if len(row) == wide])
     filled = [row for row in rows if nonempty(row)]
@@ -235,8 +236,9 @@ def _labelled_lines(rows: Sequence[Row], wide: int, top: Top) -> list[Row]:
 def _told_apart(
     titles: Sequence[str], lines: Mapping[int, Sequence[str]], titled: int
 ) -> list[str]:
-    """Return titles in which one that repeats has the words of all header `lines`, and an empty one
-    those below line `titled`, because words above it may be about the whole file.
+    """Return titles that are unique as far as possible. A title that repeats is replaced by the
+    words of all header `lines` in its column. An empty title is replaced by the words below the
+    line `titled`, because words above it may be about the whole file.
     """
     counts = Counter(filter(None, titles))
     whole = list[str]()

@@ -11,11 +11,9 @@ from mapmore_cli.annexes.drafting.experiment import Experiment, set_values
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.recording import Recording
 
-# fraction of the samples that is held out at random, if the last samples lie outside the range of
-# the others
+# fraction of samples held out at random, if the last samples lie outside the range of the others
 SHARE = 0.2
-# fraction of each recording that is held out at its end, if no level and no recording can be held
-# out
+# fraction held out at the end of each recording, if no level or recording can be held out
 LAST = 0.3
 # words with which a person may name held-out data, besides the name of an input
 WHOLE, LAST_SAMPLES = "recordings", "last"
@@ -64,9 +62,10 @@ def inner(levels: Sequence[float]) -> list[float]:
 
 
 def _last_or_between(done: Experiment, is_free: bool) -> tuple[Section, str]:
-    """Return the last samples of every recording. If these lie outside the others, and no person
-    asked for them (`is_free`), return inner values of a quantity that moves steadily, or samples
-    drawn at random if there is no such quantity.
+    """Return the last samples of every recording. If `is_free` is True, nobody asked for the last
+    samples, and other samples may replace them if they lie outside the earlier ones. The
+    replacement is the middle of the range of a quantity that moves steadily. Without such a
+    quantity, samples are drawn at random.
     """
     names = _beyond(done)
     if not names:
@@ -85,8 +84,9 @@ def _last_or_between(done: Experiment, is_free: bool) -> tuple[Section, str]:
 
 
 def _whole_recordings(done: Experiment, logs: Sequence[str]) -> Section:
-    """Return every third log for holding out, with all its pieces if it was cut. Inner logs are
-    preferred. Recordings that one quantity distinguishes are named by its values.
+    """Return every third log for holding out, with all its pieces if it was cut. Logs that are
+    neither the first nor the last are preferred. Recordings that one quantity distinguishes are
+    named by its values.
     """
     held = logs[1:-1:3] or logs[1:]
     if len(done.apart) == 1:

@@ -1,4 +1,4 @@
-"""Read names of files, folders and sheets: numbers with a unit or a word beside them."""
+"""Find numbers in names of files, folders and sheets, with the unit or the word beside them."""
 
 from __future__ import annotations
 
@@ -226,8 +226,8 @@ def _series_of(names: Sequence[str]) -> list[Series]:
 
 
 def _told_quantity(quantity: str, unit: str, numbers: Series, names: Sequence[str]) -> Condition:
-    """Return the numbers in names as a condition of this quantity. A name without a number means
-    zero.
+    """Return the quantity whose values are these numbers in names. A name without a number gives
+    the value zero.
     """
     written = next(iter(numbers.values())).unit
     unit = _UNITS[written][1] if written else unit
@@ -248,7 +248,8 @@ def _asked_for(hold: Hold, series: Sequence[Series]) -> Series:
     if asked is None:
         listed = ", ".join(dict.fromkeys(next(iter(numbers.values())).shown for numbers in series))
         raise UsageError(
-            f"--hold: no column is called {hold.name}, and no number in the names of the files is",
+            f"--hold: no column is called {hold.name}, and no number in the names of files belongs "
+            f"to {hold.name}",
             f"the names of the files contain {listed or 'no number that varies'}; write `--hold "
             f"{hold.name}=WORD:UNIT` with the word before the number that you mean, or `--hold "
             "none` if nothing was held constant",

@@ -16,9 +16,9 @@ Files = dict[Path, tuple[str, Draft]]
 
 
 def as_files(drafts: Sequence[Draft], output: Path | None) -> Files:
-    """Return the text of every file, and the draft to which it belongs: a spec for each study; for
-    a study of several outputs, a campaign, a fragment with the common part of its specs, and a spec
-    for each output.
+    """Return the text of every file, and the draft to which the file belongs. A study of one output
+    gets a spec. A study of several outputs gets a campaign, a file with the common part of its
+    specs, and a spec for each output.
 
     If `output` is given, it is the first file, and the names of the other files begin with its
     name.

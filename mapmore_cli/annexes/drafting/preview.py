@@ -75,13 +75,13 @@ def _with_tables_below(path: Path, best: FoundTable, layout: Layout, reader: Rea
     headers = [tuple(_titles_of(table)) for table in tables]
     mark = comment_among(path, layout) if layout.titles else None
     if mark is not None and all(titles[0].startswith(mark) for titles in headers[1:]):
-        return layout  # comments between the rows of a single table
+        return layout  # the file has a single table, with comments between its rows
     rows = Counter[tuple[str, ...]]()
     for header, table in zip(headers, tables, strict=True):
         rows[header] += len(table.rows)
     wanted = rows.most_common(1)[0][0]
     numbered = zip(enumerate(tables, start=1), headers, strict=True)
-    # one of several tables side by side may be prepared, but empty
+    # one of several tables side by side may have titles, but no rows yet
     alike = [(at, one) for (at, one), titles in numbered if titles == wanted and one.rows]
     first = alike[0][1]
     cells = [row for _, row in (*first.header, *first.rows[:LINES])]

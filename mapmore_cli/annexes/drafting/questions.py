@@ -26,8 +26,8 @@ MOST_GROUPS = 20  # largest number of values in a column that may distinguish gr
 
 @dataclass(frozen=True)
 class Option:
-    """A column or an answer to choose from: its number, its description, and its course as
-    characters.
+    """A column or an answer from which a person can choose: its number, its description, and a
+    drawing of its values, made of characters.
     """
 
     number: str
@@ -95,8 +95,8 @@ def interview(
 
 
 def course(values: Sequence[Array], width: int = 40) -> str:
-    """Return the course of a column over its samples as `width` characters, one recording after the
-    other.
+    """Return a drawing of the values of a column over its samples, made of `width` characters. The
+    recordings follow each other.
     """
     shares = scaled(np.concatenate(values))
     places = np.linspace(0, len(shares) - 1, min(width, len(shares))).astype(int)

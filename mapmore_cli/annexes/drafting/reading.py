@@ -30,8 +30,7 @@ from mapmore_cli.study.units import default_unit
 
 MOST_FILES = 5  # largest number of files that are read
 MOST_SHOWN = 12  # largest number of columns that a line names
-# largest number of words that may mean missing numbers in one column; a column with more is a
-# column of words
+# a column with more different words than this is a column of words, not of missing numbers
 MOST_WORDS = 3
 
 T = TypeVar("T")
@@ -55,9 +54,9 @@ def read_draft(draft: Draft, folder: Path, measured: str, warn: Warn = lambda _:
 
 
 def with_words(read: Callable[[object], T], known: Sequence[str] = ()) -> tuple[object, T]:
-    """Return the rule for missing values that was needed to read something, and the result. Cells
-    with a few different words, for example `---`, are taken as missing values, in addition to the
-    `known` words.
+    """Call `read` with a rule for missing values; return the rule that was needed, and the result.
+    The rule takes cells with a few different words, for example `---`, as missing values, in
+    addition to the `known` words.
 
     Raises DataError if there are too many different words, or if a cell holds something else than a
     word, for example a date.

@@ -27,7 +27,7 @@ def second_of(study: Study, studies: Sequence[Study]) -> Study | None:
     """Return the log with the pressure of the same tests: the only other layout in the folder whose
     titles name the pressure and that has as many files.
 
-    None if the study has its own pressure, or if several other layouts are possible.
+    Return None if the study has its own pressure, or if several other layouts are possible.
     """
     beside = [
         one

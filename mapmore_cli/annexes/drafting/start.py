@@ -1,7 +1,8 @@
 """Implement `mapmore init`: draft specs for a file or a folder, with a remark about everything that
 is left out.
 
-Titles, units and the person decide the meaning of columns; it is never guessed from values.
+The meaning of a column follows from its title, its unit and the answers of the person. It is never
+guessed from values.
 """
 
 from __future__ import annotations
@@ -210,8 +211,8 @@ def _with_experiment(
 
 
 def _with_sessions(draft: Draft, apart: Unequal | None, group: str | None) -> Draft:
-    """Return the draft, changed if two recordings have equal inputs but unequal outputs (`apart`):
-    with settings for the groups that a person named, otherwise with a remark.
+    """Return the draft. If two recordings have equal inputs but unequal outputs (`apart`), settings
+    for the groups that a person named are added to it; without such groups, a remark is added.
     """
     if apart is None or (group is not None and not apart.effects):
         return draft

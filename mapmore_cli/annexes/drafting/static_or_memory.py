@@ -1,5 +1,5 @@
-"""Choose between a static study and a study with memory, and add the settings of its kind to the
-draft.
+"""Choose between a static study and a study with memory, and add the settings that this kind of
+study needs to the draft.
 """
 
 from __future__ import annotations
@@ -20,13 +20,11 @@ from mapmore_cli.study.units import default_unit
 
 # smallest number of samples of a study with memory, in all recordings together
 FEWEST = 200
-# number of samples, in all recordings together, above which a draft of a study with memory takes
-# longer time steps
+# with more samples than this in all recordings, a study with memory takes longer time steps
 MOST = 6_000
-# smallest number of samples that a usual recording keeps with these longer time steps
+# smallest number of samples that a usual recording must keep if its time steps are made longer
 LEAST = 100
-# movement within a recording that is smaller than this fraction of the differences between
-# recordings is scatter
+# below this fraction of the differences between recordings, movement in one is scatter
 MUCH_LESS = 0.1
 COMPETITORS = ("sarosi", "polynomial_2", "polynomial_5", "muscle_like", "polynomial_3")
 

@@ -56,8 +56,8 @@ class Study:
 
     def changed_columns(self, columns: Named) -> dict[Path, Section]:
         """Return the entries of `columns` that a file needs for itself because its titles or units
-        differ from those of most files. A file in which only the order of the columns differs needs
-        none.
+        differ from the titles or units of most files. A file in which only the order of the columns
+        differs needs none.
         """
         of_layouts = {id(one): self._columns_of(one, columns) for one in self.variants.values()}
         changed = {file: of_layouts[id(layout)] for file, layout in self.variants.items()}
@@ -80,8 +80,8 @@ class Study:
     @cached_property
     def parts(self) -> list[tuple[Path, Section]]:
         """The file of every recording, and the sheet or table of the file that holds the recording.
-        The sheet is given if the names of sheets contain information; the table, if there are
-        several.
+        The sheet is given if the names of sheets contain information. The number of the table is
+        given if a file holds several tables.
         """
         if self.layout.tables:
             places: list[Section] = [{"table": at} for at in self.layout.tables]
@@ -92,9 +92,9 @@ class Study:
 
     @cached_property
     def names(self) -> list[str]:
-        """Text that distinguishes each recording from the others. It is the path of the file in the
-        folder if there are several files, and the sheet or the text above the table if all
-        recordings are in one file. Both are given for tables in several files.
+        """Text that distinguishes each recording from the others. If there are several files, the
+        text is the path of the file in the folder. If all recordings are in one file, the text is
+        the sheet or the text above the table. For tables in several files, the text contains both.
         """
         is_one = len(self.files) == 1
         stems = {file: stem_of(relative_name(file, self.folder)) for file in self.files}
@@ -126,7 +126,7 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
     inside = (one for one in sorted(path.rglob("*")) if one.is_file() and _is_own(one, path))
     every = [path] if path.is_file() else [*inside]
     readable = {file for file in every if file == path or reader_of(file) is not None}
-    copies = _copies(readable)  # a copy that nobody reads is no reason to leave a file out
+    copies = _copies(readable)  # only files that can be read are compared with their copies
     left_out: list[str] = []
     bad: dict[Path, str] = {}
     above: dict[Path, Sequence[str]] = {}
@@ -147,7 +147,7 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
             left_out.append(fault.message)
             bad[file] = "holds no table that could be read"
             continue
-        if not layout.tables:  # further tables, and words above them, may follow equal first lines
+        if not layout.tables:  # files with several tables are not taken for alike
             seen[like] = layout
         above[file] = layout.above
         layouts.setdefault(repr(layout), (layout, []))[1].append(file)
@@ -196,7 +196,7 @@ def _identities(layout: Layout) -> dict[Column, Identity]:
     """Return an identity for each column of numbers. Columns with equal identities correspond to
     each other in files whose units or order of columns differ. The identity consists of the name
     and the quantity of the column, and of its unit. For a known quantity, whose units can be
-    converted, any unit counts as the same. The place of a column is added if some titles are
+    converted, any unit counts as the same. The position of a column is added if some titles are
     missing or equal.
     """
     columns = [one for one in read_titles(layout, {}).values() if one.place in layout.numeric]
@@ -236,8 +236,8 @@ def _joined(layouts: Sequence[tuple[Layout, list[Path]]]) -> list[Study]:
 
 
 def _is_own(file: Path, folder: Path) -> bool:
-    """Return True for a file that is neither hidden, nor left by an office program or a file
-    manager, nor the result of a run, nor the schema that `init` writes for editors.
+    """Return False for hidden files, files that office programs or file managers leave behind,
+    results of runs, and the schema that `init` writes for editors; return True for any other file.
     """
     inside = file.relative_to(folder)
     ours = any((folder / parent / "run.json").is_file() for parent in inside.parents)

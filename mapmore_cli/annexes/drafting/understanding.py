@@ -22,9 +22,9 @@ from mapmore_cli.domain.errors import UsageError
 
 @dataclass(frozen=True)
 class Understood:
-    """Interpretation of a study: its columns, targets and inputs, the quantities in names, the
-    columns that are left out, the quantity that distinguishes groups (a column, or a word for
-    names), and the columns whose values distinguish recordings (`apart`).
+    """Interpretation of a study. It says which columns are used, as targets or inputs, and which
+    are left out; which quantities names contain; which quantity distinguishes groups (a column, or
+    a word in names); and which columns have values that distinguish recordings (`apart`).
     """
 
     columns: Named
@@ -84,7 +84,7 @@ def understood(
     columns |= chosen
     wanted = answers.inputs or {}
     renamed = [name for name, column in wanted.items() if not column.refers_to(name)]
-    measured = [one.quantity for one in _found(table, wanted)]  # whatever the person calls them
+    measured = [one.quantity for one in _found(table, wanted)]  # names of known quantities
     known = [*columns, *renamed, *measured]
     conditions, repeats = told_by_names(study.names, answers.hold, known)
     titled = {} if answers.columns else table

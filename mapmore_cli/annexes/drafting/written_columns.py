@@ -49,8 +49,9 @@ def with_columns(draft: Draft, known: Understood, target: str, table: Table) -> 
 
 def with_strain(draft: Draft, length: float, conditions: Conditions) -> tuple[Draft, str]:
     """Return the draft with the strain computed from a column with a length or a displacement, and
-    the name of this column. `length` is that of the muscle, in m. If a column holds the strain, or
-    if there is no such column, the name is empty, and only the length of the muscle is added.
+    the name of this column. `length` is the length of the muscle, in m. If a column holds the
+    strain, or if there is no such column, the name is empty, and only the length of the muscle is
+    added.
 
     A displacement counts as contraction in the direction in which it mostly moves. `conditions` are
     the values in names of files.

@@ -1,5 +1,5 @@
-"""Write a model in C: header, source and a small program; for a model without memory also its
-derivatives, and the input for a wanted output.
+"""Write a model in C as a header, a source file and a small test program. For a model without
+memory, write also its derivatives and its inverse, which finds the input for a wanted output.
 
 The inverse takes the same steps as `modelling.inverse`. MuJoCo and Simulink call the C code through
 wrappers.
@@ -139,8 +139,9 @@ class CSource(NamedTuple):
 
     @property
     def files(self) -> dict[str, str]:
-        """Header, source and a small test program, by name. For one output without memory also its
-        derivatives, and the input for a wanted output if ranges are known.
+        """Header, source and a small test program, by name. If the model has one output and no
+        memory, there are also its derivatives, and its inverse along every input whose training
+        range is known.
         """
         name, words = self.name, self.words
         files = {f"{name}.h": rendered_template("model.h", **words), f"{name}.c": functions(words)}
@@ -184,8 +185,8 @@ def _inverses(words: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def mujoco_files(model: Model, _wanted: Wanted) -> dict[str, str]:
-    """Return the C of a model of pressure and strain, with a callback from which MuJoCo gets the
-    force of an actuator.
+    """Return the C code of a model of pressure and strain, with a callback from which MuJoCo gets
+    the force of an actuator.
 
     Raises UsageError for a model with other inputs, or with memory.
     """

@@ -255,8 +255,8 @@ class Body:
     """The body of a function that is being written: its `lines`, and the powers and function values
     that have names, so that they can be used again.
 
-    They are computed in the same order as in `expressions.compiled`, so that all languages round
-    alike.
+    Everything is computed in the same order as in `expressions.compiled`, so that all languages
+    round alike.
     """
 
     program: Program
@@ -269,8 +269,8 @@ class Body:
         self.lines.append(Code(form.format(*parts, **named)))
 
     def _inner(self, lines: list[Code]) -> Body:
-        """Return a body for a block inside this one. It can use the names of this body; its own
-        names are valid only within the block.
+        """Return the body of an inner block. The inner block can use the names of this body, but
+        its own names are valid only within it.
         """
         return replace(self, lines=lines, known=dict(self.known))
 
@@ -280,7 +280,7 @@ class Body:
         return [self.text(result) for result in block.results]
 
     def write(self, statements: Sequence[Statement]) -> None:
-        """Write statements, appended to the lines."""
+        """Write statements, and append them to the lines of the body."""
         dialect, sizes = self.dialect, self.program.kept.queues
         for statement in statements:
             match statement:

@@ -108,7 +108,8 @@ def exported(
     """Return the files of a model by one of the `EXPORTERS`; C may be of `single` precision.
 
     With several outputs, C is one function; other forms are written for each output, with its name.
-    `csv` has the points of a `grid`, `table` those of a `grid` or of the training range.
+    `csv` needs the points of a `grid`; `table` has the points of a `grid`, or spreads points over
+    the training range.
 
     With `verify`, C code, FMUs and modules are compared with `predict`. `warn` is called if an FMU
     has no binary for this machine, and if nothing could be compared because there is no compiler.

@@ -82,7 +82,7 @@ def unit_file(model: Model, wanted: Wanted, standard: int = 2) -> dict[str, byte
     }
     try:
         if wanted.verify:
-            # the program for FMI 3 already contains the functions
+            # the test program for FMI 3 contains the other sources already
             others = unit.compiled if standard == 2 else unit.compiled[:1]
             verify_program(model, {**unit.sources, **unit.verifier}, [*others, *unit.verifier])
         files[library_place(unit.name, standard)] = built(unit.sources, unit.compiled)

@@ -43,8 +43,8 @@ def javascript_module(model: Model) -> Code:
     """Return the text of the module.
 
     It exports `INPUTS`, `OUTPUT` and `outsideRange`; without memory `evaluate` and `derivatives`,
-    with memory `STEP`, `reset`, `step` and, if the output is fed back, `measured`. They take
-    numbers in the order of `INPUTS`.
+    with memory `STEP`, `reset`, `step` and, if the output is fed back, `measured`. The functions
+    take numbers in the order of `INPUTS`.
 
     Raises DataError if a part of the model has no closed expression.
     """

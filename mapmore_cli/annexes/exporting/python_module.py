@@ -2,8 +2,9 @@
 at a time.
 
 The second form differs from the first in that the few NumPy functions that the model uses are
-written out in plain Python. It is for controllers and simulators that call Python sample by sample
-(SOFA, PyElastica, callbacks of MuJoCo). For whole arrays, NumPy is many times faster.
+written out in plain Python. The second form is for controllers and simulators that call Python
+sample by sample (SOFA, PyElastica, callbacks of MuJoCo). For whole arrays, NumPy is many times
+faster.
 """
 
 from __future__ import annotations

@@ -44,9 +44,12 @@ HEADER = b"MATLAB 5.0 MAT-file, written by mapmore"
 
 
 class Grid(NamedTuple):
-    """A model on a grid: the `places` along each input, by name; the inputs at its points, (n,) by
-    name, the last input varying fastest; the output there, (n,); and a flag that is 1 within the
-    training range and 0 outside.
+    """A model that was evaluated on a grid of n points.
+
+    - `places`: values along each input, by name.
+    - `points`: every input at the points, (n,) by name; the last input varies fastest.
+    - `values`: the output at the points, (n,).
+    - `valid`: 1 at points within the training range, 0 at the others, (n,).
     """
 
     places: dict[str, Array]
@@ -56,14 +59,15 @@ class Grid(NamedTuple):
 
 
 def table_files(model: Model, wanted: Wanted) -> dict[str, str | bytes]:
-    """Return the files of a table by name. Without a grid, the places are spread over the training
-    range.
+    """Return the files of a lookup table by name. Without a grid, points are spread over the
+    training range.
 
     All files hold the output on the grid, and `valid`: 1 within the training range, 0 outside. The
     MAT file has one vector for each input, and the arrays in the order of the inputs. The text for
     Modelica is written for two inputs, with the first along the rows.
 
-    Raises UsageError for a model with memory, fewer than two places, and a grid that is too large.
+    Raises UsageError for a model with memory, fewer than two values of an input, and a grid that is
+    too large.
     """
     grid, stem = _on_grid(model, wanted.grid), identifier(model.name)
     if short := [name for name, values in grid.places.items() if len(values) < 2]:
@@ -78,7 +82,7 @@ def table_files(model: Model, wanted: Wanted) -> dict[str, str | bytes]:
     }
     if len(grid.places) == 2:
         files[f"{stem}.txt"] = _combi_table(model, grid)
-        output = str(name_of_output(model))  # the name of the output is also a text in the table
+        output = str(name_of_output(model))  # the table stores this name of the output as text
         names = names_of_inputs(model.inputs, [*words_of("Modelica"), *OWN, output])
         files[f"{stem}.mo"] = rendered_template(
             "table.mo", model=model, name=stem, output=output, names=[*names.values()]
@@ -126,8 +130,8 @@ def _on_grid(model: Model, text: str | None) -> Grid:
 
 
 def _places_over_range(model: Model, name: str) -> Array:
-    """Return evenly spaced places over the training range of an input, and the levels of the model
-    among them.
+    """Return evenly spaced values over the training range of an input, which include the levels of
+    the model.
     """
     ends = [place for side in training_ends(model)[name] for place in side]
     if not ends:

@@ -42,8 +42,8 @@ class Wanted:
 
 
 class Code(str):
-    """A text that mapmore's own printers made. It contains no text of users or files, so that it
-    can be inserted without escaping.
+    """A text that mapmore's own printers made. Such a text contains no text of users or files, so
+    it can be inserted without escaping.
     """
 
     __slots__ = ()
@@ -126,7 +126,7 @@ def names_in_matlab(inputs: Sequence[Quantity], functions: Sequence[str]) -> dic
 
 def name_of_output(model: Model, names: Iterable[str] | None = None) -> Code:
     """Return the name of the output in code, as a function or a variable. `names` are the names of
-    the inputs, by default those of `names_of_inputs`.
+    the inputs in code, by default the result of `names_of_inputs`.
     """
     input_names = [*(names_of_inputs(model.inputs).values() if names is None else names)]
     functions = [function.name for function in program_of(model).functions]

@@ -162,9 +162,9 @@ def verify_files(model: Model, files: Mapping[str, str], command: Sequence[str])
 
 
 def _verify(model: Model, command: Sequence[str], folder: Path, close: float = CLOSE) -> None:
-    """Run a program in a folder and compare its numbers with `predict`. It reads inputs and
-    measured outputs line by line, and prints the outputs and the bits of inputs outside their
-    range.
+    """Run a program in a folder and compare its numbers with `predict`. The program reads inputs
+    and measured outputs line by line. It prints the outputs, and bits that mark the inputs outside
+    their range.
     """
     columns, count = points(model), len(model.inputs)
     names = [*model.input_names, *fed_back(model)]
@@ -248,8 +248,7 @@ def training_ends(model: Model) -> dict[str, tuple[list[float], list[float]]]:
     limits, ends = program_of(model).limits, {}
     for name in model.input_names:
         known = [limit for limit in limits if limit.inputs == {name}]
-        # only limits of the input itself are used, not limits of quantities that are computed from
-        # it
+        # limits of the input itself are used, not limits of quantities that are computed from it
         known = [limit for limit in known if limit.value == Name(f"{INPUT}{name}")] or known
         ends[name] = (
             [place for limit in known for place in limit.low.tolist()],

@@ -1,5 +1,5 @@
-"""Model motion by piecewise state-space models (P): linear sections of second order along an input,
-for example a regulator's voltage.
+"""Model motion by the piecewise state-space models of the paper P: linear sections of second order
+along an input, for example the voltage of a pressure regulator.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class MotionKind(Kind):
     """
 
     def maker(self) -> Maker:
-        """Return the maker that fits these models."""
+        """Return the object that fits these models."""
         from mapmore_cli.annexes.motion.fitted import MotionMaker
 
         return MotionMaker()

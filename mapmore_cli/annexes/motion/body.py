@@ -1,4 +1,6 @@
-"""Define the data of a state-space model of motion, and of the search that found it (P)."""
+"""Define the data of a state-space model of motion as in the paper P, and of the search that found
+it.
+"""
 
 from __future__ import annotations
 
@@ -34,8 +36,8 @@ class MotionSection:
     """A linear section: `x1[k+1] = x2[k]`, `x2[k+1] = P1 x1[k] + P2 x2[k] + sum_m w_m d_m[k]`,
     output x1 (P eq 10, in discrete time).
 
-    `x2` is the output one sample ahead. The drives d are those of the model; the first is the
-    input, so that `w_1` is P3.
+    `x2` is the output one sample ahead. The signals d drive the section (`drives` of the model).
+    The first of them is the input, so that `w_1` is P3.
     """
 
     id: Annotated[Label, "identifier of the section, such as `2` or `rise 2`"]
@@ -133,7 +135,7 @@ class MotionFit(Fit):
 
 @dataclass(frozen=True)
 class StateSpace(Body):
-    """A model of motion: linear sections along an input (P)."""
+    """A model of motion: linear sections along an input, as in the paper P."""
 
     motion: Annotated[Motion, "the sections"]
     ranges: Annotated[tuple[CurveRange, ...], "training range of each curve"]

@@ -13,8 +13,8 @@ from mapmore_cli.study.experiment import ExperimentSpec, TargetColumn
 
 
 def findings(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check a state-space model: its drives are measured and are not its target, and every setting
-    has an effect.
+    """Check a state-space model: the quantities that drive it are measured and are not its target,
+    and every setting has an effect.
     """
     if spec.model.type != "state_space":
         return

@@ -52,7 +52,7 @@ def draw_searches(ax: Axes, fit: MotionFit) -> None:
     """Draw the smallest error so far of every section, iteration by iteration."""
     for section, search in zip(fit.model.sections, fit.searches, strict=True):
         colour, line = (GREY, "--") if section.direction == FALL else (BLACK, "-")
-        # a logarithmic axis has no place for an exact fit, whose error is zero
+        # a logarithmic axis cannot show the error of an exact fit, which is zero
         best = np.maximum(search.history, np.finfo(np.float64).tiny)
         ax.plot(best, color=colour, linestyle=line, linewidth=0.7)
     plain_logarithm(ax, "y")

@@ -2,10 +2,10 @@
 nothing jumps at their boundaries.
 
 The steady output of a section is `s(u) = sum_m w_m d_m/(1 - P1 - P2)`. If sections are joined, s is
-one piecewise linear function of the input. It is given by its heights at the boundaries and at the
-ends of the training range. With a load L, a second function of this kind is multiplied by L. Rise
-and fall have separate functions. When the direction changes, the output moves from one to the other
-as fast as the poles of the section allow.
+one piecewise linear function of the input. This function is given by its heights at the boundaries
+and at the ends of the training range. With a load L, a second function of this kind is multiplied
+by L. Rise and fall have separate functions. When the direction changes, the output moves from one
+to the other as fast as the poles of the section allow.
 
 For given poles, the output is linear in the heights, so that linear least squares gives them. The
 poles of all sections are refined together.
@@ -57,8 +57,8 @@ def fit_motion(
     """Fit every section to its own training samples; if sections share a state, then fit all of
     them together.
 
-    A section's samples are those at which it is active. With hard switching, it still runs along
-    the whole input.
+    The samples of a section are the samples at which it is active. With hard switching, it still
+    runs along the whole input.
 
     Raises DataError if the input never changes, boundaries leave a section without samples or with
     too few of them; SpecError if the solver refuses the sections; FitError if it finds no stable
@@ -108,7 +108,7 @@ def fit_motion(
 
 
 def _outline(records: Sequence[Record], recipe: MotionRecipe) -> Motion:
-    """Return the model with the places of its sections, without parameters."""
+    """Return the model with the boundaries of its sections, but without their parameters."""
     u = np.concatenate([record.columns[recipe.input][record.training] for record in records])
     if not len(u):
         raise DataError("there is no training sample", "loosen `data.keep`, or hold out less")
@@ -139,7 +139,8 @@ def _outline(records: Sequence[Record], recipe: MotionRecipe) -> Motion:
 
 
 def joined(motion: Motion, pieces: Sequence[Piece], reach: float) -> Motion:
-    """Return the model with sections that meet, and with the poles refined for that.
+    """Return the model with sections whose steady outputs meet at the boundaries. The poles are
+    refined under this condition.
 
     Raises DataError if a boundary lies at an end of the training range, because the section outside
     it would have no width.
@@ -193,9 +194,9 @@ def _knots(motion: Motion) -> tuple[Array, int]:
 
 
 def _heights_of(motion: Motion, run: Piece) -> Array:
-    """Return one drive for each height, (n, knots x lines). A drive has a steady output that is one
-    at its own knot and zero at the others. Between knots, the output is linear, and outside the
-    ends, it continues as a straight line.
+    """Return one input signal (drive) for each height of the steady output, (n, knots x lines). The
+    steady output for a drive is one at its own knot and zero at all other knots. Between knots, the
+    output is linear, and outside the ends, it continues as a straight line.
 
     With a load, a second set of drives is multiplied by the load.
     """

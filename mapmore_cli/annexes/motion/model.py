@@ -21,9 +21,10 @@ from mapmore_cli.modelling.kinds import Verbs
 from mapmore_cli.modelling.literature.model import printed
 from mapmore_cli.modelling.program.writing import Inputs, Side, Writer, limit, renamed_all, total
 
-# function that writes the value of the active section, given the values of all sections; its first
-# argument begins the names of new variables
 OfSection = Callable[[str, Sequence[Side]], Expression]
+"""Function that writes the value of the active section. Its arguments are the beginning of the
+names of new variables, and the values of all sections.
+"""
 
 
 def build(
@@ -102,8 +103,8 @@ def _separate(
 def _shared(
     m: Writer, motion: Motion, of_section: OfSection, drives: list[Expression], first: Condition
 ) -> Expression:
-    """Write the output if the active section drives one shared state: `x1[k+2] = P2 x1[k+1] + P1
-    x1[k] + d[k]` (P eq 10).
+    """Write the output of sections that share one state, which the active section drives: `x1[k+2]
+    = P2 x1[k+1] + P1 x1[k] + d[k]` (P eq 10).
     """
     now, later = m.number("now"), m.number("later")
     resting = [
@@ -136,8 +137,8 @@ class MotionVerbs(Verbs):
     """Operations of a model of motion."""
 
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
-        """Return the output along one recording, (n,), from rest. It is NaN if an input is NaN, and
-        the model starts again after such rows.
+        """Return the output along one recording, (n,), from rest. The output is NaN at rows with an
+        input of NaN, and the model starts again after such rows.
         """
         names = [
             *model.input_names,
@@ -175,7 +176,7 @@ class MotionVerbs(Verbs):
         return tuple(printed(name, add(*terms)) for name, terms in sums.items())
 
     def rules(self, model: Model) -> tuple[str, ...]:
-        """Return sentences that say how the sections are run."""
+        """Return sentences that say how the sections are simulated."""
         motion = _motion(model)
         ways = {
             "hard": "every section runs, and the output of the active one is used",
@@ -212,7 +213,9 @@ class MotionVerbs(Verbs):
             section = m.let("section", 2 * section + _falls(m, motion, u, first))
 
         def of_section(stem: str, values: Sequence[Side]) -> Expression:
-            """Write the output of the active section, with the numbers of `simulation.active`."""
+            """Write the output of the active section. Sections are numbered as in
+            `simulation.active`.
+            """
             return m.choose(
                 stem,
                 [

@@ -30,8 +30,8 @@ QUARTER = 0.25  # longest time constant that is searched, as a fraction of the l
 class Bounds(Settings):
     """Ranges in which the particles of `solver: swarm` begin.
 
-    By default, they contain every stable section, for which P1 is in -1..1, P2 in -2..2, and `|1 -
-    P1 - P2| < 4`.
+    By default, these ranges contain every stable section, for which P1 is in -1..1, P2 in -2..2,
+    and `|1 - P1 - P2| < 4`.
 
     - `p1`: Range of P1. Example: `[-1, 1]`
     - `p2`: Range of P2. Example: `[-2, 2]`
@@ -104,8 +104,8 @@ class MotionSettings(Settings):
 
 @dataclass(frozen=True, kw_only=True)
 class MotionRecipe(MotionSettings):
-    """Settings of one fit with the input known; the `output` and the `step` between samples (s) are
-    those of the records.
+    """Settings of one fit. The records determine its `output` and the `step` between samples, s;
+    `input` is never None here.
     """
 
     input: str
@@ -113,8 +113,8 @@ class MotionRecipe(MotionSettings):
     step: float
 
     def reach(self, longest: int) -> float:
-        """Return the largest modulus of a pole, `exp(-step/slowest)`, for a longest piece of this
-        many samples.
+        """Return the largest modulus of a pole that is searched, `exp(-step/slowest)`. `longest` is
+        the number of samples of the longest piece.
         """
         return math.exp(
             -self.step / (QUARTER * longest * self.step if self.slowest is None else self.slowest)
@@ -122,8 +122,8 @@ class MotionRecipe(MotionSettings):
 
     @property
     def drives(self) -> tuple[str, ...]:
-        """Terms that drive every section, the input first. Sections that share a state need a
-        constant each to meet at their boundaries.
+        """Terms that drive every section, the input first. If sections share a state, each needs a
+        constant, so that they meet at their boundaries.
         """
         constant = self.offset or self.switching == "bumpless"
         on_load = () if self.load is None else (self.load, f"{self.input}*{self.load}")
@@ -179,7 +179,7 @@ class Problem:
         self.start, self.reach = start, reach
         self.random = np.random.default_rng(seed)
         self.pieces = tuple(piece for piece in pieces if piece.counts.any())
-        # with a slice, nothing is copied
+        # a slice avoids a copy
         self.own = [slice(None) if piece.counts.all() else piece.counts for piece in self.pieces]
         self.y = np.concatenate([piece.y[piece.counts] for piece in self.pieces])
         self.size = root_mean_square(self.y) or 1.0

@@ -1,5 +1,5 @@
-"""Simulate sections: their stability, the active section at a sample, runs along recordings, and
-the errors of P.
+"""Simulate sections along recordings, test their stability, find the active section at each sample,
+and compute the error measures of the paper P.
 
 A section `x2[k+1] = P1 x1 + P2 x2 + ...` has the poles of `z^2 - P2 z - P1`. It is stable in the
 triangle `|P1| < 1`, `|P2| < 1 - P1`. Sections are linear filters, so no loop over samples is
@@ -52,7 +52,7 @@ def of_angles(angles: Array, reach: float) -> tuple[float, float]:
 
 def angles(p1: float, p2: float, reach: float, inmost: float = EDGE) -> list[float]:
     """Return the inverse of `of_angles`, with reflection coefficients limited to `inmost`. For a
-    section with a pole outside the circle, the nearest edge is returned.
+    section with a pole outside the circle, the nearest section at its edge is returned.
     """
     k2 = min(max(-p1 / reach**2, -EDGE), EDGE)
     k1 = -p2 / reach / (1.0 + k2)
@@ -80,8 +80,8 @@ def rising(u: Array, dead_band: float, *, latched: bool) -> BoolArray:
     """Return True for samples at which the input rises, (n,).
 
     P eq 16: it rises if `u[k] > u[k-1]`; a constant input, and the first sample, count as falling.
-    If `latched`, the direction is kept until the input has turned back by more than the dead band,
-    and counts as rising before it has moved.
+    If `latched`, the direction is kept until the input has turned back by more than the dead band.
+    Before its first movement, the input then counts as rising.
     """
     if not latched:
         return np.diff(u, prepend=u[:1]) > 0
@@ -106,7 +106,7 @@ def active(motion: Motion, u: Array, moving: Array | None = None) -> IntArray:
 
 
 def extent(boundaries: Sequence[float], place: int) -> str:
-    """Return the inputs of the section with an index as text, for example `from 1.05 to 2.35`."""
+    """Return the range of the input of one section as text, for example `from 1.05 to 2.35`."""
     if not boundaries:
         return "any input"
     if place == 1:
@@ -200,8 +200,9 @@ REPEATS = 1e-3
 
 
 class MotionErrors(NamedTuple):
-    """Errors over the last wavelength, in the unit of the displacement and per second; `transient`
-    is the largest error before it.
+    """Errors of the displacement and of the velocity over the last wavelength of the input, in the
+    unit of the displacement and in this unit per second. `transient` is the largest error of the
+    displacement before the last wavelength.
     """
 
     displacement_rmse: float

@@ -21,12 +21,14 @@ STRIDES = (1, 3, 10, 30)
 """Samples between those that a linear start compares: short strides are sensitive to noise, and
 long ones miss fast poles.
 """
-NEAREST = 0.999  # starting values may lie at most at this fraction of the edge of stability
+NEAREST = 0.999  # largest reflection coefficient of starting values; 1 is the edge of stability
 TOLERANCE = 1e-12
 
 
 def least_squares(problem: Problem, _recipe: MotionRecipe) -> Found:
-    """Return the result of Gauss-Newton over the poles, from the best of the linear starts."""
+    """Return the parameters that Gauss-Newton iterations over the poles find. The iterations begin
+    at the best of the starting values that linear regressions give.
+    """
     reach = problem.reach
     starts = (linear_start(problem.pieces, stride) for stride in STRIDES)
     places = [angles(*start, reach, NEAREST) for start in starts if start is not None]
@@ -53,9 +55,10 @@ def least_squares(problem: Problem, _recipe: MotionRecipe) -> Found:
 
 def linear_start(pieces: tuple[Piece, ...], stride: int) -> tuple[float, float] | None:
     """Return P1 and P2 by linear regression of `y[k + 2s] = a y[k + s] + b y[k] + sum_m c_m
-    d_m[k]`, with its poles converted from a stride to one sample. Only triples of samples at which
-    the section is active are used. The result is None if there are too few of them. Noise in y
-    biases the regression (it is one step ahead), so its result is only a starting point.
+    d_m[k]`. The poles of this equation refer to a stride of s samples, and are converted to one
+    sample. Only triples of samples at which the section is active are used. The result is None if
+    there are too few of them. Noise in y biases the regression (it is one step ahead), so its
+    result is only a starting point.
     """
     rows, targets = [], []
     for piece in pieces:
@@ -116,12 +119,12 @@ def fly(
     return own[np.argmin(own_cost)], history
 
 
-WIDE = 4.0  # `|P3| = |gain| |1 - P1 - P2| < 4 |gain|` for stable sections
+WIDE = 4.0  # for stable sections, `|P3| = |gain| |1 - P1 - P2| < 4 |gain|`
 
 
 def swarm(problem: Problem, recipe: MotionRecipe) -> Found:
-    """Return the best P1, P2 and P3 in the region in which sections can be stable (P 2.2). An
-    unstable particle costs more than any stable one.
+    """Return the best P1, P2 and P3 in the region in which sections can be stable (P section 2.2).
+    An unstable particle costs more than any stable one.
 
     The input is the only drive; the check of the spec refuses others. Raises FitError if no
     particle was stable.

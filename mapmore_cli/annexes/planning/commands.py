@@ -1,5 +1,5 @@
-"""Implement `mapmore tune` (the best setting or structure) and `mapmore plan` (the next
-measurement), with training data that were left out.
+"""Implement `mapmore tune`, which finds the best setting or structure, and `mapmore plan`, which
+finds the next measurement. Both judge models on training data that their fits left out.
 """
 
 from __future__ import annotations

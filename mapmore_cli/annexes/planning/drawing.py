@@ -1,4 +1,6 @@
-"""Draw the combinations that `tune` tried, and the places at which `plan` would measure next."""
+"""Draw the combinations of settings that `tune` tried, and the points at which `plan` would measure
+next.
+"""
 
 from __future__ import annotations
 
@@ -26,8 +28,9 @@ def drawing_of(result: Tuning | Plan) -> Drawing:
 
 
 def tuning_drawing(tuning: Tuning) -> Drawing:
-    """Return the figure of a comparison: a dot for every combination, with the standard error of
-    its difference from the best as a bar. The simplest combination within that error has a ring.
+    """Return the figure of a comparison, with a dot for every combination of settings. A bar shows
+    the standard error of its difference from the best combination. The simplest combination within
+    one standard error of the best has a ring.
     """
     trials = [trial for trial in tuning.trials if trial.errors]
     first = next(iter(tuning.chosen.settings))
@@ -38,7 +41,7 @@ def tuning_drawing(tuning: Tuning) -> Drawing:
         ax.axhline(100 * tuning.best.error, color=style.LIGHT, linewidth=0.8, zorder=0)
         for trial in trials:
             error, colour = 100 * trial.error, colours[str(trial.settings[first])]
-            # the error bar reaches down to one standard error of the logarithm
+            # downwards, the bar is one standard error of the logarithm of the error
             bar = error * (1 - np.exp(-np.clip(trial.spread, *WITHIN)))
             look: dict[str, Any] = {"fmt": "o", "markersize": 4, "elinewidth": 0.8}
             ax.errorbar(trial.parameters, error, yerr=bar, color=colour, **look)

@@ -21,7 +21,7 @@ from mapmore_cli.modelling.validation.significance import NOTHING
 
 
 def training_only(dataset: Dataset) -> Dataset:
-    """Return the dataset without its held-out samples; curves without other samples are left
+    """Return the dataset without its held-out samples. Curves of which nothing remains are left
     out.
     """
     curves = [curve for curve in dataset.curves if curve.training.any()]
@@ -42,11 +42,10 @@ class Folds:
 
 
 def folds_of(dataset: Dataset, choices: ModelChoices, normaliser: str, by_level: bool) -> Folds:
-    """Return folds of the training samples: inner levels if there are enough of them, otherwise
-    blocks.
-
-    If the study holds out levels (`by_level`), training levels are also left out of pooled curves.
-    With fewer than three inner levels, the outer levels are left out too.
+    """Return folds of the training samples. If there are enough inner levels, each fold leaves out
+    one of them; otherwise, each fold leaves out a block of samples. If the study holds out levels
+    (`by_level`), training levels are also left out of pooled curves. With fewer than three inner
+    levels, the outer levels are left out, too.
 
     Raises DataError if there are too few samples to leave out a block.
     """

@@ -70,8 +70,8 @@ def of_points(
     wanted: float | None,
     prices: Mapping[str, float],
 ) -> Planned:
-    """Return the next points to measure. None of them is at a place that was measured already, even
-    if the sample there is held out.
+    """Return the next points to measure. Points that were measured already are not chosen, even if
+    their samples are held out.
     """
     name, dataset = choices.name, training_only(whole)
     columns = pooled_training(dataset.curves)
@@ -100,8 +100,8 @@ def of_points(
     free = measured.unmeasured(places, np.column_stack(known), steps)
     if not free.any():
         raise DataError(
-            f"{name}: all places of a grid of {steps} steps have been measured",
-            "extend the range of an input, or measure the same places again",
+            f"{name}: all points of a grid with {steps} steps have been measured",
+            "extend the range of an input, or measure the same points again",
         )
     formulas = formulas_of(dataset, measured, places)
 
@@ -118,10 +118,10 @@ def formulas_of(
     dataset: Dataset, measured: MeasuredMap, places: Array
 ) -> dict[str, tuple[Array, Array]]:
     """Return the predictions of each member of the committee at the measured points and at the
-    places; an empty mapping if there is none.
+    possible new points (`places`). The mapping is empty if the committee has no member.
 
-    A formula that deviates from the measured values by more than their range, as can happen with
-    few points, is no member.
+    A formula that deviates from the measured values by more than their range is no member; this can
+    happen with few points.
     """
     members = {"none": (np.zeros(len(measured.y)), np.zeros(len(places)))}
     for name in COMMITTEE:

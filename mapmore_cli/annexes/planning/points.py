@@ -1,10 +1,10 @@
 """Choose the next points of a map of two or more inputs.
 
 Several models, each with a Gaussian process for its residual, form a committee. The worth of a
-point is the product of the committee's spread and the processes' standard deviation, multiplied by
-`SLACK` if the muscle is expected to pull with less than 2 % of its largest force. Points are chosen
-one after the other. Each chosen point is then treated as if it had been measured, with the value
-that the committee expects (docs/planning.md).
+point is the spread of the committee times the standard deviation of the Gaussian processes. It is
+multiplied by `SLACK` if the expected force is below 2 % of the largest force. Points are chosen one
+after the other. Each chosen point is then treated as if it had been measured, with the value that
+the committee expects (docs/planning.md).
 """
 
 from __future__ import annotations
@@ -23,14 +23,12 @@ from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.modelling.validation.gaussian_process import GaussianProcess, most_likely
 from mapmore_cli.modelling.validation.intervals import NORMAL
 
-# points with a small expected |target| have the weight `SLACK`; small means below the fraction
-# `LITTLE` of the largest |target|
+# weight of points whose expected |target| is below the fraction `LITTLE` of the largest one
 SLACK, LITTLE = (
     0.15,
     0.02,
 )
-# largest number of points to which the processes are fitted; they are spread over the samples, so
-# that a curve of thousands of samples does not dominate
+# largest number of measured points to which the Gaussian processes are fitted
 MOST_MEASURED = 150
 MOST_POINTS = 100  # largest number of further points for which a forecast is made
 
@@ -56,15 +54,15 @@ class MeasuredMap:
         every = np.array(
             list(itertools.product(np.linspace(0.0, 1.0, steps), repeat=len(self.names)))
         )
-        with suppress(QhullError):  # the points may have been measured along a line
+        with suppress(QhullError):  # points along a line have no convex hull
             if len(self.names) > 1:
                 every = every[Delaunay(self.scaled(self.x)).find_simplex(every, tol=1e-9) >= 0]
         return np.asarray(self.x.min(axis=0) + every * np.ptp(self.x, axis=0))
 
     def unmeasured(self, places: Array, samples: Array, steps: int) -> BoolArray:
-        """Return True for the places of a grid that have not been measured, (m,). At such a place,
-        no sample lies within half a step along every input. `samples`, (n, d), include held-out
-        samples.
+        """Return True for the points of a grid that have not been measured, (m,). A point has been
+        measured if a sample lies within half a step of it along every input. `samples`, (n, d),
+        include held-out samples.
         """
         nearest, _ = KDTree(self.scaled(samples)).query(self.scaled(places), p=np.inf)
         return np.asarray(nearest > 0.5 / (steps - 1))
@@ -88,11 +86,10 @@ def spread_out(x: Array, y: Array) -> tuple[Array, Array]:
 
 
 class Committee:
-    """Gaussian processes for the residual of each formula, on a fixed set of places. Measured
-    values are added one by one.
-
-    `places` are candidates, (m, d). `formulas` holds by name the predictions at the measured
-    points, (n,), and at the places, (m,).
+    """Gaussian processes for the residual of each formula, evaluated at a fixed set of candidate
+    points. Measured values are added one by one. `places` are the candidates, (m, d). For each
+    formula, `formulas` holds by name the predictions at the measured points, (n,), and at the
+    candidates, (m,).
     """
 
     def __init__(
@@ -118,20 +115,20 @@ class Committee:
 
     @property
     def error(self) -> Array:
-        """Expected error of a prediction at every place, (m,), from the committee and the
-        processes.
+        """Expected error of a prediction at every candidate point, (m,). It combines the spread of
+        the committee and the standard deviation of the Gaussian processes.
         """
         return np.asarray(np.hypot(self.spread, self.deviation))
 
     @property
     def half(self) -> Array:
-        """Half the width of the interval at every place, including noise, (m,)."""
+        """Half the width of the 95 % interval at every candidate point, (m,), including noise."""
         return np.asarray(NORMAL * np.hypot(self.error, self.noise))
 
     @property
     def score(self) -> Array:
-        """Worth of a measurement at every place, (m,). For a committee with one member, which has
-        no spread, it is the variance of the process.
+        """Worth of a measurement at every candidate point, (m,). A committee with one member has no
+        spread; the worth is then the variance of its Gaussian process.
         """
         spread = self.spread if len(self._own) > 1 else self.deviation
         return np.asarray(
@@ -141,7 +138,7 @@ class Committee:
         )
 
     def add(self, number: int) -> None:
-        """Treat a place as measured, with the value that the committee expects there."""
+        """Treat a candidate point as measured, with the value that the committee expects there."""
         expected = float(self.expected[number])
         self._own = [
             process.with_point(self.scaled[number], expected - float(base[number]))
@@ -157,12 +154,12 @@ def next_points(
     prices: Mapping[str, float],
     free: BoolArray | None = None,
 ) -> tuple[tuple[Candidate, ...], tuple[Array, Array]]:
-    """Return the next points in the order of their worth, and the half widths at all places before
-    and after them.
+    """Return the next points in the order of their worth, and the half widths of the interval at
+    all candidates before and after these points are measured.
 
-    The worth of a point is divided by its cost. The cost is the sum of the prices of all quantities
-    for which the point is the first of the new points with this value, and at least the lowest
-    price. Only `free` places, (m,), are chosen; all places if it is None.
+    The worth of a point is divided by its cost. The cost is the sum of the prices of the quantities
+    whose value no new point before it has, and at least the lowest price. Only candidates at which
+    `free`, (m,), is True are chosen; None allows all candidates.
     """
     before, places = committee.half, committee.places
     next_ones, chosen = list[Candidate](), list[int]()
@@ -198,7 +195,7 @@ def until(committee: Committee, wanted: float) -> Until:
 
 
 def picture(committee: Committee, measured: MeasuredMap, halves: tuple[Array, Array]) -> Picture:
-    """Return the half widths at all places before and after the plan, for the figure."""
+    """Return the half widths at all candidate points before and after the plan, for the figure."""
     places = {name: committee.places[:, column] for column, name in enumerate(measured.names)}
     known = {name: measured.x[:, column] for column, name in enumerate(measured.names)}
     return Picture(places, *halves, known)

@@ -24,7 +24,7 @@ class Candidate:
     gap: float = math.nan  # distance between the two levels
     half_width: float = math.nan  # half width at this place before the measurement
     after: float = math.nan  # forecast of the half width after the measurement
-    error: float = math.nan  # expected root mean square error there before the measurement
+    error: float = math.nan  # expected root mean square error at this place before the measurement
     cost: float = 1.0  # cost of the measurement, by the prices that the user gave
 
 
@@ -36,13 +36,13 @@ class Until:
 
     wanted: float
     widest: float  # present half width
-    more: int | None  # None if further measurements do not reach it
+    more: int | None  # None if further measurements do not reach the wanted half width
     least: float  # smallest half width that further measurements reach
 
 
 @dataclass(frozen=True)
 class Picture:
-    """Half widths over the measured range, for the figure."""
+    """Half widths of the 95 % interval over the measured range, for the figure of a plan."""
 
     places: Columns  # coordinates of the half widths by name, (n,) each
     before: Array  # half widths before the measurement, (n,)
@@ -72,7 +72,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Trial:
-    """One combination of settings, by their place in the spec."""
+    """One combination of settings, by their paths in the spec, and its errors."""
 
     settings: Mapping[str, Any]
     parameters: int = (

@@ -1,5 +1,5 @@
-"""Compare settings of a model, or structures, using training data only, with models that were
-fitted without some of it.
+"""Compare settings or structures of a model. Each error is measured on training data that were left
+out of the fit; held-out data are not used.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def tune(
     runs: Path,
     **listeners: Unpack[Listeners],
 ) -> Tuning:
-    """Compare every combination of settings (`over`, by their place in the spec) on training data
+    """Compare every combination of settings (`over`, by their paths in the spec) on training data
     that are left out of the fits.
 
     The data are ingested in the folder of the run; nothing else is written. Held-out samples are
@@ -96,8 +96,8 @@ def _variants(
 
 
 def _try_settings(settings: Mapping[str, Any], choices: ModelChoices, folds: Folds) -> Trial:
-    """Fit models with some settings without each fold, and return their errors on the fold. If a
-    fit fails, return the reason.
+    """For each fold, fit a model with these settings without the samples of the fold, and measure
+    its error on them. If a fit fails, return the reason instead of the errors.
     """
     try:
         size = parameters(refit(choices, folds.dataset))
@@ -113,8 +113,8 @@ def _try_settings(settings: Mapping[str, Any], choices: ModelChoices, folds: Fol
 
 
 def _ranked(name: str, folds: Folds, trials: Sequence[Trial]) -> Tuning:
-    """Return the trials with their difference from the best, and the simplest within one standard
-    error.
+    """Return the trials with their differences from the best one, and the simplest trial within one
+    standard error of the best.
 
     Raises FitError if none of them could be fitted.
     """

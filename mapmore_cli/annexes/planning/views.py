@@ -14,8 +14,8 @@ from mapmore_cli.study.yaml_dumper import as_overrides
 
 
 def of_tuning(tuning: Tuning) -> View:
-    """Return a row for every combination, with the best and the chosen one marked, and the
-    recommended settings.
+    """Return a table with a row for every combination of settings, and the recommended settings.
+    The best and the recommended combination are marked in the table.
     """
     keys = ("set=settings", "parameters", "error", "above_best=excess", "standard_error=spread")
     errors = {

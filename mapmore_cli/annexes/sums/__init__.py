@@ -42,7 +42,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Sum(Body):
-    """A body of several models that are added."""
+    """The stored form of a sum: several models, which are added."""
 
     parts: Annotated[tuple[Part, ...], "the summands, with their signs and inputs"]
 
@@ -59,7 +59,7 @@ class SumKind(Kind):
     """
 
     def maker(self) -> Maker:
-        """Return the maker of sums."""
+        """Return the object that makes sums from specs."""
         from mapmore_cli.annexes.sums.fitted import SumMaker
 
         return SumMaker()

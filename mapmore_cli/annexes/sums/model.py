@@ -58,7 +58,7 @@ def _whole(model: Model) -> Equation:
 
 
 def _parts(parts: Sequence[Part], columns: Columns) -> Iterator[tuple[Part, Columns]]:
-    """Yield each part with its inputs under its own names."""
+    """Yield each part with its inputs, under the names that the part uses."""
     n = row_count(columns)
     for part in parts:
         renamed = {
@@ -100,7 +100,7 @@ def _value(m: Writer, part: Part, inputs: Inputs) -> Expression:
         *(replace(limit, inputs=_own(part, limit.inputs) & inputs.keys()) for limit in m.limits),
     ]
     own_knots, m.knots = m.knots, knots
-    # a renamed input is an expression of the sum's inputs, so its knots are no knots of the sum
+    # knots of a renamed input belong to an expression, and not to an input of the sum
     for name in own_knots.keys() - renamed.keys():
         m.knot(name, *own_knots[name])
     return value
@@ -160,7 +160,9 @@ class SumVerbs(Verbs):
         )
 
     def rules(self, model: Model) -> Iterator[str]:
-        """Yield the rules of every part, each after the name of its model."""
+        """Yield the sentences that say how the equations of each part are combined, each after the
+        name of the part's model.
+        """
         for part in _body(model).parts:
             for inner in part.models:
                 yield from (f"{inner.name}: {rule}" for rule in kinds.rules(inner))

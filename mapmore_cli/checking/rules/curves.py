@@ -1,5 +1,5 @@
-"""Check curves: enough samples, held-out data inside the training range, time steps that terms with
-memory can count, and one value at each place.
+"""Check that curves have enough samples, that held-out data lie in the training range, that terms
+with memory can count time steps, and that equal inputs have one target value.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def beyond_training(subject: Subject) -> Issues:
             validation <= training.max() + margin
         )
         outside = validation[~is_inside]
-        # the split may be defined by another quantity; a few more samples may then lie outside
+        # if the split does not name this quantity, a few of its values may lie outside by chance
         if outside.size > (0 if name in chosen else SOME * validation.size):
             share = "" if name in chosen else f"{outside.size / validation.size:.0%} of the "
             reached = f"{outside.min():.6g}" + (
@@ -167,8 +167,8 @@ def even_steps(subject: Subject) -> Issues:
 
 
 def single_valued(subject: Subject) -> Issues:
-    """Find loops: the target has two values at one place. A model without memory has only one value
-    there, so its error cannot be smaller than half the width of the loop.
+    """Find loops: the target has two values at the same inputs. A model without memory predicts
+    only one of them, so its error is at least half the width of the loop.
     """
     spec, dataset = subject.spec, subject.dataset
     moving = spec.runs_over_time or spec.target in ("hysteresis", "damping", "dynamic")

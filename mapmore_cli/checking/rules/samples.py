@@ -1,4 +1,4 @@
-"""Check samples: what was recorded, what was left out, and whether it is static."""
+"""Check samples: what was recorded, what was left out, and whether the samples are static."""
 
 from __future__ import annotations
 
@@ -13,12 +13,11 @@ from mapmore_cli.domain.recording import Recording
 from mapmore_cli.domain.scores import FAR_FROM_ZERO
 from mapmore_cli.modelling.signals.sampling import PART, even_share
 
-# a sensor is saturated if the value at one end of its range occurs more than this many times as
-# often as any other value
+# a sensor is saturated if an end of its range is so many times as frequent as other values
 FAR_MORE = 10
 # quantities that hardly ever keep exactly one value unless their sensor is saturated
 FROM_SENSORS = ("force", "pressure", "load")
-PARTS_OF_FORCE = ("hysteresis", "damping")  # at any force, these targets vary around zero
+PARTS_OF_FORCE = ("hysteresis", "damping")  # these targets vary around zero whatever the force is
 
 
 def constant(subject: Subject) -> Issues:
@@ -73,8 +72,7 @@ def same_signal(subject: Subject) -> Issues:
     names = [name for name in subject.spec.data.measured if name != "time" and subject.has(name)]
     for family in evidence.same_signals([subject.pooled(name) for name in names]):
         signals = " and ".join(names[place] for place in family)
-        # two inputs may be equal, for example those of the two muscles of one joint, but no input
-        # may equal the target
+        # two inputs may be equal, for example those of a joint, but not an input and the target
         target = subject.target in (names[place] for place in family)
         yield Issue(
             "error" if target else "hint",
@@ -142,8 +140,7 @@ def still_cycles(subject: Subject) -> Issues:
     if cycles is None or not subject.has(cycles.over):
         return
     low, high = subject.span(cycles.over)
-    # A movement within a recording counts only if it exceeds a share of the range over all
-    # recordings (which is large if recordings differ) and a share of the largest value.
+    # a movement below a share of the range of all recordings, or of the largest value, is noise
     least = max(STILL * (high - low), LITTLE * max(abs(low), abs(high)))
     kept = [recording for recording in subject.recordings if recording.rows_kept]
     columns = [recording.columns[cycles.over] for recording in kept]
@@ -182,7 +179,7 @@ def recorded_twice(subject: Subject) -> Issues:
     held_out = {name for curve in curves if curve.held_out.all() for name in curve.recordings}
     known: dict[tuple[object, ...], Recording] = {}
     for recording in (recording for recording in subject.recordings if recording.rows_kept):
-        # a file is no different if only values that are set for it in the spec differ
+        # only measured columns are compared, not values that the spec sets for a whole file
         measured = sorted(recording.columns.keys() & subject.spec.data.columns)
         samples = (hash(even_share(recording.columns[name]).tobytes()) for name in measured)
         twin = known.setdefault((recording.rows_kept, *measured, *samples), recording)

@@ -73,16 +73,18 @@ TURNED = 0.5
 
 def strain_turned(subject: Subject) -> Issues:
     """Find a strain that counts a contraction as negative. At equal pressure, the force of a muscle
-    falls with its contraction; if no force varies, the contraction rises with the pressure.
+    falls with its contraction. If the force is constant or unknown, the contraction rises with the
+    pressure.
 
     Only kinds of muscles of which this is known are examined. A strain that rises with the pressure
-    has the right sign. Its force may rise too, for example with the stretch of a spring.
+    has the right sign, even if the force rises with the strain, as in a muscle that stretches a
+    spring.
     """
     muscle = subject.spec.muscle
     if muscle is None or muscle.kind not in KINDS or not subject.has("strain"):
         return
     if any(force_never_pulls(subject)):
-        return  # a force with the wrong sign would explain the same correlation
+        return  # the sign of the force is wrong, which explains the same correlation
     strain, pressure, force = (
         even_share(subject.pooled(name)) if subject.has(name) else np.zeros(1)
         for name in ("strain", "pressure", "force")

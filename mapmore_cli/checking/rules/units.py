@@ -16,7 +16,9 @@ from mapmore_cli.study.units import can_convert, convert, default_unit, is_same,
 
 
 def strain_in_per_cent(subject: Subject) -> Issues:
-    """Find contractions by more than the whole length, which are probably in per cent."""
+    """Find strains above 1, a contraction by more than the whole length. They are probably in per
+    cent.
+    """
     if not subject.has("strain"):
         return
     largest = convert(subject.span("strain")[1], subject.units["strain"], "1")
@@ -144,8 +146,7 @@ def _contradicted(subject: Subject, name: str, unit_told: str | None) -> str:
     declared = column.unit or default_unit(name, subject.spec.units)
     if unit_told is None or column.scale != 1.0:
         return ""
-    # a name with `bar` may mean absolute pressures, and a unit that cannot be converted means
-    # something else
+    # `bar` may mean absolute pressure, and a unit of another dimension may be no unit at all
     agrees = any(is_same(unit, declared) for unit in (unit_told, f"{unit_told} abs"))
     return "" if agrees or not can_convert(unit_told, declared) else declared
 

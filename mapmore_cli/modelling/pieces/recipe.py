@@ -40,12 +40,14 @@ class Cuts(Settings):
     """Rule that cuts the range of one variable into segments. The key `method` is one of these
     words:
 
-    - `even`: segments of equal width. Neighbours are joined until each holds `min_samples`.
-    - `breakpoints`: segments between given boundaries. Neighbours are joined in the same way.
-    - `gradient`: boundaries at the places where the slope of the target changes most, at least a
-      tenth of each curve's range apart.
-    - `optimal`: the boundaries, on a grid of 20 equal cells, with which the fits have the smallest
-      error.
+    - `even` makes segments of equal width. Neighbouring segments are joined until each has at least
+      `min_samples` samples.
+    - `breakpoints` makes segments between the boundaries in `at`. Neighbouring segments are joined
+      as with `even`.
+    - `gradient` puts boundaries where the slope of the target changes most, at least a tenth of the
+      range of each curve apart.
+    - `optimal` tries boundaries on a grid of 20 equal cells, and chooses the boundaries with which
+      the fits have the smallest error.
 
     - `method`: One of the words above. Example: `even`
     - `count`: Number of segments (not for `breakpoints`). More segments follow the curve more
@@ -126,8 +128,8 @@ WordOrValue = Annotated[Beyond | OfKey, Either()]
 
 @dataclass(frozen=True)
 class BelowAbove(Settings):
-    """Extrapolation of one variable on each side: a word, or the value that the variable takes
-    there (M2 eq 12).
+    """Extrapolation of one variable below and above the measured range. For each side, give a word,
+    or the value that replaces the variable on this side (M2 eq 12).
 
     - `below`: Extrapolation below the lower limit. Example: `saturate`
     - `above`: Extrapolation above the upper limit. Example: `zero`

@@ -48,7 +48,7 @@ class Axis:
         """Start and end of the axis, in the unit of the data."""
         if self.limits is not None:
             return self.limits
-        if self.logarithmic:  # zero and negative values have no place on it
+        if self.logarithmic:  # a logarithmic axis cannot show values of zero or below
             if not self.least <= self.high:
                 return 1.0, 10.0
             margin = (self.high / self.least) ** self.margin if self.high > self.least else 2.0
@@ -64,8 +64,8 @@ class Axis:
         self.limits = (known[0] if low is None else low, known[1] if high is None else high)
 
     def set_ticks(self, at: Iterable[float], names: Sequence[str] | None) -> None:
-        """Set the places of the ticks. `names` are their labels, or None to label them with their
-        numbers.
+        """Set the values at which ticks stand. `names` are their labels, or None to label them with
+        these values.
         """
         places = [float(one) for one in at]
         words = [f"{one:g}" for one in places] if names is None else names
@@ -73,7 +73,9 @@ class Axis:
         self.ticks = dict(zip(places, words, strict=True))
 
     def scale(self, start: float, stop: float) -> Place:
-        """Return a function that converts values to points between two positions of the sheet."""
+        """Return a function that converts values to positions on the sheet, in points. The axis
+        reaches from the position `start` to the position `stop`.
+        """
         low, high = self.ends
 
         def place(values: Any) -> Array:
@@ -117,8 +119,8 @@ def nice_ticks(low: float, high: float, most: int) -> list[float]:
 
 
 def levels_of(low: float, high: float, most: int) -> list[float]:
-    """Return about `most` round numbers at equal distances. They cover a range, and the first and
-    the last lie at or just outside its ends.
+    """Return about `most` round numbers at equal distances. The numbers cover a range; the first
+    and the last lie at its ends or just outside of them.
     """
     ticks = nice_ticks(low, high, most)
     step = ticks[1] - ticks[0] if len(ticks) > 1 else (high - low) or 1.0

@@ -52,7 +52,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
 
 
 def _short(value: float) -> str:
-    """Return a number with three digits, or with all digits before the decimal point if it is
-    larger.
+    """Return a number with three digits. From 1000 to 100 000, return all digits before the decimal
+    point.
     """
     return f"{value:.0f}" if 1000 <= abs(value) < 1e5 else f"{value:.3g}"

@@ -41,7 +41,7 @@ def hex_of(colour: Any) -> str:
 
 @dataclass(frozen=True)
 class Shades:
-    """Colours of the bands between levels, (n,), from a map."""
+    """Colours of the bands between `levels`, (n,), which are taken from the colour map `cmap`."""
 
     cmap: str
     levels: Array

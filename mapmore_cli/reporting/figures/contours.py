@@ -15,16 +15,16 @@ Outline = tuple[list[float], list[float]]
 def outlines_above(x: Array, heights: Array, z: Array, level: float) -> list[Outline]:
     """Return the regions where `z` is at least a level.
 
-    `x` and `z` are (m, n): along each of the m rows of a grid, which lie at `heights`, (m,). Within
-    a row, the ends of a region are found by linear interpolation between neighbours; from row to
-    row, its sides are straight lines. NaN belongs to no region.
+    `x` and `z`, (m, n), are given on a grid of m rows, whose heights are `heights`, (m,). Within a
+    row, the ends of a region are found by linear interpolation between neighbours. From row to row,
+    the sides of a region are straight lines. Points where `z` is NaN belong to no region.
     """
     outlines: list[Outline] = []
     rows = [_intervals(*row, level) for row in zip(x, z, strict=True)]
     regions: list[Outline] = [([], []) for _ in rows[0]]
     for number, (intervals, height) in enumerate(zip(rows, heights.tolist(), strict=True)):
         before = rows[number - 1] if number else intervals
-        if len(intervals) != len(before):  # regions begin and end half-way between two rows
+        if len(intervals) != len(before):  # regions begin and end between two rows
             middle = (heights[number - 1] + height) / 2
             _go_on(regions, before, middle)
             outlines += [_closed(region) for region in regions]
@@ -62,8 +62,8 @@ def _intervals(x: Array, z: Array, level: float) -> list[Ends]:
 
 
 def _crossing(x: Array, z: Array, level: float, inside: int, outside: int) -> float:
-    """Return where a row crosses a level between two neighbours; the place of the inner neighbour
-    at the edge of the grid.
+    """Return the x at which a row crosses a level between two neighbours. At the edge of the grid,
+    return the x of the inner neighbour.
     """
     if not 0 <= outside < len(z) or not np.isfinite(z[outside]):
         return float(x[inside])

@@ -52,7 +52,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
         if "time" not in recording.columns:
             columns = {"Sample (–)": np.arange(recording.rows_kept, dtype=float), **columns}
         x_label, *others = columns
-        # the axes are low, so the unit is written on a second line
+        # the axes are low, so the unit stands on a second line of the label
         labels = ["\n".join(label.rsplit(" ", 1)) for label in others]
         labels += [""] * (height - len(others))
         on = partial(draw_columns, columns=columns)

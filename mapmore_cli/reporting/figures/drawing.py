@@ -121,13 +121,13 @@ class Drawing:
 def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:
     """Return the figures with this name in a spec; an empty list if there is nothing to draw.
 
-    They are made by the function `draw` in the module of that name, which belongs to mapmore or to
-    a plugin.
+    The function `draw` in the module of this name makes the figures. The module belongs to mapmore
+    or to a plugin.
     """
     try:
         figures: list[Drawing] = _modules()[name].draw(inputs) if name in _modules() else []
         if figures and not _modules()[name].__name__.startswith("mapmore_cli."):
-            for drawing in figures:  # a figure is left out too if drawing it fails
+            for drawing in figures:  # a plug-in may also fail when its figure is drawn
                 compose(drawing, inputs.style)
     except Exception as fault:
         if plugins.blamed(fault) is None:
@@ -219,7 +219,8 @@ def arranged(
     drawing: Drawing, style: FigureStyle, panel: Panel | None = None, width: float | None = None
 ) -> Arrangement:
     """Return the arrangement of the panels of a figure on a page, or of one `panel` in the width of
-    the style. With a `width`, all panels together have this width, and fewer are side by side.
+    the style. A `width` limits the width of all panels together, so that fewer panels than usual
+    may stand side by side.
     """
     grid, panels = drawing.grid, drawing.panels if panel is None else (panel,)
     columns = min(grid.columns or (2 if len(panels) == 4 else 3), len(panels))
@@ -256,7 +257,8 @@ def compose(
     """Draw all panels of a figure in the grid of a page; or one `panel` with the legend of the
     figure, in the width of the style.
 
-    With a `width`, in inches, all panels together have this width, and fewer are side by side.
+    A `width`, in inches, limits the width of all panels together, so that fewer panels than usual
+    may stand side by side.
     """
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
@@ -359,8 +361,7 @@ def to_bytes(figure: Figure, suffix: str, name: str, alt: str) -> bytes:
     if suffix == "svg":
         return (SVG_PROLOGUE + to_svg(figure, name, alt)).encode()
     if suffix == "pgf":
-        # imported here because this import alone takes a third of the time of all imports for
-        # figures
+        # imported here because this import takes a third of the time of all imports for figures
         from mapmore_cli.reporting.pgf import to_pgf
 
         return to_pgf(figure).encode()

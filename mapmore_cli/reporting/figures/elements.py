@@ -40,8 +40,8 @@ def path(x: Sequence[float] | Array, y: Sequence[float] | Array, dots: bool = Fa
     """Return the data of a path through points, with a gap at NaN, or of a dot at each point.
 
     Every point after the first is written as a step from the point before it, because a step takes
-    half as many characters as a place. Errors of steps do not add up, because places are rounded to
-    tenths of a point before steps are computed.
+    half as many characters as a position. Rounding errors of steps do not add up, because positions
+    are rounded to tenths of a point before steps are computed.
     """
     commands: list[str] = []
     before, gap = None, False
@@ -59,16 +59,16 @@ def path(x: Sequence[float] | Array, y: Sequence[float] | Array, dots: bool = Fa
 
 
 def _step(across: float, up: float) -> str:
-    """Return a step as text. Both numbers count tenths, and a space separates them unless the
-    second has a minus sign.
+    """Return a step across and up as text. Both arguments count tenths of a point. A space
+    separates the two numbers unless the second has a minus sign.
     """
     top = _tenths(up)
     return _tenths(across) + ("" if top.startswith("-") else " ") + top
 
 
-@lru_cache(4096)  # most steps are short
+@lru_cache(4096)  # most steps are short, so their texts repeat
 def _tenths(count: float) -> str:
-    """Return the text of a number that counts tenths, without a zero before its point."""
+    """Return a number of tenths as a decimal number without a zero before its point: 3 as `.3`."""
     return re.sub(r"^(-?)0\.", r"\1.", f"{count / 10 + 0.0:.1f}".removesuffix(".0"))
 
 
@@ -92,7 +92,7 @@ def line_svg(x: Array, y: Array, look: dict[str, Any]) -> str:
 
 
 def markers(x: Array, y: Array, marker: str, colour: str, look: dict[str, Any]) -> str:
-    """Return SVG elements that draw a marker at each place: circles, or one path for all."""
+    """Return SVG elements that draw a marker at each point: circles, or one path for all."""
     radius, shape = look.get("markersize", 6) / 2, SHAPES[marker]
     filled = hex_of(look.get("markerfacecolor", colour))
     edge = look.get("markeredgewidth", 1.0) or (0.6 if marker in "xXP" else 0.0)
@@ -103,7 +103,7 @@ def markers(x: Array, y: Array, marker: str, colour: str, look: dict[str, Any]) 
         corners = [corner.split(",") for corner in f"{shape} nan,nan".split()]
         outlines = places[:, None] + radius * np.array(corners, dtype=np.float64)
         return f'<path d="{path(*outlines.reshape(-1, 2).T)}" fill="{filled}"{stroke}/>'
-    if not edge:  # round ends of steps of length zero; dots at one place are one dot
+    if not edge:  # a step of length zero with round ends is a dot; equal dots are drawn once
         left, top = np.unique(np.round(places, 1), axis=0).T
         return (
             f'<path d="{path(left, top, dots=True)}" stroke="{filled}" '

@@ -20,8 +20,9 @@ SHARE = ("axes fraction", "axes fraction")
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return one panel for each model, all with the same axes: all samples together, training
-    samples as pale dots below the held-out ones in the colour of the model.
+    """Return one panel for each model, all with the same axes. A panel shows the samples of all
+    curves. Training samples are pale dots, and held-out samples are dots above them in the colour
+    of the model.
     """
     target, unit, looks = inputs.target.name, inputs.target.unit, panels.looks_of(inputs)
     order = np.argsort(inputs.pooled(inputs.dataset.target), kind="stable")

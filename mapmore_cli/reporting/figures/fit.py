@@ -58,7 +58,8 @@ class CurveFit:
       not affect the scale of the axes.
     - `interval`: ends of the prediction intervals of the run's own model (the first model), or
       None.
-    - `pieces`: rows of its recordings if it is drawn over time, otherwise empty.
+    - `pieces`: rows of each recording of the curve if the curve is drawn over time, otherwise
+      empty.
     - `shaded`: ranges of `x` with a grey background: plateaus, or held-out parts of a training
       curve.
     """
@@ -258,7 +259,7 @@ def curve_data(inputs: ReportInputs, curve: CurveFit) -> dict[str, Values]:
     }
 
 
-# Training curves of a static model
+# Static models
 # --------------------------------------------------------------------------------------------------
 
 
@@ -295,7 +296,7 @@ def training_figures(inputs: ReportInputs) -> list[Drawing]:
     return [Drawing("fit_training", caption, (panel,), Layout(2.95, (2.2, 1.0)))]
 
 
-# Loops of a model with memory
+# Loops with memory
 # --------------------------------------------------------------------------------------------------
 
 

@@ -42,7 +42,7 @@ samples per part, its mean and range in each part are drawn.
 PALE = 0.15
 DOT: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 3}
 
-# Lines, dots and bands
+# Lines and dots
 # --------------------------------------------------------------------------------------------------
 
 
@@ -112,8 +112,8 @@ def cloud(y: Array, limit: int) -> IntArray:
 
 
 def band(x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-    """Return places, means, smallest and largest values of `y` over sorted `x`, (m,) each, for
-    every equal stretch of x that contains samples.
+    """Divide the range of sorted `x` into equal intervals. Return, for every interval that contains
+    samples, its position and the mean, smallest and largest `y`, (m,) each.
     """
     rows = np.flatnonzero(np.isfinite(y))
     edges = np.linspace(x[0], x[-1], STRETCHES + 1)[1:-1]
@@ -131,7 +131,7 @@ def evenly(count: int, limit: int) -> list[int]:
     return sorted({int(i) for i in np.linspace(0, count - 1, min(count, limit)).round()})
 
 
-# Axes, legends and labels
+# Axes and labels
 # --------------------------------------------------------------------------------------------------
 
 
@@ -154,7 +154,7 @@ def plain_logarithm(ax: Axes, side: Literal["x", "y"], subs: Sequence[float] | N
 
 
 def label_rows(ax: Axes, names: Sequence[str]) -> None:
-    """Name the rows 0, 1, ... of a panel from the top down."""
+    """Label the horizontal rows 0, 1, ... of a panel with names, from the top to the bottom."""
     ax.set_yticks(range(len(names)), names)
     ax.tick_params(axis="y", length=0)
     ax.set_ylim(len(names) - 0.45, -0.55)
@@ -168,7 +168,7 @@ def write_beside(ax: Axes, row: float, text: str) -> None:
 def write_at(
     ax: Axes, text: str, place: tuple[Any, Any], offset: tuple[int, int], **look: Any
 ) -> None:
-    """Write a text in small letters at an offset in points from a place."""
+    """Write a text in small letters at an offset, in points, from a position."""
     if not is_sketch(ax):
         from matplotlib import rcParams
 
@@ -196,8 +196,8 @@ class Key:
 
 
 def colour_bar(ax: Any, shades: Any, label: str, **look: Any) -> None:
-    """Draw the colour bar of `shades` at the right of axes. Both get the name `map`, so that a
-    dark page does not invert their colours.
+    """Draw the colour bar of `shades` at the right of axes. The bar and the axes get the name
+    `map`, so that a dark page does not invert their colours.
     """
     bar = ax.figure.colorbar(shades, ax=ax, label=label, use_gridspec=False, **look)
     for part in () if is_sketch(ax) else (shades, bar.solids):
@@ -265,7 +265,7 @@ def titles(names: Sequence[str], length: int) -> list[str]:
     return [textwrap.fill(name, length) for name in told_apart(names, 2 * length)]
 
 
-# Captions, and what is left out
+# Captions
 # --------------------------------------------------------------------------------------------------
 
 
@@ -298,7 +298,7 @@ def best_of(shown: int, count: int) -> str:
 
 
 def beyond_scale(models: Sequence[str]) -> str:
-    """Return a sentence about the models that leave the panels; empty if none does."""
+    """Return a sentence about the models whose lines leave the panels; empty if there are none."""
     return f" Too far off for the scale: {', '.join(map(title_of, models))}." if models else ""
 
 

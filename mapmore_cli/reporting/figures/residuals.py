@@ -23,8 +23,9 @@ number.
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return a panel for the autocorrelation and one for each input, or for the inputs with the
-    largest findings if there are many; nothing if nothing was tested.
+    """Return a panel for the autocorrelation of the residuals, and one for each input. If there are
+    many inputs, only those with the largest correlations get a panel. Without tests, return
+    nothing.
     """
     if not inputs.validation.residual_tests:
         return []
@@ -65,7 +66,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
 
 
 def _autocorrelation(inputs: ReportInputs, own: ResidualTest) -> str:
-    """Return the finding of the autocorrelation in plain words."""
+    """Return what the autocorrelation of the residuals shows, in plain words."""
     along, cause = (
         ("in time", "dynamics") if inputs.timed else (f"along {inputs.in_curve.name}", "shape")
     )

@@ -127,10 +127,10 @@ def draw_segments(top: Axes, bottom: Axes, curve: SegmentCurve, fusion: Fusion) 
 
 
 def level_figures(inputs: ReportInputs, pieces: Pieces) -> list[Drawing]:
-    """Return one figure of the model over the levels, at three places in the range that all curves
-    share. All other inputs are in the middle of their ranges. There is no figure if there are no
-    levels to interpolate between, or if the weights of the levels depend on the values of the
-    curves (`pchip`).
+    """Return one figure of the model over the levels, at three values of the quantity along a
+    curve, within the range that all curves share. All other inputs are in the middle of their
+    ranges. There is no figure if there are no levels to interpolate between, or if the weights of
+    the levels depend on the values of the curves (`pchip`).
     """
     if pieces.level is None or len(pieces.curves) < 2 or pieces.fusion.levels != "linear":
         return []
@@ -174,8 +174,8 @@ def level_figures(inputs: ReportInputs, pieces: Pieces) -> list[Drawing]:
 
 
 def _level_grid(pieces: Pieces, levels: Array) -> Array:
-    """Return values of the level quantity, including the levels, and places a little outside the
-    outermost levels if the model extrapolates there.
+    """Return values of the level quantity at which the model is drawn. They include the levels, and
+    values a little outside the outermost levels if the model extrapolates there.
     """
     sides = pieces.fusion.extrapolation[str(pieces.level)]
     below, above = (0.08 * np.ptp(levels) * isinstance(side, str) for side in sides)

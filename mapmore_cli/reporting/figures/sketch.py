@@ -257,8 +257,9 @@ class Sketch:
         ha: str = "left",
         va: str = "baseline",
     ) -> None:
-        """Write a text at an offset in points from a place, whose coordinates are data, or
-        fractions of the axes. There is room for words that begin at the right end of the axes.
+        """Write a text at an offset in points from a position, which is given in data or in
+        fractions of the axes. If the text begins at the right end of the axes, space is left for
+        it.
         """
         shares = [coordinates != "data" for coordinates in xycoords]
         if shares[0] and place[0] == 1.0:
@@ -277,7 +278,7 @@ class Sketch:
 
         self.beside.append((0.0, svg))
 
-    # Ranges of the axes
+    # Axis ranges
 
     def get_xlim(self) -> tuple[float, float]:
         """Return the ends of the horizontal axis."""
@@ -304,5 +305,5 @@ class Sketch:
 
 
 def is_sketch(ax: object) -> TypeGuard[Sketch]:
-    """Return True for axes of a quick drawing, False for Matplotlib's."""
+    """Return True for axes of a quick drawing, and False for axes of Matplotlib."""
     return isinstance(ax, Sketch)

@@ -98,9 +98,9 @@ def _legend(
 def _svg(
     inside: str, place: tuple[float, float, float, float], style: FigureStyle, attributes: str
 ) -> str:
-    """Return an `<svg>` element with the given contents. `place` is its place in the whole figure:
-    left, top, width and height. On a page of any width, its letters stay readable and have the same
-    size as the letters of other figures.
+    """Return an `<svg>` element with the given contents. `place` is its position in the whole
+    figure: left, top, width and height. On a page of any width, its letters stay readable and have
+    the same size as the letters of other figures.
     """
     family = escape(f"{style.font}, sans-serif" if style.font else "sans-serif")
     where = dict(zip(("x", "y", "width", "height"), (round(one, 1) for one in place), strict=True))

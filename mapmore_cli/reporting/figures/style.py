@@ -23,7 +23,7 @@ RC: dict[Any, Any] = {
     "axes.spines.right": False,
     "axes.spines.top": False,
     "axes.titlelocation": "left",
-    # a fixed value is enough, because no labels stand above the axes
+    # titles have a fixed height, because no tick labels stand above the axes
     "axes.titley": 1.0,
     "axes.xmargin": 0.02,
     "figure.facecolor": "white",
@@ -32,7 +32,7 @@ RC: dict[Any, Any] = {
     "legend.handlelength": 2.2,
     "lines.linewidth": 1.1,
     "svg.fonttype": "none",  # text remains text, so that it can be searched and the file is small
-    "text.parse_math": False,  # a `$` in a name is a plain character
+    "text.parse_math": False,  # a `$` in a name does not begin a formula
     "xtick.major.width": 0.6,
     "ytick.major.width": 0.6,
 }
@@ -150,7 +150,7 @@ def model_styles(models: Sequence[str], palette: Sequence[str] = ()) -> dict[str
     """Return a style for each model. The first model, the run's own, always has the same style. The
     others get the remaining styles in their order. Repeated names are ignored.
 
-    A `palette` replaces the colours; its first one is that of the run's own model.
+    A `palette` replaces the colours; its first colour is for the run's own model.
     """
     styles: dict[str, ModelStyle] = {}
     for i, name in enumerate(dict.fromkeys(models)):

@@ -24,8 +24,9 @@ range.
 
 
 class Plane(NamedTuple):
-    """Names and axis labels of the two inputs of a model, the input that varies within a curve
-    first; and the samples of all curves, (n,) each: both inputs, and the target `z`.
+    """The two inputs of a model with their names and axis labels; the input that varies within a
+    curve comes first. `x`, `y` and `z`, (n,) each, are the two inputs and the target at the samples
+    of all curves.
     """
 
     names: tuple[str, ...]
@@ -36,8 +37,8 @@ class Plane(NamedTuple):
 
 
 def plane_of(inputs: ReportInputs) -> Plane | None:
-    """Return the plane of a model of two inputs that vary; None if there are more or fewer, or if
-    time matters.
+    """Return the plane of the two inputs of a model. Return None if more or fewer inputs vary, or
+    if the output depends on the time.
     """
     pair = sorted(inputs.model.inputs, key=lambda one: one.name == inputs.dataset.level)
     names, curves = tuple(one.name for one in pair), inputs.dataset.curves
@@ -51,9 +52,9 @@ def plane_of(inputs: ReportInputs) -> Plane | None:
 
 
 class Sheet(NamedTuple):
-    """The model over its plane: places of a grid, `(CELLS, CELLS)` each, whose rows end at the
-    edges of the training range. `output` is NaN outside the range. `rows` are the samples that a
-    panel shows.
+    """The output of a model on a grid over its two inputs. The coordinates `across` and `up` and
+    the output are `(CELLS, CELLS)` each. The rows of the grid end at the edges of the training
+    range, outside of which `output` is NaN. `rows` are the samples that a panel shows.
     """
 
     plane: Plane
@@ -64,7 +65,7 @@ class Sheet(NamedTuple):
     label: str
 
     def panel(self, draw: Callable[..., None]) -> Panel:
-        """Return the panel of this sheet, with `draw` as the function that draws it."""
+        """Return a panel that shows this sheet; `draw` is the function that draws it."""
         x_label, y_label = self.plane.labels
         columns = (self.across.ravel(), self.up.ravel(), self.output.ravel())
         data = dict(zip((x_label, y_label, self.label), columns, strict=True))
@@ -78,8 +79,8 @@ class Sheet(NamedTuple):
 
 
 def sheet_of(inputs: ReportInputs) -> Sheet | None:
-    """Return the model over its two inputs; None if the model has more or fewer inputs, or if the
-    report shows another quantity than its output.
+    """Return the output of a model over its two inputs. Return None if the model has more or fewer
+    inputs, or if the report shows another quantity than the output.
     """
     plane, model = plane_of(inputs), inputs.model
     if plane is None or inputs.dataset.target != model.output.name:
@@ -110,8 +111,8 @@ vertical coordinates.
 
 
 def _up_to_the_rim(across: Array, up: Array, beyond: Beyond) -> Array:
-    """Return the horizontal places of a grid. The places of each row are spread over the part of
-    the row that lies within the training range.
+    """Return the horizontal coordinates of a grid. In each row, they are spread over the part that
+    lies within the training range.
     """
     inside = ~beyond(across, up)
     rows = np.flatnonzero(inside.any(axis=1))
@@ -126,8 +127,8 @@ def _up_to_the_rim(across: Array, up: Array, beyond: Beyond) -> Array:
 
 
 def _rim(inner: Array, outer: Array, up: Array, beyond: Beyond) -> Array:
-    """Return the edges of the training range between places within it (`inner`) and places outside
-    (`outer`), found by bisection.
+    """Return the edges of the training range, found by bisection between points inside it (`inner`)
+    and points outside it (`outer`).
     """
     for _ in range(BISECTIONS):
         middle = (inner + outer) / 2

@@ -70,7 +70,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
 
     def on(ax: Axes) -> None:
         for row, both in enumerate(steps):
-            # a logarithmic axis has no place for zero
+            # a logarithmic axis cannot show zero
             left, rival = (np.maximum(shares, 1e-6) for shares in both)
             rows = np.full(len(left), row)
             ax.plot([*left, rival[-1]], [*rows, row], color=LIGHT, linewidth=0.8, zorder=1)

@@ -1,8 +1,8 @@
 """Provide the scripts of pages, each with the hash by which a page allows this script and no
 others.
 
-They are modules that import each other. A page that is opened from a file cannot load modules, so
-the modules of a page are joined to one script.
+The scripts are modules that import each other. A page that is opened from a file cannot load
+modules, so the modules of a page are joined to one script.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ def text_of(name: str) -> str:
 
 
 def joined(*names: str) -> str:
-    """Return modules as one script, each after those that it imports. Their top-level names must be
-    different, because they share one scope.
+    """Return modules as one script, each after the modules that it imports. Their top-level names
+    must be different, because they share one scope.
     """
     texts: dict[str, str] = {}
 

@@ -2,10 +2,10 @@
 arrays, and a labelled dataset for each array.
 
 Every `write_*` writes a whole file or none (WriteError), with bytes that depend only on the
-arguments. Every `read_*` raises DataError with the name of the file if it is missing, damaged, of
-another kind or another major format, if it holds unknown fields or invalid names or values, if its
-model cannot be evaluated, or if its values have been changed. `unverified` accepts changed values;
-`warn` is called for these, and for files without a checksum.
+arguments. Every `read_*` raises DataError with the name of the file if the file is missing,
+damaged, of another kind or of another major format. The same holds for unknown fields, invalid
+names or values, a model that cannot be evaluated, and values that have been changed. `unverified`
+accepts changed values; `warn` is called for these, and for files without a checksum.
 
 The argument `units` of `write_segmentation` and `write_fit` is `units_of(dataset)`, because
 segmentations and fits do not contain the units of their quantities. Older programs refuse a new
@@ -95,8 +95,8 @@ class FileKind(Generic[T]):
     """A kind of file: its name in the attribute `kind`, the stage that makes it, and the type of
     its contents.
 
-    `fault` returns why a record cannot be used, or None. `ratio` limits the size to which a file
-    may unpack.
+    `fault` returns the reason why a record cannot be used, or None. `ratio` is the largest allowed
+    ratio of the unpacked size of a file to its size on the disk.
     """
 
     name: str
@@ -119,7 +119,7 @@ class FileKind(Generic[T]):
             arrays: list[Waiting] = []
 
             def put(path: str, value: Numbers, *label: str) -> Reference:
-                # the array is made read-only, because a later stage may get the same record
+                # a later stage may get the same array, so the array is made read-only
                 value.setflags(write=False)
                 arrays.append(Waiting({ARRAY: path}, value, label))
                 return arrays[-1].reference
@@ -134,8 +134,7 @@ class FileKind(Generic[T]):
             file.attrs.update(about | {CHECKSUM: digest.hexdigest()})
         mark = _mark(path)
         _as_written[mark] = digest.hexdigest()
-        # The record is kept only if its arrays are contiguous, as those of a reader are, because
-        # the last digit of a sum may depend on that.
+        # as in a file, arrays must be contiguous, because the last digit of a sum may depend on it
         if mark[-1] < ROOM and all(array.value.flags.c_contiguous for array in arrays):
             _keep(mark, record)
 
@@ -143,8 +142,8 @@ class FileKind(Generic[T]):
         """Return the record in a file. `warn` is called if no checksum proves that the file is
         unchanged.
 
-        Raises the errors described in the module; for a wrong checksum only if the file may not be
-        `unverified`.
+        Raises the errors that the module describes. A wrong checksum raises an error only if
+        `unverified` is False.
         """
         with _opened_file(path) as (file, kind, version):
             if kind != self.name:

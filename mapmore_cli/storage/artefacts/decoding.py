@@ -41,7 +41,8 @@ Take = Callable[[str, str, int], Numbers]
 
 @dataclass(frozen=True)
 class Decoder:
-    """Decoder that rebuilds a record. Raises Invalid for a value that does not have its type.
+    """Decoder that rebuilds a record. Raises Invalid for a value whose type differs from its type
+    hint.
 
     If `lenient`, unknown fields are ignored.
     """
@@ -132,8 +133,7 @@ class Decoder:
                 f"{path}/{name[:60]}",
                 "is missing" if name in known else "is not known in this format",
             )
-        # the fields are decoded in the order of the document, because the checksum includes arrays
-        # in that order
+        # the checksum depends on the order of the arrays, which is the order in the document
         return type_(
             **{
                 name: self.value(field, known[name][0], f"{path}/{name}", (), sizes)
@@ -168,7 +168,7 @@ class Decoder:
                 raise Invalid(path, "is not a reference to its array")
         values = stored.astype(number, copy=False)
         _compare_lengths(path, values.shape, letters, sizes)
-        # the array is made read-only, because several stages may get the same one
+        # several stages may get the same array, so the array is made read-only
         values.setflags(write=False)
         return values
 
@@ -187,9 +187,7 @@ def _plain_value(node: object, form: Hint, path: str) -> object:
 
 
 def _compare_lengths(path: str, shape: tuple[int, ...], letters: Letters, sizes: Sizes) -> None:
-    """Raise Invalid if the length of an array along a dimension differs from the length of another
-    array with the same letter.
-    """
+    """Raise Invalid if two arrays have different lengths along a dimension with the same letter."""
     for length, letter in zip(shape, letters, strict=False):
         name = letter.removesuffix(" or 0")
         if (length or name == letter) and sizes.setdefault(name, length) != length:

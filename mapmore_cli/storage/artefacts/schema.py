@@ -179,8 +179,8 @@ def hints_of_members(hint: Hint, count: int) -> Sequence[Any]:
 
 
 def units_of(record: object) -> Units:
-    """Return the units of the quantities that an object contains, by the names that may stand in
-    brackets in a unit of a hint.
+    """Return the units of the quantities that an object contains. The keys are names: the unit of a
+    field may be given as a name in brackets, for example `[target]`, which `resolved` replaces.
     """
     match record:
         case Dataset():
@@ -200,8 +200,8 @@ def units_of(record: object) -> Units:
 
 
 def resolved(unit: str, units: Units) -> str:
-    """Return the unit with every known `[name]` replaced; a compound unit is put in brackets before
-    a power.
+    """Return a unit in which every known `[name]` is replaced by the unit of that quantity. If a
+    power follows, a compound unit is put in brackets.
     """
 
     def known(match: re.Match[str]) -> str:

@@ -42,7 +42,7 @@ from mapmore_cli.storage.tables.thousands import may_be_grouped, refuse_grouped
 
 WHITESPACE = "whitespace"
 DELIMITERS = {"tab": "\t"}
-# number of rows that show whether tables stand side by side
+# number of rows that are examined for tables that stand side by side
 FIRST_ROWS = 200
 MARKS = {";": "a semicolon", "\t": "a tab"}
 
@@ -156,8 +156,9 @@ def _begin(
 
 
 def _refuse_thousands(path: Path, table: RawTable, request: TableRequest) -> None:
-    """Raise NotANumber if a decimal point separates thousands. If the numbers of the table could
-    have such points, the file is read again to find out.
+    """Raise NotANumber if the points in the numbers of a table separate thousands, although the
+    spec takes them for decimal points. Only a table in which this is possible is read again to find
+    out.
     """
     for number, (column, values) in enumerate(table.columns.items()):
         if request.cells(column).thousands is None and may_be_grouped(values):
@@ -230,7 +231,7 @@ def _layout(first: Sequence[str], request: TableRequest, delimiter: str | None) 
 def _blocks_of(lines: Lines, layout: Layout, raw: BufferedReader) -> Iterator[list[Any]]:
     """Yield the line numbers and values of the remaining lines, (n,) each, block by block."""
     while block := lines.block():
-        if not block.strip(b"\r\n "):  # a text may contain millions of blank lines
+        if not block.strip(b"\r\n "):  # text may have millions of blank lines
             lines.take(block, len(block.splitlines()))
             continue
         values = values_of_text(block, layout)
@@ -343,16 +344,15 @@ def values_of_records(records: Sequence[Numbered], layout: Layout) -> list[Any]:
 
 
 def _of_width(row: int, record: list[str], layout: Layout) -> list[str]:
-    """Return the record with as many fields as the first. Blank fields at its end are ignored, and
-    the missing fields of a short record may be missing values.
+    """Return a record with as many fields as the first record has. Blank fields at its end are
+    ignored, and the missing fields of a short record may be missing values.
     """
     width, request = layout.width, layout.request
     has_nul = any("\0" in cell for cell in record)
     if len(record) >= width and not has_nul and not any(map(str.strip, record[width:])):
         return record[:width]
     if request.incomplete:
-        # a record that is too short may be a closing remark or half a record, and none of its
-        # fields can be trusted
+        # a short record may be a remark or half a record, so none of its fields is used
         return [""] * width
     if has_nul:
         raise DataError(
@@ -398,7 +398,7 @@ def separator_hint(record: Sequence[str]) -> str | None:
 
 
 def _open_end(lines: Lines, request: TableRequest) -> OpenEnd | None:
-    """Return the cells of the last lines if the last one has no end; None otherwise."""
+    """Return the cells of the last lines if the last line has no line end; None otherwise."""
     if not lines.is_open:
         return None
     last = _without_comments(lines.last_lines(), request.comment)
@@ -406,8 +406,9 @@ def _open_end(lines: Lines, request: TableRequest) -> OpenEnd | None:
 
 
 def peek_csv(path: Path, most: int) -> Iterable[Top]:
-    """Return the first lines of a text file, split into fields in all usual ways. Ways with decimal
-    points come first.
+    """Return the first lines of a text file, split into fields once for each usual pair of
+    delimiter and decimal mark. For each delimiter, the decimal point comes before the decimal
+    comma.
     """
     with reading(path.name, "text file", UNREADABLE):
         encoding = guess_encoding(path)

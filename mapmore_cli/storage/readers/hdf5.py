@@ -1,5 +1,5 @@
-"""Read HDF5 and netCDF-4 files, and those that MATLAB wrote: groups, datasets, and fields of
-compound datasets, addressed like `group/dataset[:,0]`.
+"""Read HDF5 and netCDF-4 files, and HDF5 files that MATLAB wrote. Groups, datasets, and fields of
+compound datasets have addresses such as `group/dataset[:,0]`.
 
 `root: "group[*]"` takes the members of a group in natural order (run_2 before run_10). Only the
 wanted columns are read.
@@ -110,8 +110,7 @@ def _below(group: h5py.Group, name: str) -> Member:
     return _member(node)
 
 
-# largest number of bytes of an attribute that is read; number of bytes of a reference to a text of
-# any length
+# largest size of an attribute that is read, and the size of a reference to a text, in bytes
 LONGEST, REFERENCE = 4096, 16
 UNIT = ("units", "unit", "Units", "Unit")
 UNSIGNED, MISSING = "_Unsigned", ("_FillValue", "missing_value")
@@ -150,8 +149,7 @@ def _meant(stored: Values, said: Mapping[str, Any]) -> Array:
         }
     factor, offset = said.get("scale_factor", [1.0])[0], said.get("add_offset", [0.0])[0]
     numbers = stored.astype(np.float64) * factor + offset
-    # By the rules of netCDF, limits of valid numbers refer to stored values. If the limits are
-    # floats and the stored values are not, they refer to the scaled values.
+    # in netCDF, limits of valid numbers are stored values, unless only the limits are floats
     limits = [said[key] for key in LIMITS if key in said]
     as_meant = kind != "f" and any(limit.dtype.kind == "f" for limit in limits)
     limited = numbers if as_meant else stored
@@ -188,8 +186,8 @@ def _reader(dataset: h5py.Dataset, field: str | None = None) -> Callable[[Select
 
 
 def _parts_written(dataset: h5py.Dataset) -> list[tuple[range, ...]] | None:
-    """Return the indices along each axis of the parts of a dataset that were written; None if all
-    of it was.
+    """Return the indices along each axis of the parts of a dataset that were written; None if the
+    whole dataset was written.
     """
     if not dataset.size or dataset.external or dataset.is_virtual:
         return None
@@ -241,14 +239,13 @@ def _texts(dataset: h5py.Dataset, values: h5py.Dataset) -> Values:
     for begin in range(0, len(dataset), step):
         parts.append(values[begin : begin + step])
         total += sum(map(len, parts[-1].flat)) + REFERENCE * parts[-1].size
-        # texts are not compressed, so the sum of their lengths is compared with the size of the
-        # file
+        # texts are stored without compression, so together they cannot be longer than the file
         refuse_bombs(dataset.name, total, size // BOMB_RATIO)
     return np.concatenate(parts)
 
 
-# MATLAB 7.3 files: the axes are in the opposite order, and cells and elements of struct arrays are
-# references
+# In MATLAB 7.3 files, the axes are in the opposite order.
+# Cells and the elements of struct arrays are stored as references to other objects.
 
 
 def _matlab_struct(group: h5py.Group, kind: str = "a struct") -> Member:
@@ -322,7 +319,7 @@ def _referred(dataset: h5py.Dataset, index: int) -> Member:
     return _matlab_member(dataset.file[_own_values(dataset)[()].reshape(-1)[index]])
 
 
-# Checks before a value is read
+# Checks before reading
 # -------------------------------------------------------------------------------------------------
 
 _read: ContextVar[dict[str, int]] = ContextVar("_read")
@@ -363,7 +360,7 @@ def _own_values(dataset: h5py.Dataset, selection: Selection = ()) -> h5py.Datase
         1 if isinstance(one, int) else length
         for one, length in zip_longest(selection, dataset.shape)
     ]
-    # a value becomes a double when it is read, so it counts eight bytes at least
+    # a value becomes a double when it is read, so it counts as at least eight bytes
     read[f"{dataset.name}{selection}"] = math.prod(lengths) * max(dataset.dtype.itemsize, 8)
     refuse_bombs(dataset.name, sum(read.values()), dataset.file.id.get_filesize())
     return dataset

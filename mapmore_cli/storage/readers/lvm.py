@@ -36,9 +36,12 @@ KIND = f"{BEGINS} file"
 
 @dataclass(frozen=True)
 class LvmSegment:
-    """The rows of cells below one header. `said` holds the entries of the header for each channel,
-    by keyword; there are also the titles of all columns. The last segment of a file has its
-    `open_end` and the number of fill characters after it (`padding`).
+    """A segment of a file: one header and the rows of cells below it.
+
+    - `said`: entries of the header for each channel, by keyword.
+    - `titles`: titles of all columns.
+    - `open_end`, `padding`: only of the last segment: its last line without a line end, and the
+      number of fill characters after it.
     """
 
     said: Mapping[str, Sequence[str]]

@@ -5,7 +5,8 @@ Arrays are addressed like `run.P` or `train[3].y[:,0]`; `root: "train[*]"` takes
 cell or struct array. Indices count from 0. Cell and struct arrays have one index, in MATLAB's
 order. Only the named variables are unpacked.
 
-SciPy can read all versions, but damaged files from version 5 on can crash its compiled code.
+SciPy could read the versions 4 to 7, but a damaged file of version 5 or later can crash its
+compiled code.
 """
 
 from __future__ import annotations
@@ -86,8 +87,8 @@ class _Version5:
     file_size: int
 
     def variables(self, content: memoryview) -> Iterator[tuple[str, Any]]:
-        """Yield the name of each variable, and a function that reads it, given its name in
-        messages.
+        """Yield the name of each variable and a function that reads the variable. The argument of
+        the function is the name that messages show.
         """
         for kind, part in self.elements(content):
             if kind in (MATRIX, COMPRESSED) and part:
@@ -204,8 +205,8 @@ def _sparse(name: str) -> DataError:
 
 
 def _version_4(path: Path) -> Iterator[tuple[str, Any]]:
-    """Yield the name of each variable, and a function that makes a member of it. SciPy reads this
-    version with NumPy only.
+    """Yield the name of each variable, and a function that makes a member of it. SciPy reads
+    version 4 without its compiled code, which damaged files could crash.
     """
     from scipy.io import loadmat, whosmat
 

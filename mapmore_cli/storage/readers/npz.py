@@ -1,5 +1,5 @@
-"""Read archives of NumPy arrays (.npz), each by its name. Fields of structured arrays are
-members.
+"""Read archives of NumPy arrays (.npz). An array is addressed by its name, and a field of a
+structured array as its member.
 """
 
 from __future__ import annotations

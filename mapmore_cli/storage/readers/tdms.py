@@ -19,8 +19,7 @@ from mapmore_cli.storage.tables.members import Member, as_numbers
 from mapmore_cli.storage.tables.overview import tree_reader
 
 TAG = b"TDSm"
-# number of bytes at the start of a segment: tag, flags, version, length of the segment, offset of
-# its data
+# number of bytes before the contents of a segment: tag, flags, version, length and offset
 LEAD_IN = 28
 CUT = Cut(
     "the last segment is incomplete",
@@ -31,7 +30,8 @@ CUT = Cut(
 
 @contextmanager
 def opened_tdms(path: Path, label: str, request: TableRequest | None) -> Iterator[Member]:
-    """Open a file: its groups, or for a request without `root`, its channels with their full names.
+    """Open a file and return its members. These are the groups; for a request without `root`, they
+    are all channels with their full names.
 
     Numbers are scaled as LabVIEW shows them. Raises DataError if the file is no TDMS file or is
     damaged, and if npTDMS is not installed.
@@ -54,8 +54,7 @@ def opened_tdms(path: Path, label: str, request: TableRequest | None) -> Iterato
                 top = _in_order([(name, _in_order(group)) for name, group in groups.items()])
                 yield replace(top, breaks_off=cut)
             else:
-                # Full names can be ambiguous: a channel `c` in a group `a/b`, and a channel `b/c`
-                # in a group `a`.
+                # A full name can be ambiguous: `a/b/c` is `c` in the group `a/b`, or `b/c` in `a`.
                 whole = _in_order(
                     [
                         (f"{group}/{name}", channel)
@@ -108,7 +107,7 @@ def _breaks_off(stream: BinaryIO) -> bool:
         stream.seek(position)
         lead_in = stream.read(LEAD_IN)
         if len(lead_in) < LEAD_IN or not lead_in.startswith(TAG):
-            # at position 0, the file is not a TDMS file at all, which is not a cut-off segment
+            # a file without the tag at position 0 is no TDMS file, and no cut-off segment
             return position > 0
         order: Literal["big", "little"] = "big" if lead_in[4] >> 6 & 1 else "little"
         # the length is 2^64 - 1 if LabVIEW crashed while it wrote the segment

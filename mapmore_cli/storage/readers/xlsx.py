@@ -1,5 +1,5 @@
-"""Read workbooks of all kinds with python-calamine. A formula has the value that was computed
-last.
+"""Read workbooks of all kinds with python-calamine. A cell with a formula has the value that the
+spreadsheet program computed last.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ TOO_LARGE = 3  # exit code of the reading process if the sheets span too many ce
 
 @dataclass(frozen=True)
 class DateCell:
-    """A cell with a date or a time, which is no text."""
+    """A date or a time in a cell, as opposed to a text that only looks like one."""
 
     stamp: str
 
@@ -163,8 +163,8 @@ def _number_rule(decimal: str | None) -> Callable[[Any], bool]:
 
 
 def _sheets_in(path: Path, label: str, most: int = 0) -> list[SheetCells]:
-    """Return the sheets of a workbook with at most `most` rows each (all for 0). Raises ValueError
-    for a damaged workbook.
+    """Return the sheets of a workbook with at most `most` rows each; 0 means all rows. Raises
+    ValueError for a damaged workbook.
 
     A separate process reads them: see `storage/workbooks/__main__.py`.
     """

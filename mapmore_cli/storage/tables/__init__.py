@@ -80,14 +80,13 @@ class TableRequest:
 
     @property
     def marks_of_thousands(self) -> set[str]:
-        """Return the marks between thousands of all columns."""
+        """Return the thousands separators that occur in any column."""
         return {*filter(None, [self.thousands, *self.thousands_of.values()])}
 
     def cells(self, column: SourceColumn) -> CellReader:
         """Return the reader of the cells of a column."""
         thousands = self.thousands_of.get(column, self.thousands)
-        # if the decimal point of the table separates thousands in this column, the other mark is
-        # its decimal point
+        # if `decimal` separates thousands in this column, its decimal mark is the other one
         other = "," if thousands == "." else "."
         return CellReader(
             self.missing,
@@ -223,8 +222,8 @@ class Reader:
     - `name`: value of `data.reader`.
     - `read`: function that reads the wanted columns of a file, with one table for every recording
       in it. The gate (`tables/gate.py`) checks its result.
-    - `suffixes`: suffixes of such files, in lower case.
-    - `keys`: keys of `data` that it uses, besides those of every reader.
+    - `suffixes`: suffixes of such files, in lower case. - `keys`: keys of `data` that this reader
+      uses, besides the keys that every reader uses.
     - `column`: example of the name of a column in a spec.
     - `by_index`: True if columns can also be addressed by their 0-based index.
     - `peek`: function that reads the first rows of a file in every way that may be meant, the most

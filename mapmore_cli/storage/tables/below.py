@@ -82,22 +82,24 @@ def tables_below(rows: Iterable[Row], header: int, is_number: Callable[[Any], bo
 
 
 def _without_head(tables: Sequence[Below]) -> list[Below]:
-    """Return the tables, without the head of the file among the words above the first ones: the
-    lines in excess of those above any later table.
+    """Return the tables, and remove the head of the file from the words above the first tables. The
+    head is found by counting: the first tables keep as many lines of words as any later table has.
     """
     later = [len(one.above) for one in tables if one.begin > tables[0].begin]
     lines = max(later, default=0)
-    # later tables have no more lines than this, so that they stay as they are
+    # no later table has more lines than `lines`, so only the first tables change
     return [replace(one, above=one.above[-lines:]) for one in tables] if lines else [*tables]
 
 
 def is_label(cell: Any) -> bool:
-    """Return True if a cell says what the other cells of its line hold, for example `Unit:`."""
+    """Return True if a cell labels the other cells of its line, for example `Unit:`."""
     return _text(cell)[1:].endswith((":", "="))
 
 
 def _is_next(rows: Sequence[Row], row: Row) -> bool:
-    """Return True if a row stands directly below the others, without a blank line."""
+    """Return True if a row directly follows the last of the `rows`, without a blank line between
+    them.
+    """
     return row[0] == rows[-1][0] + 1
 
 
@@ -143,7 +145,7 @@ def _repeated_columns(header: Sequence[Sequence[Any]]) -> list[slice]:
 
 
 def _padded(cells: Sequence[Any], width: int) -> list[Any]:
-    """Return the cells with empty ones at the end, `width` in all."""
+    """Return the cells, extended by empty cells at the end to `width` cells."""
     return [*cells, *[""] * (width - len(cells))]
 
 

@@ -116,7 +116,9 @@ class NotANumber(DataError):
         self.cell, self.known = cell, known
 
     def at(self, where: str, remedy: str | None = None) -> Self:
-        """Return the error with its place, and with a better remedy if there is one."""
+        """Return the error with its place in the file. `remedy` replaces the usual remedy if it is
+        given.
+        """
         self.message, self.remedy = f"{where}: {self.message}", remedy or self.remedy
         return self
 
@@ -187,12 +189,11 @@ class CellReader:
 
     def __call__(self, cell: object) -> float:
         """Return the number in the cell, or the number of its time stamp or of its text; NaN if it
-        is missing. Raises NotANumber.
+        is missing. Raises NotANumber for any other cell.
         """
         if isinstance(cell, Lacking):
             if self.texts is not None and not cell.text:
-                # the cell is merged with others, and the text of all of them stands in the first
-                # one
+                # in merged cells, the text of all cells stands in the first of them
                 return math.nan
             raise NotANumber("", cell.said, cell.remedy)
         cell = cell.decode("utf-8", "replace") if isinstance(cell, bytes) else cell

@@ -134,10 +134,9 @@ class Lines(Iterator[str]):
         self._plain = codecs.lookup(encoding).name == "utf-8"
         self._decoder = codecs.getincrementaldecoder(encoding)(errors)
         self._held, self._at, self._ended, self._size = b"", 0, False, 0
-        self._tail = b""  # padding at the end of the text read so far; text may still follow it
+        self._tail = b""  # padding at the end of the text read so far; more text may follow
         self.taken = self.rows = self.padding = 0
-        # if True, reading stops after too much padding, because a device may be endless and consist
-        # of padding only
+        # a device may deliver padding without end; if True, reading stops after too much of it
         self.endless = False
 
     def __next__(self) -> str:
@@ -150,7 +149,7 @@ class Lines(Iterator[str]):
         return text
 
     def block(self) -> bytes:
-        """Return the next lines in UTF-8, about `CHUNK` bytes; empty at the end. They are not
+        """Return the next lines in UTF-8, about `CHUNK` bytes; empty at the end. The lines are not
         consumed yet.
         """
         line = self._line()
@@ -162,7 +161,7 @@ class Lines(Iterator[str]):
         return self._held[self._at : end]
 
     def take(self, lines: bytes, count: int) -> None:
-        """Mark these lines as read; `count` is their number."""
+        """Mark the next lines, which `block` has returned, as consumed; `count` is their number."""
         self._at += len(lines)
         self.taken, self.rows = self.taken + len(lines), self.rows + count
 

@@ -128,7 +128,7 @@ def group_of(kind: str, names: Sequence[str], member: Callable[[str], Member]) -
 
 def parse_address(text: str, position: int = 0) -> tuple[str | Selection, ...]:
     """Return the steps of an address, starting at a position: names after `.` or `/`, and 0-based
-    indices in brackets. Raises DataError.
+    indices in brackets. Raises DataError for a malformed address.
     """
     steps: list[str | Selection] = []
     while position < len(text):
@@ -229,7 +229,7 @@ def _table_of_member(
     base: Member, request: TableRequest, label: str, element: int | None = None
 ) -> RawTable:
     """Return the columns of a member, all cut to the length of the shortest one. The gate reports
-    it if they differed.
+    if the lengths differed.
     """
     noted: dict[SourceColumn, Noted] = {}
     columns: dict[SourceColumn, Array] = {}

@@ -41,7 +41,9 @@ def tree_reader(
     by_index: bool = True,
     begins: bytes = b"",
 ) -> Reader:
-    """Return the reader of a format of trees, whose addresses have the `separator`."""
+    """Return a reader for a format whose files contain a tree of arrays. In an address, the
+    `separator` stands between two names.
+    """
 
     def read(path: Path, request: TableRequest) -> list[RawTable]:
         with opened(path, request.label, request) as top:
@@ -124,7 +126,7 @@ def _places(top: Member, separator: str) -> list[Place]:
     may form circles.
     """
     places = [Place("", "", "", top)]
-    for address, _, _, here, _ in places:  # places are added to the list during this loop
+    for address, _, _, here, _ in places:  # the loop itself adds members to this list
         for name in here.names or range(here.count or 0):
             if len(places) > MOST_MEMBERS:
                 return places
@@ -165,7 +167,7 @@ def _text(here: Member, name: str) -> str:
 
 
 def _readable(here: Member, name: str | int) -> Member | None:
-    """Return a member or an element; None if there is none, or if it cannot be read."""
+    """Return a member or an element. Return None if it does not exist or cannot be read."""
     with suppress(DataError):
         if isinstance(name, int):
             return here.element(name)
@@ -291,8 +293,8 @@ def _columns_of(place: Place, most: int, titles: Sequence[Sequence[str]] = ()) -
 
 
 def _sample_time(columns: Iterable[Column]) -> float | None:
-    """Return the seconds between samples from a number whose name says so; None if there is
-    none.
+    """Return the seconds between samples from a number with a name such as `fs` or `dt`; None if
+    there is no such number.
     """
     for column in columns:
         if column.length != 1:

@@ -2,10 +2,10 @@
 SECONDS.
 
 It writes a list of sheets as JSON to its output: title, whether the sheet is visible, the first
-ROWS rows of cells (all for 0), and the 0-based indices of hidden rows and columns. A date or a time
-is `{"stamp": TEXT}`, a number that is shown in per cent `{"percent": NUMBER}`. A cell that shows no
-number, whatever is stored, is the text of an error; a formula that was never computed is `{"lacks":
-""}`, and a merged cell is `{"lacks": "B3:B5"}`.
+ROWS rows of cells (0 means all rows), and the 0-based indices of hidden rows and columns. A date or
+a time is `{"stamp": TEXT}`, a number that is shown in per cent `{"percent": NUMBER}`. A cell that
+shows no number, whatever is stored, is the text of an error; a formula that was never computed is
+`{"lacks": ""}`, and a merged cell is `{"lacks": "B3:B5"}`.
 
 A damaged workbook can crash the compiled code that reads it, request all memory, or take long. It
 then ends only this process, which may use BYTES of memory and SECONDS of processor time.
@@ -31,7 +31,7 @@ MOST_CELLS, CELLS_OF_BYTE = 100_000, 50
 number takes at least a byte, however well it is compressed.
 """
 
-TOO_LARGE = 3  # exit code if the sheets span more cells than that
+TOO_LARGE = 3  # exit code if the sheets have too many cells
 
 
 Sheet = tuple[str, bool, list[list[Any]], list[int], list[int]]
@@ -88,11 +88,11 @@ def _hidden(facts: Iterable[Fact], cells: list[list[Any]]) -> tuple[list[int], l
 
 
 def _mark(cells: list[list[Any]], facts: Iterable[Fact]) -> None:
-    """Replace cells for which there are facts by marks: errors, formulas that were never computed,
-    numbers shown in per cent, and merged cells.
+    """Mark the cells about which a fact is known: the mark replaces the cell. Facts are errors,
+    formulas that were never computed, numbers that are shown in per cent, and merged cells.
     """
     width = max(map(len, cells), default=0)
-    # the total is limited, because ranges of cells that overlap many times are nonsense
+    # the number of marks is limited, because many ranges that overlap would take very long
     left = 4 * width * len(cells)
     for top, first, bottom, last, said in facts:
         rows, columns = range(top, min(bottom + 1, len(cells))), range(first, min(last + 1, width))
@@ -121,7 +121,7 @@ def _plain(cell: object) -> object:
 
 
 if __name__ == "__main__":
-    # the module does not exist on Windows, and the system may already have a lower limit
+    # Windows lacks the module `resource`, and the system may already have a lower limit
     with suppress(ImportError, ValueError):
         import resource
 

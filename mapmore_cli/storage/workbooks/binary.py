@@ -1,5 +1,5 @@
-"""Extract facts about cells that are not their values, for example errors, from workbooks of older
-programs (.xls).
+"""Extract what workbooks of older programs (.xls) contain about cells besides their values, for
+example errors.
 
 The records of a sheet (BIFF) are a stream in a file of sectors, which are chained by a table
 ([MS-CFB], [MS-XLS]).

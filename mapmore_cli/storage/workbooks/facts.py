@@ -1,5 +1,5 @@
-"""Represent facts about the cells of a workbook that are not their values, for example errors and
-hidden rows.
+"""Represent facts that a workbook contains about its cells besides their values, for example errors
+and hidden rows.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ MOST = 1 << 20
 
 
 def hidden_rows(first: int, last: int) -> Fact:
-    """Return the fact that rows are hidden."""
+    """Return the record that says which rows are hidden."""
     return first, 0, last, MOST, HIDDEN
 
 
 def hidden_columns(first: int, last: int) -> Fact:
-    """Return the fact that columns are hidden."""
+    """Return the record that says which columns are hidden."""
     return 0, first, MOST, last, HIDDEN
 
 
@@ -58,8 +58,8 @@ def never_computed(empty: Iterable[tuple[int, int]], computed: bool) -> Iterator
     """Yield the formulas that were never computed. `empty` holds the row and column of each formula
     whose stored value is an empty text.
 
-    An empty text may also be the computed value. This is assumed if `computed` is True, because
-    another formula of the sheet has a value.
+    An empty text may also be the computed value. If `computed` is True, empty texts count as
+    computed, because another formula of the sheet has a value.
     """
     if not computed:
         yield from ((row, column, row, column, NEVER_COMPUTED) for row, column in empty)

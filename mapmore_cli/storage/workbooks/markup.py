@@ -1,5 +1,5 @@
-"""Extract facts about cells that are not their values, for example errors, from workbooks that are
-archives of XML (.xlsx, .ods).
+"""Extract what workbooks that are archives of XML (.xlsx, .ods) contain about cells besides their
+values, for example errors.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def part_of_sheet(archive: zipfile.ZipFile, book: str, key: str) -> str:
 
 
 def _key_of_sheet(book: bytes, title: str) -> str:
-    """Return the key by which a workbook links the sheet with a title."""
+    """Return the key of the link from a workbook to the sheet with this title."""
     sheets = ElementTree.fromstring(book).iterfind(".//{*}sheet")
     entry = next(sheet for sheet in sheets if sheet.get("name") == title)
     return next(value for name, value in entry.items() if name.endswith("}id"))

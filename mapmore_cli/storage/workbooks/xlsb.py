@@ -1,5 +1,5 @@
-"""Extract facts about cells that are not their values, for example errors, from binary workbooks in
-an archive (.xlsb).
+"""Extract what binary workbooks in an archive (.xlsb) contain about cells besides their values, for
+example errors.
 
 Each record is preceded by its kind and its length, which are encoded with seven bits per byte
 ([MS-XLSB], 2.1.4).
@@ -100,8 +100,8 @@ def _length(content: bytes, place: int) -> tuple[int, int]:
 
 
 def _key_of_sheet(book: bytes, title: str) -> str:
-    """Return the key by which a workbook links the sheet with a title. Raises ValueError if there
-    is no such sheet.
+    """Return the key of the link from a workbook to the sheet with this title. Raises ValueError if
+    there is no such sheet.
     """
     for kind, record in _records(book):
         if kind == SHEET:

@@ -1,4 +1,4 @@
-"""Find the mistakes of an experiment that no single field shows."""
+"""Find contradictions between the settings of an experiment whose values are valid one by one."""
 
 from mapmore_cli.study.checks import (
     competitors,

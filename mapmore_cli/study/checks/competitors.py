@@ -57,7 +57,9 @@ def unknown_formula(
 
 
 def rivals_of(spec: ExperimentSpec) -> list[tuple[Loc, Competitor]]:
-    """Return the competitors with their places; a bare name is the name of a model."""
+    """Return each competitor with its path in the spec. A competitor that is only a name is the
+    model of this name.
+    """
     against = (
         Competitor.model_construct(model=rival) if isinstance(rival, str) else rival
         for rival in spec.validation.against

@@ -1,4 +1,4 @@
-"""Check that no setting is without effect: some belong to models with memory, others to pieces."""
+"""Refuse settings that have no effect on the kind of model that a spec defines."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ def along_recordings(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def idle(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Refuse settings that have no effect: settings for pieces if the model has none, and settings
-    for memory if no term has memory.
+    """Refuse settings without effect. A model with memory is not divided into pieces, so settings
+    of pieces have no effect on it; settings of memory need terms with memory.
     """
     if spec.has_memory:
         yield from _of_pieces(spec)

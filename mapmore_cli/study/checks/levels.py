@@ -1,4 +1,4 @@
-"""Check what a study cuts and what it holds out: segments, levels, groups and recordings."""
+"""Check settings that divide the data: segments, levels, groups, recordings, held-out data."""
 
 from __future__ import annotations
 
@@ -147,8 +147,8 @@ def recordings_apart(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def after_cycles(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Refuse settings that depend on the time of averaged branches, because their samples are in
-    the order of `cycles.over`.
+    """Refuse settings that need the time if `cycles` averages branches. The averaged samples are in
+    the order of `cycles.over`, so that they have no time.
     """
     cycles, hold_out = spec.data.cycles, spec.data.split.hold_out
     if cycles is None:

@@ -1,4 +1,4 @@
-"""Finding of a name that stands for nothing, and remedies that several checks give."""
+"""Define what several checks use: the finding of an unknown name, and remedies."""
 
 from __future__ import annotations
 

@@ -94,7 +94,9 @@ HELD = {
 
 
 def several(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check that several targets are modelled by pieces, or with memory of the inputs only."""
+    """If a spec has several targets, check that it models them by pieces, or by terms with memory
+    of the inputs only.
+    """
     if not spec.also:
         return
     names = spec.targets
@@ -198,11 +200,11 @@ class Checked(Protocol):
     """A kind of model that a plugin adds, with its own check of the spec."""
 
     def findings(self, spec: ExperimentSpec) -> Iterable[Finding]:
-        """Return the faults of a spec; nothing if its model is of another kind."""
+        """Return the faults of a spec. Return nothing if its model is not of this kind."""
 
 
 def of_kinds(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Run the checks that only the plugin of a kind of model can make."""
+    """Run the checks of the spec that plugins with kinds of models define."""
     for kind_of_model in kinds():
         if isinstance(kind_of_model, Checked):
             yield from kind_of_model.findings(spec)

@@ -121,8 +121,8 @@ def _is_constant(text: str) -> bool:
 
 
 def _term(text: str, states: Sequence[State], loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check that a state of the target stands in a term as a factor of its own and contains past
-    values only.
+    """Check that a state that is computed from the target is a separate factor of its term, and
+    contains only past values.
     """
     wrong = [fault for part in states for fault in _of_target(part, text, loc, spec)]
     yield from wrong

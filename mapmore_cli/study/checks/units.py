@@ -51,8 +51,8 @@ def units(spec: ExperimentSpec) -> Iterator[Finding]:
         if not faults and name not in wrong and convert(0.0, unit, in_model) != 0:
             yield Finding(
                 ("report", "units", name),
-                f"the zero of `{unit}` differs from that of `{in_model}`, but an equation can "
-                "only be multiplied by a factor",
+                f"the zero of `{unit}` differs from the zero of `{in_model}`, but equations can "
+                "only be converted to another unit by a factor",
                 f"use one unit in the whole study: `units: {{{name}: {unit}}}`",
             )
     tables: list[tuple[Loc, Logs]] = [(("data",), spec.data)]

@@ -48,8 +48,8 @@ class Direction(Section):
     """Direction of motion: +1 while a quantity rises and -1 while it falls, taken from the sign of
     its rate.
 
-    While the rate stays within the dead band, the direction keeps its last value. Each recording
-    starts with +1.
+    While the rate stays within the dead band, the direction keeps its last value. At the start of
+    each recording, the direction is +1.
 
     - `direction_of`: The rate, usually made by `rate_of`. Example: `strain_rate`
     - `dead_band`: Largest absolute rate that counts as no motion. Set it above the noise of the

@@ -52,7 +52,7 @@ def _forms() -> Iterator[tuple[str, type[OperatorFamily]]]:
         form = create_model(
             "".join(key.title() for key in keys) if shape else "Operators",
             __base__=OperatorFamily,
-            __doc__=f"States that an operator makes of the quantities in `of`.\n\n{about}",
+            __doc__=f"States that an operator computes from the quantities in `of`.\n\n{about}",
             __module__=__name__,
             **_number_fields(families()[keys[0]][0]) if shape else {},
         )
@@ -166,7 +166,7 @@ class AlongRange(Section):
 
 
 class Spline(AlongRange):
-    """Cubic spline of one input, also multiplied by each factor in `with`.
+    """Cubic spline of one input, and its products with each factor in `with`.
 
     - `knots`: Number of knots, evenly spaced inside the training range. More knots follow finer
       details. Example: `9`
@@ -190,8 +190,8 @@ class Spline(AlongRange):
 
 
 class Ends(AlongRange):
-    """Exponential functions that decay from both ends of the training range of an input, also
-    multiplied by each factor in `with`.
+    """Exponential functions that decay from both ends of the training range of an input, and their
+    products with each factor in `with`.
 
     - `widths`: Decay lengths of the exponentials, as fractions of the range. Example: `[0.03, 0.1,
       0.3]`
@@ -212,8 +212,8 @@ class Ends(AlongRange):
 
 
 class SmoothSteps(AlongRange):
-    """Smooth steps (tanh) at evenly spaced places of the training range of an input, also
-    multiplied by each factor in `with`.
+    """Smooth steps (tanh) at evenly spaced places of the training range of an input, and their
+    products with each factor in `with`.
 
     - `count`: Number of places. Example: `21`
     - `widths`: Widths of the steps, as fractions of the range. Example: `[0.03, 0.1]`
@@ -373,8 +373,8 @@ else:
 def entries_of(
     entries: Sequence[str | DictionaryEntry], loc: Loc = ("dictionary",)
 ) -> Iterator[tuple[Loc, str, Family]]:
-    """Yield the place, the name and the settings of every kind of term in a dictionary, also of
-    those inside products.
+    """Yield the path, the name and the settings of every kind of term in a dictionary. Kinds of
+    terms inside products are included.
     """
     for place, entry in enumerate(entries):
         if isinstance(entry, DictionaryEntry):
@@ -386,10 +386,8 @@ def entries_of(
 
 def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
     """Yield every text in the settings of a kind of term (`family`) that names quantities or
-    states: its place, the text itself, and True if it is an expression or False if it is the name
-    of a state.
-
-    `loc` is the place of the settings. Kinds of terms inside products are left out.
+    states: its path, the text itself, and True if it is an expression or False if it is the name of
+    a state. `loc` is the path of the settings. Kinds of terms inside products are left out.
     """
     if isinstance(family, list):
         yield from (((*loc, place), text, True) for place, text in enumerate(family))
@@ -412,8 +410,8 @@ STATIC = ("polynomial", "terms", "products", "spline", "ends", "steps")
 
 def timed_terms(dictionary: Sequence[DictionaryEntry]) -> tuple[str, ...]:
     """Return the kinds of terms and the states that need equal time steps, because they count
-    samples (as lags do) or use the time between them (as `slow` does). The others, such as `play`,
-    need only the order of the samples.
+    samples (as lags do) or use the time between them (as `slow` does). Kinds of terms that are not
+    returned, such as `play`, need only the order of the samples.
     """
     found: dict[str, None] = {}
     for loc, name, family in entries_of(dictionary):

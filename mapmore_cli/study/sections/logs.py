@@ -243,7 +243,7 @@ CODES = {"%H": "h", "%M": "min", "%S": "s"}
 
 
 class FileEntry(Section):
-    """Files, with information that no column holds.
+    """Files, and facts about them that no column holds.
 
     - `path`: Path of the files, with wildcards. Example: `cycle_*.csv`
     - `set`: Quantities that have one value in these whole files. Example: `{pressure: 2 bar}`
@@ -399,7 +399,8 @@ class Logs(Section):
 
 
 class Match(Section):
-    """Two quantities that change together, one in each log. `shift: auto` compares them.
+    """Two quantities that change together, one in each log. If `shift` is `auto`, the shift between
+    the clocks is estimated from the changes of the two quantities.
 
     - `first`: The quantity in the first log. Example: `pressure`
     - `second`: The quantity in the second log. Example: `valve`
@@ -410,7 +411,8 @@ class Match(Section):
 
 
 class Join(Logs):
-    """A second log of the same tests. Its quantities are added to the samples of the first log.
+    """A second log of the same tests. The quantities of the second log are added to the samples of
+    the first log.
 
     Samples at times outside the second log count as missing. A single file serves all recordings;
     several files are paired with the files of `data.files` in their order.

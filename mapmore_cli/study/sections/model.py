@@ -42,7 +42,8 @@ class FormulaParameter(Section):
 
 
 class OwnFormula(Section):
-    """A formula of your own. It can be named wherever a formula of the literature can be named.
+    """A formula of your own. The name of your formula can be used wherever a formula of the
+    literature can be named.
 
     - `name`: Name of the formula. Example: `my_formula`
     - `expression`: The force as an expression of quantities and parameters. Example: `a*pressure*(1
@@ -63,8 +64,8 @@ class OwnFormula(Section):
     def definition(self, units: Mapping[str, str]) -> str:
         """Return the formula in a model's `units` as a definition that no longer needs the spec.
 
-        Raises ExpressionError for a malformed expression, SpecError for a unit that does not fit,
-        and ValueError for a parameter without bounds in which the formula is not linear.
+        Raises ExpressionError for a malformed expression, SpecError for a wrong unit, and
+        ValueError if the formula is nonlinear in a parameter that has no bounds.
         """
         from mapmore_cli.modelling.expressions import (
             Name,
@@ -140,7 +141,7 @@ class Summand(Settings):
     tendon: TendonSettings | None = None
 
     def __post_init__(self) -> None:
-        """Require either a model or a formula, and no formula behind a tendon."""
+        """Require either a model or a formula, and refuse a formula in series with a tendon."""
         if self.tendon is not None and self.formula is not None:
             raise Contradiction(
                 "a formula cannot be fitted behind a tendon",
@@ -183,14 +184,16 @@ else:  # the types of mapmore itself, and the kinds of models that plugins add
 class ModelSettings(Settings):
     """The kind of model that the run builds. The key `type` is one of these words:
 
-    - `mapmore`: functions of each segment, made of the dictionary's terms, on a backbone or alone.
-    - `literature`: the formula `name` alone, or a `family`.
-    - `auto`: a search for the structure, on the training data. It is the default if the spec has
-      neither `dictionary` nor `model`. The run folder holds the result as a spec, `found.yaml`.
-    - `sum`: the sum of the static and the damping model of the runs in `needs` (the default for
-      `target: dynamic`), or of parts with signs and renamed inputs.
-    - `state_space`: a state-space model of motion with linear sections along an input (Brown and
-      Xie 2024).
+    - `mapmore` fits a function to each segment. The function consists of terms of the dictionary,
+      and may be added to a formula (the backbone).
+    - `literature` fits the formula `name` alone, or a `family`.
+    - `auto` searches a structure for the model on the training data. `auto` is the default if the
+      spec has neither `dictionary` nor `model`. The run folder holds the result as a spec,
+      `found.yaml`.
+    - `sum` adds the static and the damping model of the runs in `needs`, or other parts with signs
+      and renamed inputs. `sum` is the default for the target `dynamic`.
+    - `state_space` fits a state-space model of motion with linear sections along an input (Brown
+      and Xie 2024).
 
     - `type`: Kind of the model, one of the words above. Example: `literature`
     - `budget`: Computing time of each process of a search. More time tries more structures. If the
@@ -220,8 +223,8 @@ class ModelSettings(Settings):
     family: FamilySettings | None = None
 
     def __post_init__(self) -> None:
-        """Refuse keys that do not belong to the type, and require those that it needs. `family`
-        implies `type: literature`.
+        """Refuse keys that do not belong to the type, and require the keys that the type needs.
+        `family` implies `type: literature`.
         """
         if self.type not in (*kinds.OWN_TYPES, *(kind.name for kind in kinds.kinds())):
             raise Contradiction(

@@ -72,8 +72,8 @@ only in the spec that they change.
 
 
 class Competitor(Section):
-    """A competitor with settings of its own. Give one of: a `model`, a `run`, this spec with other
-    settings (`set`), a `sum`, or `static` with `damping`.
+    """A competitor with settings of its own. Give one of these: a `model`, a `run`, this spec with
+    other settings (`set`), a `sum`, or `static` with `damping`.
 
     - `model`: A formula of the literature, a black box (for example `gaussian_process`), or the
       path of a frozen model that ends in `.h5` (which also needs `as`). Example: `sarosi`
@@ -211,8 +211,8 @@ class Validate(Section):
 
 
 class PublishedScores(Section):
-    """Printed numbers of a publication that are shown beside the scores, by model, all for held-out
-    data. They are never used in a computation.
+    """Errors on held-out data that a publication prints, by model. The report shows these numbers
+    beside the scores, and never computes with them.
 
     - `source`: Where the numbers were printed. Example: `M2 table 5`
     - `nrmse`: NRMSE of each model, as fractions. Example: `{sarosi: 0.021}`

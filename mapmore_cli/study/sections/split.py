@@ -41,10 +41,10 @@ HeldOut = Annotated[Annotated[list[OfKey], Field(min_length=1)] | Between, Eithe
 
 class Holdout(Section):
     """Samples that are held out of training and used to validate the model. A sample is held out if
-    it fulfils every condition given here.
+    it fulfils every condition of this section.
 
-    Any key that is not in this table must be the name of a quantity. Its value is a list of values,
-    or `{between: [[low, high], ...]}`.
+    Any key that is not in this table must be the name of a quantity. The value of such a key is a
+    list of values of the quantity, or `between` with a list of intervals.
 
     - `files`: Hold out the files with these names (with wildcards). Example: `["*_take2.csv"]`
     - `recordings`: Hold out the recordings with these ids (with wildcards). Example: `["log#2"]`
@@ -174,7 +174,7 @@ class Apart(Section):
 
     @property
     def quantities(self) -> list[str]:
-        """Names of the quantities whose values distinguish recordings. They are no inputs of a
-        model.
+        """Names of the quantities whose values distinguish recordings. These quantities are no
+        inputs of a model.
         """
         return [self.of] if isinstance(self.of, str) else self.of

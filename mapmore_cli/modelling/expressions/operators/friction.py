@@ -37,7 +37,7 @@ OPERATORS = (
         name="coulomb",
         summary=(
             "The smooth sign `tanh(x/v)` of the rates in `of`, which is Coulomb friction for a "
-            "velocity. `v` is a fraction of the training range; training estimates it if it is "
+            "velocity. `v` is a fraction of the training range; training estimates `v` if it is "
             "not given."
         ),
         recursion=coulomb,

@@ -79,8 +79,8 @@ OPERATORS = (
         summary=(
             "First-order lags of the quantities in `of`, for example for creep or for the "
             "filling of a volume. Give the time constants `tau`, or a `count` of time constants "
-            "that are spread over the range that the recordings can show. With neither, training "
-            "estimates one time constant."
+            "that are spread over the range that the recordings can show. Without `tau` and "
+            "`count`, training estimates one time constant."
         ),
         recursion=slow,
         parameters=(
@@ -95,8 +95,8 @@ OPERATORS = (
         name="creep",
         summary=(
             "Creep of the quantities in `of` with the logarithm of time. For changes smaller "
-            "than `width`, a fraction of the training range, it is a lag with the time constant "
-            "`tau`. Training estimates both if they are not given."
+            "than `width`, a fraction of the training range, creep is a first-order lag with the "
+            "time constant `tau`. Training estimates `tau` and `width` if they are not given."
         ),
         recursion=creep,
         parameters=(

@@ -67,8 +67,9 @@ def _with_widths(
 ) -> Operator:
     return Operator(
         name,
-        f"{summary}, as fractions of the training range. A `count` spreads as many widths evenly. "
-        "With neither, training estimates one width.",
+        f"{summary}, as fractions of the training range. Instead of `widths`, a `count` gives the "
+        "number of evenly spaced widths. Without `widths` and `count`, training estimates one "
+        "width.",
         recursion,
         (WIDTHS,),
         "range",
@@ -89,7 +90,8 @@ OPERATORS = (
     _with_widths(
         "stop",
         "`stop` operators (friction that sticks before it slips) on the quantities in `of`. "
-        "`widths` are half the way until it slips",
+        "`widths` are half the distance that the input moves after a reversal until the operator "
+        "slips",
         stop_recursion,
         lambda x, setting: x - play(x, setting.width),
     ),

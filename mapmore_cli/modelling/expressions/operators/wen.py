@@ -78,9 +78,9 @@ OPERATORS = (
     Operator(
         name="wen",
         summary=(
-            "Smooth hysteresis (Bouc-Wen) of the quantities in `of`: a state that saturates with "
-            "the rate `p` and turns back with the rate `q`, both per training range. Training "
-            "estimates rates from 0 upwards if they are not given."
+            "Smooth hysteresis (Bouc-Wen) of the quantities in `of`. The state saturates with the "
+            "rate `p` and turns back with the rate `q`, both per training range. Training "
+            "estimates `p` and `q` from 0 upwards if they are not given."
         ),
         recursion=recursion,
         parameters=_rates(0.0),
@@ -91,8 +91,8 @@ OPERATORS = (
     Operator(
         name="wen_stiffening",
         summary=(
-            "The same as `wen`, but `p` may be negative: the state then grows faster the farther "
-            "it moves, and has no bound."
+            "Hysteresis as in `wen`, but `p` may be negative. With a negative `p`, the state grows "
+            "faster the farther it moves, and has no bound."
         ),
         recursion=recursion,
         parameters=_rates(-8.0),
@@ -103,8 +103,8 @@ OPERATORS = (
     Operator(
         name="dahl",
         summary=(
-            "Dahl's friction of the quantities in `of`: `wen` with equal rates p and q. Training "
-            "estimates the `rate` if it is not given."
+            "Dahl's friction of the quantities in `of`, which is `wen` with equal rates p and q. "
+            "Training estimates this `rate` if it is not given."
         ),
         recursion=recursion,
         parameters=(
