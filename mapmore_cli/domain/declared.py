@@ -24,7 +24,7 @@ S = TypeVar("S")
 
 
 def prose(docstring: str | None) -> str:
-    """Join the lines of each paragraph and of each list item of a docstring, and return the text."""
+    """Return the text of a docstring in which every paragraph and every list item is one line."""
     return re.sub(r"(?<=\S)\n +(?=\S)|(?<=\S)\n(?![\s-])", " ", cleandoc(docstring or ""))
 
 
@@ -35,7 +35,7 @@ class Handler(Protocol):
         """Return the schema that pydantic would make for the type without our hook."""
 
     def generate_schema(self, source: object, /) -> dict[str, object]:
-        """Return the schema of any type, also of one that pydantic is not handling at the moment."""
+        """Return the schema of any type, not only of the type that pydantic is handling."""
 
 
 class Info(Protocol):
