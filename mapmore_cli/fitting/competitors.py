@@ -116,8 +116,9 @@ class Contest:
     def simple_beside(self, named: Collection[str]) -> tuple[str, ...]:
         """Return the names of the simple competitors that suit the model, without those in `named`.
 
-        Polynomials of the inputs suit every model. The backbone alone suits a model that adds
-        something to it, and an ARX model suits a model that runs over time.
+        A polynomial of the inputs suits if it has fewer coefficients than there are training
+        samples. The backbone alone suits if the model adds something to it. An ARX model suits if
+        the model runs over time.
         """
         samples = sum(int(curve.training.sum()) for curve in self.dataset.curves)
         inputs = len(self._inputs)
