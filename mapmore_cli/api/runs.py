@@ -29,7 +29,9 @@ from mapmore_cli.study.yaml_dumper import as_overrides
 class Run(Finished):
     """Result of `run`: a run whose stages are all up to date.
 
-    Attributes ---------- model, scores
+    Attributes
+    ----------
+    model, scores
         The model and the rows of its score table.
     page
         The path of the report.

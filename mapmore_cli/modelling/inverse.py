@@ -222,7 +222,7 @@ class _Line:
         rows = np.repeat(np.arange(n), len(places) - 1)
         starts, ends = np.tile(places[:-1], n), np.tile(places[1:], n)
         turns, of = self._turning_points(starts, ends, rows, SPLITS)
-        # The output may jump at a knot, so the monotone parts end just before and begin just after it.
+        # monotone parts end just before a knot, because the output may jump there
         beside = np.nextafter(knots[:-1], np.inf), np.nextafter(knots[1:], -np.inf)
         fixed = np.concatenate([places, *beside])
         x = np.concatenate([np.tile(fixed, n), turns])

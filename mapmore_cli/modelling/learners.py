@@ -1,5 +1,5 @@
-"""Declare the black-box competitors: general regression methods that know nothing of muscles and
-are fitted to the same samples.
+"""Declare the black-box competitors. These are general regression methods, without any knowledge of
+muscles, that are fitted to the same samples as the model.
 
 They come from scikit-learn (extra `baselines`), which is imported only when a black box is used.
 Settings and seeds are the same for every study.
@@ -18,7 +18,9 @@ from mapmore_cli.domain.arrays import Array
 
 
 class Regressor(Protocol):
-    """Regressor that is fitted to inputs (n, m) and outputs (n,), and predicts (n,) for others."""
+    """Interface of a regressor: `fit` takes inputs, (n, m), and outputs, (n,); `predict` returns
+    outputs for new inputs.
+    """
 
     def fit(self, x: Array, y: Array, /) -> object:
         """Fit the regressor to samples."""

@@ -60,7 +60,7 @@ def derivative(expression: Expression, name: str) -> Expression:
 
 def substitute(expression: Expression, values: Mapping[str, Expression]) -> Expression:
     """Return `expression` in which each name in `values` is replaced by its value. All names are
-    replaced at once, so that names inside the values stay.
+    replaced at once, so that names inside the values are not replaced.
     """
     if isinstance(expression, Name):
         return values.get(expression.name, expression)

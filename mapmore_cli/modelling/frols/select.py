@@ -101,7 +101,7 @@ class Stopping:
 
 
 class DigitsLost(Exception):
-    """Error that is raised if rounding errors of the remainders could change the choice of a term."""
+    """Error for remainders whose rounding errors could change the choice of a term."""
 
 
 class Remainders:
@@ -336,9 +336,7 @@ def in_units(found: Selection, scale: Array) -> Selection:
         theta_error=found.theta_error * y / chosen,
         a=found.a * chosen / chosen[:, None],
         g_all=found.g_all * y / columns,
-        sse=found.sse
-        * y
-        * y,  # a product becomes infinite if it overflows, but a power would raise an error
+        sse=found.sse * y * y,  # unlike a power, a product may overflow
         yy=found.yy * y * y,
     )
 
