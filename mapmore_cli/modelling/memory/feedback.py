@@ -165,7 +165,9 @@ class Parts(NamedTuple):
         weights: Sequence[Expression],
         names: Mapping[str, Expression],
     ) -> Expression:
-        """Write `base + sum_g weight_g own_g`. `names` holds the expressions of the states by name."""
+        """Return the expression `base + sum_g weight_g own_g`. `names` holds the expressions of the
+        states.
+        """
         fed = [
             product_as_written(weight, m.let("own", substitute(part, names)))
             for part, weight in zip(self.owns, weights, strict=True)

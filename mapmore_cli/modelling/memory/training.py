@@ -155,7 +155,7 @@ class Unknown:
         best set first.
 
         If there are few sets, all are tried. Otherwise, the grid of one state is tried after the
-        other, with the parameters of all other states unchanged.
+        other, and the best parameters so far are used for the other states.
         """
         grids = [
             starts(self.step, self.longest)
