@@ -274,7 +274,7 @@ class _Samples:
                 give_back(column)
 
     def scaled(self, rows: slice, scaling: Scaling) -> tuple[dict[str, Array], Array]:
-        """Return the inputs by name, and the output, in scaled coordinates, for some of the rows."""
+        """Return the inputs by name and the output, for some of the rows, in scaled coordinates."""
         inputs = {name: x[rows] for name, x in zip(scaling.variables, self.inputs, strict=True)}
         return scaled_inputs(scaling, inputs), (
             self.y[rows] - scaling.y_intercept

@@ -441,7 +441,9 @@ def pieces_program(body: Pieces, names: Sequence[str]) -> Program:
 
 
 def rule_of_weights(body: Pieces) -> str:
-    """Return a sentence that says how weights rise and fall along one variable (M2 eq 10 and 11)."""
+    """Return a sentence that says how weights rise and fall along one variable (M2 eq 10 and
+    11).
+    """
     fusion = body.fusion
     return (
         f"The weight of a piece is w in the zone in which it rises, 1 - w in the zone in which it "
@@ -452,8 +454,8 @@ def rule_of_weights(body: Pieces) -> str:
 
 
 def rule_of_levels(body: Pieces) -> str:
-    """Return the rule for values between two levels in words. `across_levels` writes the same rule
-    as statements.
+    """Return the rule for values between two levels in words. `across_levels` writes this rule as
+    statements.
     """
     between = "(1 - t) times the lower curve plus t times the upper"
     if body.fusion.levels == "pchip":

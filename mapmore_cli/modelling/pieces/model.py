@@ -1,4 +1,4 @@
-"""Predict with a model of fused pieces (MAPMORE), and return its training range and its equations."""
+"""Predict with a model of fused pieces (MAPMORE). Return its training range and its equations."""
 
 from __future__ import annotations
 

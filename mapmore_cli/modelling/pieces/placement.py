@@ -18,16 +18,14 @@ from mapmore_cli.modelling.signals.sampling import even_share
 
 # fraction, and smallest number, of the samples of a segment whose mean is the end of the trend
 END_FRACTION, FEWEST = 0.05, 3
-# With at most this many variables, all `2^v` corners are tried as origins; with more, only
-# all-left and all-right
+# with more variables, only two of the `2^v` corners are tried as origins: all left and all right
 EVERY_CORNER_UP_TO = 3
-# directions are ignored if samples near the anchor vary in them by less than this fraction of the
-# largest variation
+# A direction is ignored if samples near the anchor vary little along it:
+# by less than this fraction of their variation along the main direction.
 FLAT = 1e-3
-# weights that differ by less than this fraction count as equal; number of further samples that are
-# used if they differ
+# relative difference below which weights count as equal, and samples to add if they differ
 ALIKE, EXTRA = 1e-12, 1
-ROUNDING = 1e-9  # rounding error as a fraction of a sum of weights
+ROUNDING = 1e-9  # relative rounding error of a sum of weights
 
 
 def placements(
