@@ -96,7 +96,7 @@ class Scores(tuple[Mapping[str, Any], ...]):
             row_key = (row["model"], row["split"], row["curve"])
             if row_key == (model, split, "all") and target in (None, row["target"]):
                 return row
-        raise KeyError(f"there is no row of {model} on the {split} data")
+        raise KeyError(f"the score table has no row for the model {model} on the {split} data")
 
 
 @dataclass(frozen=True)

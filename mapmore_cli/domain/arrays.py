@@ -66,7 +66,7 @@ def column_in(columns: Columns, name: str) -> Array:
     """Return the column with the given name. Raises DataError if the table lacks the column."""
     if name not in columns:
         raise DataError(
-            f"there is no column `{name}`", f"there are: {', '.join(columns) or 'none'}"
+            f"there is no column `{name}`", f"the columns are: {', '.join(columns) or 'none'}"
         )
     return columns[name]
 

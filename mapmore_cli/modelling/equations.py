@@ -81,8 +81,7 @@ def equation(
             for short, line in where.items()
         }
         values = [evaluate(parse(to_text(term, digits)), {**at, **known}, len(u)) for term in parts]
-        # Each term is evaluated separately, because the text of the whole sum may be longer than
-        # the parser accepts.
+        # terms are evaluated one by one, because the whole sum may be too long for the parser
         return np.asarray(np.sum(values, axis=0))
 
     with np.errstate(all="ignore"):  # a term may be undefined in a part of the ranges

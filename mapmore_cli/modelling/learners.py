@@ -70,8 +70,7 @@ def _neural_network(_inputs: int) -> Regressor:
 
 LEARNERS: Mapping[str, Learner] = MappingProxyType(
     {
-        # the time and memory of a Gaussian process grow with the third and second power of the
-        # number of samples
+        # for n samples, a Gaussian process needs a time of order n^3 and a memory of order n^2
         "gaussian_process": Learner("Gaussian process", 400, _gaussian_process),
         "gradient_boosting": Learner("Gradient boosting", 20_000, _gradient_boosting),
         "mlp": Learner("Neural network", 5_000, _neural_network),

@@ -107,7 +107,7 @@ def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
             circle = " -> ".join(step.name for step in (*chain, other))
             raise SpecError(
                 f"{loaded.name}: these runs need each other in a circle: {circle}",
-                "remove one of these names from its spec",
+                "change one of these specs so that it does not need the next run",
             )
         refuse_circle(load(other), chain)
 

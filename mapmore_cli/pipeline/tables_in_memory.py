@@ -114,7 +114,7 @@ def column_of(
     if values.ndim != 1:
         raise DataError(
             f"{label_of_column} has the shape {values.shape}",
-            "give one-dimensional arrays of one length",
+            "give one-dimensional arrays of equal length",
         )
     return values
 

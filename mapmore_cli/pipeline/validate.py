@@ -74,8 +74,8 @@ def frozen_models(spec: ExperimentSpec, folder: Path) -> list[Path]:
         if not path.is_file():
             raise SpecError(
                 f"validate.against: there is no model {competitor.model}",
-                "freeze one with `mapmore freeze RUN --tag TAG`; paths start at the folder of "
-                "the spec",
+                "freeze one with `mapmore freeze RUN --tag TAG`; paths are relative to the "
+                "folder of the spec",
             )
     return paths
 

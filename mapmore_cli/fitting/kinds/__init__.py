@@ -30,8 +30,8 @@ def added_up(_path: str) -> Model:
     unknown.
     """
     raise SpecError(
-        "a sum of models of other runs cannot be fitted here, where these runs are unknown",
-        "do this with the specs of the added models instead",
+        "a sum of models of other runs cannot be fitted here, because these runs are unknown",
+        "use the specs of the added models instead",
     )
 
 

@@ -30,7 +30,7 @@ def fitted(
         reasons = "; ".join(formula_fit.notes) or "no finite parameters were found"
         raise FitError(
             f"the fit of {formula_fit.name} failed: {reasons}",
-            "use another formula, or build the model without one",
+            "use another formula, or build the model without a formula",
         )
     return formula_fit
 

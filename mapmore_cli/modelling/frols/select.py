@@ -220,8 +220,7 @@ def to_explain(blocks: Blocks, samples: int, yy: float, uncertainty: Array | Non
     return yy - float(y @ (1 / uncertainty)) ** 2 / float(np.sum(uncertainty**-2.0))
 
 
-# smallest unexplained fraction that counts; below it, the residual is rounding error, and more
-# terms explain nothing
+# smaller unexplained fractions are rounding errors, which no further term can explain
 ROUNDING = 1e-30
 
 

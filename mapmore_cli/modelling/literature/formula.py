@@ -129,7 +129,7 @@ class Formula:
             derivative(self._fitted_expression, name).names & {*self.linear} for name in self.linear
         ):
             raise ValueError(
-                f"{self.name}: it is not linear in a parameter that `nonlinear` does not list"
+                f"{self.name}: `nonlinear` lacks a parameter in which the formula is not linear"
             )
         return self
 

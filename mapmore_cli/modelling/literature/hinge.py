@@ -141,7 +141,7 @@ def fit_hinge(columns: Columns, y: Array, curvature: float | None = None) -> For
     ends = descend(problem.system, starts, bounds, evaluations=FIRST)
     if not ends:
         raise FitError(
-            "the formula has no finite value at any start of its fit",
+            "the formula has no finite value at any of its starting values",
             "check the units of its quantities",
         )
     best = min(ends, key=lambda end: end.cost)

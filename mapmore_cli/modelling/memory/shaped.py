@@ -111,7 +111,7 @@ def _warnings_of_zero_gain(shaped: Model, region: Region) -> Iterator[str]:
         )
         if shape.training > CLEARLY * shape.training_without:
             raise FitError(
-                f"{sentence}, and the training error is "
+                f"{sentence}, and without it, the training error is "
                 f"{shape.training / shape.training_without:.3g} times smaller",
                 f"write `{kept.quantity}: {other}` if this is right, or remove the sign",
             )

@@ -22,12 +22,12 @@ from mapmore_cli.modelling.shape.least_squares import least_squares_under
 from mapmore_cli.modelling.shape.region import Region
 from mapmore_cli.modelling.shape.stencils import ShapeWord, Stencils, nodes_of, stencils_on
 
-# number of nodes of the grid on which the shape must hold
-# number of nodes along each input of the finer grid around a binding inequality
-# number of refinements of this finer grid
+# Number of nodes of the grid on which the shape must hold.
+# Number of nodes along each input of the finer grid around a binding inequality.
+# Number of refinements of this finer grid.
 FINE, CLOSE, CLOSER = 40_000, 9, 3
-# largest number of rounds on one grid
-# largest number of inequalities that a round adds for one entry of `shape`
+# Largest number of rounds on one grid.
+# Largest number of inequalities that a round adds for one entry of `shape`.
 ROUNDS, ADDED = 60, 200
 # smaller violations, as a fraction of the range of the training output, are ignored
 ROUNDING = 1e-11
@@ -163,7 +163,7 @@ class Exchange:
                 return
             self._solve()
         raise FitError(
-            f"fit.shape: no coefficients that fulfil it were found: {violated[0].told}",
+            f"fit.shape: no coefficients with this shape were found: {violated[0].told}",
             "interpolate linearly (`fuse: {levels: linear}`), or remove a condition",
         )
 

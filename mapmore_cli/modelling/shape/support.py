@@ -32,11 +32,11 @@ from mapmore_cli.modelling.shape.stencils import (
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-# number of places of the grid on which training data are compared
-# smallest and largest number of places along one input
+# Number of places of the grid on which training data are compared.
+# Smallest and largest number of places along one input.
 COMPARED, LEAST_ALONG, MOST_ALONG = 4096, 24, 1000
-# smallest number of differences that can support a sign
-# fraction of the differences that may contradict the sign without a test
+# Smallest number of differences that can support a sign.
+# Fraction of the differences that may contradict the sign without a test.
 FEWEST, CONTRADICTED = 10, 0.05
 # a fall by less than this fraction of the range of the output is a rounding error
 ROUNDING = 1e-9
@@ -47,8 +47,7 @@ LEVEL = 0.01
 # A contradiction of fewer standard errors is too weak to need a simulation.
 RUNS, UNLIKELY = 199, 2.0
 CONFIRMED = 3.0  # number of standard errors by which a fitted surface must contradict a sign
-# for each length of a stretch, only this number of the largest contradictions is tested with a
-# fitted surface
+# for each width of the means, this many of the largest contradictions are tested by a surface
 TRIED = 32
 # The noise of a cell is the mean over at least `LOCAL` cells around it.
 # For d inputs, a plane is fitted to `2 d + ABOUT - 1` neighbours of a cell.

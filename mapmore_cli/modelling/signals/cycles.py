@@ -69,8 +69,8 @@ def split_cycles(over: Array, columns: Columns, samples: int) -> Branches:
     for (places, _), name in zip(means, ("contraction", "extension"), strict=True):
         if len(places) < FEWEST:
             raise DataError(
-                f"the {name} branch was measured at {len(places)} different places; {FEWEST} "
-                "are needed",
+                f"the {name} branch was measured at {len(places)} different places, but "
+                f"{FEWEST} are needed",
                 REMEDY,
             )
     grid = np.linspace(max(x[0] for x, _ in means), min(x[-1] for x, _ in means), samples)

@@ -42,8 +42,7 @@ def running_median(x: Array, y: Array, window: float) -> tuple[Array, Array]:
     return over_x, over_y
 
 
-# number of samples that are gathered into windows at a time: a few MB, which stay in the
-# processor's cache
+# number of samples that are processed at once, so that they stay in the processor's cache
 BLOCK = 100_000
 
 

@@ -35,8 +35,8 @@ CHANGED, SAME, UNCLEAR = "changed", "same", "cannot tell"  # possible results of
 OF_SETTINGS = "settings"
 # a smaller relative change of force is of no interest, because repeats differ by as much
 MARGIN = 0.01
-# number of points along the input that varies within a curve
-# number of points along each input if several inputs vary
+# Number of points along the input that varies within a curve.
+# Number of points along each input if several inputs vary.
 GRID, COARSE_GRID = (
     41,
     11,

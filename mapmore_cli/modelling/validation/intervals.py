@@ -122,7 +122,7 @@ def left_out_summary(
     for part, values in pooled.items():
         if not len(values) or not np.isfinite(values).all():
             raise FitError(
-                f"the model that was fitted without {part} has no prediction for it, or one that "
+                f"the model that was fitted without {part} cannot predict it, or its prediction "
                 "is not finite",
                 "remove `validate.intervals`",
             )
@@ -402,7 +402,7 @@ def intervals_of(model: Model, level: float) -> LeftOut:
     if model.left_out is None:
         remedy = "add `validate: {intervals: true}` to its spec, and run `mapmore run` again"
         raise DataError(
-            f"the model {model.name} has no errors on left-out data, from which intervals are made",
+            f"the model {model.name} has no errors on left-out data, so it has no intervals",
             remedy,
         )
     return model.left_out

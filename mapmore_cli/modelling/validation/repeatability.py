@@ -150,8 +150,7 @@ def _sum_of(branches: Sequence[_Branch], at: Array) -> tuple[Array, Array]:
     return whole.astype(np.float64), running(np.ones(len(y))).astype(np.float64)
 
 
-# Cycles repeat each other in time if their root mean square difference is at most this fraction
-# of the range.
+# largest root mean square difference, as a fraction of the range, of cycles that repeat in time
 SAME_COURSE = 0.05
 
 
