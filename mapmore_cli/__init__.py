@@ -3,7 +3,7 @@
 import mapmore_cli as mm
 
 m = mm.fit(frame, target="static", ...)   # the sections of a spec as keyword arguments
-r = mm.run("muscle.yaml")                 # what the command `mapmore run` does
+r = mm.run("muscle.yaml")                 # as `mapmore run` does
 m = mm.load_model("model.h5")
 """
 

@@ -23,7 +23,7 @@ def main() -> None:
         gc.set_threshold(YOUNG)
         from mapmore_cli import THREADS
 
-        # as in a stage: a process with several threads cannot be forked
+        # one thread only, because a process with several threads cannot be forked safely
         os.environ |= dict.fromkeys(THREADS, "1")
 
         from mapmore_cli.cli.app import main as run
@@ -32,7 +32,7 @@ def main() -> None:
     except (KeyboardInterrupt, SystemError) as end:
         if isinstance(end, SystemError) and not isinstance(end.__cause__, KeyboardInterrupt):
             raise
-        print("interrupted", file=sys.stderr)  # Ctrl-C may also have arrived inside a C function
+        print("interrupted", file=sys.stderr)  # Ctrl-C inside a C function raises SystemError
         sys.exit(130)
 
 
@@ -55,5 +55,5 @@ def _hold_standard_streams() -> None:
             setattr(sys, name, stream)
 
 
-if __name__ == "__main__":  # the worker processes of `batch` import this module again
+if __name__ == "__main__":  # worker processes only import this file
     main()

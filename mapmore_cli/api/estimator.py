@@ -28,12 +28,12 @@ from mapmore_cli.modelling.frols.engine import frols
 from mapmore_cli.pipeline.frames import Door, labels_of
 
 TOLERANCE = 1e-4  # default tolerance with `stop: tolerance`
-FEWEST = 3  # number of terms that a model may have even with few samples
-# largest fraction of the differences between powers of a column that rounding may remove; beyond
-# it, the column is centred
+FEWEST = 3  # a model may have this many terms, however few samples there are
+# Rounding may remove this fraction of the differences between the powers of a column.
+# If it would remove more, the mean of the column is subtracted first.
 LOST = 1e-10
-# a coefficient counts as zero if it is smaller than this fraction of the sum of the magnitudes of
-# its summands
+# A coefficient is a sum of contributions.
+# A sum that is below this fraction of the sum of their magnitudes counts as zero.
 ROUNDING = 1e-13
 
 
@@ -43,8 +43,8 @@ class NotFitted(ValueError, AttributeError):
 
 @dataclass(eq=False, repr=False)
 class FROLS:
-    """Few terms of a polynomial in the columns of X, selected by error reduction ratio
-    (`mapmore_cli.modelling.frols`).
+    """Regression by a polynomial with few terms in the columns of X, selected by error reduction
+    ratio (`mapmore_cli.modelling.frols`).
 
     - `order`: total degree of the candidate monomials; `constant`: whether the constant is a
       candidate.
@@ -122,9 +122,9 @@ class FROLS:
         return self
 
     def _centre_of(self, values: Array) -> Array:
-        """Return the offset that is subtracted from each column, (m,). It is the mean of the column
-        if the column is so far from zero that its powers would differ only by rounding errors,
-        otherwise 0.
+        """Return the offset that is subtracted from each column, (m,). If a column is far from
+        zero, its powers differ by little more than rounding errors; the offset is then the mean of
+        the column. Otherwise, the offset is 0.
         """
         mean, spread = values.mean(axis=0), values.std(axis=0)
         far = spread * (LOST / np.finfo(float).eps) ** (1 / max(self.order, 1)) < np.abs(mean)
@@ -138,7 +138,8 @@ class FROLS:
         self, candidates: Sequence[Expression], selection: Selection
     ) -> tuple[tuple[str, ...], Array, Array]:
         """Return the model in the original columns: terms, coefficients and error reduction ratios,
-        (k,) each. Powers of differences are multiplied out in exact fractions.
+        (k,) each. If a column was centred, the powers of (column - offset) are expanded in exact
+        fractions.
         """
         m, total = len(self._columns), dict.fromkeys(selection.chosen.tolist(), Fraction(0))
         twos = dict(zip(self._columns, 1 + np.eye(m), strict=True))
@@ -184,14 +185,14 @@ class FROLS:
         """Return R² of the prediction."""
         predicted = self.predict(X)
         target = _target(y, len(predicted))
-        unit = float(np.abs(target).max()) or 1.0  # dividing by this unit keeps the squares finite
+        unit = float(np.abs(target).max()) or 1.0  # so that no square overflows
         predicted, target = predicted / unit, target / unit
         spread = float(np.sum((target - target.mean()) ** 2))
         return 1.0 - float(np.sum((target - predicted) ** 2)) / spread if spread else 0.0
 
     @property
     def table_(self) -> list[dict[str, Any]]:
-        """A row for each term, in the order of selection: `{"term", "coefficient",
+        """One row for each term, in the order of selection: `{"term", "coefficient",
         "standard_error", "t", "err"}`.
         """
         self._check_fitted()
@@ -312,8 +313,8 @@ def _of_sklearn(name: str, otherwise: type) -> Any:
 
 
 class NotNumbers(ValueError, TypeError):
-    """The input is no table of numbers. It is both a ValueError and a TypeError, because
-    scikit-learn expects one or the other.
+    """Error for an input that is no table of numbers. It is a ValueError and a TypeError, because
+    some callers of scikit-learn catch ValueError and some catch TypeError.
     """
 
 

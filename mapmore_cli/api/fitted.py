@@ -96,13 +96,13 @@ class Scores(tuple[Mapping[str, Any], ...]):
             row_key = (row["model"], row["split"], row["curve"])
             if row_key == (model, split, "all") and target in (None, row["target"]):
                 return row
-        raise KeyError(f"there is no row of {model} on the {split} data")
+        raise KeyError(f"the score table has no row for the model {model} on the {split} data")
 
 
 @dataclass(frozen=True)
 class Study:
-    """Arguments of `fit`: the spec as a `document`, the `frames` in memory, and the folder at
-    which paths start.
+    """Arguments of `fit`: the spec as a `document`, the `frames` in memory, and the folder to which
+    paths are relative.
 
     `frames` is empty if files are read. With `check`, an error of `mapmore check` ends the fit.
     `progress` says whether a bar shows the progress (`_Bar`).
@@ -116,12 +116,14 @@ class Study:
 
     @property
     def columns(self) -> Mapping[str, Any]:
-        """The section `columns` of the spec, as the caller gave it."""
+        """The caller's section `columns` of the spec."""
         section: Mapping[str, Any] = self.document["data"].get("columns", {})
         return section
 
     def loaded(self, changes: Mapping[str, Any] = MappingProxyType({})) -> LoadedSpec:
-        """Return the spec, with the frames as its recordings in memory."""
+        """Return the validated spec. Its recordings are the frames in memory, unless files are
+        read.
+        """
         document, tables = {"schema_version": 1, **self.document}, dict[str, RawTable]()
         if self.frames:
             tables = tables_of(self.frames, self.columns, self.document.get("units", {}))
@@ -130,8 +132,8 @@ class Study:
         return load_text(text, HERE, self.folder, as_overrides(changes), tables)
 
     def written(self, place: Path) -> str:
-        """Return the text of the spec for the file at `place`. The frames are written to a folder
-        beside this file.
+        """Write the frames to a folder beside the file `place`, and return the text of a spec for
+        this file that reads them.
         """
         loaded = self.loaded()
         if loaded.tables:
@@ -140,8 +142,8 @@ class Study:
         return loaded.resolved_in(place.parent, given_only=True)
 
     def fitted(self, changes: Mapping[str, Any] = MappingProxyType({})) -> Fitted:
-        """Return the model and its scores; results of stages pass through a temporary folder that
-        is removed.
+        """Run all stages, and return the model and its scores. The files of the stages are written
+        to a temporary folder, which is removed afterwards.
         """
         warnings, loaded = list[str](), self.loaded(changes)
         with scratch_folder() as runs, _Bar(self.progress) as bar:
@@ -180,7 +182,7 @@ class _Bar:
     """
 
     def __init__(self, is_wanted: bool | None) -> None:
-        from rich.console import Console  # imported here because many fits show no bar
+        from rich.console import Console  # only a bar needs this import
 
         self._console = Console(stderr=True)
         self._bar: Progress | None = None
@@ -198,7 +200,7 @@ class _Bar:
             self._bar.stop()
 
     def __call__(self, what: str, done: int, total: int) -> None:
-        """Show the progress of long work."""
+        """Show that `done` of `total` steps of the task `what` are finished."""
         if time.monotonic() < self._due and not (self._is_begun and done == total):
             return
         self._is_begun = True

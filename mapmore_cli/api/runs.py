@@ -1,4 +1,6 @@
-"""Provide `run`, which does the same as the command `mapmore run`, and the models that it wrote."""
+"""Provide `run`, which does the same as the command `mapmore run`, and `load_model`, which reads
+the model file of a run.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,7 @@ from mapmore_cli.study.yaml_dumper import as_overrides
 
 @dataclass(frozen=True, repr=False)
 class Run(Finished):
-    """A run that is up to date.
+    """Result of `run`: a run whose stages are all up to date.
 
     Attributes
     ----------
@@ -36,8 +38,8 @@ class Run(Finished):
     stages
         `done` or `up-to-date` by stage.
     missed
-        Sentences about limits of `validate.require` that are missed. If there are any, the command
-        `mapmore run` ends with exit code 6.
+        One sentence for each limit of `validate.require` that the scores miss. If there are any,
+        the command `mapmore run` ends with exit code 6.
     """
 
     @cached_property

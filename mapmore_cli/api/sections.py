@@ -200,7 +200,8 @@ def _data_of(
 
 
 def _reader_of(path: object) -> str:
-    """Return the reader for files with this name; `csv` for unknown names.
+    """Return the name of the reader for a file, from the ending of its name; `csv` for an unknown
+    ending.
 
     Raises SpecError for a value that is no path.
     """

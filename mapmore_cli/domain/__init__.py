@@ -1,1 +1,1 @@
-"""Define the frozen types that pass between the layers, and the errors that users see."""
+"""Define the frozen dataclasses that all layers exchange, and the errors that users see."""

@@ -1,8 +1,8 @@
 """Define the array types of all layers, and operations on columns that work block by block.
 
-A column that is longer than memory is an ordinary array: it is mapped from a file, and is
-read-only. Code that goes through it in blocks needs the memory of one block; code that uses it as a
-whole needs the memory of the whole.
+A column that does not fit into memory is a read-only array that is mapped from a file. Code that
+processes it block by block needs memory for one block only; any other code needs memory for the
+whole column.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from mapmore_cli.domain.errors import DataError
 
 _Shape = tuple[Any, ...]
 
-# written out because `NDArray` is a type alias of another form since NumPy 2.5
+# not `NDArray`, because NumPy 2.5 changed how this alias is defined
 Array = np.ndarray[_Shape, np.dtype[np.float64]]
 """Measured or computed values; shapes are given where the array is used."""
 
@@ -66,13 +66,13 @@ def column_in(columns: Columns, name: str) -> Array:
     """Return the column with the given name. Raises DataError if the table lacks the column."""
     if name not in columns:
         raise DataError(
-            f"there is no column `{name}`", f"there are: {', '.join(columns) or 'none'}"
+            f"there is no column `{name}`", f"the columns are: {', '.join(columns) or 'none'}"
         )
     return columns[name]
 
 
 def columns_at(columns: Columns, rows: slice | IntArray | BoolArray) -> dict[str, Array]:
-    """Return every column at some rows."""
+    """Return every column with only the given rows."""
     return {name: values[rows] for name, values in columns.items()}
 
 
@@ -111,7 +111,7 @@ def extremes(column: Array, mask: BoolArray | None = None) -> Ends:
     """
     if mask is not None and not mask.all():
         return _ends_of(blocks_where(column, mask))
-    # extremes can be remembered, because the contents of the file do not change
+    # the extremes of a mapped column are stored, because the contents of its file do not change
     of = _map_of(column)
     known = {} if of is None else _mapped.setdefault(of, {})
     place = (column.__array_interface__["data"][0], column.shape, column.strides)
@@ -165,7 +165,7 @@ def stacked(blocks: Iterable[Sequence[Any]]) -> list[Any]:
 
 def _in_files(blocks: Iterable[Sequence[Any]], like: Sequence[Any]) -> list[Any]:
     """Write the columns to files, block by block, and return them as arrays mapped from these
-    files. Their types and widths are those of the blocks `like`.
+    files. Data types and numbers of values per row are those of the blocks `like`.
     """
     with ExitStack() as opened:
         files = [opened.enter_context(tempfile.TemporaryFile(dir=SCRATCH.get())) for _ in like]
@@ -186,7 +186,7 @@ def by_blocks(function: Callable[..., Any], *columns: Any, rows: int = ROWS) -> 
     """Return `function(*columns)`, computed in blocks. Each row of the result may depend only on
     the same row of the columns.
     """
-    if len(columns[0]) <= rows:  # a curve is often short, and there may be thousands of them
+    if len(columns[0]) <= rows:  # fast path for the many short curves
         return function(*(column[:rows] for column in columns))
     return stacked([function(*block)] for block in in_blocks(*columns, rows=rows))[0]
 
@@ -222,13 +222,15 @@ def picked(values: Any, rows: Rows | BoolArray) -> Any:
 
 
 def joined(columns: Sequence[Any]) -> Any:
-    """Return columns one after the other as a single column, (n,)."""
+    """Concatenate columns into a single column, (n,)."""
     blocks = (block for column in columns for block in in_blocks(column))
     return columns[0] if len(columns) == 1 else stacked(blocks)[0]
 
 
 def row_numbers(rows: Rows) -> IntArray:
-    """Return row numbers, (n,). Consecutive rows stay a range, which needs no memory."""
+    """Return row numbers as an array, (n,), or unchanged if they are a range, because a range needs
+    no memory.
+    """
     return np.arange(rows.start, rows.stop, rows.step) if isinstance(rows, range) else rows
 
 
@@ -242,8 +244,8 @@ def rows_where(mask: BoolArray) -> Rows:
 
 
 def give_back(column: object) -> None:
-    """Release the memory of a column that is mapped from a file. Its values are read again from the
-    file when they are needed.
+    """Release the memory of a column that is mapped from a file. When values of the column are
+    needed again, they are read from the file.
     """
     if (owner := _map_of(column)) is not None and hasattr(mmap, "MADV_DONTNEED"):
         owner.madvise(mmap.MADV_DONTNEED)

@@ -15,11 +15,13 @@ from mapmore_cli.domain.arrays import Array, BoolArray
 
 @dataclass(frozen=True)
 class Normaliser:
-    """Divisor of errors, with its name, which every table shows."""
+    """Number by which errors are divided to obtain the NRMSE, and the name of this number, which
+    every score table shows.
+    """
 
     name: str
     value: float
-    # size of the range of the samples from which the normaliser is computed
+    # maximum minus minimum of the samples from which the normaliser is computed
     extent: float = math.nan
 
     def fraction(self, error: float) -> float:
@@ -31,14 +33,14 @@ class Normaliser:
 
 class SampleBlock(NamedTuple):
     """Samples with the predictions of a model, (n,) each. A value is NaN if it is unknown or if
-    there is no prediction. `recorded` also has the measured values of the history with which a
-    model with memory starts.
+    there is no prediction. For a model with memory, `recorded` additionally has the measured values
+    before the first prediction.
     """
 
     recorded: Array
     measured: Array
     predicted: Array
-    one_step: Array  # predictions one step ahead, from the measured past
+    one_step: Array  # one-step-ahead predictions, from measured outputs
     half: Array  # half the width of the prediction interval
     sigma: Array  # uncertainty of the measured values
 
@@ -66,7 +68,7 @@ class Compared:
             return float(sum(float(np.sum(of(block))) for block in self.blocks()))
 
     def spread(self, of: Callable[[SampleBlock], Array]) -> float:
-        """Return the sum of squares, about the mean, of a function of the samples."""
+        """Return the sum of squared deviations of a function of the samples from its mean."""
         mean = self.total(of) / max(self.total(lambda block: np.ones(len(of(block)))), 1)
         return self.total(lambda block: (of(block) - mean) ** 2)
 
@@ -81,7 +83,7 @@ class Compared:
 
     @cached_property
     def n(self) -> int:
-        """Number of samples of the row."""
+        """Number of samples in this row of the score table."""
         return sum(len(block.measured) for block in self.blocks())
 
     @cached_property
@@ -101,8 +103,8 @@ class Compared:
 
     @cached_property
     def recorded_spread(self) -> float:
-        """Sum of squares of the recorded values about their mean, including the history, as is
-        usual for the RRSE.
+        """Sum of squares of the recorded values about their mean. The measured history of a model
+        with memory is included, as is usual for the RRSE.
         """
         return self.spread(lambda block: block.recorded)
 
@@ -113,8 +115,8 @@ class Compared:
 
     @property
     def correlation(self) -> float:
-        """Correlation index of W, `sum y yhat / sqrt(sum y^2 sum yhat^2)`, which is not Pearson's;
-        NaN if either signal is zero throughout.
+        """Correlation index R of the paper W, `sum y yhat / sqrt(sum y^2 sum yhat^2)`, which is not
+        Pearson's; NaN if either signal is zero throughout.
         """
         products = self.total(lambda block: block.measured * block.predicted)
         squares = self.total(lambda block: block.measured**2)

@@ -24,7 +24,7 @@ S = TypeVar("S")
 
 
 def prose(docstring: str | None) -> str:
-    """Return the text of a docstring with each paragraph and each item of a list in one line."""
+    """Return the text of a docstring in which every paragraph and every list item is one line."""
     return re.sub(r"(?<=\S)\n +(?=\S)|(?<=\S)\n(?![\s-])", " ", cleandoc(docstring or ""))
 
 
@@ -32,10 +32,10 @@ class Handler(Protocol):
     """Function of pydantic that makes the schema of a type."""
 
     def __call__(self, source: object, /) -> dict[str, object]:
-        """Return the schema that pydantic makes of the type by itself."""
+        """Return the schema that pydantic would make for the type without our hook."""
 
     def generate_schema(self, source: object, /) -> dict[str, object]:
-        """Return the schema of any type, which need not be the type that is being handled."""
+        """Return the schema of any type, not only of the type that pydantic is handling."""
 
 
 class Info(Protocol):
@@ -48,8 +48,8 @@ class Info(Protocol):
 
 @dataclass(frozen=True)
 class Settings:
-    """Base class of dataclasses whose fields are the keys of a section. The section is strict and
-    refuses unknown keys.
+    """Base class of dataclasses whose fields are the keys of a section. Types are checked strictly,
+    and unknown keys are refused.
     """
 
     __pydantic_config__: ClassVar[dict[str, Any]] = {
@@ -79,7 +79,7 @@ class Settings:
 
     @property
     def changed(self) -> list[str]:
-        """Keys whose values differ from their defaults."""
+        """Names of the keys whose values differ from the defaults."""
         return [key.name for key in fields(self) if getattr(self, key.name) != key.default]
 
 
@@ -94,8 +94,9 @@ def before(schema: object, function: Callable[[Any, Any], object]) -> dict[str, 
 
 
 class Contradiction(ValueError):
-    """Settings contradict each other, or a value does not fit its key. The error is shown at the
-    first key in `near` that the section has, or at the value.
+    """Error for settings that contradict each other, or for a value that its key does not allow.
+    The message points to the first key in `near` that the section has; without such a key, it
+    points to the value.
     """
 
     def __init__(self, message: str, remedy: str | None, *near: str) -> None:
@@ -104,8 +105,8 @@ class Contradiction(ValueError):
 
 
 def from_fields(of: type[S], settings: object, **own: object) -> S:
-    """Return an object of the class `of`. A field gets its value from `own`, or otherwise from the
-    field of `settings` with the same name.
+    """Return an object of the class `of`. Each field takes its value from `own` if `own` has its
+    name, and otherwise from the attribute of `settings` with the same name.
     """
     names = [field.name for field in fields(of)]  # type: ignore[arg-type]
     shared = {name: getattr(settings, name) for name in names if hasattr(settings, name)}
@@ -126,7 +127,7 @@ _SHAPES: tuple[tuple[Any, str], ...] = (
 
 
 def shape(value: object) -> str:
-    """Return the kind of a value in the words of YAML, for messages."""
+    """Return the YAML type of a value, for messages."""
     return _shape_of(type(value))
 
 
@@ -143,17 +144,18 @@ def _shape_of(type_: Any) -> str:
 
 @dataclass(frozen=True)
 class Either:
-    """Mark of a union in which the form of the value decides which member applies. A mistake then
-    gives one message instead of one for each member.
+    """Mark of a union type whose member is chosen by the form of the value. A mistake then gives
+    one message, instead of one message for each member.
 
-    Of two mappings, the member with the key `key` applies if the value has this key.
+    If two members are mappings, the member with the key `key` is chosen for a value that has this
+    key.
     """
 
     key: str | None = None
 
     def __get_pydantic_core_schema__(self, source: object, handler: Handler) -> object:
-        """Return a schema with a tag for each member, and a function that returns the tag of a
-        value.
+        """Return a schema in which each member of the union has a tag. Pydantic calls a function of
+        this schema to find the tag of a value.
         """
         members = get_args(source)
         choices = {self._tag(member): handler.generate_schema(member) for member in members}
@@ -184,7 +186,9 @@ class ListToo:
     """Mark of a tuple that may be written as a list."""
 
     def __get_pydantic_core_schema__(self, source: object, handler: Handler) -> object:
-        """Return the schema of the tuple; its values remain strict."""
+        """Return the schema of a tuple that also accepts a list. The elements are still checked
+        strictly.
+        """
         return {**handler(source), "strict": False}
 
 
@@ -193,7 +197,7 @@ Pair = Annotated[tuple[float, float], ListToo()]
 
 @dataclass(frozen=True)
 class Matching:
-    """Mark of a text that must match a regular expression."""
+    """Mark of a text that must match the regular expression `pattern`."""
 
     pattern: str
 
@@ -207,8 +211,8 @@ class Matching:
 
 @dataclass(frozen=True)
 class Checked:
-    """Mark of a stored value. `holds` returns True for valid values; `words` say what is wrong with
-    any other.
+    """Condition for a stored value. `holds` returns True for a valid value; `words` say what is
+    wrong with an invalid one.
     """
 
     words: str
@@ -216,7 +220,7 @@ class Checked:
 
 
 def one_of(*words: str) -> Checked:
-    """Mark a text that must be one of a few words."""
+    """Return the condition that a stored text is one of the given words."""
     return Checked(f"is not one of {', '.join(words)}", words.__contains__)
 
 
@@ -264,8 +268,8 @@ class InUnit:
     function `unit` returns for the place of the number in the spec (`study.fields.Place`). `words`
     describe this unit to a reader.
 
-    The number is a value of its quantity. A width, a tolerance, an error or an offset is a
-    `Difference` of two values: 1 K more is 1 degC more.
+    The number is a value of its quantity, for example a temperature. A width, a tolerance, an error
+    or an offset is a `Difference`: a difference of 1 K equals a difference of 1 degC.
     """
 
     unit: Callable[[Any], str | None]
@@ -274,7 +278,7 @@ class InUnit:
     is_difference: ClassVar[bool] = False
 
     def __get_pydantic_core_schema__(self, source: object, handler: Handler) -> object:
-        """Return the schema of the number, preceded by the conversion."""
+        """Return the schema of the number. A text with a unit is converted first."""
         return before(handler(source), self._converted)
 
     def _converted(self, value: object, info: Info) -> object:
@@ -293,7 +297,9 @@ class InUnit:
 
 @dataclass(frozen=True)
 class Difference(InUnit):
-    """Mark of a difference of two values of a quantity. The zero of the unit does not matter."""
+    """Mark of a number that is a difference of two values of a quantity. Its conversion uses the
+    factor of the unit, not the offset.
+    """
 
     is_difference: ClassVar[bool] = True
 

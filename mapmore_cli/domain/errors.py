@@ -52,8 +52,9 @@ class MapmoreError(Exception):
 
 
 def explained(error: BaseException) -> BaseException:
-    """Return the error itself, or an error that says what the user can do: about a file or folder
-    without read permission, a path that leads nowhere, or too little memory.
+    """Return an error whose message says what the user can do, if the cause is a file or folder
+    without read permission, a path that does not exist, or too little memory. Return any other
+    error unchanged.
 
     If Ctrl-C arrives inside a C function, Python may raise a SystemError. Its cause, the
     interruption, is then returned.
@@ -84,8 +85,8 @@ def explained(error: BaseException) -> BaseException:
 
 
 def error_text(error: BaseException) -> str:
-    """Return the message of an error for the user. An error that is a fault of the program itself
-    is described in one line.
+    """Return the message of an error for the user. For a fault of the program itself, the message
+    has one line.
     """
     error = explained(error)
     if isinstance(error, MapmoreError):
@@ -97,46 +98,48 @@ def error_text(error: BaseException) -> str:
 
 
 class UsageError(MapmoreError):
-    """The command line itself is wrong (exit 2)."""
+    """The command line has a wrong option or argument (exit code 2)."""
 
     exit_code = 2
 
 
 class SpecError(MapmoreError):
-    """The experiment spec is wrong (exit 3)."""
+    """The experiment spec has a mistake (exit code 3)."""
 
     exit_code = 3
 
 
 class DataError(MapmoreError):
-    """The recordings are wrong, or too few samples remain for the settings of the spec (exit 4)."""
+    """The recordings have a mistake, or too few samples remain for the settings of the spec (exit
+    code 4).
+    """
 
     exit_code = 4
 
 
 class FitError(MapmoreError):
-    """A fit without which the run cannot continue has failed (exit 5)."""
+    """A fit has failed without which the run cannot continue (exit code 5)."""
 
     exit_code = 5
 
 
 class LimitMissed(MapmoreError):
-    """A limit in `validate.require` is missed (exit 6)."""
+    """The scores miss a limit in `validate.require` (exit code 6)."""
 
     exit_code = 6
 
 
 class WriteError(MapmoreError):
-    """A result cannot be written: no permission, a full disk, or a lock held by another process
-    (exit 7).
+    """A result cannot be written: no permission, a full disk, or a file that another process has
+    locked (exit code 7).
     """
 
     exit_code = 7
 
 
 class Stopped(KeyboardInterrupt):
-    """The process was asked to end by the signal `number`. The exit code is 128 + number, as shells
-    report it.
+    """The operating system asked the process to end, by the signal `number`. The exit code is 128 +
+    number, as shells report it.
     """
 
     def __init__(self, number: int) -> None:
@@ -145,8 +148,9 @@ class Stopped(KeyboardInterrupt):
 
 
 class RunWarning(str):
-    """A warning about another run than the requested one, for example a run that it needs. The text
-    begins with the name of the run; `run` and `message` hold the two parts separately.
+    """A warning about a run that the user did not ask for, for example a run that the requested run
+    needs. The text consists of the name of the run and the message; `run` and `message` hold these
+    two separately.
     """
 
     run: str

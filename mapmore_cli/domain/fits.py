@@ -1,5 +1,5 @@
-"""Define the results of fitting: scalings, FROLS selections, segment fits, fits of formulas, models
-with memory, and how they were found.
+"""Define the results of fitting: scalings, FROLS selections, segment fits, fits of formulas, and
+fits of models with memory.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ class Scaling:
     """Elementwise linear scaling `z_j = slope_j x_j + intercept_j`, `y = y_slope y_scaled +
     y_intercept` (M2 eq 8).
 
-    `placement` has one word for each variable, for example `left,right`; it is `-` if the rule
-    places no origin.
+    `placement` says for each variable at which end of its range the scaled origin lies, for example
+    `left,right`; it is `-` if the scaling rule places no origin.
     """
 
     rule: Annotated[Label, "`unit_square`, `max_abs`, `none` or `range`"]
@@ -87,8 +87,9 @@ class Selection(ChosenTerms):
     coordinates.
 
     `candidates` holds the names of the dictionary's M columns if they were given; they are not
-    stored. `stop` is `tolerance`, `max_terms`, `no_gain`, `rank`, `bic`, `free_run`, or `pruned`
-    (from more terms to `max_terms`).
+    stored. `stop` is the reason why the selection ended: `tolerance`, `max_terms`, `no_gain`,
+    `rank`, `bic`, `free_run`, or `pruned` (more terms were selected, and then removed down to
+    `max_terms`).
     """
 
     chosen: Annotated[IntArray, "(k) candidates in the order of selection, from 0", "-"]
@@ -126,8 +127,8 @@ class Selection(ChosenTerms):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The chosen terms in the order of selection; `p3` for column 3 if the columns have no
-        names.
+        """Names of the chosen terms in the order of selection. If the columns have no names, column
+        3 is called `p3`.
         """
         return tuple(
             self.candidates[i] if self.candidates else f"p{i}" for i in self.chosen.tolist()
@@ -148,9 +149,9 @@ class Selection(ChosenTerms):
 
     @property
     def freedom(self) -> int:
-        """Degrees of freedom of the standard errors. If residuals are summed by curve, they are
-        counted from the number of curves. Otherwise, they are counted from the number of samples,
-        or from the equivalent number of independent samples if this is smaller.
+        """Degrees of freedom of the standard errors. If residuals are summed by curve, this is the
+        number of curves minus one. Otherwise, it is the number of samples, or the equivalent number
+        of independent samples if that is smaller, minus the number of terms.
         """
         left = self.samples - len(self.theta)
         if self.curves:
@@ -171,7 +172,7 @@ class Selection(ChosenTerms):
         return [dict(zip(keys, row, strict=True)) for row in zip(*columns, strict=True)]
 
     def __repr__(self) -> str:
-        """Return the model in readable form, with the share of `y'y` that each term explains."""
+        """Return the terms as text, with the share of `y'y` that each term explains."""
         terms = (
             f"{row['coefficient']:.6g}" + ("" if row["term"] == "1" else f"*{row['term']}")
             for row in self.table()
@@ -183,7 +184,7 @@ class Selection(ChosenTerms):
 
 @dataclass(frozen=True)
 class GridCell:
-    """One cell of the grid into which a training curve is cut."""
+    """One cell of the grid of segments into which a training curve is cut."""
 
     id: Annotated[Label, "identifier of the segment, for example `pressure=150/strain:2`"]
     curve: Annotated[Label, "identifier of its curve"]
@@ -237,7 +238,9 @@ class SegmentFit(GridCell):
 
 @dataclass(frozen=True)
 class Optimum:
-    """Another minimum of a formula's error that explains the training data nearly as well."""
+    """Another local minimum of a formula's error. It explains the training data nearly as well as
+    the best fit.
+    """
 
     parameters: Annotated[Mapping[QuantityName, float], "its parameters", "those of the formula"]
     sse: Annotated[float, "its residual sum of squares", "[target]^2"]
@@ -247,9 +250,9 @@ class Optimum:
 class FormulaFit(Fit):
     """A literature model fitted to training data.
 
-    `method` is `linear least squares`, `variable projection` or `levenberg_marquardt`. The training
-    data hardly distinguish the `rivals` from the best fit; the one with the smallest error comes
-    first. `definition` is the formula itself, if a spec defines it.
+    `method` is `linear least squares`, `variable projection` or `levenberg_marquardt`. `rivals` are
+    other minima, which the training data hardly distinguish from the best fit; the rival with the
+    smallest error comes first. `definition` is the formula itself, if a spec defines it.
     """
 
     name: Annotated[Label, "name of the formula"]
@@ -280,8 +283,8 @@ class FormulaFit(Fit):
 
     @property
     def formula(self) -> str:
-        """Key by which the formula is found in the formulas of the literature: its definition if it
-        has one, otherwise its name.
+        """Key by which the formula is looked up: its definition if a spec defines it, otherwise its
+        name in the literature package.
         """
         return self.definition or self.name
 
@@ -302,7 +305,7 @@ names of segments.
 
 @dataclass(frozen=True)
 class StateSet:
-    """States with memory, and everything that their values on a new recording depend on.
+    """States with memory, and everything that is needed to compute their values on a new recording.
 
     Widths of `play`, `stop` and `saturate` are fractions of `ranges`. Scaled states are limited to
     the interval from -`margin` to 1 + `margin`.
@@ -356,10 +359,10 @@ class StateSet:
 
 @dataclass(frozen=True)
 class MemoryModel:
-    """`output[k] = constant + sum_j theta_j D_j(states[k])`.
+    """Model with memory: `output[k] = constant + sum_j theta_j D_j(states[k])`.
 
-    A free run begins with measured outputs. It has diverged if it leaves `limits` by more than a
-    hundred times their range.
+    A free run begins with measured outputs. It has diverged if an output lies outside `limits` by
+    more than a hundred times their range.
     """
 
     output: Annotated[QuantityName, "the quantity whose delays are fed back"]
@@ -379,8 +382,8 @@ class MemoryModel:
 
     @property
     def scaling(self) -> Scaling:
-        """Scaling of the states, in the form of a segment's variables; the constant is its
-        intercept of y.
+        """Scaling of the states, in the same form as for a segment. The constant of the model is
+        the intercept of y.
         """
         states = self.states
         width = states.high - states.low if states.scaled else np.ones(len(states.names))
@@ -402,7 +405,8 @@ class MemoryModel:
 class Identified:
     """Parameters of operators that training estimated.
 
-    If the search ended at a bound (`held`), the data do not determine the parameter.
+    If the search for a parameter ended at one of its bounds (`held`), the data do not determine
+    this parameter.
     """
 
     names: Annotated[tuple[TermName, ...], "(m) names, such as `p of wen(force[k-1])`"]
@@ -425,8 +429,8 @@ class Identified:
 class MemoryFit(Fit):
     """A model with memory, and how its k terms were chosen from M candidates.
 
-    If terms were pruned, the ERR of `selection` is computed among the remaining terms only; in the
-    tables, all other terms are NaN.
+    If terms were pruned, the ERR in `selection` is that of a selection among the remaining terms,
+    and the tables show NaN for the removed terms.
     """
 
     model: Annotated[MemoryModel, "the model"]
@@ -451,5 +455,5 @@ class MemoryFit(Fit):
 
     @property
     def piece(self) -> SegmentFit:
-        """The fit in the form of a single segment, for tables of terms."""
+        """The fit as if it were a single segment, so that the tables of terms can show it."""
         return SegmentFit(PIECE, PIECE, (), self.candidates, self.model.scaling, self.selection)

@@ -1,8 +1,9 @@
 """Escape text from users and files, so that it does no harm in terminals, CSV, C, Python, TeX and
-XML. Every writer of files uses these functions.
+XML.
 
-The rule is an alphabet, not a list of dangerous words: every character outside a small alphabet is
-escaped, and the alphabet has no character that could end a comment, a string or a line.
+Every writer of files uses these functions. They escape every character outside a small alphabet,
+instead of looking for dangerous words. No character of the alphabet can end a comment, a string or
+a line.
 """
 
 from __future__ import annotations
@@ -41,8 +42,8 @@ def is_one_line(text: str) -> bool:
 
 
 def csv_cell(text: str) -> str:
-    """Return the text as a cell of a CSV table, on one line. A cell that a spreadsheet would
-    compute begins with an apostrophe.
+    """Return the text as a cell of a CSV table, on one line. If a spreadsheet would take the text
+    for a formula, an apostrophe is put before it.
     """
     text = _BROKEN.sub(" ", text)
     return f"'{text}" if text.lstrip().startswith(_FORMULA) else text
@@ -96,15 +97,14 @@ _TEX = str.maketrans(
     | {"–": "--", "²": r"\textsuperscript{2}", "³": r"\textsuperscript{3}"}
     | {letter: _greek(letter) for letter in "αβγδεζηθικλμνξπρςστυφχψωΓΔΘΛΞΠΣΥΦΨΩ"}
     | {c: f"\\{c}" for c in "&%$#_{}"}
-    # without braces, LaTeX would take brackets or a star at the start of a row for an argument of
-    # the line break before it
+    # LaTeX would take brackets or a star at the start of a row for an argument of `\\`.
     | {c: f"{{{c}}}" for c in "[]*"}
 )
 
 
 def tex_text(text: str) -> str:
-    """Return LaTeX source on one line that prints the text unchanged. Commands in the text have no
-    effect.
+    """Return LaTeX source on one line that prints the text unchanged. TeX commands in the text are
+    printed, not executed.
     """
     return _printed(text).translate(_TEX)
 

@@ -20,9 +20,9 @@ Side = Beyond | Number
 class Transition(NamedTuple):
     """Course of a weight over a transition zone (M2 figure 5).
 
-    - `words`: its description, for example `w = 3*t^2 - 2*t^3`.
-    - `s`: function s(t) for t in [0, 1], which takes the operations (for branches with `where`) and
-      t. It rises from 0 to 1, and `s(t) + s(1 - t) = 1`.
+    - `words`: formula of the weight as text, for example `w = 3*t^2 - 2*t^3`.
+    - `s`: function of the operations `m` and of t, where t runs from 0 to 1 over the zone. It
+      branches with `m.where`. It rises from 0 to 1, and `s(t) + s(1 - t) = 1`.
     """
 
     words: str

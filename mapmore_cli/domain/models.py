@@ -1,4 +1,6 @@
-"""Define a model as data: the contents of model.h5, which predicts without any recording."""
+"""Define a model as data. These are the contents of model.h5, with which a model predicts without
+any recording.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ from mapmore_cli.domain.recording import CurveRange, Quantity, Signal
 
 @dataclass(frozen=True)
 class SegmentFunction(ChosenTerms):
-    """`f(x) = y_slope sum_k theta_k D_k(slope x + intercept) + y_intercept` (M2 eq 8)."""
+    """Segment function `f(x) = y_slope sum_k theta_k D_k(slope x + intercept) + y_intercept` (M2 eq
+    8).
+    """
 
     id: Annotated[Label, "identifier of the segment"]
     cell: Annotated[tuple[int, ...], "place along each segmented variable, from 1", "-"]
@@ -40,14 +44,14 @@ class SegmentFunction(ChosenTerms):
 
 @dataclass(frozen=True)
 class CurveFunction(CutCurve):
-    """The fused segment functions of one training curve."""
+    """The segment functions of one training curve, which are joined at the segment boundaries."""
 
     segments: Annotated[tuple[SegmentFunction, ...], "segment functions"]
 
 
 @dataclass(frozen=True)
 class FoldError:
-    """Cross-validation error of one choice.
+    """Cross-validation error of one way to combine backbone and segments.
 
     `choice` is `backbone`, `backbone + residual` or `backbone + shrunken residual`.
     """
@@ -58,9 +62,10 @@ class FoldError:
 
 
 class Body:
-    """Base class of the contents of a model. `modelling.kinds` defines what each kind can do.
+    """Base class for the part of a model that depends on its kind. `modelling.kinds` defines what
+    each kind can do.
 
-    `models` are the models that it contains, `memories` the parts with memory.
+    `models` are the models that a body contains, and `memories` are its parts with memory.
     """
 
     @property
@@ -70,16 +75,16 @@ class Body:
 
     @property
     def memories(self) -> tuple[MemoryModel, ...]:
-        """Parts with memory; none by default."""
+        """Parts of this body that have memory; none by default."""
         return ()
 
 
 B = TypeVar("B", bound=Body)
 
 
-@dataclass(frozen=True, eq=False)  # equal only to itself, because arrays have no hash
+@dataclass(frozen=True, eq=False)  # compared by identity, because arrays have no hash
 class Pieces(Body):
-    """MAPMORE: `output = backbone + sum_i f_i prod_j w_ij` (M2 eq 9).
+    """Model of pieces (MAPMORE): `output = backbone + sum_i f_i prod_j w_ij` (M2 eq 9).
 
     `level` is None if all curves are pooled. Curves have no segments if cross-validation showed
     that segments do not improve the backbone; the model is then the backbone alone.
@@ -101,8 +106,8 @@ class Pieces(Body):
 
     @classmethod
     def of_one(cls, curve: CurveFunction) -> Pieces:
-        """Return a model body of a single curve, which continues outside the limits of the
-        curve.
+        """Return a body that consists of a single curve. Its function is evaluated without a limit
+        outside the range of the curve.
         """
         names = tuple(curve.limits)
         sides: tuple[Side, Side] = ("continue", "continue")
@@ -110,7 +115,9 @@ class Pieces(Body):
         return cls(None, names, (curve,), fusion)
 
     def joined(self, **how: Any) -> Pieces:
-        """Return the pieces with some rules for joining them (fields of `Fusion`) replaced."""
+        """Return the same pieces, with some of the rules by which they are joined (fields of
+        `Fusion`) replaced.
+        """
         return replace(self, fusion=replace(self.fusion, **how))
 
     @property
@@ -129,7 +136,7 @@ class Formula(Body):
 
     @property
     def backbone(self) -> FormulaFit:
-        """The formula, which is the whole model."""
+        """The formula itself."""
         return self.fit
 
 
@@ -146,7 +153,7 @@ class Memory(Body):
 
     @property
     def memories(self) -> tuple[MemoryModel, ...]:
-        """The part with memory, as the only element."""
+        """A tuple with the part with memory as its only element."""
         return (self.model,)
 
 
@@ -218,8 +225,8 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class KeptShape:
-    """Known shape of the output along one input, the places at which this shape determines the
-    coefficients, and by how much a fit without the shape would violate it.
+    """Required shape of the output along one input. It also says where the shape changes the
+    coefficients, and how far a fit without the shape would violate it.
     """
 
     quantity: Annotated[QuantityName, "the input; for `positive`, the output itself"]
@@ -238,11 +245,11 @@ class KeptShape:
 
 @dataclass(frozen=True)
 class Shape:
-    """The shape that a model keeps over its training range, extended by the fraction `beyond`.
-    Places at which the training output lies in the lowest part of its range (the fraction `slack`)
-    are excepted.
+    """Shape that a model keeps over its training range, extended on each side by the fraction
+    `beyond` of this range. It need not hold where the training output is small, that is, in the
+    lowest fraction `slack` of its range.
 
-    Errors are root mean squares, with the shape and without it.
+    The errors are root mean square errors of a fit with the shape and of a fit without it.
     """
 
     kept: Annotated[tuple[KeptShape, ...], "required shapes"]
@@ -261,12 +268,12 @@ class Shape:
 
     @property
     def monotone(self) -> frozenset[str]:
-        """Inputs along which the output rises everywhere, or falls everywhere."""
+        """Names of the inputs along which the output never falls, or never rises."""
         return frozenset(k.quantity for k in self.kept if k.word in ("increasing", "decreasing"))
 
     @property
     def promise(self) -> str:
-        """The shape that the model keeps, in one line, for headers of exported files."""
+        """One line that describes the shape, for headers of exported files."""
         words = ", ".join(
             kept.word if kept.word == "positive" else f"{kept.word} in {kept.quantity}"
             for kept in self.kept
@@ -280,8 +287,8 @@ class Shape:
 
 @dataclass(frozen=True)
 class Model:
-    """A model that predicts without any other file: the part that all kinds have in common, and the
-    body of one kind.
+    """A model that predicts without any other file. It has the fields that are common to all kinds
+    of models, and a body that depends on the kind.
     """
 
     name: Annotated[Label, "name of the run"]
@@ -318,8 +325,8 @@ class Model:
         return tuple(model.output for model in self.each)
 
     def of(self, output: str) -> Model:
-        """Return the model of one of several outputs; the model itself if it has one output, or
-        none with this name.
+        """Return the model of one of several outputs. Return the model itself if it has only one
+        output, or if no output has this name.
         """
         return next((model for model in self.each if model.output.name == output), self)
 
@@ -335,7 +342,7 @@ class Model:
 
     @property
     def backbone(self) -> FormulaFit | None:
-        """The formula on which the model is built, or which is the model."""
+        """The formula that is the backbone of the model, or the whole model."""
         return getattr(self.body, "backbone", None)
 
     @property
@@ -345,21 +352,19 @@ class Model:
 
     @property
     def memories(self) -> tuple[MemoryModel, ...]:
-        """Every part with memory: the model's own, and the parts with memory of the models that it
-        contains.
-        """
+        """Every part with memory, in this model and in the models that it contains."""
         return tuple(memory for model in self.every for memory in model.body.memories)
 
 
 @dataclass(frozen=True)
 class Equation:
-    """One piece of a model in physical units.
+    """Equation of one piece of a model, in physical units.
 
     - `id`: id of a segment, or name of a formula.
     - `text`: one line that can be copied and computed; `latex`, `mathml`: the same for typesetting,
       `mathml` in parts between which a line may break.
-    - `weight`: range in which the piece counts, and where it is held; empty if it counts
-      everywhere.
+    - `weight`: range of the inputs in which the weight of the piece is not zero, and the places
+      outside which its output is constant; empty if the piece is used everywhere.
     """
 
     id: str

@@ -1,12 +1,12 @@
 """Find extensions of `mapmore`: files in one of its own folders, or entry points of other packages.
 
-Both have the same form. An entry point `NAME = "module"` or `NAME = "module:OBJECT"` in the group
-`mapmore.GROUP` leads to the same contents as one of mapmore's own files: for `readers`, a `READER`
-or several `READERS`. Groups are `formulas`, `readers`, `operators`, `families`, `figures`,
-`exports`, `kinds` and `commands`; mapmore's annexes also use `stages` and `python`. Nothing is
-imported before it is needed. A part that is broken, or that has the name of a part of mapmore, is
-left out with a warning. If the environment variable MAPMORE_NO_PLUGINS is set, only mapmore's own
-parts are used.
+Files and entry points have the same form. An entry point `NAME = "module"` or `NAME =
+"module:OBJECT"` in the group `mapmore.GROUP` leads to the same contents as one of mapmore's own
+files: for `readers`, a `READER` or several `READERS`. Groups are `formulas`, `readers`,
+`operators`, `families`, `figures`, `exports`, `kinds` and `commands`; mapmore's annexes also use
+`stages` and `python`. Nothing is imported before it is needed. If an extension is broken, or has
+the name of one of mapmore's own, it is left out with a warning. If the environment variable
+MAPMORE_NO_PLUGINS is set, only mapmore's own extensions are used.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ from mapmore_cli.domain.errors import UsageError
 
 
 class NotInstalled(UsageError):
-    """The part that an entry point names cannot be imported."""
+    """Error for an entry point whose module or object cannot be imported."""
 
 
 class PluginLeftOut(UserWarning):
-    """A part of a plugin is broken and was left out."""
+    """Warning that a plug-in, or a part of it, is broken and was left out."""
 
 
 P = TypeVar("P")
 
 
 class Added(NamedTuple, Generic[P]):
-    """A part with its own name, and the file or object that holds it."""
+    """An extension with its name, and the module or object in which it was found."""
 
     name: str
     value: P
@@ -52,13 +52,13 @@ class Added(NamedTuple, Generic[P]):
 def parts(
     group: str, form: type[P], package: str = "", reserved: Collection[str] = ()
 ) -> Iterator[Added[P]]:
-    """Yield every part of a group. Parts have the type `form`. Parts in the files of mapmore's
-    folder `package` come first, in the order of their names, then parts from entry points.
+    """Yield every part of a group. Every part has the type `form`. The parts in mapmore's folder
+    `package` come first, in the order of their file names. The parts from entry points follow.
 
-    The name of a part is its attribute `name`, or the name of its entry point. If two have the same
-    name, the first counts; ValueError if both are mapmore's own. Names that are `reserved` have
-    another meaning in mapmore, so that a part with such a name is left out. If the type has a
-    method `checked` that raises an error, the part of a plug-in is left out too.
+    The name of a part is its attribute `name`, or the name of its entry point. If two parts have
+    the same name, the first is used; if both are mapmore's own, a ValueError is raised. A part of a
+    plug-in is left out if its name is `reserved`, because mapmore uses this name for something
+    else, or if its method `checked` raises an error.
     """
     names = set[str]()
     for module in iter_modules(sys.modules[package].__path__) if package else ():
@@ -80,7 +80,7 @@ def parts(
                 if not isinstance(part.value, form):
                     raise TypeError(f"{type(part.value).__name__} is no {form.__name__}")
                 check = getattr(part.value, "checked", None)
-                if check and type(part.value) is form:  # tests check mapmore's own parts
+                if check and type(part.value) is form:  # tests check other parts
                     check()
                 added.append(Added(part.name, part.value, part.source))
         # a plugin may raise any exception, and the other parts must still work
@@ -107,8 +107,8 @@ def _owner(point: EntryPoint) -> str:
 
 
 def blamed(fault: BaseException) -> str | None:
-    """Return the name of the package whose plugin was running when an exception was raised; None
-    for code of mapmore itself.
+    """Return the name of the package whose plug-in raised an exception; None if the exception came
+    from mapmore itself.
     """
     packages = {point.module.partition(".")[0] for point in _installed()}
     frames = (frame for frame, _ in walk_tb(fault.__traceback__))
@@ -117,8 +117,9 @@ def blamed(fault: BaseException) -> str | None:
 
 
 def _parts_in(group: str, name: str, source: object) -> Iterator[Added[object]]:
-    """Yield the parts that a module holds under the name of the group, singular or plural. An
-    object without these names is itself the part.
+    """Yield the parts that a module defines under the name of the group, in the singular or the
+    plural, for example `READER` or `READERS`. If an object has no such attribute, the object itself
+    is the part.
     """
     many = group.upper()
     single = f"{many[:-3]}Y" if many.endswith("IES") else many[:-1]
@@ -142,13 +143,13 @@ def leave_out_others() -> None:
 
 
 def _is_ours(point: EntryPoint) -> bool:
-    """Return True if an entry point belongs to mapmore itself; another package may have its
-    name.
+    """Return True if an entry point belongs to mapmore itself. The name of the package is not
+    enough for this, because another package may have the same name.
     """
     return point.module.partition(".")[0] == OUR_MODULE and _owner(point) == OURS
 
 
-@cache  # reading the installed packages is the slowest part of the start
+@cache  # because reading the list of installed packages takes most of the time at the start
 def _installed() -> tuple[EntryPoint, ...]:
     """Return the entry points of mapmore itself, and the entry points that other packages provide
     for it. A package whose list of entry points cannot be read is left out.
@@ -160,10 +161,9 @@ def _installed() -> tuple[EntryPoint, ...]:
             found = [point for point in package.entry_points if point.group.startswith("mapmore.")]
             if not found:
                 continue
-            # an entry point of the wrong form raises an error here
+            # raises an error for an entry point of the wrong form
             is_ours = True in [_is_ours(point) for point in found]
-            # if a package is installed twice, the first on Python's path is the one that is
-            # imported
+            # of a package that is installed twice, Python imports the first on its path
             identity = (_name_of(package), is_ours)
             if identity not in packages and (is_ours or not only_ours):
                 packages.add(identity)
@@ -181,15 +181,15 @@ def _name_of(package: Distribution) -> str:
     folder = str(package.locate_file(""))
     try:
         return str(package.name or folder)
-    except Exception:  # the package's other metadata are broken as well
+    except Exception:  # the metadata may be broken
         return folder
 
 
 @cache
 def entry_points(group: str) -> dict[str, EntryPoint]:
     """Return the entry points of a group by name. If two entry points have the same name, mapmore's
-    own is used; if none is mapmore's own, the first in the alphabetical order of their modules. A
-    warning names the other entry point.
+    own is used; if none is mapmore's own, the one whose module is first in alphabetical order is
+    used. A warning names the entry point that is not used.
     """
     by_name = dict[str, EntryPoint]()
     of_group = (point for point in _installed() if point.group == f"mapmore.{group}")
@@ -204,7 +204,9 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
 
 
 class _ToStderr(io.RawIOBase):
-    """A stream of bytes that writes UTF-8 to stderr. If a plugin closes it, both stay open."""
+    """A binary stream that decodes UTF-8 and writes it to stderr. If a plug-in closes this stream,
+    stderr stays open.
+    """
 
     def writable(self) -> bool:
         return True
@@ -226,11 +228,11 @@ class _ToStderr(io.RawIOBase):
 
 @contextmanager
 def printing_to_stderr() -> Iterator[None]:
-    """Redirect everything that is printed within the context to stderr, also by libraries in C and
-    by child processes, because stdout is for results only.
+    """Redirect stdout to stderr within the context, because stdout is for results only. This
+    includes what C libraries and child processes print.
     """
     sys.stdout.flush()
-    # plugins may reconfigure stdout or use its buffer, so it has to be a stream of this type
+    # a plug-in may call `reconfigure` or use `buffer`, which other streams do not have
     raw: Any = _ToStderr()
     stream = io.TextIOWrapper(raw, "utf-8", "backslashreplace", write_through=True)
     with redirect_stdout(stream):
@@ -251,11 +253,10 @@ def load(group: str, name: str) -> Any:
         try:
             if _is_ours(point):
                 return point.load()
-            # what another package prints or changes while it is imported reaches neither stdout nor
-            # the rules for warnings, and paths still start at the current folder
+            # packages may print, or change warning filters and the current folder, on import
             with printing_to_stderr(), warnings.catch_warnings(), chdir(os.curdir):
                 return point.load()
-        # an import may raise anything, also SystemExit and KeyboardInterrupt
+        # an import may raise any exception, even SystemExit or KeyboardInterrupt
         except BaseException as fault:
             if interrupts:
                 raise KeyboardInterrupt from fault
@@ -269,9 +270,9 @@ def load(group: str, name: str) -> Any:
 
 @contextmanager
 def interrupts_of_user() -> Iterator[list[int]]:
-    """Yield a list to which each interrupt (Ctrl-C) within the context is added. An interrupt still
-    raises KeyboardInterrupt. If KeyboardInterrupt is raised and the list is empty, the code itself
-    has raised it.
+    """Yield a list to which the signal number of each Ctrl-C within the context is appended. Ctrl-C
+    still raises KeyboardInterrupt. If KeyboardInterrupt is raised while the list is empty, it did
+    not come from the user.
     """
     interrupts, before = list[int](), signal.getsignal(signal.SIGINT)
 
@@ -279,7 +280,7 @@ def interrupts_of_user() -> Iterator[list[int]]:
         interrupts.append(number)
         before(number, frame)  # type: ignore[operator, misc]
 
-    # only the main thread is interrupted, and only it may name another function
+    # Python sends Ctrl-C to the main thread only, and only there a handler can be set
     if not callable(before) or current_thread() is not main_thread():
         yield interrupts
         return

@@ -67,8 +67,9 @@ class BaseUnits:
 class Recording:
     """One source file as read, in the units of the model.
 
-    `dropped` counts the samples that are missing in `columns`, by reason. Without resampling,
-    `rows_read == rows_kept + sum(dropped.values())`. `log` names the log that was cut at gaps.
+    `dropped` gives the number of samples that were read but are not in `columns`, for each reason.
+    Without resampling, `rows_read == rows_kept + sum(dropped.values())`. `log` names the log that
+    was cut at gaps.
     """
 
     id: Annotated[Label, "identifier of the recording"]
@@ -85,7 +86,9 @@ class Recording:
 
     @property
     def name(self) -> str:
-        """Name in messages: the file, and the id if it adds something, for example the sheet."""
+        """Name of the recording in messages: the file name, followed by the id if the id says more,
+        for example the sheet.
+        """
         by_file = re.fullmatch(
             rf"(.*-)?{re.escape(self.id)}(\.\w+)*", self.source.replace("/", "-")
         )
@@ -93,7 +96,7 @@ class Recording:
 
     @property
     def rows_kept(self) -> int:
-        """Number of remaining samples, n."""
+        """Number of samples in `columns`, n."""
         return row_count(self.columns)
 
     def at(self, rows: IntArray) -> Recording:
@@ -111,17 +114,17 @@ class CurveRange:
     limits: Annotated[Ranges, "smallest and largest training value of each input", "[*]"]
 
     def of(self, names: Iterable[str]) -> CurveRange:
-        """Return the range of only some inputs."""
+        """Return the same range for only some of the inputs."""
         return CurveRange(self.curve, self.level, {name: self.limits[name] for name in names})
 
 
 @dataclass(frozen=True)
 class Curve:
-    """Samples at one value of the level quantity, or of one recording.
+    """Samples of one level, or of one recording if the study has no levels.
 
-    Without levels, `level` is None and `id` is that of the recording. `at_rest` is None without
-    plateaus, and `origin` is None if it is unknown. The samples of one recording are in the order
-    of time.
+    Without levels, `level` is None and `id` is the id of the recording. `at_rest` is None for
+    curves without plateaus. `origin` is None if the recordings of the samples are unknown. The
+    samples of one recording are in the order of time.
     """
 
     id: Annotated[Label, "identifier of the curve, for example `pressure=150`"]
@@ -156,7 +159,9 @@ class Curve:
         return ~self.held_out if self.at_rest is None else ~(self.held_out | self.at_rest)
 
     def at(self, rows: IntArray | BoolArray) -> Curve:
-        """Return some rows of the curve. Recordings without remaining rows are dropped."""
+        """Return the curve with only the given rows. Recordings that lose all their rows are
+        dropped.
+        """
         origin, recordings = None, self.recordings
         if self.origin is not None:
             left, origin = np.unique(self.origin[rows], return_inverse=True)
@@ -171,8 +176,8 @@ class Curve:
         )
 
     def limits(self, name: str) -> Ends:
-        """Return the smallest and the largest value of a quantity over the training samples and
-        over the raw samples from which these were made.
+        """Return the smallest and the largest value of a quantity over the training samples. If the
+        training samples are means, the raw samples are included.
         """
         least, largest = extremes(self.columns[name], self.training)
         low, high = self.measured.get(name, (least, largest))
@@ -184,7 +189,9 @@ class Curve:
         return (slice(None),) if self.origin is None else self.logs
 
     def together(self, parts: Sequence[Array]) -> Array:
-        """Return one column, (n,), put together from its values in each of the `stretches`."""
+        """Return one column, (n,), from its values in each of the `stretches`, which `parts` holds
+        in the same order.
+        """
         if self.origin is None:
             return parts[0]
         whole = np.empty(self.size)
@@ -194,14 +201,14 @@ class Curve:
 
     @property
     def logs(self) -> tuple[IntArray, ...]:
-        """Row numbers of the samples of each recording, in the order of time."""
+        """For each recording, the row numbers of its samples in the order of time."""
         if self.origin is None:
             return (np.arange(self.size),)
         return tuple(np.flatnonzero(self.origin == number) for number in np.unique(self.origin))
 
 
 def united(ranges: Iterable[Ranges]) -> dict[str, Ends]:
-    """Return the smallest range of each quantity that contains all given ranges."""
+    """Return, for each quantity, the smallest range that contains all of its ranges."""
     whole: dict[str, Ends] = {}
     for limits in ranges:
         for name, (low, high) in limits.items():
@@ -233,7 +240,7 @@ class Dataset:
 
     @property
     def logs(self) -> Mapping[str, str]:
-        """The log to which each recording belongs, by the id of the recording."""
+        """Mapping from the id of each recording to the id of its log."""
         return {recording.id: recording.log or recording.id for recording in self.recordings}
 
     def unit(self, name: str) -> str:
@@ -246,8 +253,8 @@ class Signal:
     """An input that is computed from the course of another quantity over time: its rate, or its
     direction of motion.
 
-    A rate is `factor` times the derivative by the time in seconds. `seconds` is the number of
-    seconds in one unit of the time.
+    A rate is `factor` times the derivative with respect to the time in seconds. `seconds` is the
+    number of seconds in one unit in which the time is recorded.
     """
 
     name: Annotated[QuantityName, "name of the input"]

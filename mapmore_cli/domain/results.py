@@ -20,14 +20,16 @@ from mapmore_cli.domain.scores import Score, ScoreTable
 
 @dataclass(frozen=True)
 class PiecesFit(Fit):
-    """The segment functions of every training curve."""
+    """Fit of a model of pieces: the segment functions of all training curves."""
 
     segments: Annotated[tuple[SegmentFit, ...], "segment functions"]
 
 
 @dataclass(frozen=True)
 class Outlier:
-    """A training sample that lies far from the fit. It has less weight, and stays in the data."""
+    """A training sample that lies far from the fit. It has a smaller weight in the fit, but is not
+    removed.
+    """
 
     file: Annotated[str, "file that it comes from"]
     place: Annotated[Label, "`row 17` of the file; if the row is unknown, `sample 17` of its curve"]
@@ -38,7 +40,7 @@ class Outlier:
 
 @dataclass(frozen=True)
 class FitResult:
-    """The result of a fit, with all intermediate results of the selection of terms.
+    """Result of a fit. It includes every step of the term selection.
 
     `body` has the type of its kind (`modelling.kinds`). It is fitted to the residual of `backbone`
     if there is one.
@@ -55,14 +57,14 @@ class FitResult:
 
     @property
     def pieces(self) -> tuple[SegmentFit, ...]:
-        """Everything for which terms were chosen: the segments, or the model with memory as one
-        piece.
+        """The fits for which terms were chosen: all segments, or the model with memory as a single
+        fit.
         """
         return self.segments if self.memory is None else (self.memory.piece,)
 
     @property
     def segments(self) -> tuple[SegmentFit, ...]:
-        """The segment functions of a model of pieces."""
+        """The segment fits of a model of pieces."""
         return self.body.segments if isinstance(self.body, PiecesFit) else ()
 
     @property
@@ -72,7 +74,9 @@ class FitResult:
 
     @property
     def formula(self) -> FormulaFit | None:
-        """The formula that was fitted, as the backbone or as the model itself; or None."""
+        """The fitted formula, which is the backbone or the whole model; None if there is no
+        formula.
+        """
         return self.body if isinstance(self.body, FormulaFit) else self.backbone
 
 
@@ -85,8 +89,8 @@ class OutputsFit(Fit):
 
 @dataclass(frozen=True)
 class ErrorBand:
-    """Samples whose absolute value lies between `low` and `high`. `rmse` holds the RMSE of each
-    model, NaN for a model without predictions there.
+    """Errors on the samples whose measured absolute value lies between `low` and `high`. `rmse`
+    holds the RMSE of each model on these samples; NaN if the model predicts none of them.
     """
 
     low: Annotated[float, "smallest absolute value", "[target]"]
@@ -119,7 +123,9 @@ class ResidualTest:
 
     @property
     def tested(self) -> int:
-        """Number of values that could lie outside their bounds."""
+        """Number of tested values. The autocorrelation at lag 0 is not counted, because it is
+        always one.
+        """
         return len(self.x) - (self.name == AUTOCORRELATION)
 
     @property
@@ -130,9 +136,9 @@ class ResidualTest:
 
     @property
     def fails(self) -> bool:
-        """Return True if more values lie outside their bounds than noise explains. With noise, each
-        value is outside with a probability of 5 %. The test fails if the probability of the counted
-        number of values, or of more, is then below `RARE`.
+        """Return True if more values lie outside their bounds than can be due to noise. If the
+        errors are noise, each value is outside with a probability of 5 %. The test fails if the
+        observed number of values outside, or a larger number, then has a probability below `RARE`.
         """
         n, chance = self.tested, 0.05
         counts = range(self.beyond, n + 1)
@@ -140,7 +146,7 @@ class ResidualTest:
 
     @property
     def words(self) -> str:
-        """Text that says how many of the tested values lie outside their bounds."""
+        """Text with the number of tested values that lie outside their bounds."""
         count = f"{self.beyond} of {self.tested}"
         if self.name == AUTOCORRELATION:
             return f"{count} lags"
@@ -151,9 +157,10 @@ class ResidualTest:
 class Validation:
     """Predictions of the run's own model (`mapmore`) and of its competitors, and their scores.
 
-    `predictions[model][c]` is `(n_c,)`, row for row of curve number c of `shown`, or of the whole
-    dataset if it is short. `formulas` and `fits` are the fits of competitors, and `models` are
-    their models. Scores, `bands` and `residual_tests` are computed from all samples.
+    `predictions[model][c]`, (n_c,), has one prediction for each sample of curve number c of the
+    dataset. For a long dataset, `shown` replaces it, with fewer samples. `formulas` and `fits` hold
+    the fits of competitors, and `models` holds their models. Scores, `bands` and `residual_tests`
+    are computed from all samples.
     """
 
     predictions: Annotated[
@@ -191,7 +198,9 @@ class Validation:
 
     @property
     def alert(self) -> str:
-        """Findings of the residual tests for the run's own model; empty if all tests pass."""
+        """Sentence that names the failed residual tests of the run's own model; empty if all tests
+        pass.
+        """
         failing = [test.words for test in self.residual_tests if test.fails]
         if not failing:
             return ""
@@ -219,8 +228,8 @@ class Validation:
 class SimulatedRun:
     """Predictions of one recording, (n,).
 
-    They are NaN while there is not enough history, and from the row at which a run diverges to the
-    end of its uninterrupted piece.
+    A prediction is NaN if there are not enough earlier samples. After a run diverges, all
+    predictions up to the end of its uninterrupted piece are NaN.
     """
 
     values: Array
@@ -231,29 +240,31 @@ class SimulatedRun:
 class Forecast:
     """Predictions of the samples of a curve, (n,) each."""
 
-    # prediction of the model, in free run if it has memory; NaN before there is history, and after
-    # a run has diverged
+    # predictions; those of a model with memory are from a free run
+    # NaN if there are too few earlier samples, or after the free run diverged
     values: Array
-    # samples with enough history for a prediction; if the prediction of such a sample is NaN, the
-    # run has diverged
+    # True for samples with enough earlier samples for a prediction
+    # If the prediction of such a sample is NaN, the run has diverged.
     ready: BoolArray
     one_step: Array | None = (
         None  # prediction of every sample from the measured past; None for a model without memory
     )
     half: Array | None = (
-        # half the width of the interval, NaN without an interval; None for a model without
-        # intervals
+        # half the width of the prediction interval, NaN for a sample without one
+        # None for a model without intervals
         None
     )
 
     @classmethod
     def of(cls, values: Array) -> Forecast:
-        """Return predictions that need no history; NaN counts as no prediction."""
+        """Return the forecast of a model without memory, in which NaN means that there is no
+        prediction.
+        """
         return cls(values, np.broadcast_to(np.True_, len(values)))
 
     @property
     def diverged(self) -> tuple[int, ...]:
-        """Rows at which a free run has diverged."""
+        """Row numbers at which a free run diverged."""
         if self.one_step is None:
             return ()
         lost = self.ready & np.isnan(self.values)
@@ -266,19 +277,18 @@ class Tried:
 
     family: str  # kind of the structure
     words: str  # name of the structure
-    sections: Mapping[str, Any]  # sections of a spec that define it, by name
+    sections: Mapping[str, Any]  # sections of the spec that define the structure, by name
     parameters: int = 0  # free parameters of the model that is fitted to all training data
     errors: tuple[
         float, ...
-        # RMSE on each fold, of a model fitted without this fold, as a fraction of `Search.scale`;
-        # empty if a fit failed
+        # RMSE on each left-out fold, divided by `Search.scale`; empty if a fit failed
     ] = ()
     error: float = math.nan  # root mean square of the errors in `errors`
-    # the same for folds of left-out levels or recordings; NaN if there are too few of these
+    # the same for folds that leave out whole levels or recordings; NaN if there are too few
     parts: float = math.nan
-    # mean, over all folds, of the logarithm of its error divided by the error of the best structure
+    # mean over all folds of log(error / error of the best structure)
     excess: float = math.nan
-    spread: float = math.nan  # standard error of that mean
+    spread: float = math.nan  # standard error of `excess`
     seconds: float = 0.0  # computing time
     failure: str = ""  # reason why a fit failed
 
@@ -289,18 +299,18 @@ class Search:
 
     name: str
     target: str
-    left_out: str  # what the folds leave out
-    parts: str  # what the folds of `Tried.parts` leave out
+    left_out: str  # what each fold leaves out
+    parts: str  # what each fold of `Tried.parts` leaves out
     scale: float  # divisor of errors, in the unit of the target
     tried: tuple[Tried, ...]
     best: int  # index of the structure with the smallest error
-    chosen: int  # index of the structure that was chosen: the simplest one that is as good
-    rule: str = ""  # rule by which one was chosen
+    chosen: int  # index of the chosen structure, the simplest one whose error is as small
+    rule: str = ""  # rule by which the structure was chosen
     cut: int = 0  # number of structures that were not tried because of the time limit
-    # number of the structure that was chosen before longer structures were tried, if they were
+    # index of the choice before structures with more terms were tried; None if none were tried
     short: int | None = None
     notes: tuple[str, ...] = ()  # notes for the user
-    outdone: str = ""  # the note that a black box has a clearly smaller error; empty if none has
+    outdone: str = ""  # note that a black box has a clearly smaller error; otherwise empty
 
     @property
     def found(self) -> Tried:

@@ -28,10 +28,11 @@ class Measure:
     """Rule for computing and showing a number of a score row.
 
     - `of`: function of the samples of the row.
-    - `heading`: heading of its column on pages, with `UNIT` for the unit of the target; the number
-      is in per cent if the heading says so, and has no column if it is empty.
-    - `shown`: function that returns whether a row has a value for this column.
-    - `at_least`: True if a limit is a lower one, because larger values are better.
+    - `heading`: heading of the column on pages; `UNIT` stands for the unit of the target. If the
+      heading contains `[%]`, the number is shown in per cent. If it is empty, there is no column.
+    - `shown`: function that returns True if a row has a value for this column.
+    - `at_least`: True if larger values are better, so that a limit in `validate.require` is a lower
+      limit.
     """
 
     of: Callable[[Compared], float]
@@ -46,14 +47,14 @@ class Score:
 
     `nrmse = rmse / normaliser` is a fraction; `normaliser` is the number, and `normaliser_name` its
     meaning, for example `max|force| over validate`. `rmse`, `normaliser` and `max_abs_error` carry
-    the target's unit. `rrse` is the root relative squared error; for a model with memory, it is
-    that of a free run, and `rrse_one_step` is that of predictions from the measured past (NaN for
-    other models). `r_uncentred` is the correlation about zero, `sum y yhat / sqrt(sum y^2 sum
-    yhat^2)`, which W prints. `interval_coverage` and `interval_half_width` are those of the run's
-    own model on held-out rows, if the spec asks for intervals. `chi2_dof` is `sum (error /
-    uncertainty)^2 / (n - p)`, where p is the number of free parameters for the run's own model on
-    its training rows, and 0 otherwise. `nrmse_range` is divided by the range of the normaliser's
-    samples, which is more informative for a target far from zero.
+    the target's unit. `rrse` is the root relative squared error. For a model with memory, `rrse` is
+    computed from a free run and `rrse_one_step` from one-step-ahead predictions; for other models,
+    `rrse_one_step` is NaN. `r_uncentred` is the correlation without subtracting means, `sum y yhat
+    / sqrt(sum y^2 sum yhat^2)`, which the paper W prints. `interval_coverage` and
+    `interval_half_width` exist only for the run's own model on held-out data, if the spec asks for
+    intervals. `chi2_dof` is `sum (error / uncertainty)^2 / (n - p)`. On the training rows of the
+    run's own model, p is its number of free parameters; otherwise p is 0. `nrmse_range` is divided
+    by the range of the normaliser's samples, which is more informative for a target far from zero.
     """
 
     model: Annotated[Label, "`mapmore`, or the name of a literature model"]
@@ -175,7 +176,7 @@ class Score:
 
     @classmethod
     def of(cls, model: str, target: str, split: str, curve: str, row: Compared) -> Score:
-        """Compute a row of the score table from its samples."""
+        """Compute one row of the score table from the samples that belong to it."""
         numbers: dict[str, Any] = {name: measure.of(row) for name, measure in MEASURES.items()}
         return cls(model, target, split, curve, normaliser_name=row.scale.name, **numbers)
 
@@ -188,8 +189,8 @@ class Score:
 
     @property
     def runs_free(self) -> bool:
-        """Return True if the model feeds its own output back. Its predictions from the measured
-        past then have smaller errors than its free run.
+        """Return True if the model feeds its own output back. This follows from a one-step-ahead
+        error that differs from the error of the free run.
         """
         return math.isfinite(self.rrse_one_step) and self.rrse_one_step != self.rrse
 
@@ -213,9 +214,7 @@ OF_TARGET = frozenset(name for name, marks in _NUMBERS.items() if "[target]" in 
 
 @dataclass(frozen=True)
 class Limit:
-    """A limit that the spec sets for a number in the score row of the run's own model, with the
-    value of this number.
-    """
+    """A limit in `validate.require`, and the value that the run's own model reaches."""
 
     metric: str
     model: str
@@ -225,7 +224,7 @@ class Limit:
 
     @property
     def kept(self) -> bool:
-        """Return True if the value keeps the limit; a NaN never does."""
+        """Return True if the value keeps the limit. NaN never keeps a limit."""
         return (
             self.value >= self.limit if MEASURES[self.metric].at_least else self.value <= self.limit
         )
@@ -241,20 +240,20 @@ class Limit:
 
 @dataclass(frozen=True)
 class Published:
-    """Numbers of a publication by model, all for held-out data. They are shown beside the scores of
-    mapmore, and no computation uses them.
+    """Errors that a publication gives for each of its models on held-out data. They are shown
+    beside the scores of mapmore, and no computation uses them.
     """
 
     source: str
     nrmse: Mapping[str, float] = field(default_factory=dict)  # fractions
     # RMSE of each model, in the unit of the target
     rmse: Mapping[str, float] = field(default_factory=dict)
-    # lower bounds, if the publication gives only these
+    # lower bounds of the RMSE, if the publication gives no more
     rmse_at_least: Mapping[str, float] = field(default_factory=dict)
 
     def shown_rmse(self, model: str) -> float | str | None:
-        """Return the RMSE as a cell of a table; a lower bound is marked as such. None if nothing
-        was printed.
+        """Return the published RMSE of a model for a table cell. A lower bound begins with `>=`.
+        None if the publication gives no RMSE.
         """
         if model in self.rmse_at_least:
             return f">= {self.rmse_at_least[model]:.3g}"
@@ -264,8 +263,8 @@ class Published:
 @dataclass(frozen=True)
 class ScoreTable:
     """Numerical results of a validation: the rows of the score table, the unit of every target, the
-    models without scores, the warnings that a reader must know before the scores, and the findings
-    of the residual tests by target.
+    models whose fit failed, the warnings that must stand before the scores, and the findings of the
+    residual tests for each target.
     """
 
     scores: tuple[Score, ...]
@@ -300,9 +299,9 @@ class ScoreTable:
 class Alert:
     """A sentence that warns about a number.
 
-    - `kind`: subject of the warning, as a word for scripts, for example `residuals`.
+    - `kind`: word by which scripts recognise the warning, for example `residuals`.
     - `section`: section of the page that shows it.
-    - `target`: the output that it concerns; empty if it concerns all of them.
+    - `target`: the output that the warning concerns; empty if it concerns all outputs.
     """
 
     kind: str
@@ -320,8 +319,8 @@ estimated, with held-out data.
 
 
 def deciding(scores: Iterable[Score]) -> list[Score]:
-    """Return the decisive rows: all curves pooled, for the held-out data if there are any,
-    otherwise for the training data.
+    """Return the rows by which models are compared. They pool all curves of the held-out data, or
+    of the training data if nothing is held out.
     """
     pooled = [score for score in scores if score.curve == "all"]
     held_out = [score for score in pooled if score.split == "validate"]

@@ -1,8 +1,8 @@
 """Fit black boxes (`modelling/learners.py`) as competitors, and predict with them.
 
-Their inputs are those of the run's own model, scaled to mean 0 and standard deviation 1 on the
-training samples. Against a model that runs along recordings, they also get every input some samples
-before (`DELAYS`), because they could not compete without a past. The output is never fed back.
+The inputs of a black box are those of the run's own model, scaled to mean 0 and standard deviation
+1 on the training samples. If the run's own model uses the past, the black boxes also get each input
+delayed by some samples (`DELAYS`), so that the comparison is fair. The output is never fed back.
 """
 
 from __future__ import annotations
@@ -53,15 +53,15 @@ def learned(name: str, x: Array, y: Array) -> Callable[[Array], Array]:
     middle, height = float(y.mean()), float(_width(y))
     learner = LEARNERS[name].make(x.shape[1])
     with warnings.catch_warnings():
-        # a search of scikit-learn that stopped early is valid, and its score shows how good it is
+        # if scikit-learn stops a search early, its result is still valid
         warnings.filterwarnings("ignore", module="sklearn")
         learner.fit((x - centre) / width, (y - middle) / height)
     return lambda of: _learner_says(learner, (of - centre) / width) * height + middle
 
 
 def features(curve: Curve, names: Sequence[str], delays: Sequence[int]) -> Array:
-    """Return the inputs of every sample and the delayed inputs within its recording, (n, features).
-    Samples before the beginning of a recording are equal to its first sample.
+    """Return the inputs and the delayed inputs of every sample, (n, features). If a delay reaches
+    back beyond the beginning of the recording, the first sample of the recording is used.
     """
     delayed = np.empty((curve.size, len(names) * len(delays)))
     for rows in curve.logs:

@@ -40,9 +40,9 @@ Computed = Formula | Memory | Pieces
 class Rival:
     """A competitor with its forecasts of every curve.
 
-    `formulas` holds the fits of its formulas, by the names under which they are shown. If the
-    competitor is another run, `own_fit` is the fit of that run and `run` its folder. `model` is
-    None if the competitor is not available as a model, for example a black box.
+    `formulas` holds the fits of its formulas by their names in tables. If the competitor is another
+    run, `own_fit` is the fit of that run, and `run` is its folder. `model` is None for a competitor
+    that is no `Model`, for example a black box.
     """
 
     name: str
@@ -63,9 +63,9 @@ class Contest:
     """The data and the other runs with which a model and its competitors are compared. `model` is
     the run's own model; `static_run` is the run of the static force in `needs`.
 
-    `lengths` are the muscle's `length` and `diameter` (m). Paths of frozen models start at the
-    folder `spec_dir`. If the dataset is a fold of a cross-validation, `refit` fits the model of
-    another run again to its training samples.
+    `lengths` are the muscle's `length` and `diameter` (m). Paths of frozen models are relative to
+    the folder `spec_dir`. In a cross-validation, `refit` fits the model of another run again to the
+    training samples of `dataset`, which is then one fold.
     """
 
     dataset: Dataset
@@ -79,8 +79,8 @@ class Contest:
     def rival(self, competitor: str | Competitor) -> Rival:
         """Fit a competitor to the same training data and predict every sample.
 
-        Raises SpecError or DataError if another run has other quantities, or if a formula lacks the
-        data to which it is fitted.
+        Raises SpecError or DataError if the quantities of another run differ from those of this
+        study, or if there are no data to which a formula can be fitted.
         """
         if isinstance(competitor, str):
             competitor = Competitor(model=competitor)
@@ -114,10 +114,11 @@ class Contest:
         return Rival(label, _forecasts(_formula_says(fit, curves)), {label: fit}, model=fitted)
 
     def simple_beside(self, named: Collection[str]) -> tuple[str, ...]:
-        """Return the names of the simple competitors that suit the model and are not in `named`.
+        """Return the names of the simple competitors that suit the model, without those in `named`.
 
-        They are polynomials of its inputs, its backbone if the model has more than that, and an ARX
-        model if it runs over time.
+        A polynomial of the inputs suits if it has fewer coefficients than there are training
+        samples. The backbone alone suits if the model adds something to it. An ARX model suits if
+        the model runs over time.
         """
         samples = sum(int(curve.training.sum()) for curve in self.dataset.curves)
         inputs = len(self._inputs)
@@ -205,8 +206,8 @@ class Contest:
         return forecast_each(other, self.dataset.curves, target)
 
     def _sum(self, competitor: Competitor) -> Rival:
-        """Fit the formulas of a sum at the same time to the training data; each has a sign and may
-        have renamed inputs.
+        """Fit all formulas of a sum together to the training data. Each summand has a sign, and its
+        inputs may be renamed.
         """
         maker = maker_of("sum")
         assert isinstance(maker, FitsSums)
@@ -218,10 +219,11 @@ class Contest:
 
     def _composite(self, competitor: Competitor) -> Rival:
         """Return the sum of a static formula, fitted to the training data of the static run, and a
-        damping formula, fitted to the force that remains in this study.
+        damping formula. The damping formula is fitted to the force of this study minus the static
+        formula.
 
-        For a damping model, the sum is treated like the measured force: the static force of the
-        study is subtracted, then the mean on the plateau.
+        If the study models the damping force, the sum is processed as the measured force was: the
+        static force is subtracted, and then the mean on the plateau.
         """
         assert competitor.static is not None
         assert competitor.damping is not None

@@ -52,12 +52,11 @@ the run.
 def choices_by_fold(
     run_dir: Path | None, choices: ModelChoices, dataset: Dataset, folds: Sequence[Masks]
 ) -> Callable[[int], ModelChoices]:
-    """Return a function that gives, for the number of a fold, the settings of the model without
-    that fold.
+    """Return a function that returns the settings of the model for the number of a fold.
 
-    If the structure of the run was searched, it is searched again without the fold. With more than
-    `MOST_SEARCHES` folds, several folds share a search that leaves out all of them, so that no
-    structure has seen the data with which it is scored.
+    If the structure of the run was found by a search, the search is repeated without this fold.
+    With more than `MOST_SEARCHES` folds, several folds share a search that leaves out all of them,
+    so that no structure has seen the data with which it is scored.
     """
     again = None if run_dir is None else _searching_again(run_dir)
     if again is None:
@@ -78,7 +77,9 @@ def was_searched(run_dir: Path) -> bool:
 
 
 def _searching_again(run_dir: Path) -> Callable[[Dataset], ModelChoices] | None:
-    """Return a function that searches a structure as a run did; None if the run did not search."""
+    """Return a function that repeats the structure search of a run on another dataset; None if the
+    run had no search.
+    """
     if not was_searched(run_dir):
         return None
     again: Callable[[Dataset], ModelChoices]
@@ -98,10 +99,10 @@ def left_out(
     each curve by models that were fitted to the other levels, and warnings.
 
     With `group`, the quantity that distinguishes groups, each group is left out instead of a level.
-    Everything is made again without it: the structure if it was searched, cuts, terms, backbone,
-    the share of its residual, and every competitor. The run's own model is `fitted_to` a quantity,
-    which need not be the scored one. A model that fails without some level is left out of the
-    comparison.
+    Every step is repeated without the left-out level or group: the structure search if there is
+    one, cuts, terms, backbone, the weight of the residual, and every competitor. The run's own
+    model predicts the quantity `fitted_to`; if this is not the scored quantity, the model is
+    inverted. A model whose fit fails without one of the levels is left out of the comparison.
     """
     refuse_over_time(choices)
     dataset = contest.dataset
@@ -131,15 +132,17 @@ def left_out(
 
 
 def _held_out(dataset: Dataset, outs: Sequence[BoolArray]) -> Dataset:
-    """Return the dataset with the samples in `outs` held out instead of its own held-out
-    samples.
+    """Return the dataset with the samples in `outs` held out, and all other samples used for
+    training.
     """
     curves = zip(dataset.curves, outs, strict=True)
     return replace(dataset, curves=tuple(replace(curve, held_out=out) for curve, out in curves))
 
 
 def _by_fold(parts: Sequence[Forecasts], folds: Sequence[Masks]) -> Forecasts:
-    """Return forecasts in which each sample has the value from the fold that leaves it out."""
+    """Combine the forecasts of all folds: each sample takes its value from the fold that leaves it
+    out.
+    """
     pooled = []
     for of_curve, outs in zip(zip(*parts, strict=True), zip(*folds, strict=True), strict=True):
         whole = next((each for each, out in zip(of_curve, outs, strict=True) if out.all()), None)
@@ -150,7 +153,9 @@ def _by_fold(parts: Sequence[Forecasts], folds: Sequence[Masks]) -> Forecasts:
 
 
 def refuse_over_time(choices: ModelChoices) -> None:
-    """Raise SpecError for a model that cannot be fitted without a level."""
+    """Raise SpecError for a model that runs over time, because it cannot be fitted again without a
+    level.
+    """
     if choices.kind == "sum" or choices.over_time:
         raise SpecError(
             "split.leave_one_level_out: a model over time cannot be fitted with a level left out",
@@ -159,8 +164,8 @@ def refuse_over_time(choices: ModelChoices) -> None:
 
 
 def refit_run(run_dir: Path, dataset: Dataset) -> Model:
-    """Return the model of another run, fitted again with its own spec to the training samples of a
-    dataset.
+    """Fit the model of another run again, with the spec of that run, to the training samples of a
+    dataset, and return it.
     """
     again = _searching_again(run_dir)
     dataset = replace(dataset, target=RunFiles(run_dir).dataset().target)
@@ -177,8 +182,8 @@ as having seen them.
 
 def trained_on(run_dir: Path, dataset: Dataset) -> bool:
     """Return True if the model of another run was trained with samples that a dataset holds out.
-    Samples are recognised by rows with the same numbers, except rows that are also training rows of
-    the dataset. A few rows may agree by chance.
+    Two samples count as the same if all their numbers are equal. Rows that are also training rows
+    of the dataset are ignored, and a few rows may agree by chance.
     """
     other = RunFiles(run_dir).dataset()
     names = [name for name in dataset.curves[0].columns if name in other.curves[0].columns]
@@ -205,15 +210,16 @@ def residuals(
     run_dir: Path | None = None,
 ) -> LeftOut:
     """Leave out each part of the training data in turn, fit everything again, and return the errors
-    at the left-out parts. They are an estimate of the errors of `model`.
+    of the predictions of the left-out parts. These errors are an estimate of the errors of `model`
+    on new data.
 
     `needed` holds the folders of the runs whose models are added; they are fitted again as well. If
     `run_dir` contains a search of the structure, the search is repeated too. Held-out data are
     never used.
 
     Raises SpecError if the added runs were trained on fewer than three levels or recordings;
-    DataError or FitError, which name the part, if a model cannot be fitted without a part or has no
-    prediction for it.
+    DataError or FitError, with the name of a part, if a model cannot be fitted without this part or
+    cannot predict it.
     """
     kind, count, parts = parts_of(dataset, choices)
     made_by = choices_by_fold(run_dir, choices, dataset, [*parts.values()])
@@ -264,8 +270,8 @@ def share_beyond(predictions: Array, targets: Array) -> float:
 def _training_residuals(
     dataset: Dataset, model: Model, but: object
 ) -> dict[float | None, list[Array]]:
-    """Return the training residuals of each recording, by level, without the samples that have no
-    prediction. The level `but` is left out.
+    """Return the training residuals of each recording, grouped by level. Samples without a
+    prediction, and the curve at the level `but`, are left out.
     """
     by_level: dict[float | None, list[Array]] = {}
     for curve in dataset.curves:
@@ -279,13 +285,14 @@ def _training_residuals(
 
 
 def parts_of(dataset: Dataset, choices: ModelChoices) -> tuple[LeftOutKind, int, dict[str, Masks]]:
-    """Return the kind of parts that are left out one after the other, the number of such parts in
-    the training data, and for each part its name and its samples of every curve.
+    """Return the parts of the training data that are left out one after the other: their kind,
+    their number, and for each part its name and its samples of every curve.
 
-    The parts are the inner levels, because within the training range a new curve lies between two
-    others; recordings if there are no levels; specimens for a family; and blocks of all recordings
-    if there are fewer than `FEWEST` of these. The samples of a plateau, which are not used for
-    training, belong to their level or recording, because they are predicted and scored.
+    The parts are levels without the lowest and the highest, because a new curve within the training
+    range lies between two levels. Without levels, the parts are recordings, and for a family they
+    are specimens. If there are fewer than `FEWEST` parts, they are blocks of all recordings. The
+    samples of a plateau, which are not used for training, belong to their level or recording,
+    because they are predicted and scored.
     """
     if choices.model.family is not None:
         return _specimens(dataset, choices.model.family.of)
@@ -334,15 +341,16 @@ def _part_name(dataset: Dataset, curve: Curve) -> str:
 
 
 def _refitted_sum(choices: ModelChoices, needed: Mapping[str, Path], dataset: Dataset) -> Model:
-    """Fit a model of any kind to the training samples of a dataset. In a sum, the models of other
-    runs are fitted again too; `needed` holds the folders of these runs.
+    """Fit a model of any kind to the training samples of a dataset, and return it. If the model is
+    a sum, the added models are fitted again; `needed` holds the folders of their runs.
     """
     return refit(choices, dataset, lambda path: _summand_without(needed[path], dataset))
 
 
 def _summand_without(run_dir: Path, dataset: Dataset) -> Model:
-    """Return the model of a run, fitted again to its data without the curves that a dataset holds
-    out as a whole; curves are matched by level, or by name without levels.
+    """Fit the model of a run again and return it. Curves that the given dataset holds out
+    completely are left out of the run's own data. Curves are matched by level, or by name if there
+    are no levels.
     """
     choices = model_choices(load(run_dir / "experiment.yaml").spec)
     if choices.summands:

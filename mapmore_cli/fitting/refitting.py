@@ -26,7 +26,9 @@ Masks = tuple[BoolArray, ...]
 
 
 def contiguous(parts: Sequence[IntArray], count: int, size: int) -> list[BoolArray]:
-    """Return masks, (size,), of the first, second, ... of `count` contiguous blocks of parts."""
+    """Divide each of the parts (row numbers) into `count` contiguous blocks. Return a mask,
+    (size,), for each number: the first mask selects the first block of every part, and so on.
+    """
     split = [np.array_split(part, count) for part in parts]
     masks = []
     for number in range(count):
@@ -43,7 +45,9 @@ model.
 
 
 def without(dataset: Dataset, masks: Sequence[BoolArray]) -> Dataset:
-    """Return the dataset with more samples of every curve held out."""
+    """Return the dataset with the samples in `masks` held out, in addition to those that are held
+    out already.
+    """
     curves = zip(dataset.curves, masks, strict=True)
     kept = tuple(replace(curve, held_out=curve.held_out | out) for curve, out in curves)
     return replace(dataset, curves=kept)
@@ -51,7 +55,7 @@ def without(dataset: Dataset, masks: Sequence[BoolArray]) -> Dataset:
 
 def missed_by(model: Model, dataset: Dataset, masks: Sequence[BoolArray]) -> list[Missed]:
     """Return every curve that has left-out samples, with these samples and the forecast of the
-    curve by a model that was fitted to the other samples.
+    curve by `model`, which was fitted without these samples.
     """
     curves = zip(dataset.curves, masks, strict=True)
     return [(curve, out, forecast(model, curve)) for curve, out in curves if out.any()]
@@ -69,9 +73,9 @@ def left_out_of(
 
 
 def folds_by_value(dataset: Dataset, group: str | None) -> list[Masks]:
-    """Return a fold for every level, or for every value of `group`: masks of the samples that it
-    leaves out, one for each curve. Raises DataError if there is only one level or value, because
-    nothing would be left to train with.
+    """Return a fold for every level, or for every value of `group`. A fold consists of one mask for
+    each curve, which marks the left-out samples. Raises DataError if there is only one level or
+    value, because nothing would be left to train with.
     """
     of_curves = [
         np.full(curve.size, curve.level) if group is None else curve.columns[group]

@@ -1,4 +1,4 @@
-"""Define the parts of which each of the six stages of the pipeline consists."""
+"""Define what a stage of the pipeline is, and what it works with."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True)
 class Need:
-    """A run whose model a stage reads.
+    """Another run, whose model a stage reads.
 
-    - `key`: path of its spec; with `overrides`, the name of a variation of the study itself, which
-      is the run `<name of the study>.<key>`.
+    - `key`: path of the spec of this run. With `overrides`, it is the name of a variation of the
+      study, and the run is called `<name of the study>.<key>`.
     - `overrides`: settings of a variation, in the form of `--set`.
-    - `compared`: True if an existing model is read unchanged, and a model is made only if there is
-      none.
+    - `compared`: True if the model is only compared with. An existing model is then used unchanged,
+      and the run is made only if it has no model yet.
     """
 
     key: str
@@ -56,7 +56,7 @@ class Workspace:
 
     @property
     def files(self) -> RunFiles:
-        """Results that the earlier stages wrote."""
+        """Files in `run_dir` that the earlier stages wrote."""
         return RunFiles(self.run_dir)
 
 

@@ -1,5 +1,5 @@
-"""Print sums of terms as readable equations: scaled inputs have short names, and numbers have only
-the digits that they need.
+"""Print sums of terms as readable equations. Scaled inputs get short names, and numbers are rounded
+as far as the accuracy allows.
 """
 
 from __future__ import annotations
@@ -62,8 +62,8 @@ def equation(
     """Return `y_slope sum_k theta_k D_k + y_intercept` (M2 eq 8) as text and as LaTeX.
 
     Numbers are rounded to the fewest digits with which the error of the equation stays below the
-    `tolerance`. The error is a fraction of the range of values that the equation takes while its
-    quantities or states vary within their `limits`.
+    `tolerance`. The error is relative to the range of values that the equation takes while its
+    inputs or states vary within their `limits`.
     """
     whole, where = summed(terms, theta, scaling, units)
     whole = folded(whole)
@@ -81,11 +81,10 @@ def equation(
             for short, line in where.items()
         }
         values = [evaluate(parse(to_text(term, digits)), {**at, **known}, len(u)) for term in parts]
-        # Each term is evaluated separately, because the text of the whole sum may be longer than
-        # the parser accepts.
+        # terms are evaluated one by one, because the whole sum may be too long for the parser
         return np.asarray(np.sum(values, axis=0))
 
-    with np.errstate(all="ignore"):  # a term may be undefined somewhere in the ranges
+    with np.errstate(all="ignore"):  # a term may be undefined in a part of the ranges
         known = {**at, **{short: evaluate(line, at, len(u)) for short, line in where.items()}}
         parts = [
             _balanced(term, known, len(u))
@@ -117,8 +116,8 @@ def as_equation(
 
 
 def _balanced(term: Expression, at: Columns, n: int) -> Expression:
-    """Rewrite exponentials with a large exponent in a term, so that its coefficient keeps a
-    readable magnitude.
+    """Move a constant factor out of each exponential with a large exponent, so that the coefficient
+    of the term has a readable magnitude.
     """
     factors: list[Expression] = []
     for factor in term.factors if isinstance(term, Product) else (term,):
@@ -138,10 +137,9 @@ def summed(
     """Return a sum of terms, and the meaning of the names of its scaled inputs: `p` for `pressure`,
     `sr` for `strain_rate`, `v16` for `voltage[k-16]`.
 
-    For a quantity that is printed in another unit, `units` gives the number of the model's units in
-    one printed unit. If all terms are products of powers and no input has an offset, the scale
-    factors are multiplied into the coefficients, and the terms keep their names, as in M2's table
-    5.
+    If a quantity is printed in another unit, `units` says how many of the model's units are one
+    printed unit. If all terms are products of powers and no input has an offset, the scale factors
+    are multiplied into the coefficients. No short names are then needed, as in table 5 of M2.
     """
     trees, weights = list(map(parse, terms)), (scaling.y_slope * theta).tolist()
     degrees = list(map(exponents, trees))
@@ -172,7 +170,7 @@ def summed(
                 for tree, degree in zip(trees, degrees, strict=True)
                 if name in tree.names
             )
-            # most terms are shorter if the scaled input is zero at the right end of the range
+            # with the zero at the right end of the range, most terms become shorter
             shift = 1.0 if placed.get(name) == "right" and bent > 0 else 0.0
             short[name], where[fresh] = (
                 Name(fresh) - shift,

@@ -18,9 +18,9 @@ from mapmore_cli.modelling.memory.records import AtSample
 
 
 def forecast_each(model: Model, curves: Sequence[Curve], target: str) -> tuple[Forecast, ...]:
-    """Predict every sample of several curves, like `forecast`. If the model has no memory, short
-    curves are predicted in one call, because a call takes longer than the prediction of a hundred
-    samples.
+    """Predict every sample of several curves, as `forecast` does. If the model has no memory, short
+    curves are predicted together in one call, because calls are slow: one takes longer than the
+    prediction of a hundred samples.
     """
     if target != model.output.name or runs_over_time(model):
         return tuple(forecast(model, curve, target) for curve in curves)

@@ -1,11 +1,11 @@
-"""Find the input for a wanted output, for example the pressure for a force at a strain: every
-solution within the training range.
+"""Find every value of an input within its training range at which the model gives a wanted output,
+for example the pressure for a force at a given strain.
 
-The output is not monotone in the input everywhere (for measured muscles, it is not monotone on up
-to a tenth of the grid). There may be no solution, one, several, or a whole range of them, if a
-slack muscle gives the same force at every pressure. The output is monotone between knots (levels,
-boundaries, limits) and the places at which the slope changes its sign. Each monotone part contains
-at most one solution, which bisection finds.
+There may be no solution, one solution, or several, because the output is not monotone in the input
+everywhere (for measured muscles, on up to a tenth of the grid). The solutions can also fill a whole
+range: a slack muscle gives the same force at every pressure. The output is monotone between knots
+(levels, boundaries, limits) and the places at which the slope changes its sign. Each monotone part
+contains at most one solution, which bisection finds.
 """
 
 from __future__ import annotations
@@ -47,22 +47,22 @@ SPLITS, STEEP = 6, 3.0
 than `STEEP` times the slope of its secant, because the output may then turn twice in the part.
 """
 
-# rows that are scanned at a time; and bisections that halve an interval down to rounding
+# number of rows that are computed at once, and number of bisections down to rounding errors
 CHUNK, BISECTIONS = (
     500,
     50,
 )
-SAME = 1e-9  # differences below this fraction of the span of outputs count as zero
-# largest distance of a solution from the wanted output, as a fraction of this output; a bisection
-# that ends farther away has found a jump instead of a solution
+SAME = 1e-9  # smaller differences, as a fraction of the range of outputs, count as zero
+# largest relative difference between the output at a solution and the wanted output
+# If the difference is larger, the bisection has found a jump of the output instead of a solution.
 REACHED = 1e-6
 
 
 @dataclass(frozen=True)
 class Inverse:
-    """Solutions for n rows. `values` and `rows`, shape (m,) each, hold all solutions, ascending in
-    each row. `status` and `picked` have the shape (n,); `picked` is NaN for a row without a
-    solution.
+    """Solutions for n rows. `values`, (m,), holds all solutions, in ascending order for each row,
+    and `rows`, (m,), holds the row of each solution. `status` and `picked` have the shape (n,);
+    `picked` is NaN for a row without a solution.
     """
 
     values: Array
@@ -73,8 +73,8 @@ class Inverse:
 
 @dataclass(frozen=True)
 class SolvedInput:
-    """An input as a function of the output: its `values` at n rows, and True in `solved` for rows
-    with a solution, shape (n,) each.
+    """Values of an input, computed from the output of a model. `values`, (n,), holds a value for
+    each row, and `solved`, (n,), is True for rows with a solution.
     """
 
     values: Array
@@ -103,11 +103,11 @@ def solve_for_input(model: Model, columns: Columns, name: str) -> SolvedInput:
     """Return the input `name` as a function of the model's output and its other inputs, for example
     the force at a strain from a model of the strain.
 
-    `columns` holds the output and all inputs but `name`, shape (n,) each. The result at each row is
-    the lowest solution within the training range. Without a solution, it is the value of the input
-    whose output comes nearest to the given output: a strain that no force of the range can cause
-    gets the force at the end of the range. It is NaN for a row with a NaN. Raises UsageError and
-    DataError like `invert`.
+    `columns` holds the output and all inputs but `name`, shape (n,) each. The result for each row
+    is the lowest solution within the training range. If there is no solution, it is the value of
+    the input whose output is nearest to the given output. For example, if no force within the range
+    causes a strain, the result is the force at one end of the range. A row with a NaN gives NaN.
+    Raises UsageError and DataError like `invert`.
     """
     needed = [model.output.name, *(other for other in _input_names(model, name) if other != name)]
     known = np.flatnonzero(np.logical_and.reduce([np.isfinite(columns[other]) for other in needed]))
@@ -128,7 +128,9 @@ def solve_for_input(model: Model, columns: Columns, name: str) -> SolvedInput:
 def _solutions(
     model: Model, wanted: Array, given: Columns, name: str
 ) -> tuple[Array, IntArray, BoolArray, Array]:
-    """Return `_Line.solutions` of all rows. They are computed for `CHUNK` rows at a time."""
+    """Return the results of `_Line.solutions` for all rows, computed for `CHUNK` rows at once to
+    limit the memory.
+    """
     names, program = _input_names(model, name), program_of(model)
     slopes, value, ends = evaluator(with_slopes(program)), evaluator(program), knots(model, name)
     parts = []
@@ -156,8 +158,8 @@ def _input_names(model: Model, name: str) -> tuple[str, ...]:
 
 
 def knots(model: Model, name: str) -> Array:
-    """Return the ascending values of an input between which the model is smooth, and the ends of
-    its training range.
+    """Return the places along an input at which the model may have a kink or a jump, and the ends
+    of its training range, in ascending order.
 
     Raises UsageError if the range is unknown, for example for an input that a sum renames.
     """
@@ -173,8 +175,8 @@ def knots(model: Model, name: str) -> Array:
 
 
 def parts_between(knots: Array) -> int:
-    """Return the number of parts into which every interval between knots is cut. The slope is
-    evaluated in each part.
+    """Return the number of parts into which every interval between knots is divided. In each part,
+    the slope is computed at both ends.
     """
     return max(SCAN, -(-PARTS // (len(knots) - 1)))
 
@@ -208,8 +210,8 @@ class _Line:
         return {name: x if name == self.name else self.given[name][rows] for name in self.names}
 
     def edges(self, knots: Array) -> tuple[Array, IntArray]:
-        """Return the ends of the monotone parts of every row, ascending, and their rows, (e,)
-        each.
+        """Return the ends of the parts in which the output is monotone, and the row of each end,
+        (e,) each. The ends of each row are in ascending order.
         """
         n = len(self.wanted)
         inner = [
@@ -220,7 +222,7 @@ class _Line:
         rows = np.repeat(np.arange(n), len(places) - 1)
         starts, ends = np.tile(places[:-1], n), np.tile(places[1:], n)
         turns, of = self._turning_points(starts, ends, rows, SPLITS)
-        # The output may jump at a knot, so the monotone parts end just beside the knots.
+        # monotone parts end just before a knot, because the output may jump there
         beside = np.nextafter(knots[:-1], np.inf), np.nextafter(knots[1:], -np.inf)
         fixed = np.concatenate([places, *beside])
         x = np.concatenate([np.tile(fixed, n), turns])
@@ -231,8 +233,8 @@ class _Line:
     def _turning_points(
         self, low: Array, high: Array, rows: IntArray, splits: int
     ) -> tuple[Array, IntArray]:
-        """Return the places at which the output turns within the given parts, together with the
-        middles of the parts that were divided, and the rows of these places.
+        """Return the places within the given parts at which the slope of the output changes its
+        sign, and the middle of each part that had to be divided. Also return the row of each place.
         """
         start, end = np.nextafter(low, np.inf), np.nextafter(high, -np.inf)
         (left, slope_left), (right, slope_right) = self.both(start, rows), self.both(end, rows)
@@ -288,7 +290,7 @@ class _Line:
         crossed = _bisected(
             lambda at, which: self.missing(at, where[which]), x[:-1][crosses], x[1:][crosses]
         )
-        # if the output jumps across the wanted value, there is no solution
+        # a jump of the output across the wanted value is no solution
         reached = np.maximum(REACHED * np.abs(self.wanted[where]), near[where])
         real = np.abs(self.missing(crossed, where)) <= reached
         values = np.concatenate([x[first], crossed[real]])
@@ -300,12 +302,12 @@ class _Line:
 def may_turn_twice(
     left: Array, right: Array, slope_left: Array, slope_right: Array, width: Array
 ) -> BoolArray:
-    """Return True for parts in which the output may turn twice and reach zero in between, shape
-    (m,), from its values and slopes at the ends of the parts.
+    """Return True for each part, (m,), in which the output may turn twice and reach zero between
+    the turns. This is decided from the values and slopes at both ends of the part.
 
     A cubic is monotone if its slopes at both ends are at most three times the slope of the secant
-    (Fritsch and Carlson 1980). It departs from its value at an end by less than a straight line
-    with the steeper of the two slopes.
+    (Fritsch and Carlson 1980). Within the part, it differs from its value at an end by less than
+    the part's width times the steeper of the two slopes.
     """
     reach = np.maximum(np.abs(slope_left), np.abs(slope_right)) * width
     rise = right - left
@@ -318,8 +320,8 @@ def may_turn_twice(
 
 
 def _bisected(f: Callable[[Array, IntArray], Array], low: Array, high: Array) -> Array:
-    """Return the places between `low` and `high`, shape (m,), at which f changes its sign. f takes
-    places and their indices.
+    """Return the place between each `low` and `high`, (m,), at which f changes its sign, by
+    bisection. The arguments of f are places and their indices.
     """
     which = np.arange(len(low))
     if not len(low):

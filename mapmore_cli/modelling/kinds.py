@@ -1,8 +1,9 @@
-"""Define what every kind of model can do: the operations (verbs) of a kind, and functions that
-apply them to a model of any kind.
+"""Define what every kind of model can do. Each kind has a set of operations (its verbs), and the
+functions here apply these operations to a model of any kind.
 
-A kind is a `Kind` with the name `KIND` in a package of `modelling/`, or the object of an entry
-point in the group `mapmore.kinds`. Its verbs are imported when a model of this kind is used.
+A kind is an object of the class `Kind`. It is called `KIND` in a package of `modelling/`, or an
+entry point in the group `mapmore.kinds` names it. Its verbs are imported when a model of this kind
+is first used.
 """
 
 from __future__ import annotations
@@ -32,14 +33,15 @@ from mapmore_cli.modelling.ranges import outside_limits
 class Verbs(Protocol):
     """Operations of a kind of model.
 
-    Every kind derives from this class and defines the first four operations. The others have
-    default implementations, which suit models whose rows are independent of each other.
+    Every kind derives from this class and defines the first four operations. The other operations
+    have default implementations, which suit models that predict each row independently of the other
+    rows.
     """
 
     @abstractmethod
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
-        """Return the output at every row, shape (n,); NaN if an input is NaN or there is no
-        history.
+        """Return the output at every row, shape (n,); NaN for a row if one of its inputs is NaN, or
+        if the model needs more earlier rows.
         """
 
     @abstractmethod
@@ -50,11 +52,13 @@ class Verbs(Protocol):
 
     @abstractmethod
     def parameters(self, model: Model) -> int:
-        """Return the number of coefficients and parameters that the fit was free to choose."""
+        """Return the number of free parameters: the coefficients and parameters that the fit
+        determined.
+        """
 
     @abstractmethod
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
-        """Write the model as statements of a program, and return its output."""
+        """Write the model as statements of a program, and return the variable of its output."""
 
     def running(self, model: Model) -> Callable[[Columns], SimulatedRun] | None:  # noqa: ARG002
         """Return a function that simulates one recording block after block; None if the kind needs
@@ -63,7 +67,7 @@ class Verbs(Protocol):
         return None
 
     def one_step(self, model: Model, columns: Columns) -> Array:
-        """Return the prediction of every row from the measured past, shape (n,)."""
+        """Return the one-step-ahead prediction of every row, from measured outputs, shape (n,)."""
         return self.simulate(model, columns).values
 
     def settled(self, model: Model, columns: Columns) -> Array:
@@ -71,7 +75,9 @@ class Verbs(Protocol):
         return self.simulate(model, columns).values
 
     def fed_back(self, model: Model) -> tuple[str, ...]:  # noqa: ARG002
-        """Return the names of measured outputs with which a run must begin."""
+        """Return the names of the outputs of which measured values are needed at the start of a
+        run.
+        """
         return ()
 
     def outside_range(self, model: Model, columns: Columns) -> BoolArray:
@@ -85,7 +91,9 @@ class Verbs(Protocol):
         return ()
 
     def faults(self, model: Model) -> Iterable[str]:  # noqa: ARG002
-        """Return the faults for which a stored model is refused (`soundness`)."""
+        """Return what is wrong with a stored model. A model with such a fault is refused
+        (`soundness`).
+        """
         return ()
 
 
@@ -94,12 +102,13 @@ class Kind:
     """A kind of model: its name in files and on pages, and the types of its models and its fits.
 
     - `verbs`: function that imports and returns the operations of the kind.
-    - `over_time`: True if the rows are samples of a recording, along which the model runs.
+    - `over_time`: True if the model is computed along a recording, because its output depends on
+      earlier samples.
     - `settings`: the keys of `model: {type: NAME}` in a spec, if the kind has keys of its own.
 
-    A kind of a plugin derives from this class and defines what higher layers ask for: `maker`
-    (`fitting.kinds.Fitted`), `findings` (`study.checks.target.Checked`), `section` and `show_fit`
-    (`reporting.sections.Paged`), `show` (`cli.views.Shown`).
+    A kind in a plug-in is a subclass of this class. It also defines the attributes that higher
+    layers use: `maker` (`fitting.kinds.Fitted`), `findings` (`study.checks.target.Checked`),
+    `section` and `show_fit` (`reporting.sections.Paged`), `show` (`cli.views.Shown`).
     """
 
     name: str
@@ -122,8 +131,8 @@ def kinds() -> tuple[Kind, ...]:
 
 
 def named(name: str) -> Kind:
-    """Return the kind with a name. Raises NotInstalled if it belongs to a part that is not
-    installed.
+    """Return the kind with a name. Raises NotInstalled if the kind belongs to a part of mapmore
+    that is not installed.
     """
     kind = next((kind for kind in kinds() if kind.name == name), None) or plugins.load(
         "kinds", name
@@ -148,8 +157,8 @@ def kind_of_fit(fit: Fit | None) -> Kind | None:
 
 
 def alone(model: Model) -> Model:
-    """Return the model unchanged if it has one output. Raises UsageError for a model of several
-    outputs, with which the caller cannot work.
+    """Return the model unchanged if it has only one output. Raises UsageError if it has several
+    outputs, because the caller needs a model with one output.
     """
     names = [output.name for output in model.outputs]
     if len(names) > 1:
@@ -170,21 +179,21 @@ def simulate(model: Model, columns: Columns) -> SimulatedRun:
     """Return the output of the model at every row, shape (n,), NaN if an input is NaN; and the rows
     at which a free run diverges.
 
-    A model with memory runs free along one recording: it has no prediction before there is history,
-    and starts again after rows with a NaN.
+    A model with memory is computed in free run along one recording. It has no prediction for the
+    first rows, from which it starts, and it starts again after rows with a NaN.
 
     - `columns`: the model's inputs by name, each (n,), in the model's units; for a model with
       memory also `time`, and the output if it is fed back.
 
     Raises KeyError if an input is missing; DataError if a free run has no measured output to begin
-    with, or the time steps are not those of the model.
+    with, or if the time steps differ from those of the model.
     """
     return verbs_of(model).simulate(model, columns)
 
 
 def settled(model: Model, columns: Columns) -> Array:
-    """Return the output of the model for constant inputs, shape (n,). For a model with memory, it
-    is the value at which a run comes to rest; for others, it is `predict`.
+    """Return the output of the model for constant inputs, shape (n,). For a model with memory, this
+    is the value at which a run comes to rest. For any other model, it is the result of `predict`.
 
     Raises FitError if the run does not come to rest.
     """
@@ -199,8 +208,8 @@ def running(model: Model) -> Callable[[Columns], SimulatedRun] | None:
 
 
 def outside_range(model: Model, columns: Columns) -> BoolArray:
-    """Return True for rows at which an input lies outside the training range, shape (n,). In a sum,
-    the range of any summand counts.
+    """Return True for rows at which an input lies outside the training range, shape (n,). For a
+    sum, a row counts as outside if it is outside the range of one of the summands.
     """
     return verbs_of(model).outside_range(model, columns)
 
@@ -211,7 +220,7 @@ def numbers_in_reach(model: Model) -> Iterator[None]:
     somebody changed the file.
     """
     try:
-        # an overflow becomes infinity, which the test for finite values finds
+        # an overflow gives infinity, which the check for finite values reports
         with np.errstate(over="ignore"):
             yield
     except ExpressionError as fault:
@@ -224,41 +233,45 @@ def numbers_in_reach(model: Model) -> Iterator[None]:
 def equations(
     model: Model, units: Mapping[str, float] = MappingProxyType({})
 ) -> tuple[Equation, ...]:
-    """Return the model as equations, in its own units or in others. For a sum, these are the
-    equations of each summand.
+    """Return the equations of the model, in its own units or in those given by `units`. For a sum,
+    the equations of each summand are returned.
 
-    Raises DataError if a coefficient is too large to be a number.
+    Raises DataError if a coefficient is too large for a floating-point number.
     """
     with numbers_in_reach(model):
         return verbs_of(model).equations(model, units)
 
 
 def rules(model: Model) -> tuple[str, ...]:
-    """Return sentences that say how the equations are combined. With the equations and these
-    sentences, a reader can compute the model.
+    """Return sentences that say how the equations of the model are combined, so that a reader can
+    compute the model by hand.
     """
     return tuple(verbs_of(model).rules(model))
 
 
 def parameters(model: Model) -> int:
     """Return the number of free parameters: coefficients of terms and parameters of formulas. For a
-    sum, all parts are counted.
+    sum, the parameters of all summands are counted.
     """
     return verbs_of(model).parameters(model)
 
 
 def one_step_ahead(model: Model, columns: Columns) -> Array:
-    """Return the prediction of every row from the measured past, shape (n,); NaN before there is
-    history.
+    """Return the one-step-ahead prediction of every row, from measured outputs, shape (n,); NaN for
+    the first rows if the model needs earlier ones.
     """
     return verbs_of(model).one_step(model, columns)
 
 
 def runs_over_time(model: Model) -> bool:
-    """Return True if the rows are samples of a recording, along which the model runs."""
+    """Return True if the model is computed along a recording, because its output depends on earlier
+    samples.
+    """
     return any(kind_of(part).over_time for part in model.every)
 
 
 def fed_back(model: Model) -> tuple[str, ...]:
-    """Return the names of measured outputs with which a run must begin, each once."""
+    """Return the names of the outputs of which measured values are needed at the start of a run,
+    without repetitions.
+    """
     return verbs_of(model).fed_back(model)

@@ -1,5 +1,5 @@
-"""Declare the black-box competitors: general regression methods that know nothing of muscles and
-are fitted to the same samples.
+"""Declare the black-box competitors. These are general regression methods, without any knowledge of
+muscles, that are fitted to the same samples as the model.
 
 They come from scikit-learn (extra `baselines`), which is imported only when a black box is used.
 Settings and seeds are the same for every study.
@@ -18,7 +18,9 @@ from mapmore_cli.domain.arrays import Array
 
 
 class Regressor(Protocol):
-    """Regressor that is fitted to inputs (n, m) and outputs (n,), and predicts (n,) for others."""
+    """Interface of a regressor: `fit` takes inputs, (n, m), and outputs, (n,); `predict` returns
+    outputs for new inputs.
+    """
 
     def fit(self, x: Array, y: Array, /) -> object:
         """Fit the regressor to samples."""
@@ -68,8 +70,7 @@ def _neural_network(_inputs: int) -> Regressor:
 
 LEARNERS: Mapping[str, Learner] = MappingProxyType(
     {
-        # the time and memory of a Gaussian process grow with the third and second power of the
-        # number of samples
+        # for n samples, a Gaussian process needs a time of order n^3 and a memory of order n^2
         "gaussian_process": Learner("Gaussian process", 400, _gaussian_process),
         "gradient_boosting": Learner("Gradient boosting", 20_000, _gradient_boosting),
         "mlp": Learner("Neural network", 5_000, _neural_network),

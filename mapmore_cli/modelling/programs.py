@@ -1,4 +1,4 @@
-"""Write a model of any kind as a program, for its values at one sample or its derivatives."""
+"""Write a model of any kind as a program, and compute its derivatives."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from mapmore_cli.modelling.signals.sampling import UNEVEN
 
 
 def program_of(model: Model) -> Program:
-    """Return the model as a program for the values of one sample, from which other languages and
-    derivatives are made.
+    """Return the model as a program that computes one sample. Exported code and derivatives are
+    made from it.
 
     Raises DataError if parts have different times between samples or need different measured
     outputs, if a part has no closed expression, or if a coefficient is too large to be a number.
@@ -43,13 +43,13 @@ def program_of(model: Model) -> Program:
 
 
 def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
-    """Write a model of any kind, and return its output."""
+    """Write the statements of a model of any kind, and return its output."""
     return verbs_of(model).write(m, model, inputs)
 
 
 def slopes(model: Model, columns: Columns) -> dict[str, Array]:
-    """Return the derivative of the output by every input, shape (n,) each; NaN if an input is not
-    finite.
+    """Return the derivative of the output with respect to every input, shape (n,) each; NaN in rows
+    in which an input is not finite.
 
     Raises DataError for a model with memory, and if a part of the model has no closed expression.
     """

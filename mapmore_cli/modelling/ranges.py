@@ -1,5 +1,5 @@
-"""Describe where a model was trained: the range of every input, interpolated between the levels of
-its curves.
+"""Describe the training range of a model. It is the range of every input, which is interpolated
+between the levels of the training curves.
 """
 
 from __future__ import annotations
@@ -19,8 +19,9 @@ rounding does not flag the end itself.
 
 
 class InputRange(NamedTuple):
-    """Training range of one input, from `low` to `high`, shape (L,) each, interpolated linearly
-    between the `levels`, shape (L,), of the input `at`. If `at` is None, there is one range.
+    """Training range of one input, from `low` to `high`, shape (L,) each. The range is interpolated
+    linearly between the `levels`, shape (L,), of the input `at`. If `at` is None, there is only one
+    range.
     """
 
     name: str
@@ -43,8 +44,8 @@ def limits(ranges: Sequence[CurveRange], level: str | None) -> Iterator[InputRan
     """Yield the training range of every input. The level comes first; its range reaches from the
     lowest to the highest level, shape (1,) each.
 
-    The range of any other input is interpolated linearly between the curves, because each curve has
-    its own: the free strain grows with the pressure.
+    The range of any other input is interpolated linearly between the curves, because curves have
+    different ranges: for example, the free strain grows with the pressure.
     """
     if not ranges:
         return

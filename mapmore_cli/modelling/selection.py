@@ -19,14 +19,11 @@ from mapmore_cli.domain.declared import (
 )
 from mapmore_cli.modelling.frols.weighing import LOSSES
 
-# word in a spec for a setting that is chosen by cross-validation on training data, for example the
-# backbone
+# value of a setting, for example of the backbone, that mapmore chooses by cross-validation
 AUTO = "auto"
-# a smaller ridge would be lost in the rounding errors of the Gram matrix; of all smaller values,
-# only zero is allowed
+# smallest ridge except zero; a smaller one is below the rounding errors of the Gram matrix
 LEAST_RIDGE = 1e-9
-# default number of terms that are selected before pruning, divided by the number of terms that are
-# kept
+# default ratio of the number of terms before pruning to the number after pruning
 FORWARD = 3
 
 TERMS_OF_ONE_MODEL = 12
@@ -104,7 +101,7 @@ class Fit(Settings):
 
     @property
     def known_scale(self) -> float | None:
-        """The value of `scale`; None if it is `auto`."""
+        """The value of `scale` if it is a number; None if it is `auto`."""
         return None if isinstance(self.scale, str) else self.scale
 
     @property
@@ -114,7 +111,9 @@ class Fit(Settings):
         return max(self.max_terms, forward)
 
     def __post_init__(self) -> None:
-        """Refuse a ridge that would be lost in rounding errors, and keys that have no effect."""
+        """Raise an error for a ridge that is below the rounding errors, and for keys that would
+        have no effect.
+        """
         if self.scale != "auto" and self.loss == "squares":
             raise Contradiction(
                 "`scale` has no effect with `loss: squares`",
@@ -145,7 +144,7 @@ class MemoryRecipe(Fit):
     as in `Fit`; with a ridge, it is a fraction of the variance.
 
     - `target`: the output.
-    - `dictionary`: candidate terms as texts: products of names of states.
+    - `dictionary`: candidate terms as texts. Each is a product of names of states.
     - `step`: time between samples, s.
     - `ordered`: True if the time steps are uneven and only the order of samples counts.
     """

@@ -1,7 +1,7 @@
-"""Fit competitors that need no knowledge of muscles: polynomials in a model's own inputs, and a
-linear model of the next output (ARX) in free run.
+"""Fit simple competitors that need no knowledge of muscles. They are polynomials in the inputs of a
+model, and a linear model with past outputs and inputs (ARX) in free run.
 
-Reviewers ask for these first, because they can be fitted in any study without effort.
+Reviewers often ask for these, because they can be fitted in any study.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.modelling.memory.records import sampled
 from mapmore_cli.modelling.signals.sampling import even_share
 
-# total degree of each polynomial, which has every monomial up to it
+# total degree of each polynomial; it has all monomials up to this degree
 DEGREES = {
     "plane": 1,
     "quadratic": 2,
@@ -32,9 +32,9 @@ SIMPLE: Mapping[str, str] = {name: name.capitalize() for name in (*DEGREES, "bac
 }
 """The simple competitors with their titles. Every validation has those that its model allows."""
 
-# numbers of samples that an ARX may look back; the free run on training data chooses one
+# orders that are tried for the ARX; the order with the best free run on training data is used
 ORDERS = (1, 2, 4, 8)
-# largest number of training rows for a fit; of more rows, an evenly spread part is used
+# largest number of training rows of a fit; if there are more, an evenly spread part is used
 MOST_ROWS = 50_000
 LARGEST = 1e3  # a free run has diverged if it exceeds the largest measured output by this factor
 
@@ -53,14 +53,15 @@ Rows = tuple[Array, Array]
 
 
 def training_rows(dataset: Dataset, names: Sequence[str]) -> Rows:
-    """Return the finite inputs and outputs of training samples, in an order that does not depend on
-    the order of the samples; if there are many, evenly thinned.
+    """Return the inputs and outputs of all training samples whose values are finite. They are
+    sorted by value, so that the order of the samples has no influence, and thinned evenly if there
+    are many.
     """
     *inputs, y = _training_samples(dataset, [*names, dataset.target])
     x = np.column_stack(inputs)
     known = np.isfinite(x).all(axis=1) & np.isfinite(y)
     x, y = x[known], y[known]
-    # rows are sorted, so that their order in the file cannot change a digit of the fit
+    # sorted rows, so that their order in the file cannot change a digit of the fit
     order = np.lexsort([y, *x.T])
     return even_share(x[order], MOST_ROWS), even_share(y[order], MOST_ROWS)
 
@@ -78,7 +79,9 @@ class Polynomial:
     theta: Array
 
     def __call__(self, *at: Array) -> Array:
-        """Return the values of the polynomial at some places of its quantities, shape (n,) each."""
+        """Return the values of the polynomial, shape (n,), at the given values of its quantities,
+        (n,) each.
+        """
         ends = zip(at, self.middle, self.half, strict=True)
         return self.theta @ _monomials([(x - m) / h for x, m, h in ends], self.degree)
 
@@ -89,8 +92,8 @@ class Polynomial:
         ]
 
     def as_pieces(self) -> Pieces:
-        """Return the polynomial as one piece, in coordinates that are -1 and 1 at the ends of the
-        training data.
+        """Return the polynomial as a model of one piece. Its inputs are scaled to -1 and 1 at the
+        ends of their training ranges.
         """
         terms = [
             "*".join(f"{self.names[i]}^{of.count(i)}" for i in dict.fromkeys(of)) or "1"
@@ -115,8 +118,9 @@ class Polynomial:
 
 @dataclass(frozen=True)
 class Arx:
-    """`y[k] = c + sum a_i y[k-i] + sum b_j u[k-j]` of a target y and the inputs `names`: `theta`
-    has c, then the `order` coefficients of the past outputs, then `order + 1` of each input.
+    """ARX model `y[k] = c + sum a_i y[k-i] + sum b_j u[k-j]` with the target y and the inputs u in
+    `names`. `theta` holds c, then `order` coefficients of past outputs, and then `order + 1`
+    coefficients of each input.
     """
 
     target: str
@@ -129,8 +133,8 @@ class Arx:
         `curves`. A run has diverged if it is far outside the `limits` of the target.
 
         A run of this model begins with `order` measured outputs, but the run that is scored (`arx`)
-        begins at rest. After the beginning, both runs follow the same equation. They agree as soon
-        as the effect of the beginning has decayed.
+        begins at rest. Both runs follow the same equation, and they agree as soon as the effect of
+        the beginning has decayed.
         """
         steps = range(1, self.order + 1)
         past = [f"{self.target}[k-{i}]" for i in steps]
@@ -148,10 +152,10 @@ def polynomial_fit(
 ) -> Polynomial | None:
     """Return the least-squares polynomial in the quantities `names`.
 
-    Inputs are scaled to [-1, 1] on the training samples. If these do not determine all
-    coefficients, the solution of minimum norm is taken. The polynomial is fitted to `rows`, by
-    default the `training_rows`. The result is None if there are fewer rows than coefficients, or no
-    inputs.
+    Inputs are scaled to [-1, 1] on the training samples. If the training samples do not determine
+    all coefficients, the solution with the smallest norm is used. The polynomial is fitted to
+    `rows`, by default the `training_rows`. The result is None if there are fewer rows than
+    coefficients, or no inputs.
     """
     if not names:
         return None
@@ -168,10 +172,10 @@ def polynomial_fit(
 def arx(dataset: Dataset, names: Sequence[str]) -> tuple[Arx, list[Array]] | None:
     """Return the fitted ARX and its free run along every recording, (n_c,) each.
 
-    The free run, which is scored, starts at rest: as if the first measured output and the first
-    inputs had always been there. The coefficients are fitted by least squares one step ahead. Of
-    `ORDERS`, the one with the smallest error in free run on the training samples is taken. The
-    result is None if every free run diverges.
+    The scores are computed from the free run. It starts at rest, as if the output and the inputs
+    had always had their first values. The coefficients are fitted by least squares, one step ahead.
+    Of all `ORDERS`, the order with the smallest error in free run on the training samples is used.
+    The result is None if every free run diverges.
     """
     best, least = None, np.inf
     for order in ORDERS:
@@ -191,8 +195,8 @@ def arx(dataset: Dataset, names: Sequence[str]) -> tuple[Arx, list[Array]] | Non
 
 
 def _training_samples(dataset: Dataset, names: Sequence[str]) -> list[Array]:
-    """Return some columns of the training samples of all curves, shape (n,) each, evenly thinned if
-    there are far more than a fit uses.
+    """Return the given columns of the training samples of all curves, shape (n,) each. If there are
+    many more samples than a fit uses, they are thinned evenly.
     """
     every = _thinning(dataset)
     rows = [np.flatnonzero(curve.training)[::every] for curve in dataset.curves]
@@ -206,8 +210,8 @@ def _training_samples(dataset: Dataset, names: Sequence[str]) -> list[Array]:
 
 
 def _thinning(dataset: Dataset) -> int:
-    """Return the number n for a thinning that keeps every n-th sample. About four times as many
-    samples remain as a fit uses.
+    """Return the number n if every n-th sample is kept. It is chosen so that about four times as
+    many samples remain as a fit uses.
     """
     return max(1, sum(curve.size for curve in dataset.curves) // (4 * MOST_ROWS))
 
@@ -223,7 +227,9 @@ def _monomials(x: Sequence[Array] | Array, degree: int) -> Array:
 
 
 def _powers(inputs: int, degree: int) -> list[tuple[int, ...]]:
-    """Return, for each monomial in their order, the indices of the inputs that are its factors."""
+    """Return, for each monomial, the indices of the inputs that are its factors. A power repeats an
+    index.
+    """
     return [
         of
         for total in range(degree + 1)
@@ -260,7 +266,7 @@ def _run(curve: Curve, fitted: Arx) -> Array:
     """Return the free run along every recording of a curve, (n,); NaN from the row at which it
     diverges.
     """
-    # imported here, because the import takes a fifth of the time of a run without an ARX
+    # imported here, because the import is slow and a run without an ARX does not need it
     from scipy.signal import lfilter
 
     names, order, theta = fitted.names, fitted.order, fitted.theta
@@ -269,8 +275,8 @@ def _run(curve: Curve, fitted: Arx) -> Array:
     most = LARGEST * max(np.abs(x[np.isfinite(x)]).max(initial=1e-300) for (x,) in in_blocks(y))
 
     def at_rest(coefficients: Array, first: float) -> Array:
-        """Return what earlier values contribute to the samples 0, 1, ..., if all of them were equal
-        to the `first` one.
+        """Return the contribution of values before the beginning to the samples 0, 1, ..., if all
+        these values are equal to `first`.
         """
         return np.array([coefficients[step:].sum() * first for step in range(order)])
 

@@ -1,8 +1,8 @@
-"""Check once, when a stored model is read, that it can be evaluated.
+"""Check that a stored model can be evaluated. This is done once, when the model is read.
 
-Types and single values are checked before. Here, it is checked that the parts fit together. A model
-is refused if its kind finds a fault (`faults`), or if a trial on a few rows ends with an internal
-error.
+Types and single values are checked earlier; here, mapmore checks that the parts of the model fit
+together. A model is refused if its kind finds a fault (`faults`), or if a trial on a few rows ends
+with an internal error.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from mapmore_cli.modelling.programs import program_of
 from mapmore_cli.modelling.signals.rates import signal_values
 from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths_of
 
-ROWS = 16  # number of rows of the trial
+ROWS = 16  # number of rows in the trial evaluation
 
 
 def unsound(model: Model) -> str | None:
-    """Return the reason why a model cannot be evaluated; None if it can."""
+    """Return the reason why a model cannot be evaluated; None if it can be evaluated."""
     try:
         for part in model.every:
             fault = next(iter(kinds.verbs_of(part).faults(part)), None)
@@ -41,8 +41,8 @@ def unsound(model: Model) -> str | None:
 
 
 def _try(model: Model) -> None:
-    """Apply to a model the operations that the commands use. An error that is reported to users is
-    an acceptable result.
+    """Apply all operations that the commands use to a model. Errors that the commands report to
+    users are accepted.
     """
     asked = (*model.inputs, model.output)
     names = [quantity.name for quantity in asked] + [
@@ -61,6 +61,6 @@ def _try(model: Model) -> None:
         lambda: model.left_out and half_widths_of(model, columns, INTERVAL),
         lambda: [signal_values(signal, timed) for signal in model.signals],
     ):
-        # the commands report these errors to the user
+        # these errors are accepted, because the commands report them to the user
         with suppress(MapmoreError), np.errstate(all="ignore"):
             attempt()

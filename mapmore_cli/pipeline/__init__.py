@@ -1,1 +1,3 @@
-"""Run the stages: fingerprints, staleness, runs that need other runs, and the runner."""
+"""Run the stages of a study. Decide which stages are out of date, and run other runs first if they
+are needed.
+"""

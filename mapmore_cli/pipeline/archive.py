@@ -1,4 +1,6 @@
-"""Freeze models under a name that no later run overwrites, and compare them with later models."""
+"""Freeze models: copy them to folders that no later run overwrites. Compare frozen models with
+later models.
+"""
 
 from __future__ import annotations
 
@@ -54,8 +56,8 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
     return this folder.
 
     Raises DataError if the run is not finished, its files were changed, or its record has no valid
-    name; UsageError for an invalid tag; WriteError if the name is taken or the archive cannot be
-    written.
+    name; UsageError for an invalid tag; WriteError if the folder exists already or the archive
+    cannot be written.
     """
     if not TAG.fullmatch(tag):
         raise UsageError(
@@ -64,7 +66,7 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
         )
     _check_finished(run_dir)
     name = _entry(run_dir / RUN_RECORD, "name")
-    # the record of a run that comes from a stranger may contain any path as a name
+    # checked, because the record of somebody else's run may contain any path as its name
     if not isinstance(name, str) or not TAG.fullmatch(name):
         raise DataError(
             f"{run_dir / RUN_RECORD}: does not contain the name of the run",
@@ -100,7 +102,7 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
             try:
                 unfinished.rename(place)
             except OSError as fault:
-                # another process has created the folder in the meantime
+                # another process may have created the folder in the meantime
                 if fault.errno in (errno.ENOTEMPTY, errno.EEXIST):
                     raise refusal from fault
                 raise
@@ -108,7 +110,9 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
 
 
 def _entry(path: Path, *keys: str) -> object:
-    """Return the value at a path of keys in a JSON file; None if there is no value or no file."""
+    """Return the value that nested `keys` lead to in a JSON file; None if there is no such value or
+    no file.
+    """
     try:
         entry = json.loads(content_of(path))
         for key in keys:
@@ -131,8 +135,8 @@ def _check_finished(run_dir: Path) -> None:
 
 
 def find_model(text: str, runs: Path, archive: Path) -> Path:
-    """Return the model file that `text`, a word on the command line, stands for: a file, a run
-    folder, the name of a run, `NAME@TAG`, or a tag that only one run has.
+    """Return the model file that `text`, an argument of a command, refers to. The text may be a
+    file, a run folder, the name of a run, `NAME@TAG`, or a tag that only one run has.
 
     Raises DataError if there is none, or if a frozen model has been changed; UsageError if several
     runs have the tag.
@@ -163,10 +167,10 @@ def find_model(text: str, runs: Path, archive: Path) -> Path:
 
 
 def runs_of(campaign: Path) -> list[str] | None:
-    """Return the names of the runs of a campaign, given the folder of its page; None for another
-    folder.
+    """Return the names of the runs of a campaign whose page is in the given folder; None if the
+    folder has no such page.
 
-    Raises DataError if its record does not name them.
+    Raises DataError if the record of the campaign does not name its runs.
     """
     record = campaign / CAMPAIGN_RECORD
     if not record.is_file():
@@ -181,8 +185,9 @@ def runs_of(campaign: Path) -> list[str] | None:
 
 
 def find_campaign(text: str, runs: Path, archive: Path) -> dict[str, Path] | None:
-    """Return the models of a campaign by the names of its runs: the present ones, or the frozen
-    ones for `NAME@TAG`; None if the text names no campaign.
+    """Return the models of a campaign by the names of its runs. For `NAME@TAG`, these are the
+    frozen models; otherwise, they are the present models. Return None if the text names no
+    campaign.
     """
     name, at, tag = text.partition("@")
     names = runs_of(runs / name)
@@ -192,8 +197,8 @@ def find_campaign(text: str, runs: Path, archive: Path) -> dict[str, Path] | Non
 
 
 def made_from(run_dir: Path) -> tuple[str, list[str]]:
-    """Return the spec or the campaign from which a run was made, and the settings of the command
-    line that affect its model.
+    """Return the spec or the campaign from which a run was made, and those settings on its command
+    line that affect the model.
     """
     origin = load_origin(run_dir) or Origin("")
     harmless = ("name=", "report", "validate")
@@ -237,9 +242,9 @@ MADE_BY = ("segment", "dictionary", "model", "fit", "fuse")
 
 def _other_settings(*runs: Mapping[str, StageRecord]) -> Iterator[str]:
     """Yield the keys that differ between two runs, with both values; nothing if a model has no
-    record of its run, or if both structures were searched with the same settings.
+    record of its run, or if both structures were found by searches with the same settings.
 
-    Keys that an older version did not have are set to their defaults.
+    A key that an older version did not have counts as its default.
     """
     sections = {name: ExperimentSpec.model_fields[name] for name in MADE_BY}
     keys = {name: (key.annotation, key.default) for name, key in sections.items()}
@@ -248,7 +253,7 @@ def _other_settings(*runs: Mapping[str, StageRecord]) -> Iterator[str]:
         slices = [run[stage].slice for run in runs if stage in run]
         for place, values in enumerate(slices):
             known = {key: values[key] for key in MADE_BY if key in values}
-            with suppress(ValidationError):  # keys in a record of a newer version may be unknown
+            with suppress(ValidationError):  # a newer version may write unknown keys
                 known = recorded(made_by.model_validate_json(json.dumps(known)))
             slices[place] = known
         if len(slices) == 2:

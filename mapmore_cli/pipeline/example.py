@@ -24,8 +24,8 @@ def write_example(folder: Path) -> list[Path]:
     """Copy the study and the recordings of both campaigns into a folder, which is created if
     necessary; return their paths, the study first.
 
-    The runs of the study have the name of the folder, so that two copies never meet in one folder
-    of runs. Raises WriteError if the folder is not empty or cannot be written.
+    The study is named after the folder, so that runs of two copies never overwrite each other.
+    Raises WriteError if the folder is not empty or cannot be written.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise WriteError(f"{folder}: is not an empty folder", "name a new folder")

@@ -1,5 +1,5 @@
 """Read tables for `predict` and `invert` that are not CSV files with the model's names and units.
-They are read like the recordings of a spec, and returned as lines of CSV.
+Such tables are read like the recordings of a spec, and converted to lines of a CSV table.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class TableOptions:
 
     @property
     def says_something(self) -> bool:
-        """Return True if any option was given."""
+        """Return True if at least one option was given."""
         return bool(self.settings or self.columns or self.units)
 
 
@@ -53,9 +53,10 @@ def is_foreign(path: Path, options: TableOptions) -> bool:
 
 
 def columns_of(model: Model, solved_for: str | None = None) -> Sequence[Sequence[str]]:
-    """Return the sets of columns that a table for the model may have. Rates and directions that are
-    inputs of the model may be columns, or may be missing if they can be computed. If an input is
-    `solved_for`, the table has the output instead of it.
+    """Return the alternative sets of columns that a table for the model may have. In the first set,
+    rates and directions that are inputs of the model are columns; in the second set, they are
+    computed from other columns. If the model is inverted for the input `solved_for`, the table has
+    the output instead of this input.
     """
     if solved_for is not None:
         inputs = (name for name in model.input_names if name != solved_for)
@@ -81,8 +82,9 @@ def foreign_lines(
     first set in `ways` that the file has. A column `recording`, with numbers or texts, is included
     if there is one.
 
-    Raises DataError for a file that cannot be read, or a unit in a title that contradicts the unit
-    in which it is read; UsageError for settings that its reader does not use.
+    Raises DataError for a file that cannot be read, or if the title of a column has another unit
+    than the unit in which the column is read; UsageError for settings that the reader of the file
+    does not use.
     """
     with_recordings = [[*way, RECORDING] for way in ways]
     ways = with_recordings if RECORDING in options.columns else [*with_recordings, *ways]
@@ -135,7 +137,7 @@ def _samples(
 
 
 def _data_of(path: Path, options: TableOptions, names: Sequence[str]) -> Data:
-    """Return the section of a spec that reads this table."""
+    """Return the section `data` of a spec with which this table is read."""
     named = (*options.columns, *options.units)
     if unknown := next((name for name in named if name not in names), ""):
         raise UsageError(

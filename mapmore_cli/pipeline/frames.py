@@ -1,7 +1,7 @@
 """Convert arrays and tables of other libraries to numbers: NumPy, pandas, polars, pyarrow, xarray,
 pint, lists and plain numbers.
 
-None of these libraries is imported: their common attributes are used by name.
+None of these libraries is imported; their objects are recognised by their attributes.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ ABSENT = ("NoneType", "NAType", "NaTType", "MaskedConstant")
 
 @dataclass(frozen=True)
 class Door:
-    """Converter of the values that users pass to arrays of numbers.
+    """Converter from values that users pass to arrays of numbers.
 
     - `convert`: function that converts numbers from a unit, given as text, to the wanted unit.
-    - `cell`: function that reads the number in a text, a date or a duration, like a cell of a file.
-      If it is None, such values are refused.
-    - `clock`: True if dates and durations are wanted. They become seconds (since 1970) before
-      `convert`.
+    - `cell`: function that converts a text, a date or a duration to a number, as for a cell of a
+      file. If it is None, such values are refused.
+    - `clock`: True if dates and durations are accepted. They are converted to seconds (dates since
+      1970) before `convert` is called.
     """
 
     convert: Callable[[Array, str], Array]
@@ -40,8 +40,8 @@ class Door:
         """Return values as numbers, in an array of the same shape. Messages call the values `what`.
         Missing values (masked, None, NA, NaT) become NaN.
 
-        Raises DataError for anything else: text, truth values, complex numbers, dates unless a
-        clock is wanted, units that do not fit.
+        Raises DataError for values that are not numbers (texts, truth values, complex numbers, and
+        dates unless `clock` is True), and for units that cannot be converted.
         """
         try:
             return np.asarray(self._read(values, what, axis), dtype=np.float64)
@@ -56,7 +56,7 @@ class Door:
         if type(values).__name__ in ABSENT:
             return np.nan
         if isinstance(values, list | tuple):
-            plain = (int, float)  # fast path for the common case of plain numbers
+            plain = (int, float)  # fast path for arrays of plain numbers, the most common case
             numbered = enumerate(values)
             return [
                 value
@@ -74,7 +74,7 @@ class Door:
 
     def _array(self, values: Any, what: str, axis: str) -> object:
         if hasattr(values, "dims") and "units" not in values.attrs:
-            values = values.data  # an xarray object contains an array of NumPy or pint
+            values = values.data  # an xarray object wraps an array of NumPy or pint
         unit, bare = in_unit(values)
         if unit is not None:
             return self.convert(self.numbers(bare, what, axis), unit)
@@ -113,12 +113,11 @@ def in_unit(values: object) -> tuple[str | None, Any]:
 
 
 def labels_of(table: object) -> tuple[Hashable, ...] | None:
-    """Return the labels of a table's columns unchanged; None for an object that is no table of
-    columns.
+    """Return the labels of the columns of a table, unchanged; None if the object is no such table.
 
     Tables are mappings of arrays, structured arrays, data frames with `columns`, pyarrow tables
-    with `column_names`, and datasets of xarray. Raises DataError for a lazy table that is not
-    computed yet, and for labels with several levels.
+    with `column_names`, and datasets of xarray. Raises DataError for a lazy table whose values are
+    not computed yet, and for hierarchical labels.
     """
     if hasattr(type(table), "collect"):
         raise DataError(

@@ -23,8 +23,8 @@ ORDER = ("error", "warning", "hint")
 
 @dataclass(frozen=True)
 class Inspection:
-    """Result of an inspection: the curves (unless they could not be made), all issues, the worst
-    first, and the settings and the folder with which the data were read.
+    """Result of an inspection. It has the curves (None if they could not be made), all issues with
+    the worst first, and the settings and the folder with which the data were read.
     """
 
     dataset: Dataset | None
@@ -33,8 +33,9 @@ class Inspection:
 
     @property
     def verdict(self) -> MapmoreError | None:
-        """The error with which the command ends; None without errors. Mistakes of the spec come
-        first, because the data are checked again after them.
+        """The error with which the command ends; None if there are no errors. It is a SpecError if
+        there are mistakes in the spec, because these must be corrected before the data can be
+        checked.
         """
         errors = [issue for issue in self.issues if issue.severity == "error"]
         if not errors:
@@ -53,8 +54,8 @@ def inspect(
     warn: Warn = lambda _: None,
     before: Inspection | None = None,
 ) -> Inspection:
-    """Apply every rule. If an earlier inspection is given as `before`, data that it has read with
-    the same settings are not read again.
+    """Apply every rule. If `before` is an earlier inspection with the same settings for reading,
+    its data are not read again.
 
     If the curves cannot be made, only the recordings are checked. Notes of the search in `run_dir`
     are repeated, for example that a black box has a smaller error.
@@ -62,8 +63,8 @@ def inspect(
     Raises
     ------
     SpecError, DataError
-        If a spec on which this one builds has a fault. Also if no curves can be made and no rule
-        explains it.
+        If a spec on which this spec builds has a mistake, or if no curves can be made and no rule
+        gives the reason.
     """
     needed = {
         run.need.key: run.loaded for stage in pipeline() for run in needed_runs(stage, loaded)
@@ -80,8 +81,7 @@ def inspect(
             return _sorted(None, [*issues_of_other, _no_curves(fault, loaded)], read_by)
         raise
     issues = issues_of(loaded, dataset, hints=True)
-    # an error that would end a run on which this one builds, or with which it is compared, would
-    # end this run too
+    # this run also ends with an error if a run fails that it needs or is compared with
     for key, other in needed.items():
         try:
             issues_of_other = issues_of(

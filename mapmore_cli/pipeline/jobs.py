@@ -1,4 +1,6 @@
-"""Do many runs at the same time, on any kind of workers. A failed run does not stop the others."""
+"""Do many runs at the same time, in processes of this machine or of other machines. If a run fails,
+the other runs continue.
+"""
 
 from __future__ import annotations
 
@@ -23,8 +25,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Job:
-    """A run that is to be brought up to date: its spec with overrides, the folder of runs, options,
-    and the last stage.
+    """A run to be brought up to date. It has the spec with overrides, the folder of runs, options,
+    and the last stage that is wanted.
     """
 
     config: Path
@@ -34,8 +36,8 @@ class Job:
     until: str = "report"
 
     def elsewhere(self) -> Job:
-        """Return the same job for another machine. Its paths are absolute, and it waits if an
-        earlier start of the same job, whose connection was lost, is still writing.
+        """Return the same job for another machine. Its paths are absolute. If the connection to an
+        earlier start of the job was lost and this start is still writing, the job waits for it.
         """
         campaign = self.options.campaign
         options = replace(
@@ -88,9 +90,9 @@ class Finished:
 
 
 def _alerts(outcome: RunOutcome, unconfirmed: Sequence[str]) -> tuple[Alert, ...]:
-    """Return the sentences that warn about the scores of a completed run, as on its page. For a run
-    that was up to date, they are taken from the page of all runs, so that its results need not be
-    read.
+    """Return the warnings about the scores of a completed run, as they stand on its page. For a run
+    that was up to date already, they are taken from the page of all runs, so that the results need
+    not be read.
     """
     from mapmore_cli.pipeline.runs_rows import known_alerts
 
@@ -108,7 +110,9 @@ def _alerts(outcome: RunOutcome, unconfirmed: Sequence[str]) -> tuple[Alert, ...
 
 
 def run_one(job: Job) -> Finished:
-    """Bring one run up to date and read its scores; raises the errors of the run."""
+    """Bring one run up to date, and return its result with the scores. Raises the errors of the
+    run.
+    """
     started, warnings = time.perf_counter(), list[str]()
     loaded = load(job.config, job.overrides)
     outcome = bring_up_to_date(
@@ -118,8 +122,8 @@ def run_one(job: Job) -> Finished:
 
 
 def note_sources(job: Job, done: Finished | None) -> None:
-    """Count the spec and the recordings of a job as read (`storage.inputs`), although another
-    process reads them. `done` is its result if its run is up to date.
+    """Record the spec and the recordings of a job as files that were read (`storage.inputs`),
+    because another process reads them. `done` is the job's result if its run is up to date.
 
     Raises WriteError if one of these files is an output of the command.
     """
@@ -131,5 +135,5 @@ def note_sources(job: Job, done: Finished | None) -> None:
         recordings(loaded.spec, loaded.folder)
     except WriteError:
         raise
-    except MapmoreError:  # the files of a broken spec are unknown
+    except MapmoreError:  # the recordings of a spec with a mistake are unknown
         return

@@ -43,8 +43,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class LoadedModel:
-    """A model as a function with one keyword for every input, in the model's units. With `time`,
-    rates and directions may be left out.
+    """A model as a function with one keyword argument for every input, in the model's units. If
+    `time` is given, rates and directions may be left out.
 
     A model with memory takes one recording: its `time` in s, and the measured output if the model
     feeds its output back. A model of several outputs returns a mapping by their names; `of` returns
@@ -58,7 +58,7 @@ class LoadedModel:
     """
 
     model: Model
-    scores: Sequence[Mapping[str, Any]] = ()  # rows of the scores.json beside the model file
+    scores: Sequence[Mapping[str, Any]] = ()  # rows of `scores.json` beside the model file
     held_out: tuple[Curve, ...] = field(default=(), kw_only=True)
 
     def __repr__(self) -> str:
@@ -94,13 +94,14 @@ class LoadedModel:
         return model_equations(self.model)
 
     def __call__(self, **columns: ArrayLike) -> Any:
-        """Return the output at the inputs, which are broadcast against each other; NaN if an input
-        is not finite. With several outputs, return a mapping by their names.
+        """Return the output for the given inputs, which are broadcast against each other. The
+        output is NaN if an input is not finite. With several outputs, return a mapping from their
+        names to their values.
 
-        With `time`, the inputs are samples of one recording, from which the model's rates and
-        directions are computed, and along which a model with memory runs (NaN before there is
-        history). Warns (UserWarning) if points lie outside the training range. Raises `TypeError`
-        for a missing or unknown input.
+        With `time`, the inputs are samples of one recording. Rates and directions are computed from
+        them, and a model with memory is computed along them (NaN at the first samples if earlier
+        ones are needed). Warns (UserWarning) if points lie outside the training range. Raises
+        `TypeError` for a missing or unknown input.
         """
         flat, shape = self._flattened(columns)
         outside = int(outside_range(self.model, flat).sum())
@@ -119,9 +120,10 @@ class LoadedModel:
         """Return the output at each row of a table, shape (n,), in the unit of the model.
 
         The output is NaN if an input is not finite. A model of several outputs returns a mapping.
-        `columns` has the form that it has in `fit` (name, unit, scale, offset). A model that comes
-        from `fit` already knows the columns of its training data. All other columns must have the
-        names and units of the quantities. For a model with memory, the rows are one recording.
+        `columns` has the same form as in `fit` (name, unit, scale, offset). A model that was made
+        by `fit` already knows the columns of its training data. All other columns must have the
+        names of the quantities, and numbers in the model's units. For a model with memory, the rows
+        are one recording.
 
         Raises
         ------
@@ -160,16 +162,16 @@ class LoadedModel:
         """Draw the model over its training range, on `ax` or on a new figure.
 
         Each training curve is a line. Held-out samples are dots, with the model as a dashed line.
-        With `interval=0.95`, bands contain a sample of a new curve with a probability of 95 %; they
-        are also drawn if the spec has `validate: {intervals: true}`. Raises `TypeError` for a model
-        with memory (call it with a recording and draw the result), and `DataError` as `interval`
-        does.
+        With `interval=0.95`, bands are drawn that contain a sample of a new curve with a
+        probability of 95 %. If the spec has `validate: {intervals: true}`, they are always drawn.
+        Raises `TypeError` for a model with memory (call it with a recording and draw the result),
+        and `DataError` as `interval` does.
         """
         if ax is None:
             import matplotlib.pyplot as plt
 
             ax = plt.figure(layout="constrained").subplots()
-        # imported here because it loads matplotlib
+        # imported here, because it loads matplotlib
         from mapmore_cli.reporting.figures.commands import draw_model
 
         if interval is None and self.model.left_out is not None:
@@ -204,7 +206,7 @@ class LoadedModel:
 
     def derivatives(self, **columns: ArrayLike) -> dict[str, Array]:
         """Return the derivatives of the output with respect to each input, in the shape of the
-        output. Raises an error for models with memory, which have none.
+        output. Raises an error for a model with memory, because it has no such derivatives.
         """
         flat, shape = self._flattened(columns)
         return {name: slope.reshape(shape) for name, slope in slopes(self.model, flat).items()}
@@ -215,12 +217,13 @@ class LoadedModel:
         """Return every value of the input `name` that gives the `wanted` output at the other
         inputs, row by row.
 
-        Values are searched between the smallest and the largest one of the training data. At the
-        other inputs, such a value can be outside of the measured data: see `outside_range`.
+        Values are searched between the smallest and the largest value of this input in the training
+        data. In combination with the other inputs, such a value can still be outside the measured
+        data: see `outside_range`.
 
         The wanted output may be passed by its name: `invert("pressure", force=100, strain=0.1)`.
-        The rule `lowest` picks the lowest solution, `nearest` the one nearest to the solution of
-        the row before. Models with memory cannot be inverted.
+        The rule `lowest` selects the lowest solution, and `nearest` selects the solution that is
+        nearest to that of the previous row. Models with memory cannot be inverted.
         """
         if wanted is None:
             if self.output.name not in given:
@@ -238,8 +241,7 @@ class LoadedModel:
 
     def _flattened(self, columns: dict[str, ArrayLike]) -> tuple[dict[str, Array], tuple[int, ...]]:
         signals = self.model.signals
-        # quantities from which the rates and directions that were passed could be computed; they
-        # are not needed
+        # not needed if rates and directions are passed, because they only serve to compute these
         spare = {"time", *(signal.of for signal in signals)} if signals else set[str]()
         known = (
             {*columns} if "time" in columns else {*columns, *(signal.name for signal in signals)}

@@ -1,5 +1,5 @@
-"""Predict for a table of any length, row by row, leaving the text of the table unchanged. Also
-adapt a family's model to one specimen.
+"""Predict the rows of a table of any length, and append the predictions to the unchanged text of
+the table. Also adapt the model of a family to one specimen.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ FLAG = "outside_range"
 
 @dataclass(frozen=True)
 class Predictor:
-    """The columns that are added to a table: the outputs, or the input for which the model is
-    inverted; the ends of the interval at a `level`; derivatives.
+    """Computation of the columns that are added to a table. They are the outputs, or the input for
+    which the model is inverted; the ends of the interval at a `level`; and derivatives.
     """
 
     model: Model
@@ -68,7 +68,7 @@ class Predictor:
         return names
 
     def runs(self, in_parts: bool) -> list[Callable[[Columns], SimulatedRun]]:
-        """Return for every output a function that predicts the rows of a recording."""
+        """Return, for every output, a function that predicts the rows of a recording."""
         return [
             (running(part) if in_parts else None) or partial(simulate, part)
             for part in self.model.each
@@ -95,9 +95,9 @@ class Predictor:
             inputs = columns_at(columns, part)
             try:
                 inputs = with_signals(reading.signals, inputs)
-            except DataError:  # the window of a rate may hold too few samples
+            except DataError:  # the window of a rate may contain too few samples
                 continue
-            # far outside the range, a term may overflow; the flag reports this
+            # terms may overflow far outside the range, which the flag reports
             with np.errstate(all="ignore"), numbered(rows[part]):
                 outcomes = [run(inputs) for run in runs]
                 beyond = outside[part] = outside_range(model, inputs)
@@ -157,8 +157,8 @@ def predicted_lines(
     """Yield the lines of a CSV table with `<output>_predicted` for every output, and
     `outside_range`, added to each.
 
-    The header holds the names of the quantities; the numbers are in the model's units. The
-    prediction has 12 significant digits; `outside_range` is `true` or `false`. Both are empty if an
+    The header holds the names of the quantities; the numbers are in the model's units. Predictions
+    have 12 significant digits; `outside_range` is `true` or `false`. Both fields are empty if an
     input is empty or not finite. Blank lines stay as they are. `label` names the table in messages;
     `chunk` has no influence on the result.
 
@@ -223,11 +223,11 @@ def inverted_lines(
     """Yield the lines of a CSV table with `<name>_found`, `<name>_solutions` and `<name>_status`
     added.
 
-    The table must have the wanted output under its name, and every input but `name`. `solutions`
-    are all solutions within the training range, ascending, separated by spaces; `found` is the one
-    that the rule picks; the status is `none`, `one`, `several` or `flat`. All three are empty for
-    rows with an empty number. The whole table is in memory, because the rule `nearest` depends on
-    the row before.
+    The table must have the wanted output under its name, and every input but `name`. The solutions
+    are all solutions within the training range, in ascending order and separated by spaces. The
+    found solution is the one that the rule selects. The status is `none`, `one`, `several` or
+    `flat`. All three fields are empty in rows in which a number is missing. The whole table is in
+    memory, because the rule `nearest` depends on the previous row.
 
     Raises UsageError for an unknown input or rule, or a model with memory; DataError if the table
     is empty, lacks a column, has one of the added ones already, or a field that is no number.
@@ -260,8 +260,8 @@ def inverted_lines(
 
 
 def _reading_turned(model: Model, name: str) -> Reading:
-    """Return the columns that are read for an inverted model. Raises UsageError if it cannot be
-    inverted.
+    """Return the columns that must be read to invert the model. Raises UsageError if the model
+    cannot be inverted.
     """
     inputs = alone(model).input_names
     if name not in inputs:
@@ -298,8 +298,8 @@ def names_of_points(model: Model) -> tuple[str, str, str]:
 def adapt(
     model: Model, lines: Iterable[str] | None, label: str, constants: Mapping[str, float]
 ) -> Model:
-    """Return a model of pressure and strain for one specimen of the family; without `lines`, it
-    follows from the dimension only.
+    """Return a model of pressure and strain for one specimen of the family. Without `lines`, the
+    model follows from the dimension of the specimen alone.
 
     `lines` is a CSV table with pressure, strain and the output in the model's units. `constants`
     gives the quantity in which specimens differ. Rows with an empty field are left out. The

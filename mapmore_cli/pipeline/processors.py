@@ -1,9 +1,9 @@
 """Use the processors of this machine: distribute work over worker processes with one BLAS thread
 each.
 
-All parallel work goes through a `concurrent.futures.Executor`: combinations of `tune` and
-structures of a search in forks of this process, runs of a campaign in new processes or on a Dask
-cluster.
+All parallel work uses a `concurrent.futures.Executor`. The combinations of `tune` and the
+structures of a search are computed in forks of this process. The runs of a campaign are done in new
+processes, or on a Dask cluster.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ def one_blas_thread() -> Iterator[None]:
     """Restrict BLAS to one thread, so that sums are the same on every machine and runs do not
     compete for processors.
 
-    A library that is already loaded is restricted by a call. A library that is loaded later, such
-    as SciPy's, reads the environment variables when it starts.
+    A BLAS library that is already loaded is restricted by a call. A library that is loaded later,
+    for example that of SciPy, reads environment variables when it is loaded.
     """
     with variables_set(dict.fromkeys(THREADS, "1")):
         loaded = "scipy.linalg" in sys.modules or "scipy.special" in sys.modules
@@ -49,8 +49,8 @@ def one_blas_thread() -> Iterator[None]:
 
 @cache
 def _thread_pools(_with_scipy: bool) -> ThreadpoolController:
-    """Return the libraries with threads. They are looked up only once, and again after SciPy is
-    loaded, because looking them up takes longer than a small stage.
+    """Return the loaded libraries that use threads. The result is kept until SciPy is loaded,
+    because the search for libraries takes longer than a small stage.
     """
     import numpy  # noqa: F401 - has one of them
     from threadpoolctl import ThreadpoolController
@@ -75,17 +75,18 @@ def variables_set(variables: Mapping[str, str]) -> Iterator[None]:
 def processes(count: int, method: str, work: object = None) -> Iterator[ProcessPoolExecutor]:
     """Start `count` worker processes by `method` (`fork` or `spawn`).
 
-    They end with the context, and with this process, however it ends. If an error or an interrupt
-    ends the context, they are killed during their work. Forks get `work`, the function and the
-    items for `_do_numbered`, with the memory of this process, so that it need not be pickled.
+    They end when the context ends, or when this process ends for any reason. If an error or an
+    interrupt ends the context, they are killed during their work.
+
+    `work` is the function and the items for `_do_numbered`. Forks inherit it with the memory of
+    this process, so that it need not be pickled.
     """
     from multiprocessing import active_children, get_context
 
     begin = partial(_begin, os.getpid(), work)
     try:
         pool = ProcessPoolExecutor(count, get_context(method), initializer=begin)
-    # locks between processes may be missing on this system, or the small files in which it keeps
-    # them cannot be made
+    # this system may have no locks between processes, or no room for their files
     except (OSError, NotImplementedError) as fault:
         raise WriteError(
             f"a worker process cannot be started: {getattr(fault, 'strerror', None) or fault}",
@@ -107,25 +108,25 @@ process.
 
 
 def _begin(parent: int, work: object) -> None:
-    """Prepare a worker process, which ignores Ctrl-C because the waiting process handles it."""
+    """Prepare a worker process. It ignores Ctrl-C, because the parent process handles it."""
     global _shared
     _shared = work
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    warnings.simplefilter("ignore", PluginLeftOut)  # the waiting process has already reported them
+    warnings.simplefilter("ignore", PluginLeftOut)  # the parent process has reported these
     if sys.platform == "linux":
         import ctypes
 
         ctypes.CDLL(None).prctl(1, int(signal.SIGKILL), 0, 0, 0)  # PR_SET_PDEATHSIG
-        if os.getppid() != parent:  # the parent process ended before this process was ready
+        if os.getppid() != parent:  # the parent process has already ended
             os._exit(1)
     else:
         Thread(target=_watch_parent, daemon=True).start()
 
 
 def _watch_parent() -> NoReturn:
-    """Wait for the end of a pipe that only the parent process holds open, and then end this
-    process: the parent no longer exists. Run folders stay valid at any moment.
+    """End this process when the parent process ends. This is noticed by a pipe that only the parent
+    process holds open. Run folders remain valid, whenever this happens.
     """
     from multiprocessing import parent_process
 
@@ -136,8 +137,8 @@ def _watch_parent() -> NoReturn:
 
 @contextmanager
 def deaf_to_interrupts() -> Iterator[None]:
-    """Let processes that start within the context ignore Ctrl-C, because each of them would print a
-    traceback. In this process, Ctrl-C takes effect after the context.
+    """Make processes that start within the context ignore Ctrl-C, because each of them would print
+    a traceback. In this process, Ctrl-C is handled when the context ends.
     """
     if sys.platform == "win32":
         yield
@@ -157,7 +158,7 @@ def free_processors() -> int:
     forks are used only on Linux, and only by a process with one thread. A worker process starts no
     further processes.
     """
-    threads = "/proc/self/task"  # the folder is missing if /proc is not mounted
+    threads = "/proc/self/task"  # missing if /proc is not mounted
     if sys.platform != "linux" or not os.access(threads, os.R_OK):
         return 1
     if sum(1 for _ in os.scandir(threads)) != 1:
@@ -177,17 +178,18 @@ def shared_out(
     """Return `[work(item) for item in items]`, computed by forks of this process, which have the
     items already.
 
-    The results must be picklable, and other changes by forks are lost. If a fork does not deliver a
-    result, for whatever reason, this process computes it, so that errors are raised as without
+    The results must be picklable; anything else that a fork changes is lost. If a fork returns no
+    result for any reason, this process computes the result, so that errors are raised as without
     forks.
 
-    - `progress`: called with the number of items done, and of all items.
-    - `workers`: number of forks; by default, as many as this machine has free (`free_processors`).
+    - `progress`: function that is called with the number of finished items and the number of all
+      items.
+    - `workers`: number of forks; by default, the number of free processors (`free_processors`).
     """
     delivered: dict[int, R] = {}
     count = min(len(items), free_processors() if workers is None else workers)
     if count > 1:
-        # if there are no resources for processes, this process does all items below
+        # if no worker process can be started, this process does all items below
         with suppress(OSError, WriteError), processes(count, "fork", (work, items)) as pool:
             with deaf_to_interrupts():
                 futures = [pool.submit(_do_numbered, number) for number in range(len(items))]
@@ -204,8 +206,6 @@ def shared_out(
 
 
 def _do_numbered(number: int) -> object:
-    """Do one item of the work of `shared_out` in a worker process. `number` is the index of the
-    item.
-    """
+    """Compute one item of `shared_out` in a worker process. `number` is the index of the item."""
     work, items = cast(tuple[Callable[[object], object], Sequence[object]], _shared)
     return work(items[number])

@@ -1,5 +1,5 @@
-"""Read the rows for a prediction: a CSV table record by record with its original text, or the
-points of a grid; and find which columns are needed.
+"""Read the rows for a prediction, and find the columns that are needed. Rows come from a CSV table,
+with their original text, or are the points of a grid.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ GAP = 10
 def by_recording(
     rows: Iterator[Row], names: Sequence[str], most: float
 ) -> Iterator[tuple[list[Row], bool]]:
-    """Yield the rows of one recording at a time, in blocks of at most `most` rows, and True if a
-    recording begins with the block. A recording ends where the column `recording` changes or time
-    goes back.
+    """Yield the rows in blocks of at most `most` rows, and True for each block with which a
+    recording begins. A block contains rows of one recording only. A recording ends where the column
+    `recording` changes or time goes back.
     """
     mark = names.index(RECORDING) if RECORDING in names else None
     clock = names.index("time")
@@ -57,9 +57,7 @@ def by_recording(
 
 
 def _time(cell: str) -> float:
-    """Return the time in a field; NaN for a malformed field, which the strict reading reports
-    later.
-    """
+    """Return the time in a field; NaN for a malformed field, which `values` reports later."""
     try:
         return CellReader(clock=True)(cell)
     except NotANumber:
@@ -67,8 +65,8 @@ def _time(cell: str) -> float:
 
 
 def between_gaps(time: Array) -> list[slice]:
-    """Return the parts of a recording between its gaps, from its finite, never decreasing times,
-    (n,).
+    """Return the parts of a recording between its gaps. `time`, (n,), is finite and never
+    decreases.
     """
     if len(time) < 2:
         return [slice(0, len(time))]
@@ -77,11 +75,12 @@ def between_gaps(time: Array) -> list[slice]:
 
 @dataclass(frozen=True)
 class Reading:
-    """The part of a table that is read.
+    """The quantities that are read from a table.
 
-    - `columns`: quantities without which a row has no prediction.
+    - `columns`: quantities that a row needs for its prediction.
     - `signals`: quantities that are computed from the columns over time.
-    - `outputs`: measured outputs with which a model with memory starts; they may be empty later.
+    - `outputs`: measured outputs with which a model with memory starts; in later rows, they may be
+      empty.
     - `over_time`: True if rows belong to recordings, and `time` is among the columns.
     - `turned_for`: input for which the model is inverted, or None; the output is then read instead.
     """
@@ -94,8 +93,9 @@ class Reading:
 
 
 def reading_of(model: Model, columns_there: Collection[str]) -> Reading:
-    """Return the parts of a table that must be read: every input that is among `columns_there`, the
-    source of every other signal, and `time` if there are signals or memory.
+    """Return the quantities that must be read from a table. They are the inputs; but a signal that
+    is not among `columns_there` is computed from its source, which is then read. `time` is read if
+    there are such signals, or if the model has memory.
     """
     signals = tuple(signal for signal in model.signals if signal.name not in columns_there)
     over_time = bool(signals) or runs_over_time(model)
@@ -118,24 +118,23 @@ class Row(NamedTuple):
     line: int
 
     def with_cells(self, more: Sequence[str]) -> Row:
-        """Return the record with more fields; a blank record is unchanged."""
+        """Return the record with more fields appended; a blank record is returned unchanged."""
         if not more or not self.text.strip():
             return self
         return self._replace(text=",".join([self.text, *more]), cells=[*self.cells, *more])
 
 
 def records(lines: Iterable[str], label: str) -> Iterator[Row]:
-    """Yield records with their text. A quoted field may span several lines."""
+    """Yield the records of a CSV table with their text. A quoted field may contain line breaks."""
     for text, cells, line in csv_records(lines, ",", label):
         bare = text.rstrip("\r\n")
         yield Row(bare, text[len(bare) :], cells, line)
 
 
 class Sheet:
-    """A table with a header of quantities in the model's units, whose `rows` are read on demand;
-    `label` is its name in messages.
-
-    `constants` become columns with one value in every row.
+    """A table whose header names quantities in the model's units. Its `rows` are read when they are
+    needed, and `label` is its name in messages. Each of the `constants` is treated as a column with
+    the same value in every row.
 
     Raises DataError without a header (`expected` says what it must name), or if the table already
     has a column of the constants.
@@ -190,8 +189,8 @@ class Sheet:
         return {str(name): place for name, place in located.items()}
 
     def is_blank(self, row: Row) -> bool:
-        """Return True if a record is a blank line. In a table of one column, it is an empty
-        field.
+        """Return True if a record is a blank line. In a table with one column, a blank line is a
+        row with an empty field, and the result is False.
         """
         return not row.text.strip() and len(self.names) > 1
 
@@ -226,7 +225,7 @@ class Sheet:
         return self._readers.setdefault(name, CellReader(clock=name == "time", usual=usual))
 
     def extended(self, block: Sequence[Row], added: Sequence[str]) -> Iterator[str]:
-        """Yield the lines of some rows with the text in `added` appended; blank lines are
+        """Yield the lines of the given rows with the text in `added` appended. Blank lines are
         unchanged.
         """
         for row, more in zip(block, added, strict=True):
@@ -239,8 +238,8 @@ MOST_POINTS = 10_000_000
 
 
 def grid_lines(text: str, inputs: Sequence[str]) -> Iterator[str]:
-    """Yield the header and the points of a grid. The last input of `text` varies fastest, and both
-    ends are included.
+    """Yield a grid as lines of a CSV table: the header, and a line for each point. The last input
+    in `text` varies fastest, and the grid includes both ends of every input.
 
     Raises UsageError if `text` is malformed, names an input twice, names an unknown input, leaves
     an input out, or has a step that does not lead from the first value to the last.

@@ -1,4 +1,4 @@
-"""Write the files for people: `report/index.html`, its figures and tables."""
+"""Write the report of a run: `report/index.html`, its figures and its tables."""
 
 from __future__ import annotations
 
@@ -34,15 +34,15 @@ LEFT_OUT = (
 
 @dataclass(frozen=True)
 class ReportSlice:
-    """Part of the resolved spec that only the report depends on. A change of any other part makes
-    an earlier stage stale.
+    """Part of the resolved spec on which only the report depends. If any other part changes, an
+    earlier stage must run again.
     """
 
     name: str
     muscle: Muscle
     validate: Validate
     report: Report
-    left_out: str  # what cross-validation leaves out: level, group or nothing
+    left_out: str  # what cross-validation leaves out: `level`, `group` or nothing
     unconfirmed: tuple[str, ...] = ()
 
 
@@ -76,9 +76,9 @@ def write_pages(part: ReportSlice, workspace: Workspace) -> None:
 
 
 def provenance_of(run_dir: Path) -> dict[str, Any]:
-    """Return the origin of the numbers, from the record of the run: the command that repeats the
-    run, in the folder that contains the folder of runs; versions; and hashes of the recordings.
-    Times are only in run.json, so that the page has the same bytes each time.
+    """Return the origin of the numbers, from the record of the run. It consists of the command that
+    repeats the run (in the folder that contains the folder of runs), versions, and hashes of the
+    recordings. Times stand only in run.json, so that the page always has the same bytes.
     """
     from mapmore_cli.storage.run_record import load_origin, load_records, tool_versions
 
@@ -214,14 +214,16 @@ def drawn_figure(
     looks: Sequence[str] = (),
     models: Sequence[str] = (),
 ) -> tuple[bytes, str | None]:
-    """Draw a figure of a run as a file: the whole figure, or the panel of one curve (or model) in
-    the width of the spec. The numbers of a panel are returned as CSV.
+    """Draw a figure of a run, and return it as the contents of a file. It is the whole figure, or
+    the panel of one curve (or model) in the width that the spec gives. The numbers of a panel are
+    returned as CSV.
 
     - `name`: name of the figure, such as `fit`; with several outputs, preceded by the output, such
       as `tip_x.fit`.
     - `warn`: called if this machine does not have a font.
     - `models`: competitors that are drawn; all of them if empty.
-    - `looks`: settings that replace those of the run's spec, such as `report.style.width=120 mm`.
+    - `looks`: settings that replace settings of the run's spec, such as `report.style.width=120
+      mm`.
 
     Raises DataError if the folder holds no finished run; UsageError for an unknown panel (the
     message names the known ones), or if `looks` has other settings.
@@ -268,7 +270,9 @@ def drawn_figure(
 
 
 def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equation, ...]]:
-    """Return the equations with some quantities, and the rates of these, in other units."""
+    """Return the equations of the model, in which some quantities and their rates have other
+    units.
+    """
     from mapmore_cli.modelling.kinds import equations as model_equations
     from mapmore_cli.study.units import convert, default_unit
 

@@ -1,9 +1,9 @@
 """Bring a run up to date: run the stages whose inputs have changed, as `make` does. Changes are
 recognised by hashes instead of file times.
 
-A run folder is valid after every step: a stage builds its outputs beside the old ones, they are
-moved into place, and the stage's entry in `run.json`, which is written last, commits them. Anything
-that is not committed is done again.
+A run folder is valid after every step. A stage writes its new outputs beside the old outputs, and
+they are then moved into place. The entry of the stage in `run.json` is written last and commits the
+outputs. Anything that is not committed is done again.
 """
 
 from __future__ import annotations
@@ -76,8 +76,8 @@ is up to date.
 
 @dataclass(frozen=True)
 class RunOutcome:
-    """The outcome of a run: `done` or `up-to-date` for every stage, and the reasons why
-    stages ran.
+    """Result of bringing a run up to date: `done` or `up-to-date` for every stage, and the reasons
+    why stages ran.
     """
 
     name: str
@@ -91,7 +91,8 @@ class Options:
     """Options for bringing a run up to date.
 
     - `force`: True to repeat stages that are up to date.
-    - `rehash`: True to read sources and outputs again even if their size and time are unchanged.
+    - `rehash`: True to compute the hashes of sources and outputs again, even if their size and time
+      are unchanged.
     - `check`: True if an error from the rules of `checking` ends the run.
     - `campaign`: file of the campaign to which the run belongs.
     - `patient`: True to wait while another process is writing the run.
@@ -123,7 +124,7 @@ def explain(
     run_dir = runs / loaded.spec.name
     how = (run_dir, load_records(run_dir, warn), options.rehash, options.force)
     reasons = {plan.stage.name: plan.reason for plan in plan_stages(stages, until, loaded, *how)}
-    if until not in reasons:  # the stages after a search are not known before its result is
+    if until not in reasons:  # later stages depend on the search
         every = [stage.name for stage in pipeline()]
         reasons |= dict.fromkeys(every[1 : every.index(until) + 1], f"follows from {SEARCH_STAGE}")
     return list(reasons.items())
@@ -150,9 +151,9 @@ def bring_up_to_date(
 ) -> RunOutcome:
     """Run the stages up to `until` that are not up to date, in the folder `runs/NAME`.
 
-    `stages` are those of `pipeline()` by default. Runs that a stage needs are done before it, in
-    the same folder of runs. After ingest, the rules of `checking` are applied, unless they have
-    been applied to the same data; `warn` is called with their findings.
+    `stages` are those of `pipeline()` by default. If a stage needs other runs, they are brought up
+    to date first, in the same folder of runs. After ingest, the rules of `checking` are applied,
+    unless they have been applied to the same data; `warn` is called with their findings.
 
     Raises WriteError if the folder cannot be written or holds the run of another spec, the disk is
     full, or another process is writing the run; MapmoreError if a stage fails; its outputs, and
@@ -174,8 +175,8 @@ def bring_up_to_date(
 
 
 def _origin(loaded: LoadedSpec, run_dir: Path, campaign: Path | None) -> Origin:
-    """Return the present origin of the run. Raises WriteError if its folder holds a run of the same
-    name from another place that still exists.
+    """Return the present origin of the run. Raises WriteError if the run folder contains a run of
+    the same name that was made from another spec, which still exists.
     """
     here = Origin(
         _from(run_dir, loaded.path),
@@ -188,7 +189,7 @@ def _origin(loaded: LoadedSpec, run_dir: Path, campaign: Path | None) -> Origin:
         and loaded.path.name in (RESOLVED_SPEC, FOUND)
         and loaded.path.resolve().parent.parent == run_dir.resolve().parent
     ):
-        # the resolved spec in the run folder belongs to the run itself, so that the origin stays
+        # the resolved spec in the run folder belongs to this run, so the origin does not change
         return before
     rival = here.rival_of(before, run_dir) if before is not None else None
     if rival is not None:
@@ -201,8 +202,9 @@ def _origin(loaded: LoadedSpec, run_dir: Path, campaign: Path | None) -> Origin:
 
 
 def _from(run_dir: Path, path: Path) -> str:
-    """Return the path relative to the run folder; only the name if the relative path would lead
-    through the root folder, because files of a run must not contain names of private folders.
+    """Return the path relative to the run folder. If the relative path would lead through the root
+    folder, return only the file name, because files of a run must not contain names of private
+    folders.
     """
     path, run_dir = path.resolve(), run_dir.resolve()
     if os.path.commonpath([path, run_dir]) == path.anchor:
@@ -212,8 +214,9 @@ def _from(run_dir: Path, path: Path) -> str:
 
 @dataclass(frozen=True)
 class _Run:
-    """A run in its folder, and the functions to which it reports. `stages` replace those of the
-    pipeline unless they are None; `written` lists further files that are not in the record yet.
+    """A run in its folder, and the functions to which it reports. If `stages` is not None, it
+    replaces the stages of the pipeline. `written` lists further files that are not in the record
+    yet.
     """
 
     loaded: LoadedSpec
@@ -227,14 +230,15 @@ class _Run:
     written: dict[str, Stamp] = field(default_factory=dict)
 
     def settled(self, until: str) -> list[StagePlan] | None:
-        """Return the plans of the stages if all are up to date; None if there may be work to do.
-        The lock of the run is not taken, because other processes may be reading the run.
+        """Return the plans of the stages if all stages are up to date; None if there may be work to
+        do. The lock of the run is not taken, so that several processes can read the run at the same
+        time.
 
-        Results are moved into place as a whole and committed last, so results that look complete
-        are complete. If another process is working, the lock decides.
+        This is safe, because results are moved into place as a whole and committed last. If another
+        process seems to be working, the result is None, and the caller waits for the lock.
         """
         records, runs = load_records(self.run_dir), self.run_dir.parent
-        # a stage without a record must run, so its sources are not checked here
+        # a stage without a record must run, so there is no need to check its sources
         if until not in records:
             return None
         plans = list(self.planned(until, records))
@@ -262,8 +266,8 @@ class _Run:
         return plans
 
     def settle(self, until: str) -> list[StagePlan]:
-        """Do everything that is to be done, and return the plans. The caller holds the lock of the
-        run.
+        """Run all stages that are out of date, and return the plans. The caller holds the lock of
+        the run.
         """
         stages = self.stages or pipeline()
         recover(self.run_dir, [output for stage in stages for output in stage.outputs])
@@ -271,7 +275,7 @@ class _Run:
         if self.loaded.spec.model.type != AUTO:
             records.pop(SEARCH_STAGE, None)
         if load_origin(self.run_dir) != self.origin:
-            # with this record, the folder of a new run counts as a run folder from now on
+            # written first, so that the folder of a new run is recognised as a run folder
             self.save(records)
         plans, kept = list[StagePlan](), dict(records)
         for plan in self.planned(until, records):
@@ -297,7 +301,7 @@ class _Run:
         return plans
 
     def save(self, records: Mapping[str, StageRecord]) -> None:
-        """Write the record, with the further files that were written since."""
+        """Write the record, including the further files in `written`."""
         name = self.loaded.spec.name
         save_records(self.run_dir, name, self.origin, records, self.written)
         self.written.clear()
@@ -311,8 +315,8 @@ class _Run:
         self.written[name] = take_stamp(path)
 
     def tell_taken(self, paths: Sequence[str]) -> None:
-        """Warn about files that were moved to the trash, because they are not as the run wrote
-        them.
+        """Warn about files that were moved to the trash because somebody changed them after the run
+        wrote them.
         """
         if paths:
             self.warn(
@@ -322,7 +326,9 @@ class _Run:
             )
 
     def planned(self, until: str, records: Mapping[str, StageRecord]) -> Iterator[StagePlan]:
-        """Yield the plans, each from the files as they are at that time."""
+        """Yield the plan of one stage after the other. Each plan is made from the files as they are
+        at that moment.
+        """
         how = (self.run_dir, records, self.options.rehash, self.options.force)
         return plan_stages(self.stages, until, self.loaded, *how)
 
@@ -358,8 +364,9 @@ class _Run:
         return plan.stage is pipeline()[0] and plan.stage.name != until
 
     def known_findings(self, ingest: StagePlan) -> tuple[findings.Issue, ...] | None:
-        """Return the findings of the rules for these data; None if they are not known. Also None if
-        they contain an error, because the places in its message may have moved since.
+        """Return the stored findings of the rules for these data; None if there are none. If they
+        contain an error, also return None, because the line numbers in its message may have
+        changed.
         """
         issues = findings.kept(self.run_dir, findings.mark_of(self.loaded, ingest.now.fingerprint))
         ends = self.options.check and issues is not None and findings.refusal(issues)
@@ -367,7 +374,7 @@ class _Run:
 
     def apply_rules(self, ingest: StagePlan) -> None:
         """Apply the rules to the ingested data, unless this was done already, and report the
-        findings; raises those that are errors.
+        findings. Raises a finding that is an error.
         """
         issues = self.known_findings(ingest)
         if issues is not None:
@@ -381,8 +388,8 @@ class _Run:
         self.write(findings.FINDINGS, findings.as_text(mark, issues))
 
     def tell(self, issues: Sequence[findings.Issue]) -> None:
-        """Warn about the findings. Raises those that are errors, unless the option `check` is
-        False.
+        """Print the findings as warnings. Findings that are errors are raised, unless the option
+        `check` is False.
         """
         error = findings.refusal(issues) if self.options.check else None
         for issue in issues:
@@ -392,8 +399,8 @@ class _Run:
             raise error
 
     def add_findings(self, fault: MapmoreError, stage: Stage) -> None:
-        """Add to an error of ingest what the rules find in the recordings, because this may be the
-        reason why no curves can be made.
+        """Add the findings of the rules in the recordings to an error of ingest, because they may
+        be the reason why no curves can be made.
         """
         if self.options.check and stage is pipeline()[0]:
             from mapmore_cli.checking.applied import issues_without_curves
@@ -417,7 +424,7 @@ class _Run:
                     "brings it up to date"
                 )
         elif not current:
-            # a variation of the study has mostly the same findings, which are not repeated
+            # findings that a variation shares with the study are not repeated
             known = findings.sentences(self.run_dir)
             try:
                 bring_up_to_date(
@@ -438,8 +445,8 @@ class _Run:
         return runs / name
 
     def is_current(self, other: Needed) -> bool:
-        """Return True if another run is up to date, its folder holds its resolved spec, and no
-        process is working or was killed in this folder.
+        """Return True if another run is up to date and its folder contains its resolved spec. The
+        result is False if a process is working in this folder, or was killed there.
         """
         run_dir = self.run_dir.parent / other.loaded.spec.name
         plans = plans_of(other, self.stages, other.last, self.run_dir.parent)

@@ -1,5 +1,5 @@
-"""Write the page of all runs of a folder, `RUNS/index.html`, which contains its own rows as
-data.
+"""Write the page of all runs of a folder, `RUNS/index.html`. The page also contains its rows as
+data, from which it is written again.
 """
 
 from __future__ import annotations
@@ -32,11 +32,12 @@ POINTS, WIDTH, HEIGHT = 40, 120, 36
 def write_runs_page(
     runs: Path, finished: Sequence[Finished], warn: Warn = lambda _message: None
 ) -> None:
-    """Write `RUNS/index.html` with the present rows of runs that still exist, and new rows for the
-    `finished` runs. If nothing has changed, nothing is written.
+    """Write `RUNS/index.html` with new rows for the `finished` runs, and the existing rows of all
+    other runs that still exist.
 
-    Another page of that name is left alone, and `warn` is called. Raises WriteError if the page
-    cannot be written.
+    If nothing has changed, nothing is written. If there is a page with this name that mapmore did
+    not write, it is not changed, and `warn` is called. Raises WriteError if the page cannot be
+    written.
     """
     place = runs / PAGE
     if not finished and not place.is_file():
@@ -59,7 +60,7 @@ def write_runs_page(
 
 
 def _rows(run: Finished, known: Iterable[Row]) -> list[Row]:
-    """Return the rows of a run; known rows are used again if its scores have not changed."""
+    """Return the rows of a run. If its scores have not changed, the known rows are returned."""
     ended = (run.run_dir / "scores.json").stat().st_mtime
     if same := [row for row in known if row.ended == ended]:
         return same

@@ -25,8 +25,8 @@ class Row:
     - `alerts`: sentences that warn about the number, the worst first.
     - `ended`: time at which the scores were written, in seconds since 1970.
     - `picture`: measured and predicted values along a curve, as two SVG paths.
-    - `seconds`: how long each stage took when it last ran; the pages of single runs have no times,
-      so that the same input gives the same bytes.
+    - `seconds`: duration of each stage when it last ran. Pages of single runs contain no times, so
+      that the same input gives the same bytes.
     """
 
     run: str
@@ -59,8 +59,8 @@ class Row:
 
 
 def rows_of(place: Path) -> list[Row] | None:
-    """Return the rows of a page: empty if there is no page yet, None for a page that mapmore did
-    not write.
+    """Return the rows of a page. If there is no page yet, there are no rows; None for a page that
+    mapmore did not write.
     """
     if not place.exists() and not place.is_symlink():
         return []
@@ -81,8 +81,8 @@ def rows_of(place: Path) -> list[Row] | None:
 
 
 def known_alerts(run_dir: Path) -> tuple[Alert, ...] | None:
-    """Return the alerts of a run from the page of its folder, without reading its results; None if
-    the page does not know these scores.
+    """Return the alerts of a run from the page of all runs, without reading the results of the run;
+    None if the page has older scores of the run or none.
     """
     scores = run_dir / "scores.json"
     ended = scores.stat().st_mtime if scores.is_file() else None

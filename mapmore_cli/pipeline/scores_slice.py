@@ -19,8 +19,8 @@ class ScoresSlice:
     `lengths` are the muscle's dimensions in m, `cycles_of` is the quantity whose cycles are held
     out, `robust` is the section `fit` if its loss is robust, and `folds` holds the settings of the
     models if every level is left out once (cross-validation). `structure_seen` names the data with
-    which the structure was chosen, if these are held out, and `effects_seen` those with which gains
-    and offsets of groups were estimated.
+    which the structure was chosen, and `effects_seen` the data with which gains and offsets of
+    groups were estimated; both only if these data are held out now.
     """
 
     target: str
@@ -40,7 +40,7 @@ class ScoresSlice:
 
 
 def scores_slice(spec: ExperimentSpec) -> ScoresSlice:
-    """Return the part of the spec that the stage reads. Settings for sums and for load-cycle
+    """Return the part of the spec on which the scores depend. Settings for sums and for load-cycle
     formulas are included only if the study can have such competitors.
     """
     spec = with_definitions(spec)

@@ -1,4 +1,6 @@
-"""Score a run's model and its competitors on the same samples: the work of the stage `validate`."""
+"""Score the model of a run and its competitors on the same samples. This is the work of the stage
+`validate`.
+"""
 
 from __future__ import annotations
 
@@ -116,7 +118,9 @@ def _scored(part: ScoresSlice, workspace: Workspace, measured: Dataset, model: M
 def _rows(
     part: ScoresSlice, model: Model, dataset: Dataset, forecasts: Said, scale: Normaliser
 ) -> Iterator[Score]:
-    """Yield the score rows of every model, on the samples that all models predict."""
+    """Yield the score rows of every model. All models are scored on the samples that all of them
+    predict.
+    """
     for name, every in on_common_rows(forecasts).items():
         free = parameters(model) if name == OWN else 0
         yield from score_rows(
@@ -125,8 +129,8 @@ def _rows(
 
 
 def _with_seen(scores: list[Score], rivals: list[Rival], dataset: Dataset) -> list[Score]:
-    """Return the score rows with a mark `seen` at the models of other runs that were trained with
-    held-out samples.
+    """Return the score rows. If the model of another run was trained with held-out samples, its
+    rows get the split `seen`.
     """
     saw = {
         rival.name for rival in rivals if rival.run is not None and trained_on(rival.run, dataset)
@@ -140,8 +144,8 @@ def _with_seen(scores: list[Score], rivals: list[Rival], dataset: Dataset) -> li
 def _warn_of_fits(
     warn: Warn, formulas: Mapping[str, FormulaFit], forecasts: Said, dataset: Dataset
 ) -> None:
-    """Warn about formulas for which other minima fit nearly as well, and about free runs that
-    diverge.
+    """Warn about formulas that fit nearly as well with other parameters (at another local minimum),
+    and about free runs that diverge.
     """
     for name, fit in formulas.items():
         for sentence in rival_minima(name, fit):
@@ -176,8 +180,8 @@ def _with_interval(model: Model, curve: Curve, output: Forecast) -> Forecast:
 
 
 def _diverged(name: str, curve: Curve, row: int, dataset: Dataset) -> str:
-    """Return a sentence that says at which place a free run diverged, and that its scores are
-    therefore empty.
+    """Return a warning that names the row at which a free run diverged, and says that its scores
+    are therefore empty.
     """
     log = next(number for number, rows in enumerate(curve.logs) if row in rows)
     at = f"sample {int(np.searchsorted(curve.logs[log], row))}"
@@ -190,8 +194,8 @@ def _diverged(name: str, curve: Curve, row: int, dataset: Dataset) -> str:
 
 
 def scored_as(name: str, dataset: Dataset, model: Model) -> Dataset:
-    """Return the dataset with an input of the model as the measured and scored quantity. Raises
-    SpecError if the model has no such input.
+    """Return the dataset with the input `name` of the model as the target, because this quantity is
+    scored. Raises SpecError if the model has no such input.
     """
     inputs = model.input_names
     if name not in inputs:
@@ -204,7 +208,7 @@ def scored_as(name: str, dataset: Dataset, model: Model) -> Dataset:
 
 
 def _fit_rivals(contest: Contest, part: ScoresSlice, progress: Progress, warn: Warn) -> list[Rival]:
-    """Return every competitor, fitted to the training samples of the contest."""
+    """Fit every competitor to the training samples of the contest, and return all competitors."""
     named = {
         competitor if isinstance(competitor, str) else competitor.label
         for competitor in part.against
@@ -243,8 +247,8 @@ def _left_out(
 def _repeatability_scores(
     part: ScoresSlice, model: Model, dataset: Dataset, scale: Normaliser
 ) -> Iterator[Score]:
-    """Yield rows for the repeatability: of held-out cycles, or of measurements that were repeated
-    at one level, coordinate and direction.
+    """Yield rows for the repeatability. It is computed from held-out cycles, or from measurements
+    that were repeated at the same level, coordinate and direction.
     """
     data = (dataset.curves, dataset.target)
     if part.cycles_of is not None:

@@ -1,5 +1,5 @@
-"""Implement the first four stages: from recordings to curves, from curves to segments, from
-segments to fits, and from fits to a model that stands alone.
+"""Implement the first four stages. They make curves from recordings, segments from curves, fits
+from segments, and a model from the fits.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def ingest(part: IngestSlice, workspace: Workspace) -> None:
 
 
 def recordings(spec: ExperimentSpec, folder: Path) -> list[Path]:
-    """Return the recordings in the spec, and the logs that are joined to them."""
+    """Return the paths of the recordings in the spec, and of the logs that are joined to them."""
     sources = find_sources(spec.data.files, folder, spec.data.join, bad=spec.data.skip_bad_files)
     return list(dict.fromkeys(log.path for source in sources for log in (source, *source.joined)))
 
@@ -93,8 +93,8 @@ def segment_slice(spec: ExperimentSpec) -> ModelChoices:
 
 
 def segment(part: ModelChoices, workspace: Workspace) -> None:
-    """Cut every training curve over its own range. Fits that choose boundaries are fits to the
-    residual of the backbone.
+    """Cut every training curve over its own range. With `method: optimal`, boundaries are chosen by
+    comparing fits to the residual of the backbone.
     """
     from mapmore_cli.fitting.kinds.pieces import segmented
     from mapmore_cli.storage.artefacts import write_segmentation
@@ -189,7 +189,7 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
         if (why := interval_limits(left_out)) is not None:
             workspace.warn(f"validate.intervals: {why}")
         model = replace(model, left_out=left_out)
-    # the provenance is for a reader who has only the model file
+    # for readers who have only the model file
     provenance = {**tool_versions(), "spec": to_json(part, indent=1).decode()}
     write_model(workspace.out / MODEL, model, provenance)
 

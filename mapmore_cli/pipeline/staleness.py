@@ -1,5 +1,5 @@
-"""Decide which stages of a run are up to date, and why the others are not; and find the runs that a
-stage needs.
+"""Decide which stages of a run are up to date, and why other stages must run. Also find the runs
+that a stage needs.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ MODEL_STAGE = "fuse"
 
 
 def pipeline(searched: bool = False) -> tuple[Stage, ...]:
-    """Return the six stages in order; if the structure is `searched`, also the stage that searches
-    it. They are imported when they are first needed.
+    """Return the six stages in order. If the structure is `searched`, the stage that searches it is
+    included. Stages are imported when they are first needed.
     """
     from mapmore_cli.pipeline import report, stages, validate
 
@@ -43,10 +43,10 @@ def pipeline(searched: bool = False) -> tuple[Stage, ...]:
 
 @dataclass(frozen=True)
 class Needed:
-    """Another run in the same folder of runs, and its own spec.
+    """Another run in the same folder of runs, with its spec.
 
-    A run on which another builds is brought up to date as a whole, with its page. For a compared
-    run and for a variation, only the model is needed.
+    If a run builds on the other run, the other run is brought up to date completely, including its
+    page. If the other run is only compared with, or is a variation, only its model is made.
     """
 
     need: Need
@@ -76,8 +76,8 @@ def needed_runs(stage: Stage, loaded: LoadedSpec) -> tuple[Needed, ...]:
 
 
 def named_runs(specs: Sequence[LoadedSpec]) -> set[str]:
-    """Return the names of the runs of specs, and of all runs on which they build or with which they
-    are compared.
+    """Return the names of the runs of the given specs, and of all runs on which they build or with
+    which they are compared.
 
     Raises SpecError if a needed spec is missing or wrong.
     """
@@ -92,8 +92,9 @@ def named_runs(specs: Sequence[LoadedSpec]) -> set[str]:
 
 
 def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
-    """Raise SpecError if runs build on each other in a circle; `heirs` are the specs through which
-    this spec was reached. A compared run needs the runs on which its model builds.
+    """Raise SpecError if runs build on each other in a circle. `heirs` are the specs that led to
+    this spec, because each needs the next. A run that is only compared with also needs the runs on
+    which its model builds.
     """
     spec, chain = loaded.spec, (*heirs, loaded.path.resolve())
     paths = [spec.needs.static, spec.needs.damping, *(part.model for part in spec.model.sum or ())]
@@ -106,7 +107,7 @@ def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
             circle = " -> ".join(step.name for step in (*chain, other))
             raise SpecError(
                 f"{loaded.name}: these runs need each other in a circle: {circle}",
-                "remove one of these names from its spec",
+                "change one of these specs so that it does not need the next run",
             )
         refuse_circle(load(other), chain)
 
@@ -139,7 +140,7 @@ LONGEST_REASON = 6
 
 @dataclass(frozen=True)
 class StagePlan:
-    """Inputs and settings from which a stage would be made now.
+    """Plan of a stage: the inputs and settings with which it would run now.
 
     `part` is the stage's part of the spec. `now` is the entry that the stage would have in the
     record; its outputs are the committed files that still exist. `reason` says why the stage must
@@ -166,8 +167,8 @@ def plan_stages(
     """Yield the plan of every stage up to `until`, in order, from the files as they are now.
     `stages` replace those of the `pipeline`, unless they are None.
 
-    After a search, later stages use the structure that it found. If there is none yet, the plans of
-    later stages are unknown, and the search is the last.
+    After a search, later stages use the structure that it found. If the search has no result yet,
+    the plans of later stages are unknown, and the plan of the search is the last.
 
     Raises DataError if a source is missing or cannot be read.
     """
@@ -211,8 +212,8 @@ def plans_of(
 
 
 def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
-    """Return the spec with the structure that the search of its run found; unchanged if the spec
-    asks for no search, or if no search is finished.
+    """Return the spec with the structure that the search of its run found. If the spec has no
+    search, or if no search is finished, the spec is unchanged.
     """
     if loaded.spec.model.type != AUTO:
         return loaded
@@ -221,8 +222,9 @@ def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
 
 
 def _model_mark(run: Needed, stages: Sequence[Stage] | None, runs: Path, rehash: bool) -> str:
-    """Return the fingerprint of the model of another run, which need not exist yet. For a compared
-    run, it is the fingerprint of the present model.
+    """Return the fingerprint that the model of another run would have now, even if it does not
+    exist yet. If the run is only compared with and has a model, return the fingerprint of this
+    model.
     """
     if run.is_kept(runs):
         record = load_records(runs / run.loaded.spec.name)[MODEL_STAGE]
@@ -266,7 +268,7 @@ def _source_stamps(
     stage: Stage, loaded: LoadedSpec, known: Mapping[str, Stamp], rehash: bool
 ) -> dict[str, Stamp]:
     stamps = {}
-    # a recording in memory is no file whose contents could change
+    # recordings in memory have no files that could change
     for source in () if loaded.tables else stage.sources(loaded.spec, loaded.folder):
         path = Path(os.path.relpath(source, loaded.folder)).as_posix()
         try:
@@ -315,7 +317,7 @@ def slice_differences(stage: str, old: object, new: Mapping[str, Any]) -> list[s
     """
     if old == new:
         return []
-    if not isinstance(old, dict):  # somebody may have edited the record
+    if not isinstance(old, dict):  # an edited record may contain anything
         return list(_differences(stage, old, new))
     return [
         text
@@ -327,15 +329,15 @@ def slice_differences(stage: str, old: object, new: Mapping[str, Any]) -> list[s
 
 
 def place_in_spec(key: str, stage: str) -> str:
-    """Return the place in the YAML file of a key of a stage's slice: `levels` is `data.levels`,
-    `against` is `validate.against`.
+    """Return the full name in the spec of a key of a stage's slice. For example, `levels` is
+    `data.levels`, and `against` is `validate.against`.
     """
     fields = ExperimentSpec.model_fields.items()
     sections = {field.alias or name: field.annotation for name, field in fields}
     if key in sections:
         return key
-    # `levels` is a key of `data` and of `fuse`. The first section that has the key is right,
-    # because differences in `fuse` already have `fuse` in their place
+    # `levels` is a key of two sections, `data` and `fuse`, of which `data` comes first.
+    # A difference in `fuse` has `fuse` in its name already.
     for name, section in sections.items():
         if key in getattr(section, "model_fields", getattr(section, "__dataclass_fields__", ())):
             return f"{name}.{key}"
@@ -343,8 +345,8 @@ def place_in_spec(key: str, stage: str) -> str:
 
 
 def _differences(place: str, old: object, new: object) -> Iterator[str]:
-    """Yield the differences between two values at a place in the spec. In mappings and lists, each
-    differing value is shown with its own place.
+    """Yield the differences between two values of a key of the spec. Of mappings and lists, only
+    the elements that differ are shown, each with its full name.
     """
     if isinstance(old, dict) and isinstance(new, dict):
         for key in new | old:

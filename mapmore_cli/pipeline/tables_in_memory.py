@@ -1,4 +1,6 @@
-"""Take the columns of a study from tables in memory: mappings of arrays, or data frames."""
+"""Read the columns of a study from tables in memory, which are mappings of arrays or data
+frames.
+"""
 
 from __future__ import annotations
 
@@ -31,12 +33,12 @@ Entry = Column | Mapping[str, Any]
 
 
 def columns_in(frame: object, column: Column) -> list[Hashable]:
-    """Return the labels of a frame to which the `column` of a spec can refer: none if there is no
-    such label, several if the reference is ambiguous.
+    """Return the labels of a frame to which the `column` of a spec can refer. There is none if the
+    frame has no such column, and there are several if the reference is ambiguous.
 
-    Labels that are equal to `column` come first. If there are none, the text "2" also refers to the
-    label 2, because both are written alike. A number is an index, counted from 0, if no label is a
-    number.
+    A `column` refers to labels that are equal to it. If no label is equal, the text "2" refers to
+    the label 2, because both are written alike. If no label is a number, a number is an index,
+    counted from 0.
     """
     labels = labels_of(frame) or ()
     exact: list[Hashable] = [
@@ -50,8 +52,9 @@ def columns_in(frame: object, column: Column) -> list[Hashable]:
 
 def canonical_columns(frame: object, target: object) -> dict[str, dict[str, str]]:
     """Return the section `columns` for a frame. It contains the columns whose labels are known
-    quantities, for example `pressure`. If the `target` is the label of a column, it contains all
-    columns whose labels can be names of quantities. Raises SpecError if there are none.
+    quantities, for example `pressure`. If the `target` is the label of a column, the section
+    contains all columns whose labels can be names of quantities. Raises SpecError if there are
+    none.
     """
     names = tuple(map(str, labels_of(frame) or ()))
     section = as_target(target)
@@ -71,9 +74,9 @@ def canonical_columns(frame: object, target: object) -> dict[str, dict[str, str]
 def with_canonical_columns(
     frames: Sequence[object], columns: Mapping[str, Any], made: Collection[str]
 ) -> dict[str, Any]:
-    """Return the section `columns` with further columns: those that all frames have, that the
-    section does not use yet, and whose labels are known quantities, for example `pressure`. A
-    quantity that the section already contains, or that is derived from others (`made`), is not
+    """Return the section `columns` with further columns added. A column is added if all frames have
+    it, the section does not use it yet, and its label is a known quantity, for example `pressure`.
+    A quantity that the section already contains, or that is derived from others (`made`), is not
     added.
     """
     frame, *others = frames
@@ -92,7 +95,9 @@ def with_canonical_columns(
 def column_of(
     frame: Frame, column: Column, label: str, name: str, unit: str, layout: str | None = None
 ) -> Array:
-    """Return one column as numbers of the quantity `name` in a `unit`, (n,). Raises DataError."""
+    """Return one column as numbers of the quantity `name` in a `unit`, (n,). Raises DataError for
+    values that cannot be converted.
+    """
     labels, matches, label_of_column = (
         labels_of(frame) or (),
         columns_in(frame, column),
@@ -109,7 +114,7 @@ def column_of(
     if values.ndim != 1:
         raise DataError(
             f"{label_of_column} has the shape {values.shape}",
-            "give one-dimensional arrays of one length",
+            "give one-dimensional arrays of equal length",
         )
     return values
 
@@ -117,10 +122,10 @@ def column_of(
 def given_numbers(
     values: object, what: str, name: str, unit: str, layout: str | None = None
 ) -> Array:
-    """Return the values that a user passed for the quantity `name` as numbers in a `unit`; `layout`
-    is the format of time stamps.
+    """Convert the values that a user passed for the quantity `name` to numbers in a `unit`.
+    `layout` is the format of time stamps.
 
-    Raises DataError with a message that begins with `what`, a name for the values.
+    Raises DataError, with a message in which the values are called `what`.
     """
     clock = name == "time"
     read = CellReader(clock=clock, format=layout, second=convert(1.0, "s", unit) if clock else 1.0)
@@ -132,8 +137,8 @@ def given_numbers(
 def tables_of(
     frames: Sequence[Frame], columns: Mapping[str, Entry], units: Mapping[str, str]
 ) -> dict[str, RawTable]:
-    """Return every frame as a recording in memory: one unscaled array, (n,), for each quantity of
-    `columns`. `columns` and `units` are sections of the spec.
+    """Return every frame as a recording in memory. It has an array, (n,), for each quantity of
+    `columns`, without scale and offset applied. `columns` and `units` are sections of the spec.
 
     Raises `DataError` for columns that do not exist, are no numbers, or differ in length.
     """
@@ -148,7 +153,7 @@ def tables_of(
             own = column_of(
                 frame, source_of(entry), label, name, unit, settings.get("format")
             ).view()
-            # the array may belong to the caller, so it must not be changed
+            # the array may belong to the caller, so it must stay unchanged
             own.flags.writeable = False
             arrays[name] = own
         lengths = {name: len(values) for name, values in arrays.items()}
@@ -163,21 +168,22 @@ def tables_of(
 
 
 def section_of(tables: Iterable[str], columns: Mapping[str, Entry]) -> dict[str, object]:
-    """Return the keys of `data` for tables in memory, whose columns have the names of their
-    quantities; `columns` is the section for the frames.
+    """Return the section `data` with which the tables in memory are read. Their columns are named
+    after their quantities. `columns` is the section that the caller gave for the frames.
     """
     read = {}
     for name, entry in columns.items():
         read[name] = {**(entry if isinstance(entry, Mapping) else {}), "column": name}
         if name == "time":
-            # the arrays already contain numbers instead of time stamps
+            # time stamps have already been converted to numbers
             read[name].pop("format", None)
     return {"files": [*tables], "reader": "hdf5", "columns": read}
 
 
 def write_tables(tables: Mapping[str, RawTable], folder: Path) -> list[Path]:
-    """Write every table in memory to a separate HDF5 file in `folder`, and return their paths.
-    Raises WriteError as `refuse_foreign_file` does, before any file is written.
+    """Write every table in memory to a separate HDF5 file in `folder`, and return their paths. If a
+    file exists that mapmore did not write, no file is written, and WriteError is raised as by
+    `refuse_foreign_file`.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     make_folder(folder)
@@ -194,8 +200,8 @@ def write_tables(tables: Mapping[str, RawTable], folder: Path) -> list[Path]:
 
 
 def source_of(entry: object) -> Column:
-    """Return the column that an entry of `columns` names. Raises SpecError for an entry of another
-    form.
+    """Return the `column` in an entry of the section `columns`. Raises SpecError if the entry has a
+    wrong form.
     """
     source = entry.get("column") if isinstance(entry, Mapping) else entry
     if not isinstance(source, str | int):
@@ -214,9 +220,9 @@ def quantities_of(
 ) -> dict[str, Array]:
     """Return the `wanted` quantities of a frame in the model's `units`, (n,) each.
 
-    There are three ways to find the column of a quantity, tried in this order: the label that
-    `columns` gives, with its unit, scale and offset; a label that is the name of the quantity, with
-    numbers in the model's unit; and the index that `columns` gives.
+    The column of a quantity is searched in this order: first by the label in `columns`, with the
+    unit, scale and offset given there; then by the name of the quantity as label, with numbers in
+    the model's unit; and then by the index in `columns`.
     """
     values_of = {}
     for name in wanted:
@@ -237,8 +243,8 @@ def quantities_of(
 
 
 def plain_values(section: Mapping[str, object]) -> dict[str, Any]:
-    """Return a section in the types of YAML: lists for tuples and arrays, numbers for NumPy
-    scalars, text for paths.
+    """Convert the values of a section to types that YAML has. Tuples and arrays become lists, NumPy
+    scalars become numbers, and paths become texts.
     """
     return {str(key): _plain_value(value) for key, value in section.items()}
 

@@ -1,4 +1,4 @@
-"""Score the model and its competitors: `validate.h5`, `scores.csv`, `scores.json`."""
+"""Score the model and its competitors, and write `validate.h5`, `scores.csv` and `scores.json`."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ def required_limits(
 ) -> tuple[Limit, ...]:
     """Return the `validate.require` limits with the values of the run's own model.
 
-    They apply to the pooled validation rows, or to the training rows if nothing is held out; for
-    every output, or for those that they name.
+    The limits apply to the pooled validation rows, or to the training rows if nothing is held out.
+    A limit applies to every output, or to the outputs that it names.
     """
     rows = deciding(score for score in scores if score.model == OWN)
     return tuple(
@@ -74,8 +74,8 @@ def frozen_models(spec: ExperimentSpec, folder: Path) -> list[Path]:
         if not path.is_file():
             raise SpecError(
                 f"validate.against: there is no model {competitor.model}",
-                "freeze one with `mapmore freeze RUN --tag TAG`; paths start at the folder of "
-                "the spec",
+                "freeze one with `mapmore freeze RUN --tag TAG`; paths are relative to the "
+                "folder of the spec",
             )
     return paths
 

@@ -84,7 +84,7 @@ def test_curves_with_offsets_of_their_own_are_covered(curves):
 
 @pytest.mark.parametrize("residuals", [[], [1.0, np.nan], [np.inf]])
 def test_a_part_without_a_prediction_is_refused_by_name(residuals):
-    with pytest.raises(FitError, match="fitted without b has no prediction"):
+    with pytest.raises(FitError, match="fitted without b cannot predict it"):
         left_out_summary("recordings", 3, {"a": [np.ones(3)], "b": [np.array(residuals)]})
 
 

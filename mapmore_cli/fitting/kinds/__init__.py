@@ -1,7 +1,7 @@
 """Make models from sections of the spec: one file with a `Maker` for each kind of model.
 
-The stages call `fit` and `build` one by one, with files between them; `refit` calls both. None of
-them reads or writes files.
+The stages call `fit` and `build` separately and store the results in between; `refit` calls both.
+The functions here read and write no files.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ def added_up(_path: str) -> Model:
     unknown.
     """
     raise SpecError(
-        "a sum of models of other runs cannot be fitted here, where these runs are unknown",
-        "do this with the specs of the added models instead",
+        "a sum of models of other runs cannot be fitted here, because these runs are unknown",
+        "use the specs of the added models instead",
     )
 
 
 @dataclass(frozen=True)
 class Given:
-    """Everything from which a model is made: the data, the segmentation, and the models of needed
-    runs by the paths of their specs. `near` is a fit to these samples and others, or None; the
-    search for parameters begins at its parameters.
+    """Everything from which a model is made: the data, the segmentation, and a function that
+    returns the model of another run for the path of its spec. If `near` is not None, it is a fit to
+    these and further samples, and the search for parameters begins at its parameters.
     """
 
     dataset: Dataset
@@ -71,26 +71,28 @@ class Maker(Protocol):
 
 @runtime_checkable
 class FitsSums(Protocol):
-    """A maker that can fit formulas together, as a competitor of any model."""
+    """A maker that can fit the formulas of a sum together, so that the sum can be a competitor of
+    any model.
+    """
 
     def fit_sum(
         self, name: str, summands: Sequence[Summand], dataset: Dataset, method: str | None
     ) -> tuple[FormulaFit, Model]:
-        """Fit the summands together, and return the fit and the sum as a model with this name."""
+        """Fit all summands together. Return the fit, and the sum as a model with this name."""
 
 
 @runtime_checkable
 class Fitted(Protocol):
-    """A kind of a plugin that defines how its models are fitted."""
+    """A kind of model that is defined in a plug-in and can be fitted."""
 
     def maker(self) -> Maker:
-        """Return the object that makes models of this kind."""
+        """Return the `Maker` for models of this kind."""
 
 
 def maker_of(name: str) -> Maker:
     """Return the maker of the models of a kind. Only the modules that this kind needs are imported.
 
-    Raises NotInstalled if the kind belongs to a part that is missing.
+    Raises NotInstalled if a part of mapmore is missing to which the kind belongs.
     """
     if name == "pieces":
         from mapmore_cli.fitting.kinds.pieces import PiecesMaker
@@ -122,7 +124,9 @@ def fit(part: ModelChoices, given: Given) -> FitResult:
 
 
 def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
-    """Return the model made from the fits; with several outputs, the model of all of them."""
+    """Return the model that is made from the fits. If there are several outputs, the model contains
+    all of them.
+    """
     if not given.dataset.also:
         return maker_of(part.kind).build(part, given, result)
     outputs = zip(given.dataset.each, result.each, strict=True)
@@ -142,8 +146,8 @@ def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
 def refit(
     part: ModelChoices, dataset: Dataset, model_of: Callable[[str], Model] = added_up
 ) -> Model:
-    """Return the model fitted to the training samples of a dataset, with all choices made again, as
-    in cross-validation.
+    """Fit a model to the training samples of a dataset, and return it. All choices (segments,
+    terms, parameters) are made again, as cross-validation requires.
     """
     return refit_near(part, dataset, None, model_of)[0]
 
@@ -154,8 +158,8 @@ def refit_near(
     near: FitResult | None,
     model_of: Callable[[str], Model] = added_up,
 ) -> tuple[Model, FitResult]:
-    """Return the model of `refit`, and its fit. The search for parameters begins at those of a fit
-    `near`, unless that is None.
+    """Do the same as `refit`, and return the model and its fit. If `near` is not None, the search
+    for parameters begins at the parameters of this fit.
     """
     from mapmore_cli.fitting.kinds.pieces import segmented
 

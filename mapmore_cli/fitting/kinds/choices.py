@@ -22,8 +22,8 @@ SegmentSection = Mapping[str, Segmented]
 
 @dataclass(frozen=True)
 class ModelChoices:
-    """Choices of a spec on which a model depends. A stage before the model reads only the sections
-    that it needs.
+    """The settings of a spec on which a model depends. Stages that run before the model is made
+    read only the sections that they need.
 
     - `lengths`: dimensions of the muscle (m) that its formula needs.
     - `summands`: specs of the runs whose models are added.
@@ -51,13 +51,15 @@ class ModelChoices:
 
     @property
     def over_time(self) -> bool:
-        """Return True if the model runs along recordings, to which it is fitted as a whole."""
+        """Return True if the model is computed along whole recordings, because its output depends
+        on the past.
+        """
         return self.kind in ("memory", "state_space")
 
 
 def with_definitions(spec: ExperimentSpec) -> ExperimentSpec:
-    """Return the spec with the name of each own formula replaced by its definition, so that a stage
-    can read the formula without its file.
+    """Return the spec with the name of each user-defined formula replaced by its definition. A
+    stage then needs no other file for the formula.
     """
     if not spec.own_formulas and spec.model.family is None:
         return spec

@@ -1,5 +1,5 @@
-"""Make the names of candidate terms from the dictionary of a spec. Also make, from its derived
-quantities, the signals that a model can compute by itself.
+"""Make the names of candidate terms from the dictionary of a spec. Also make signals from the
+derived quantities of the spec, so that a model can compute these quantities from its inputs.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ def signal_of(name: str, rule: Rate | Direction, units: Mapping[str, str]) -> Si
 
 
 def derivations_of(spec: ExperimentSpec) -> dict[str, str | Rate | Direction]:
-    """Return the derived quantities of a spec, including the direction by which segments are
-    cut.
+    """Return the derived quantities of a spec. If segments are cut by a direction, this direction
+    is included.
     """
     cuts = {name: cut for name, cut in spec.segment.items() if isinstance(cut, CutByDirection)}
     return {
@@ -67,8 +67,8 @@ def units_of(spec: ExperimentSpec) -> dict[str, str]:
 
 
 def signals_of(spec: ExperimentSpec) -> tuple[Signal, ...]:
-    """Return all rates and directions of a study. Each stands after the rate from which it is
-    computed, if it is computed from one: a direction, or the rate of a rate.
+    """Return all rates and directions of a study. A signal that is computed from another signal,
+    for example the rate of a rate, stands after it.
     """
     units = units_of(spec)
     signals = {
@@ -84,8 +84,8 @@ def signals_of(spec: ExperimentSpec) -> tuple[Signal, ...]:
 
 @dataclass(frozen=True)
 class Clock:
-    """Times on which terms with memory depend, s: the time between samples, and the duration of the
-    longest training piece.
+    """Two times in s on which terms with memory depend: the time between samples (`step`), and the
+    duration of the longest piece of training data (`longest`).
     """
 
     step: float
@@ -96,8 +96,8 @@ def terms_of(dictionary: Sequence[DictionaryEntry], clock: Clock | None = None) 
     """Return the names of all candidate terms in the order of the dictionary, each once. Terms with
     memory need a `clock`.
 
-    Raises SpecError if products have a partner that is not one of their terms; DataError if there
-    would be more products than memory allows.
+    Raises SpecError if `partners` of products names a term that the products do not contain;
+    DataError if the matrices for all products do not fit into memory.
     """
     return tuple(
         dict.fromkeys(term for entry in dictionary for term in _terms(entry, clock, constant=True))
@@ -106,7 +106,7 @@ def terms_of(dictionary: Sequence[DictionaryEntry], clock: Clock | None = None) 
 
 def bounds_of(dictionary: Sequence[DictionaryEntry]) -> dict[str, tuple[float, float]]:
     """Return the smallest and the largest allowed coefficient of each term that has limits, in the
-    unit of the target. If a term occurs in several entries, the first one counts.
+    unit of the target. If several entries contain a term, the limits of the first entry apply.
     """
     return {
         term: entry.limits
@@ -117,8 +117,8 @@ def bounds_of(dictionary: Sequence[DictionaryEntry]) -> dict[str, tuple[float, f
 
 
 def _terms(entry: DictionaryEntry, clock: Clock | None, *, constant: bool) -> Sequence[str]:
-    """Return the terms of one family. `constant` is False for a family inside products, whose
-    constant is left out.
+    """Return the terms of one entry of the dictionary. `constant` is False for an entry inside
+    products; its constant term is then left out.
     """
     name, family = entry.family
     if isinstance(family, list):
@@ -159,7 +159,7 @@ def _along_range(family: AlongRange, *, constant: bool) -> list[str]:
     return texts if constant else [text for text in texts if text != "1"]
 
 
-@lru_cache(maxsize=4096)  # a search needs the same terms in every fold
+@lru_cache(maxsize=4096)  # because a search reads the same terms in every fold
 def _term_text(text: str) -> str:
     return to_text(parse(text))
 

@@ -17,10 +17,10 @@ from mapmore_cli.modelling.shape.violations import verified
 def fitted(
     name: str, part: ModelChoices, dataset: Dataset, near: FormulaFit | None = None
 ) -> FormulaFit:
-    """Return a formula fitted to all training samples of a dataset. The search begins at the
-    parameters of a fit `near`, unless that is None.
+    """Fit a formula to all training samples of a dataset, and return the fit. If `near` is not
+    None, the search begins at the parameters of this fit.
 
-    Raises FitError if the fit has no usable result, because the model depends on it.
+    Raises FitError if no usable parameters are found.
     """
     parameters = None if near is None else near.parameters
     formula_fit = fit_formula(
@@ -30,13 +30,13 @@ def fitted(
         reasons = "; ".join(formula_fit.notes) or "no finite parameters were found"
         raise FitError(
             f"the fit of {formula_fit.name} failed: {reasons}",
-            "use another formula, or build the model without one",
+            "use another formula, or build the model without a formula",
         )
     return formula_fit
 
 
 class FormulaMaker(Maker):
-    """Maker of models that are a formula of the literature."""
+    """Maker of models that consist of a formula from the literature."""
 
     def fit(self, part: ModelChoices, given: Given) -> FitResult:
         """Return the formula, fitted to all training samples. Raises the same errors as

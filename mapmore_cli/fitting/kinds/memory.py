@@ -29,8 +29,9 @@ from mapmore_cli.study.sections.dictionary import timed_terms
 
 
 def _unseen(curve: Curve, outputs: Sequence[str], lag: int, step: float) -> Curve:
-    """Return a curve with its held-out outputs replaced by NaN. If outputs are fed back, each
-    uninterrupted piece begins with `lag` known outputs.
+    """Return a curve in which the held-out outputs are replaced by NaN. If outputs are fed back,
+    the first `lag` outputs of each uninterrupted piece are kept, because a free run begins with
+    them.
     """
     if not curve.held_out.any():
         return curve
@@ -42,10 +43,11 @@ def _unseen(curve: Curve, outputs: Sequence[str], lag: int, step: float) -> Curv
 def _asked(
     part: ModelChoices, dataset: Dataset, backbone: FormulaFit | None
 ) -> tuple[Sequence[Record], MemoryRecipe]:
-    """Return the recordings with the residual of the backbone, and the whole recipe.
+    """Return the recordings, with the residual of the backbone as output, and all settings of the
+    fit.
 
-    Held-out outputs are replaced by NaN. Otherwise, they would be the past of training samples if
-    outputs are fed back.
+    Held-out outputs are replaced by NaN. Otherwise, a model that feeds its output back would use
+    them as past values of training samples.
     """
     step, uneven, pieces = sampled(dataset.curves, ordered=not timed_terms(part.dictionary))
     longest = max(int(record.training.sum()) for record in pieces)
@@ -73,8 +75,8 @@ class MemoryMaker(Maker):
     """Maker of models with memory."""
 
     def fit(self, part: ModelChoices, given: Given) -> FitResult:
-        """Return one model of all recordings, fitted to the residual of the backbone if there is
-        one.
+        """Fit one model to all recordings, or to the residual of the backbone if there is a
+        backbone, and return the fit.
 
         Raises DataError if recordings have different time steps, or if too few samples have a
         history; FitError if the fit of the backbone failed.
@@ -97,8 +99,8 @@ class MemoryMaker(Maker):
         )
 
     def fit_together(self, part: ModelChoices, given: Given) -> tuple[FitResult, ...]:
-        """Return one model of all recordings for every output, with shared terms. Raises the same
-        errors as `fit`.
+        """Return one fit for each output. Each is fitted to all recordings, and all have the same
+        terms. Raises the same errors as `fit`.
         """
         records, recipe = _asked(part, given.dataset, None)
         recipes = [replace(recipe, target=output.target) for output in given.dataset.each]

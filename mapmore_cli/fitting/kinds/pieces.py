@@ -28,15 +28,15 @@ if TYPE_CHECKING:
 
 
 def cuts_of(segment: SegmentSection) -> dict[str, Cut]:
-    """Return the cuts of the segmented variables. (Entries with the words `none` and `levels` are
-    left out, because they say how the level quantity is treated.)
+    """Return the cuts of the segmented variables. Entries with the value `none` or `levels` are
+    left out, because they define no cuts.
     """
     return {name: cut for name, cut in segment.items() if not isinstance(cut, str)}
 
 
 def recipe_of(target: str, part: ModelChoices) -> Recipe:
-    """Return the whole recipe. It has no candidate terms if one model with memory replaces the
-    segments.
+    """Return all settings for the fit of the segments. The dictionary is empty if a model with
+    memory is fitted instead of segments.
     """
     level = level_of(part.levels, part.segment)
     return Recipe(
@@ -52,8 +52,8 @@ def recipe_of(target: str, part: ModelChoices) -> Recipe:
 
 
 def segmented(dataset: Dataset, part: ModelChoices) -> tuple[SegmentedCurve, ...]:
-    """Cut every training curve over its own range. If boundaries are chosen by fits, these are fits
-    to the residual of the backbone.
+    """Cut every training curve over its own range. With `method: optimal`, boundaries are chosen by
+    comparing fits to the residual of the backbone.
     """
     from mapmore_cli.modelling.literature.backbone import fit_formula
     from mapmore_cli.modelling.pieces.build import segment as cut
@@ -65,8 +65,8 @@ def segmented(dataset: Dataset, part: ModelChoices) -> tuple[SegmentedCurve, ...
 
 
 def _trained(part: ModelChoices, dataset: Dataset) -> tuple[Sequence[Curve], Recipe]:
-    """Return the curves and the whole recipe. With `fit.train_level`, only the curves at this level
-    have training samples.
+    """Return the curves, and all settings for the fit of the segments. With `fit.train_level`, only
+    the curves at this level have training samples.
     """
     curves = trained_at(dataset.curves, part.fit.train_level)
     return curves, recipe_of(dataset.target, part)
@@ -75,8 +75,8 @@ def _trained(part: ModelChoices, dataset: Dataset) -> tuple[Sequence[Curve], Rec
 def _backbone(
     part: ModelChoices, given: Given, curves: Sequence[Curve], recipe: Recipe
 ) -> tuple[FormulaFit | None, tuple[str, ...]]:
-    """Return the fitted backbone and the reasons for its choice. The spec names its formula, or it
-    is chosen by the errors at left-out levels.
+    """Return the fitted backbone, and notes on how it was chosen. The formula is named in the spec,
+    or it is the one with the smallest errors at left-out levels.
     """
     name = part.model.backbone
     notes: tuple[str, ...] = ()
@@ -94,11 +94,11 @@ def _backbone(
 
 
 class PiecesMaker(Maker):
-    """Maker that fits and fuses segments."""
+    """Maker of models that consist of fused segments."""
 
     def fit(self, part: ModelChoices, given: Given) -> FitResult:
-        """Return the terms of every segment, fitted to the residual of the backbone if there is
-        one. Raises FitError if the fit of the backbone failed.
+        """Fit every segment and return the fits. If there is a backbone, segments are fitted to its
+        residual. Raises FitError if the fit of the backbone failed.
         """
         return self.fit_together(part, given)[0]
 
@@ -123,8 +123,8 @@ class PiecesMaker(Maker):
         return tuple(FitResult(PiecesFit(segments), backbone, notes) for segments in fits)
 
     def build(self, part: ModelChoices, given: Given, result: FitResult) -> Model:
-        """Fuse the segments. If they are fitted to the residual of a backbone, use them only as far
-        as they improve predictions of left-out training data.
+        """Fuse the segments, and return the model. If there is a backbone, cross-validation decides
+        whether the segments are used, and whether they are shrunk between levels.
         """
         from mapmore_cli.modelling.pieces import build as method
         from mapmore_cli.modelling.pieces.cross_validation import with_trusted_residual

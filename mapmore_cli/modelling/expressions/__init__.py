@@ -1,5 +1,5 @@
-"""Represent candidate terms and formulas as small syntax trees, which are read, evaluated,
-differentiated and printed, but never passed to `eval`.
+"""Represent candidate terms and formulas as syntax trees. Trees can be read from text, evaluated,
+differentiated and printed. For safety, Python's `eval` is never called.
 """
 
 from mapmore_cli.modelling.expressions.calculus import affine, derivative, exponents, substitute

@@ -59,7 +59,9 @@ def derivative(expression: Expression, name: str) -> Expression:
 
 
 def substitute(expression: Expression, values: Mapping[str, Expression]) -> Expression:
-    """Return `expression` with all names in `values` replaced at the same time."""
+    """Return `expression` in which each name in `values` is replaced by its value. All names are
+    replaced at once, so that names inside the values are not replaced.
+    """
     if isinstance(expression, Name):
         return values.get(expression.name, expression)
     return with_parts(expression, partial(substitute, values=values))
@@ -81,7 +83,7 @@ def exponents(expression: Expression) -> dict[str, float] | None:
 
 
 def affine(expression: Expression, slope: float, intercept: float) -> Expression:
-    """Return `slope*expression + intercept` in the form in which people write a scaled variable:
+    """Return `slope*expression + intercept`, written in the usual form of a scaled variable,
     `(expression - centre)/width`.
 
     For a negative slope, the result is `(centre - expression)/width`, so that the width is

@@ -28,8 +28,8 @@ from mapmore_cli.modelling.expressions.syntax import (
 
 
 class NotFinite(DataError, ValueError):
-    """A term has no finite value on a row of the data. `term` is its text and `row` the 0-based
-    row.
+    """Error for a term whose value is not finite on a row of the data. `term` is its text and `row`
+    the 0-based row.
     """
 
     def __init__(self, term: str, row: int, inputs: str) -> None:
@@ -41,8 +41,7 @@ class NotFinite(DataError, ValueError):
         self.row = row
 
 
-# rows of a dictionary that are evaluated at a time: shared powers of a block stay in the
-# processor's cache, and the memory is bounded
+# number of rows that are evaluated at once, so that a block stays in the processor's cache
 BLOCK = 8192
 
 
@@ -70,7 +69,8 @@ def evaluate(expression: Expression, columns: Columns, n: int | None = None) -> 
 
 
 def folded(expression: Expression) -> Expression:
-    """Return `expression` with its constant parts computed. A constant divisor is kept as it is.
+    """Return `expression` in which parts without names are replaced by their numbers. A constant
+    divisor is not combined with other numbers.
 
     Examples
     --------
@@ -114,9 +114,9 @@ def dictionary_blocks(
 
 
 def dictionary_block(terms: Sequence[Expression]) -> Callable[[Mapping[str, Array], slice], Array]:
-    """Return a function that computes a block of the dictionary, shape (b, M), from the columns at
-    these rows. It also takes the slice of the rows, for error messages. Blocks of a few thousand
-    rows are fastest.
+    """Return a function that computes a block of the dictionary, shape (b, M). Its arguments are
+    the columns at the rows of the block, and the slice of these rows for error messages. Blocks of
+    a few thousand rows are fastest.
     """
     program = compiled(tuple(terms))
 
@@ -157,8 +157,8 @@ def _needed(terms: Sequence[Expression], columns: Columns, n: int) -> dict[str, 
     return needed
 
 
-Shared = list[Value | None]  # values computed so far, of parts that may occur again
-# a node with everything below it, as a function of columns
+Shared = list[Value | None]  # values of shared parts, None until they are computed
+# function that computes the value of a node from the columns
 Part = Callable[[Mapping[str, Value], Shared], Value]
 Known = dict[Expression, Part]
 
@@ -168,9 +168,10 @@ def compiled(
     expressions: tuple[Expression, ...],
 ) -> Callable[[Mapping[str, Value]], Iterator[Value]]:
     """Return a function that yields the values of `expressions` in order. Powers and function
-    values that several of them share are computed once.
+    values that several expressions share are computed once.
 
-    An array may be a column itself, or shared with a later value, so do not change it.
+    Do not change a yielded array in place, because it may be an input column or be used for a later
+    value.
     """
     known: Known = {}
     parts = [part_of(expression, known) for expression in expressions]
@@ -184,8 +185,8 @@ def compiled(
 
 
 def part_of(expression: Expression, known: Known) -> Part:
-    """Compile a node into a function of the columns. `known` collects the functions of the powers
-    and calls in all expressions that are evaluated together.
+    """Compile a node into a function of the columns. `known` collects the compiled powers and
+    function calls of all expressions that are evaluated together, so that each is computed once.
     """
     match expression:
         case Number(value):
@@ -207,8 +208,8 @@ def part_of(expression: Expression, known: Known) -> Part:
 
 
 def _in_turn(first: Part, others: Sequence[tuple[Callable[[Any, Any], Any], Part]]) -> Part:
-    """Return the function that combines a first value with others by their operations, from left to
-    right.
+    """Return a function that computes a chain such as `a + b - c` from left to right. `others`
+    holds the operation and the operand of each further step.
     """
 
     def total(columns: Mapping[str, Value], shared: Shared) -> Value:
@@ -227,8 +228,8 @@ def _factor_part(factor: Expression, known: Known) -> tuple[Callable[[Any, Any],
 
 
 def _computed_once(expression: Power | Call, known: Known) -> Part:
-    """Return a function that computes the value at its first occurrence and looks it up at every
-    other.
+    """Return a function that computes the value of a power or call when it is first needed, and
+    afterwards returns the stored value.
     """
     if expression not in known:
         compute, slot = _computed(expression, known), len(known)
@@ -252,8 +253,7 @@ def _computed(expression: Power | Call, known: Known) -> Part:
             divisor = _power(base, -exponent, known)
             return lambda columns, shared: np.float64(1.0) / divisor(columns, shared)
         case Power(base, exponent) if exponent.is_integer():
-            # x^5 = x^2 x^3 takes a few multiplications, shared between terms, while a general power
-            # takes as long as fifty
+            # a few multiplications, as in x^5 = x^2 x^3, are far faster than a call of `pow`
             half = exponent // 2
             left, right = _power(base, half, known), _power(base, exponent - half, known)
             return lambda columns, shared: left(columns, shared) * right(columns, shared)

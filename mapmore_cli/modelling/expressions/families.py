@@ -19,7 +19,8 @@ from mapmore_cli.modelling.expressions.syntax import MAX_EXPONENT, Expression, m
 
 def lags(of: Sequence[str], steps: Sequence[int]) -> tuple[str, ...]:
     """Return the names of all states in `of`, delayed by each number of samples in `steps`, for
-    example `force[k-1]`. States with the same delay stand together. Step 0 is the state itself.
+    example `force[k-1]`. The names are in the order of `steps`, and within it in the order of `of`.
+    A delay of 0 gives the state itself.
     """
     return tuple(
         (Lagged(state(name), step) if step else state(name)).name for step in steps for name in of
@@ -30,8 +31,8 @@ def operated(
     family: str, of: Sequence[str], numbers: Sequence[float | tuple[float, ...]] = ()
 ) -> tuple[str, ...]:
     """Return the names of the states that the operators of a `family` compute from every state in
-    `of`: one for each entry of `numbers`, for example `slow(pressure, 0.5)`, or a name without
-    numbers, for example `resonance(pressure)`.
+    `of`. Each entry of `numbers` gives such a name, for example `slow(pressure, 0.5)`. If `numbers`
+    is empty, the names have no numbers, for example `resonance(pressure)`.
 
     Raises ValueError for numbers that do not fit the operator.
     """
@@ -53,10 +54,11 @@ def products(
     """Return every product of the terms in `of` (quantities, states or other terms) with a total
     degree up to `order`: first the constant, then degree by degree.
 
-    Within a degree, powers of terms that are earlier in `of` come first. The factors of a product
-    are in alphabetical order, so that its text does not depend on the order of `of`. With
-    `partners`, a product contains powers of the partners and of at most one other term: for order 2
-    and one partner p, these are all terms, all squares, and p times every term.
+    Products of the same degree are sorted by the order of the terms in `of`. The factors of a
+    product are in alphabetical order, so that its text does not depend on the order of `of`. With
+    `partners`, a product contains powers of the partners, and of at most one term that is no
+    partner. For order 2 and one partner p, the products are all terms, all squares, and p times
+    every term.
 
     Examples
     --------
@@ -96,21 +98,21 @@ def products(
 
 
 def count_products(states: int, order: int, partners: int) -> int:
-    """Count the products that `products` returns for a number of states, some of which are
-    partners. The constant is included.
+    """Return the number of products that `products` returns for `states` states, of which
+    `partners` are partners. The constant is counted.
     """
     whole = partners + order
-    # products of partners alone, and products with a power of one other state
+    # products of partners alone, plus products that contain one state that is no partner
     return math.comb(whole, order) + (states - partners) * math.comb(whole, partners + 1)
 
 
-SHARE = 0.5  # share of the installed memory that one fit may use; other programs need memory too
-ASSUMED = 4_000_000_000  # bytes of memory, if the system does not report them
+SHARE = 0.5  # fraction of the installed memory that one fit may use
+ASSUMED = 4_000_000_000  # installed memory in bytes, if the system does not report it
 
 
 def products_bytes(candidates: int) -> int:
-    """Return the bytes that term selection needs for a dictionary that is built block by block:
-    three matrices of shape (M+1, M+1).
+    """Return the number of bytes that the term selection needs if the dictionary is built block by
+    block. It needs three matrices of shape (M+1, M+1).
     """
     return 3 * 8 * (candidates + 1) ** 2
 
@@ -132,8 +134,9 @@ def fits_whole(samples: int, candidates: int) -> bool:
 
 
 def refuse_beyond_memory(candidates: int) -> None:
-    """Raise DataError if the products of all candidates do not fit into the memory of one fit. A
-    dictionary that is built block by block needs them too. The message gives both sizes.
+    """Raise DataError if the matrices of `products_bytes` do not fit into the memory of one fit.
+    Every selection needs them, even if the dictionary is built block by block. The message gives
+    both sizes.
     """
     needed, room = products_bytes(candidates), usable_memory()
     if needed > room:

@@ -1,8 +1,8 @@
 """Define the functions of one argument that expressions and recursions may call.
 
-A row of the table holds everything about its function: how NumPy computes it, its derivative, and
-its text in every language in which a model is written. No other module knows anything about a
-single function.
+One row of the table `FUNCTIONS` defines everything about a function: how NumPy computes it, its
+derivative, and its text in every language to which models are exported. All other modules treat all
+functions alike.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ class ScalarFunction(NamedTuple):
     """A function of one argument.
 
     - `compute`: function that computes the values of columns or of one number; it must keep NaN.
-    - `slope`: derivative by x, as an expression.
-    - `texts`: text of the function in each language of `LIBRARY`.
+    - `slope`: derivative with respect to x, as the text of an expression.
+    - `texts`: name or text of the function in each language of `LIBRARY`.
     """
 
     compute: Callable[[Any], Any]
@@ -56,8 +56,8 @@ class ScalarFunction(NamedTuple):
 def function(
     name: str, compute: Callable[[Any], Any], slope: str, **texts: str
 ) -> tuple[str, ScalarFunction]:
-    """Return a row of `FUNCTIONS`. `texts` holds the texts for languages whose library has the
-    function under another name, or not at all.
+    """Return a row of `FUNCTIONS`. `texts` is needed only for languages whose library gives the
+    function another name, or does not have the function.
     """
     if unknown := texts.keys() - LIBRARY.keys():
         raise ValueError(
@@ -98,7 +98,7 @@ FUNCTIONS: Mapping[str, ScalarFunction] = dict(
         function(
             "sign",
             np.sign,
-            "0",  # the derivative is zero at the kink too
+            "0",  # the derivative at the jump is defined as zero
             python="(x > 0) - (x < 0) if x == x else x",
             c="x != x ? x : (x > 0) - (x < 0)",
             latex=r"\operatorname{sign}\left(#\right)",

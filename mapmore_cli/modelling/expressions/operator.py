@@ -1,9 +1,9 @@
 """Define what an operator with memory consists of. The operators themselves are in the files of
 `operators/`.
 
-An operator turns a state x into a new state by a causal rule that does not change over time. Its
-file says how its name is written, how it is computed, how it is printed, and what a spec may set.
-No other module knows anything about a single operator.
+An operator turns a state x into a new state by a causal rule that does not change over time. One
+file of `operators/` defines how the name of an operator is written, how the state is computed and
+printed, and what a spec may set. All other modules treat all operators alike.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ class Parameter:
     - `unit`: unit of the number in the name of a state; `1` for a ratio.
     - `example`: a value as the author of a spec would write it.
     - `above`, `below`: limits between which the number must lie, not included.
-    - `between`: smallest and largest value that training tries, as a function of the time between
-      samples and the duration of the longest piece, both in s.
+    - `between`: function that returns the smallest and the largest value that training tries. Its
+      arguments are the time between samples and the duration of the longest piece, both in s.
     """
 
     key: str
@@ -55,8 +55,8 @@ class Setting:
 
     @property
     def width(self) -> float:
-        """Width of an operator: its first number times the training range of the source, in the
-        source's unit.
+        """Width in the unit of the source: the first number of the operator times the training
+        range of the source.
         """
         low, high = self.limits
         return self.numbers[0] * (high - low)
@@ -70,10 +70,10 @@ program.
 
 class Arithmetic:
     """Operations for recursions, in addition to `+ - * / **` and comparisons. This class computes
-    with whole columns; others compute with floats or write statements of a program.
+    with whole columns; its subclasses compute with single numbers or write statements of a program.
 
     `then` and `otherwise` are values, or functions without arguments that compute a value. For
-    columns, both are computed.
+    columns, both values are computed.
     """
 
     def where(self, condition: Amount, then: Amount, otherwise: Amount) -> Amount:
@@ -134,8 +134,8 @@ class Recursion:
 
 
 def linear(past: Sequence[float], driven: Sequence[float], steady: float = 1.0) -> Recursion:
-    """Return the recursion `s[k] = sum_i past_i s[k-i] + sum_j driven_j x[k-j]`, with i from 1 and
-    j from 0. At rest, s is `steady` times x.
+    """Return the linear recursion `s[k] = sum_i past_i s[k-i] + sum_j driven_j x[k-j]`, with i from
+    1 and j from 0. If x is constant for a long time, s is `steady` times x.
     """
     weights = (*past, *driven)
     return Recursion(
@@ -155,8 +155,8 @@ class Operator:
     - `summary`: explanation of its family for the author of a spec.
     - `recursion`: function that returns the rule from one sample to the next.
     - `parameters`: its numbers, in the order in which the name of a state has them.
-    - `needs`: the property of the source that training must determine: its `range` if widths are
-      fractions of it, or the `oscillator` that it drives if the name has no numbers.
+    - `needs`: what training must determine: the `range` of the source, if widths are fractions of
+      this range; or the `oscillator` that the source drives, if the name has no numbers.
     - `starts`: function that returns the sets of numbers from which training begins its search,
       from the time between samples and the duration of the longest piece, both in s. None if
       training cannot estimate the numbers.
@@ -183,8 +183,8 @@ class Operator:
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """Return the possible counts of numbers in the name of a state. A name may contain no
-        numbers if training can estimate them.
+        """Return how many numbers the name of a state may contain. Zero is possible if training can
+        estimate the numbers.
         """
         return (0, len(self.parameters)) if self.found else (len(self.parameters),)
 
@@ -199,7 +199,7 @@ class Operator:
         return rf"\mathrm{{{self.name.replace('_', chr(92) + '_')}}}"
 
 
-# Run along a piece of a recording
+# Compute a state along a piece of a recording
 # -------------------------------------------------------------------------------------------------
 
 NOTHING_BEFORE = (np.empty(0), np.empty(0))
@@ -208,9 +208,9 @@ NOTHING_BEFORE = (np.empty(0), np.empty(0))
 def along(
     operator: Operator, x: Array, setting: Setting, before: tuple[Array, Array] = NOTHING_BEFORE
 ) -> Array:
-    """Return the state along one uninterrupted piece, shape (n,). It is NaN while the source x is
-    NaN at the beginning, and starts at rest after that. If the piece continues another, `before`
-    holds the last values of the state and of the source.
+    """Return the state along one uninterrupted piece, shape (n,). If x begins with NaN, the state
+    is NaN there too. At the first number of x, the state starts at rest. If an earlier piece is
+    continued instead, `before` holds the last values of the state and of the source in that piece.
     """
     own, source = map(_from_first_number, before)
     if len(own):
@@ -229,14 +229,14 @@ def along(
 
 
 def _from_first_number(values: Array) -> Array:
-    """Return the values from the first one that is not NaN."""
+    """Return the values without the NaN at the beginning."""
     known = ~np.isnan(values)
     return values[int(np.argmax(known)) if known.any() else len(values) :]
 
 
 def _latest(values: Array, count: int) -> list[float]:
-    """Return the last `count` values, the latest first. If there are fewer, the first value is
-    repeated for the samples before it.
+    """Return the last `count` values, the latest first. If there are fewer values, the first value
+    is repeated.
     """
     last: list[float] = values[: -count - 1 : -1].tolist()
     return last + [float(values[0])] * (count - len(last))
@@ -266,8 +266,8 @@ def run_recursion(rule: Recursion, x: Array, own: list[float], past: list[float]
         from scipy.signal import lfilter
 
         a, b = [1.0, *(-weight for weight in rule.weights[: rule.own])], rule.weights[rule.own :]
-        # contribution of earlier values to the next values; SciPy's `lfiltic` returns the same, but
-        # takes longer than the filter takes for a short piece
+        # contribution of earlier values; SciPy's `lfiltic` computes the same, but is slow
+        # For short pieces, it would take longer than the filter itself.
         carried = [
             sum(map(mul, b[step:], past)) - sum(map(mul, a[step:], own))
             for step in range(1, max(len(a), len(b)))

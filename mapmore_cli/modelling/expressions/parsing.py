@@ -53,11 +53,12 @@ MAX_DEPTH = 50
 def parse(text: str, ranged: Callable[[Expression], Expression] | None = None) -> Expression:
     """Return the syntax tree of `text` in canonical form. The same text returns the same object.
 
-    With `ranged`, parts of the text may depend on a training range; the function returns the
-    expression that replaces such a part.
+    With `ranged`, the text may contain calls of `unit`, which depend on a training range. The
+    function `ranged` takes the argument of such a call, and returns the expression that replaces
+    the call.
 
     Raises ExpressionError if `text` is no valid expression; its `position` is the place of the
-    fault.
+    mistake in the text.
 
     Examples
     --------
@@ -74,8 +75,7 @@ def parse(text: str, ranged: Callable[[Expression], Expression] | None = None) -
     parser.ranged = ranged
     expression = parser.sum()
     parser.expect("end", "an operator")
-    # A short text with powers can stand for a long expression, so the length with all powers
-    # written out is limited too.
+    # the length is limited after expansion too, because a short text with powers may become long
     if len(text) > MAX_LENGTH // 10 and (length := len(to_text(expression))) > MAX_LENGTH:
         raise ExpressionError(
             f"the expression has {length} characters when its powers are written out; at most "
@@ -107,8 +107,8 @@ class _Parser(Tokens):
             raise self._misfit(f"expected {wanted}, found {next_text}")
 
     def _misfit(self, message: str) -> ExpressionError:
-        """Return the error at the next token. The characters `[`, `]` and `,` have a message of
-        their own, because they are valid only in names of states.
+        """Return an error with the message and the position of the next token. The characters `[`,
+        `]` and `,` get another message, because they are valid only in names of states.
         """
         message = (
             f"unexpected character {self.next.text!r}"

@@ -20,8 +20,7 @@ from mapmore_cli.modelling.expressions.syntax import (
     power,
 )
 
-# how tightly a text binds; an operand that binds less tightly than its place requires is put in
-# brackets
+# Precedence: an operand with a lower precedence than its place requires is put in brackets.
 _SUM, _PRODUCT, _POWER, _ATOM = range(4)
 
 _Bound = tuple[str, int]
@@ -77,8 +76,8 @@ class _Text:
         raise TypeError(f"not an expression: {expression!r}")
 
     def operand(self, expression: Expression, needed: int) -> str:
-        """Return the text of an operand, in brackets if it binds less tightly than its place
-        needs.
+        """Return the text of an operand. It is put in brackets if its precedence is lower than its
+        place requires.
         """
         text, bound = self.printed(expression)
         return text if bound >= needed else self.brackets.format(text)
@@ -177,7 +176,9 @@ class _Latex(_Text):
         return text
 
     def state(self, wanted: State) -> _Bound:
-        """Return a quantity or a state. The numbers of an operator become its index."""
+        """Return the LaTeX of a quantity or of a state. The numbers of an operator become its
+        index.
+        """
         match wanted:
             case Measured(name):
                 if indexed := re.fullmatch(r"([A-Za-z])([0-9]*)", name):
@@ -215,14 +216,14 @@ class _MathML(_Latex):
 
 
 def _sign(expression: Expression) -> tuple[Expression, bool]:
-    """Return the expression without its leading minus, and True if it had one."""
+    """Return the expression without its leading minus sign, and True if it had a minus sign."""
     first = expression.factors[0] if isinstance(expression, Product) else expression
     minus = isinstance(first, Number) and first.value < 0
     return (negate(expression) if minus else expression), minus
 
 
 def _factors(expression: Expression) -> tuple[tuple[Expression, ...], bool]:
-    """Return the factors without the leading minus, and True if there was one."""
+    """Return the factors without the leading minus sign, and True if there was a minus sign."""
     size, minus = _sign(expression)
     return (size.factors if isinstance(size, Product) else (size,)), minus
 

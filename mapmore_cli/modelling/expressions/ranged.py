@@ -27,15 +27,17 @@ Courses = tuple[tuple[str, float, float], ...]
 
 
 def placed(texts: tuple[str, ...], courses: Courses) -> tuple[str, ...]:
-    """Return all terms with their training ranges filled in, without repetitions."""
+    """Return all terms with numbers from the training ranges in place of `unit`. Terms that become
+    equal are returned once.
+    """
     if not any(RANGED in text for text in texts):
         return texts
     return _placed(texts, tuple(_without_rounding(*course) for course in courses))
 
 
 def _without_rounding(name: str, low: float, high: float) -> tuple[str, float, float]:
-    """Return a range rounded to nine digits of its width. The ranges of segments with equal scaling
-    differ by rounding errors only, and become equal in this way.
+    """Return a range whose ends are rounded to nine digits of its width. Ranges that differ by
+    rounding errors only, such as those of segments with equal scaling, become equal.
     """
     width = float(f"{high - low:.9g}") or 1.0
     low = round(low / width, 9) * width

@@ -30,8 +30,8 @@ _TOKEN = re.compile(
 
 
 class ExpressionError(ValueError):
-    """A text is no valid expression. `position` is the 0-based offset of the first character that
-    does not fit.
+    """Error for a text that is no valid expression. `position` is the 0-based offset of the first
+    character that does not fit.
     """
 
     def __init__(self, message: str, position: int = 0) -> None:
@@ -54,14 +54,16 @@ class _State:
 
     @property
     def lag(self) -> int:
-        """Smallest number of samples that the state looks back. It has no value for this many
-        samples at the beginning.
+        """Number of samples by which the state is delayed. At the beginning of a recording, the
+        state has no value for this many samples.
         """
         return sum(part.steps for part in self.parts if isinstance(part, Lagged))
 
     @property
     def goes_by_order(self) -> bool:
-        """Return True if the state needs the order of samples, but not the time between them."""
+        """Return True if the state depends on the order of the samples, but not on the time between
+        them.
+        """
         return all(
             not OPERATORS[part.operator].timed
             if isinstance(part, Operated)
@@ -79,7 +81,7 @@ class Measured(_State):
 
 @dataclass(frozen=True)
 class Lagged(_State):
-    """A state some samples ago: `source` delayed by `steps` samples."""
+    """The value of a state some samples ago: `source` delayed by `steps` samples."""
 
     source: State
     steps: int
@@ -138,7 +140,7 @@ class Tokens:
         return token
 
     def skip(self, kind: str) -> bool:
-        """Take the next token if it is of this kind, and return True if it was."""
+        """If the next token is of this kind, consume it and return True; otherwise return False."""
         return self.next.kind == kind and bool(self.take())
 
 

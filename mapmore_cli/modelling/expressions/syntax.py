@@ -1,9 +1,9 @@
 """Define the syntax tree of expressions, and constructors that keep it in a simple canonical form.
 
 Build trees with `add`, `multiply`, `power` and `call`. They flatten nested sums and products, drop
-zeros and ones, and fold the numbers of a product into one number in front. Subtraction is a factor
-of -1 and division an exponent of -1, so that six kinds of nodes are enough. Apart from rounding,
-folding never changes a value that is finite without it.
+zeros and ones, and fold the numbers of a product into one number in front. Subtraction is written
+as a factor of -1 and division as an exponent of -1, so that six kinds of nodes are enough. Folding
+changes no finite value, apart from rounding.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from mapmore_cli.modelling.expressions.states import IDENTIFIER, ExpressionError
 MAX_EXPONENT = 20
 
 Class = TypeVar("Class", bound=type)
-# operands that Python's arithmetic operators accept together with an expression
+# what Python's arithmetic operators may combine with an expression
 Operand = Union["Expression", float]
 Operation = Callable[[Any, Operand], "Expression"]
 
 
 @dataclass_transform(frozen_default=True)
 def _node(cls: Class) -> Class:
-    """Return a frozen dataclass that stores its hash. Trees are looked up often, and computing a
-    hash visits the whole tree.
+    """Return a frozen dataclass that stores its hash. Computing the hash of a tree visits all its
+    nodes, and trees are often used as keys of dictionaries.
     """
     made: Any = dataclass(frozen=True)(cls)
     walked = made.__hash__
@@ -41,7 +41,7 @@ def _node(cls: Class) -> Class:
         return int(held["_hash"])
 
     made.__hash__ = kept
-    return cls  # the dataclass decorator has changed it in place
+    return cls  # the dataclass decorator changes the class in place
 
 
 def _both_ways(made: Callable[[Expression, Expression], Expression]) -> tuple[Operation, Operation]:
@@ -60,10 +60,12 @@ def _compared(comparison: str) -> Callable[[Any, Operand], Condition]:
 
 @_node
 class Expression:
-    """Base class of the nodes; immutable, comparable and hashable."""
+    """Base class of the nodes of a syntax tree. Nodes are immutable, comparable and hashable."""
 
     def __getstate__(self) -> dict[str, object]:
-        """Return the state without the hash, which differs between processes."""
+        """Return the attributes to pickle, without the hash, because hashes differ between
+        processes.
+        """
         return {name: value for name, value in self.__dict__.items() if name != "_hash"}
 
     @cached_property
@@ -76,7 +78,7 @@ class Expression:
                 return part.names
         return frozenset()
 
-    # makes NumPy's numbers leave the arithmetic to the expression
+    # so that NumPy numbers use the operators of this class
     __array_ufunc__ = None
 
     __add__, __radd__ = _both_ways(lambda left, right: add(left, right))
@@ -143,14 +145,14 @@ class Sum(Expression):
 
 @_node
 class Product(Expression):
-    """Two or more factors; a factor with a negative exponent divides."""
+    """A product of two or more factors. A factor with a negative exponent stands for a division."""
 
     factors: tuple[Expression, ...]
 
 
 @_node
 class Power(Expression):
-    """A constant power, of at most `MAX_EXPONENT` in magnitude."""
+    """A power with a constant exponent, whose magnitude is at most `MAX_EXPONENT`."""
 
     base: Expression
     exponent: float
@@ -165,7 +167,7 @@ class Power(Expression):
 
 @_node
 class Call(Expression):
-    """One of `FUNCTIONS`, applied to an argument."""
+    """A call of one of `FUNCTIONS` with one argument."""
 
     function: str
     argument: Expression
@@ -173,8 +175,8 @@ class Call(Expression):
 
 @dataclass(frozen=True)
 class Condition:
-    """Comparison of two expressions with `<`, `<=`, `>`, `>=` or `==`. It is false if a side is
-    NaN.
+    """Comparison of two expressions with `<`, `<=`, `>`, `>=` or `==`. It is false if one of the
+    sides is NaN.
     """
 
     left: Expression
@@ -281,9 +283,9 @@ def with_parts(expression: Expression, change: Callable[[Expression], Expression
 
 
 def _folded(numbers: list[float]) -> list[float]:
-    """Return fewer numbers with the same product: none if the product is one, otherwise the product
-    itself. If the product would overflow or lose digits, return the numbers whose magnitude is not
-    one, with the sign in the first.
+    """Return a shorter list of numbers with the same product: an empty list if the product is one,
+    otherwise the product as the only number. If the product would overflow or lose digits, the list
+    has all numbers whose magnitude is not one, and the first number has the sign.
     """
     product = math.prod(numbers)
     if sys.float_info.min <= abs(product) < math.inf:

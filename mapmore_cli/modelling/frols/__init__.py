@@ -2,9 +2,9 @@
 
 M1 eq 2-4, M2 eq 2-8; S. A. Billings, *Nonlinear System Identification*, Wiley 2013, chapter 3.
 
-`frols` makes the same choice as the method on paper (`tests/modelling/frols/textbook.py`), in forms
-that are fast and numerically accurate: one greedy choice (`select`), and two representations of the
-candidates' remainders (`engine`).
+`frols` selects the same terms as the textbook method (`tests/modelling/frols/textbook.py`), but is
+faster and more accurate numerically. `select` makes the greedy choice, and `engine` has two
+representations of the candidates' remainders.
 """
 
 from mapmore_cli.modelling.frols.engine import (

@@ -3,11 +3,11 @@ errors.
 
 The covariance of the coefficients is `(P'P)^-1 P' Omega P (P'P)^-1`. Omega is the covariance of the
 noise, `white I + drift kept^|i-j|` within a recording: white noise, and a drift of which the
-fraction `kept` remains after one sample. A sum over lags like that of Newey and West (Econometrica
-55, 1987) gives half the true value or less for `kept` = 0.97, because a fit also follows the
-noise, most of all its slowest part, which is then missing from the residuals. Therefore, `matched`
-chooses the noise for which the residuals of a fit with these columns have, on average, the measured
-autocovariance.
+fraction `kept` remains after one sample. Estimators that sum the autocovariance of the residuals
+over lags (Newey and West, Econometrica 55, 1987) give half the true value or less for `kept` =
+0.97. The reason is that a fit also follows the noise, most of all its slow part, which is then
+missing from the residuals. Therefore, `matched` searches the noise with which the residuals of such
+a fit would have, on average, the measured autocovariance.
 """
 
 from __future__ import annotations
@@ -20,22 +20,20 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 
-# largest number of samples from which the noise is estimated; they are taken from the first
-# recordings
+# largest number of samples from which the noise is estimated, from the first sample on
 PART = 1 << 14
-# largest number of values (samples times terms) in the chosen columns, because a few copies of them
-# are in memory at once
+# largest number of values (samples times terms) in the chosen columns, to limit the memory
 MOST = 1 << 21
 FEWEST = 20  # smallest number of samples of a recording from which the noise can be estimated
-CHANCE = 0.01  # probability that white noise is taken for a drift
-# step and tolerance of the search, in the logarithm of a time constant
+CHANCE = 0.01  # probability with which white noise is mistaken for a drift
+# step and tolerance of the search for the logarithm of a time constant
 COARSE, FINE = np.log(3.0), 0.05
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Variances of white noise and of a drift, and the fraction of the drift that remains after one
-    sample.
+    """Noise of a recording: the variances of its white part and of its drift, and the fraction of
+    the drift that remains after one sample (`kept`).
     """
 
     white: float
@@ -44,8 +42,8 @@ class Noise:
 
     @property
     def worth(self) -> float:
-        """Number of independent samples that determine a mean as well as one of these correlated
-        samples does. It is below one if neighbouring samples are alike.
+        """Number of independent samples that are worth as much as one of these correlated samples
+        for estimating a mean. It is below one if neighbouring samples are alike.
         """
         slow = self.drift * (1 + self.kept) / (1 - self.kept)
         return (self.white + self.drift) / (self.white + slow) if self.white + slow else 1.0
@@ -96,8 +94,7 @@ def matched(records: _Records) -> Noise:
     misfit = (found_sums - only.white * white)[1:] / only.white
     if float(np.sum(misfit**2 / records.pairs[1:])) < chdtri(len(misfit), CHANCE):
         return only
-    # imported here, because the import takes a fifth of the time of a small run, and runs with
-    # uncorrelated residuals do not need it
+    # imported here, because the import is slow, and uncorrelated residuals do not need it
     from scipy.optimize import minimize_scalar, nnls
 
     def fitted(time: float) -> tuple[float, Noise]:
@@ -117,14 +114,16 @@ def matched(records: _Records) -> Noise:
 
 @dataclass(frozen=True)
 class _Records:
-    """Orthonormal columns (n, k) and residuals (n,) of recordings one after the other."""
+    """Orthonormal basis of the chosen columns, (n, k), and residuals, (n,), of all recordings one
+    after the other.
+    """
 
     basis: Array
     residual: Array
     lengths: Sequence[int]
 
     def first(self, count: int) -> _Records:
-        """Return the recordings that contain the first `count` samples."""
+        """Return the first `count` samples, with the basis made orthonormal again."""
         ends = np.minimum(np.cumsum(self.lengths), count)
         lengths = [one for one in np.diff(ends, prepend=0).tolist() if one]
         basis = np.linalg.qr(self.basis[:count])[0]
@@ -132,7 +131,9 @@ class _Records:
 
     @cached_property
     def lags(self) -> list[int]:
-        """Lags 0, 1, 2, 4, ... up to an eighth of the longest recording."""
+        """The lags 0, 1, 2, 4, ... in samples, up to an eighth of the length of the longest
+        recording.
+        """
         return [0, *(2**i for i in range(1 + int(np.log2(max(max(self.lengths) / 8, 1)))))]
 
     @cached_property
@@ -142,20 +143,21 @@ class _Records:
 
     @cached_property
     def sums(self) -> Array:
-        """Sum, over pairs of samples at each lag, of the products of residuals."""
+        """For each lag, the sum of the products of two residuals at this distance."""
         e = self.residual[:, None]
         return np.array([float(np.sum(e * _shifted(e, self.lengths, lag))) for lag in self.lags])
 
     @cached_property
     def shifts(self) -> list[Array]:
-        """The orthonormal columns, averaged over shifts by each lag forwards and backwards, shape
-        (n, k).
+        """For each lag, the mean of the basis shifted forwards and the basis shifted backwards by
+        this lag, shape (n, k).
         """
         return [_shifted(self.basis, self.lengths, lag) for lag in self.lags]
 
     def expected(self, kept: float) -> Array:
-        """Return the expected value of `sums` for noise of variance one: `tr(L M R M)`, where R is
-        the correlation of the noise, M projects onto the residuals, and L shifts by a lag.
+        """Return the expected value of `sums` for noise of variance one. It is `tr(L M R M)`: R is
+        the correlation matrix of the noise, M projects the noise onto the residuals, and L shifts
+        by a lag.
         """
         turned = _together(self.basis, self.lengths, kept) if kept else self.basis
         inner = self.basis.T @ turned
@@ -172,8 +174,9 @@ def _rows(lengths: Sequence[int]) -> Iterator[slice]:
 def _together(columns: Array, lengths: Sequence[int], kept: float) -> Array:
     """Return `R columns`, (n, k), with `R_ij = kept^|i-j|` within a recording.
 
-    `R = A^-1 + A^-T - I` with ones on the diagonal of A and `-kept` below it. SciPy's filters do
-    the same, but loading `scipy.signal` takes a quarter of the time of a small run.
+    R is computed as `A^-1 + A^-T - I`, where A has ones on its diagonal and `-kept` below it.
+    SciPy's filters give the same result, but loading `scipy.signal` takes a quarter of the time of
+    a small run.
     """
     from scipy.linalg.lapack import dtbtrs
 

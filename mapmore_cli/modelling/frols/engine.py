@@ -1,8 +1,9 @@
 """Provide `frols` and `frols_together`, and the two numerical forms of the method.
 
-The form with the Gram matrix reads a tall dictionary only once. The form with an orthonormal basis
-of the chosen columns reads the dictionary in every step, but loses no digits. In place of the
-dictionary, the second form can read the triangular factor of the dictionary.
+The form with the Gram matrix (`GramRemainders`) reads a tall dictionary only once. The form with an
+orthonormal basis of the chosen columns (`BasisRemainders`) reads the dictionary in every step, but
+loses no digits. The form with the basis can also work with the triangular factor of the dictionary
+instead of the dictionary.
 """
 
 from __future__ import annotations
@@ -36,26 +37,26 @@ from mapmore_cli.modelling.frols.select import (
 from mapmore_cli.modelling.frols.together import Together, chosen_together
 from mapmore_cli.modelling.frols.weighing import Choice, Weighing, reweighted
 
-# a downdated `q'q` below this fraction of `p'p` has lost too many digits (any value from 1e-4 to
-# 1e-10 would do)
+# if a downdated `q'q` is below this fraction of `p'p`, it has lost too many digits
+# Any value from 1e-4 to 1e-10 would do.
 PIVOT_TOLERANCE = 1e-6
-# a downdated residual sum of squares below this fraction of its last explicit value has lost too
-# many digits
+# The residual sum of squares is downdated in each step.
+# Below this fraction of its last explicit value, it has lost too many digits.
 RESIDUAL_TOLERANCE = 1e-9
 
 # error of a product `p'y` as a fraction of `|p| |y|`, for any n
 ROUNDING = 8 * float(np.finfo(np.float64).eps)
 LEAST_DIGITS = 1e-6  # required relative accuracy of a reported ERR
-# largest difference between the sum of ERR and the value that follows from the residual
+# largest difference between the sum of ERR and 1 - (residual sum of squares)/(y'y)
 BALANCE = 1e-12
 
 
 class GramRemainders(Remainders):
-    """Remainders that are known only by their products, at a cost of O(M k) per step. `matrix` is
-    the `Z'Z` of scaled columns, shape (M+1, M+1).
+    """Remainders of which only the inner products are computed, in O(M k) per step. `matrix` is the
+    Gram matrix `Z'Z` of scaled columns, shape (M+1, M+1).
 
-    The `blocks` are read once more if the residual is so small that its digits are lost within
-    those of `y'y`.
+    The `blocks` of the dictionary are read once more if the residual is so small that `y'y` does
+    not have enough digits to compute it.
     """
 
     def __init__(self, matrix: Array, blocks: Blocks) -> None:
@@ -65,8 +66,9 @@ class GramRemainders(Remainders):
         self.picks: list[int] = []
 
     def reductions(self) -> tuple[Array, Array]:
-        """Return the reductions (see `Remainders`). Raises DigitsLost if a `q'q` is mostly rounding
-        error, or if rounding could change the winner.
+        """Return g and ERR of each candidate (see `Remainders`). Raises DigitsLost if a `q'q`
+        consists mostly of rounding errors, or if rounding errors could change which candidate is
+        chosen.
         """
         if (self.squares < PIVOT_TOLERANCE * self.pp)[self.live].any():
             raise DigitsLost
@@ -108,12 +110,12 @@ class GramRemainders(Remainders):
         return row
 
     def _renew(self) -> None:
-        """Compute products with the residual itself instead of y, so that they keep their digits
-        even if the residual is very small.
+        """Compute the products of the remainders with the residual instead of y. They then keep
+        their digits even if the residual is very small.
 
         Because of rounding, `r = y - P_chosen theta` still contains a part of the chosen columns,
-        `U U'r` with `R' U'r = P_chosen'r`. Raises DigitsLost if the residual and the sum of ERR do
-        not add up to `y'y`, because the chosen columns have then lost too many digits.
+        `U U'r` with `R' U'r = P_chosen'r`. If the explained and the residual sum of squares do not
+        add up to `y'y`, the chosen columns have lost too many digits, and DigitsLost is raised.
         """
         R = np.triu(self.rows[:, self.picks])
         theta = np.linalg.solve(R, self.rows[:, -1])
@@ -130,25 +132,24 @@ class GramRemainders(Remainders):
             raise DigitsLost
 
 
-# largest number of values of a small dictionary, for which accuracy matters more than speed
+# A dictionary with at most this many values is small: accuracy matters more than speed.
 SMALL = 2**16
-# fractions of `p'p` for a large and for a small dictionary; a candidate gets an explicit remainder
-# when its downdated `q'q` is below this fraction
+# fractions of `p'p`, for a large and for a small dictionary
+# If its downdated `q'q` is below this fraction, the remainder of a candidate becomes explicit.
 LOST, LOST_OF_SMALL = 1e-6, 1e-2
-# the products `y'q` are computed again from the residual when the residual sum of squares has
-# fallen by this factor since the last time
+# When the residual sum of squares has fallen by this factor, `y'q` is computed again.
 RENEWED = 1e-2
 
 
 class BasisRemainders(Remainders):
-    """Remainders of the candidates `P`, (n, M), and of `y`, (n,), by an orthonormal basis of up to
-    `limit` chosen columns.
+    """Remainders of the candidates `P`, (n, M), and of `y`, (n,), computed with an orthonormal
+    basis of the chosen columns, of which there are at most `limit`.
 
-    `q'q` and `y'q` are downdated by `u'P` of each new direction u. A candidate that loses digits in
-    this way gets an explicit remainder `q = p - U U'p`, orthogonalised twice ("twice is enough":
-    Giraud and Langou 2005) and again in every later step; its norm and product are computed from
-    the remainder. So ill-conditioned dictionaries lose no digits, and only the affected candidates
-    cost more time.
+    For each new direction u, `q'q` and `y'q` are downdated with `u'P`. If a candidate loses digits
+    in this way, its remainder `q = p - U U'p` is computed explicitly and orthogonalised twice
+    ("twice is enough": Giraud and Langou 2005), and again in every later step. Its `q'q` and `y'q`
+    are then computed from q. So ill-conditioned dictionaries lose no digits, and only such
+    candidates take more time.
     """
 
     def __init__(self, P: Array, y: Array, limit: int) -> None:
@@ -181,8 +182,8 @@ class BasisRemainders(Remainders):
         return row
 
     def _renew(self) -> None:
-        """Compute norms and products from explicit remainders if downdating has lost their digits,
-        and drop dependent candidates.
+        """For candidates that have lost digits by downdating, compute `q'q` and `y'q` from explicit
+        remainders. Drop candidates that depend linearly on the chosen ones.
         """
         lost = self.live & (self.squares < self.lost_below)
         lost[self.explicit] = False
@@ -200,7 +201,9 @@ class BasisRemainders(Remainders):
         )
 
     def _cleared(self, vectors: Array) -> Array:
-        """Return a vector, or the columns of a matrix, without their components in the basis."""
+        """Return a vector, or the columns of a matrix, after subtracting the components along the
+        basis.
+        """
         basis = self.basis[:, : self.size]
         return vectors - basis @ (basis.T @ vectors)
 
@@ -209,8 +212,8 @@ def _column_squares(P: Array) -> Array:
     return np.asarray(np.einsum("ij,ij->j", P, P))
 
 
-# A product `P'P` of this many columns takes about as long as one matrix-vector product with all
-# columns. The form with a basis needs one such product for each term.
+# number of columns for which `P'P` takes about as long as one matrix-vector product with `P`
+# The form with a basis needs one such matrix-vector product for each term.
 GRAM_COLUMNS_PER_TERM = 16
 
 
@@ -297,9 +300,9 @@ def choose(
 
 @dataclass(frozen=True)
 class Regression:
-    """A regression problem with one output: the `blocks` of candidates and output, the weights of
-    the samples, and a function `only` that returns the blocks of some candidates faster than from
-    `blocks`.
+    """A regression problem with one output: the `blocks` of candidates and output, and the weights
+    of the samples. The optional function `only` returns the blocks of some candidates; it is faster
+    than selecting columns of `blocks`.
     """
 
     blocks: Blocks
@@ -363,8 +366,8 @@ def choose_together(problems: Sequence[Regression], stopping: Stopping) -> tuple
 def _shared_terms(
     problems: Sequence[Regression], sigmas: Sequence[Array | None], stopping: Stopping
 ) -> tuple[IntArray, str, int]:
-    """Return the candidates that all outputs share, the reason for their number, and the number of
-    all candidates.
+    """Return the chosen candidates, which all outputs share, the reason why the selection ended,
+    and the number M of all candidates.
     """
     parts, wholes, blocks = list[Remainders](), list[float](), list[Blocks]()
     for one, sigma in zip(problems, sigmas, strict=True):
@@ -379,18 +382,19 @@ def _shared_terms(
 
 
 def reads_once(n: int, M: int, terms: int) -> bool:
-    """Return True if `frols` computes `P'P`, as `frols_together` does, so that the dictionary need
-    not be in memory as a whole.
+    """Return True if `frols` computes `P'P`, so that the dictionary need not be in memory as a
+    whole.
 
-    `P'P` is not computed for a small dictionary, for which the basis is fast enough and more
-    accurate, nor for a dictionary so wide that reading it once per term is faster.
+    `P'P` is not computed for a small dictionary, because the form with the basis is more accurate
+    and fast enough. It is not computed for a very wide dictionary either, because reading the
+    dictionary once for each term is then faster.
     """
     return n * M > SMALL and n > M and GRAM_COLUMNS_PER_TERM * (terms + 2) >= M
 
 
 def _by_gram(blocks: Blocks, stopping: Stopping, sigma: Array | None) -> Selection:
-    """Select with the Gram matrix, or with explicit remainders if the Gram matrix has lost digits
-    that the choice needs.
+    """Select terms with the Gram matrix. If rounding errors of the Gram matrix could affect the
+    choice, select them with explicit remainders.
     """
     blocks = blocks if sigma is None else weighted(blocks, sigma)
     matrix, scale, samples = gram(blocks)
@@ -413,7 +417,7 @@ def _fewer_rows(blocks: Blocks, samples: int, width: int) -> tuple[Array, Array]
 
 def _by_basis(P: Array, y: Array, stopping: Stopping, sigma: Array | None = None) -> Selection:
     blocks, limit = blocks_of_rows(P, y), stopping.limit(*P.shape)
-    # if values overflow, `safe_scale` finds the cause
+    # values that are not finite are reported by `safe_scale`
     with np.errstate(over="ignore", invalid="ignore"):
         squares = np.append(_column_squares(P), y @ y)
     scale = safe_scale(squares, blocks)
@@ -424,13 +428,14 @@ def _by_basis(P: Array, y: Array, stopping: Stopping, sigma: Array | None = None
 
 
 def triangle(blocks: Blocks) -> tuple[Array, Array]:
-    """Return the triangular factor R of `Z = [P y]`, shape (M+1, M+1), split into its P and y: `Z =
-    Q R`, where Q has orthonormal columns.
+    """Return the triangular factor R of `Z = [P y]`, shape (M+1, M+1), split into its columns for P
+    and its column for y. In `Z = Q R`, Q has orthonormal columns. The columns of R have the same
+    inner products as those of Z, so FROLS chooses the same terms with the same coefficients. Unlike
+    `Z'Z`, the R of Householder's method loses no digits.
 
-    Columns of R have the same inner products as those of Z, so FROLS chooses the same terms with
-    the same numbers. Unlike `Z'Z`, Householder's R loses no digits. The blocks are included one
-    after the other (J. Demmel et al. 2012, "Communication-optimal parallel and sequential QR and LU
-    factorizations", sequential TSQR), so the memory is O(M^2 + block).
+    The blocks are included one after the other (J. Demmel et al. 2012, "Communication-optimal
+    parallel and sequential QR and LU factorizations", sequential TSQR), so the memory is O(M^2 +
+    block).
     """
     factor = np.empty((0, 0))
     for P, y in blocks():

@@ -1,7 +1,7 @@
 """Read a tall dictionary in row blocks, so that it need not fit into memory.
 
-`Z = [P y]` stands for the candidates with the dependent variable as one more column. Arrays of M +
-1 values run over its columns.
+`Z = [P y]` has the M candidates and the output as columns. Arrays of the shape (M+1,) have one
+value for each column of Z.
 """
 
 from __future__ import annotations
@@ -19,8 +19,7 @@ Blocks = Callable[[], Iterable[tuple[Array, Array]]]
 one block after the other.
 """
 
-# rows of a block; a block of a common dictionary stays in the processor's cache between its
-# products
+# number of rows of a block; a block of a common dictionary then stays in the processor's cache
 BLOCK = 4096
 # sums of squares within these limits can be multiplied without overflow or underflow
 SMALLEST, LARGEST = 1e-140, 1e140
@@ -57,13 +56,13 @@ def weighted(blocks: Blocks, uncertainty: Array) -> Blocks:
 
 
 def safe_scale(squares: Array, blocks: Blocks) -> Array:
-    """Return a divisor for each column of `Z`, shape (M+1,). It is one if the column's sum in
-    `squares`, shape (M+1,), is in the safe range. Otherwise, it is the power of two that brings the
-    largest value of the column near one.
+    """Return a divisor for each column of `Z`, shape (M+1,). `squares`, shape (M+1,), has the sum
+    of squares of each column. If this sum is in the safe range, the divisor is one. Otherwise, the
+    divisor is the power of two that brings the largest value of the column near one.
 
-    A sum is infinite or NaN if a value is not finite or its square overflows, and zero if squares
-    underflow. In these cases, the values of the column are checked one by one. Raises DataError if
-    a value is not finite, with its column and row.
+    A sum of squares is infinite or NaN if a value is not finite or if its square overflows, and
+    zero if squares underflow. In these cases, the values of the column are checked one by one.
+    Raises DataError if a value is not finite, with its column and row.
     """
     scale = np.ones(len(squares))
     unsafe = np.flatnonzero(~((squares > SMALLEST) & (squares < LARGEST)))
@@ -73,8 +72,8 @@ def safe_scale(squares: Array, blocks: Blocks) -> Array:
 
 
 def power_of_two(positive: Array) -> Array:
-    """Return, for each value, the smallest power of two that is larger; one if the value is zero.
-    Division by it is exact.
+    """Return, for each value, the smallest power of two above it; one for the value zero. Dividing
+    by a power of two is exact.
     """
     return np.ldexp(1.0, np.where(positive > 0, np.frexp(positive)[1], 0))
 
@@ -99,12 +98,13 @@ def _largest_values(blocks: Blocks, columns: IntArray) -> Array:
 
 
 def gram(blocks: Blocks) -> tuple[Array, Array, int]:
-    """Return `Z'Z`, shape (M+1, M+1), of columns that are divided by powers of two so that its
-    diagonal lies between 1/4 and 1; these powers, shape (M+1,); and n.
+    """Return the Gram matrix `Z'Z` of scaled columns, shape (M+1, M+1); the scales, shape (M+1,);
+    and the number of rows n.
 
-    It takes one pass over the blocks, or three if squares overflow or underflow, because the values
-    are then scaled instead of the sums. Raises DataError if a value is not finite, with its column
-    and row; ValueError if there is no row, or no column.
+    The scales are powers of two, so that the diagonal of `Z'Z` lies between 1/4 and 1. One pass
+    over the blocks is enough, unless squares overflow or underflow. The values are then scaled
+    before they are squared, which takes three passes. Raises DataError if a value is not finite,
+    with its column and row; ValueError if there is no row, or no column.
     """
     matrix, samples = _sum_of_products(blocks)
     scale = safe_scale(np.diag(matrix), blocks)
@@ -122,7 +122,7 @@ def _sum_of_products(blocks: Blocks) -> tuple[Array, int]:
             total = np.zeros((M + 1, M + 1))
         # if values overflow, `safe_scale` finds the cause
         with np.errstate(over="ignore", invalid="ignore"):
-            # NumPy recognises the transpose and calls syrk without a copy, for either memory order
+            # NumPy recognises the transpose and calls the fast BLAS function syrk without a copy
             total[:M, :M] += P.T @ P
             total[M, :M] += P.T @ y
             total[M, M] += y @ y
@@ -135,7 +135,7 @@ def _sum_of_products(blocks: Blocks) -> tuple[Array, int]:
     return total, samples
 
 
-CONSTANT = 1e-12  # a column whose spread is below this fraction of its magnitude is constant
+CONSTANT = 1e-12  # below this ratio of spread to magnitude, a column is constant
 
 
 @dataclass(frozen=True)
@@ -157,8 +157,8 @@ class Moments:
     products: Array
 
     def without(self, other: Moments) -> Moments:
-        """Return the moments of the rows that are not in `other`, which must be the moments of some
-        of these rows.
+        """Return the moments of the remaining rows if the rows of `other` are removed. `other` must
+        contain the moments of some of these rows.
         """
         return Moments(
             self.samples - other.samples, self.sums - other.sums, self.products - other.products
@@ -177,8 +177,8 @@ class Moments:
 
 
 def standard(blocks: Blocks) -> Standard:
-    """Return mean and standard deviation over all rows. It takes one pass, or three if squares
-    overflow or underflow.
+    """Return the mean and the standard deviation of each column. One pass over the rows is enough,
+    or three if squares overflow or underflow.
 
     Raises DataError if a value is not finite, with its column and row; ValueError if there is no
     row.
@@ -194,10 +194,11 @@ def standard(blocks: Blocks) -> Standard:
 
 
 def _mean_and_variance(blocks: Blocks) -> tuple[Array, Array, Array]:
-    """Return the first row, the mean relative to it, and the variance, shape (M+1,) each.
+    """Return the first row, the mean of the deviations from the first row, and the variance, shape
+    (M+1,) each.
 
-    Deviations are taken from the first row, because the squares of large values would lose the
-    digits of a small spread.
+    Deviations from the first row are squared instead of the values, because squares of large values
+    would lose the digits of a small variance.
     """
     origin, sums, squares, samples = np.zeros(0), np.zeros(1), np.zeros(1), 0
     # if values overflow, `safe_scale` finds the cause
@@ -226,8 +227,8 @@ def standardised(blocks: Blocks, by: Standard) -> Blocks:
 
 
 def moments(blocks: Blocks) -> Moments:
-    """Return sums of the columns of standardised blocks and of their products, in one pass with
-    O(M^2 + block) memory.
+    """Return the sums of the standardised columns, and of the products of two of them. One pass is
+    enough, and the memory is O(M^2 + block).
     """
     sums = np.zeros(1)
 

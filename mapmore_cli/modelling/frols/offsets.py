@@ -1,5 +1,5 @@
-"""Write notes on a selection: inputs so far from zero that their powers and products cannot be
-distinguished, and a model that is only a constant.
+"""Write notes on a selection. There are notes on inputs so far from zero that their powers cannot
+be distinguished, and on a model that is only a constant.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import SegmentFit
 from mapmore_cli.domain.results import FitResult
 
-# largest ratio of an input's mean to its spread; the square of this ratio times the rounding error
-# of a number is the error of a coefficient
+# largest ratio of an input's mean to its standard deviation
+# The error of a coefficient is about the rounding error times the square of this ratio.
 FAR = 1e4
 PLACED = ("unit_square", "range")
 """Scalings that move the origin to the samples."""
@@ -22,11 +22,11 @@ PLACED = ("unit_square", "range")
 
 def far_from_zero(pieces: Sequence[SegmentFit], samples: Mapping[str, Array]) -> list[str]:
     """Return a note for every input whose mean is more than 1e4 times its standard deviation over
-    the training `samples`, shape (n,) each, if it occurs in several terms and its scaling keeps the
-    origin.
+    the training `samples`, shape (n,) each, if the input occurs in several terms and its scaling
+    does not subtract an offset.
 
-    For `1e6 + x`, the square and the input itself differ by less than their rounding error, so that
-    the selected terms may be wrong.
+    The powers of such an input, for example `1e6 + x`, differ by less than their rounding errors,
+    so that the selected terms may be wrong.
     """
     terms = {term for one in pieces if one.scaling.rule not in PLACED for term in one.candidates}
     notes = []
@@ -44,7 +44,7 @@ def far_from_zero(pieces: Sequence[SegmentFit], samples: Mapping[str, Array]) ->
 
 
 def constant_alone(fit: FitResult) -> list[str]:
-    """Return a note if the constant is the only chosen term and the model has nothing else."""
+    """Return a note if the constant is the only chosen term and the model has no backbone."""
     if fit.backbone is not None or {term for one in fit.pieces for term in one.terms} != {"1"}:
         return []
     left = max(one.selection.sse / one.selection.yy for one in fit.pieces)

@@ -3,8 +3,8 @@ pruning, and the choice of the ridge.
 
 Let z be the centred columns divided by their standard deviations, `G = Z'Z/n + ridge I` and `h =
 Z'y/n`. The selection greedily minimises `theta' G theta - 2 h' theta` (regularised orthogonal least
-squares, with one ridge for all terms). Any `Q` with `Q'Q = G` can replace the data, so the engine
-for plain data makes the selection.
+squares, with one ridge for all terms). A square root `Q` of G, with `Q'Q = G`, is passed to the
+usual engine in place of the data.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Regularised:
 
     @property
     def products(self) -> Array:
-        """Products of candidates and output, `h = Z'y/n`, (M,)."""
+        """Vector `h = Z'y/n` of the inner products of candidates and output, (M,)."""
         return self.covariance[-1, :-1]
 
     def coefficients(self, chosen: IntArray) -> Array:
@@ -60,10 +60,12 @@ class Regularised:
 
 def select(data: Regularised, max_terms: int, among: IntArray | None = None) -> Selection:
     """Choose up to `max_terms` candidates by forward selection, from all candidates or from those
-    in `among`, shape (m,). The result is in standardised units.
+    in `among`, shape (m,). Coefficients and errors of the result are in units of the standardised
+    columns.
 
-    ERR belongs to the regularised problem: `1 - sum ERR` is `(SSE/n + ridge theta'theta) /
-    (y'y/n)`. In the tables, candidates that are not in `among` are NaN.
+    The ERR is that of the regularised problem, in which `1 - sum ERR` equals `(SSE/n + ridge
+    theta'theta) / (y'y/n)`. Candidates that are not in `among` are NaN in the tables of the
+    selection.
     """
     M = len(data.covariance) - 1
     columns = np.arange(M) if among is None else among
@@ -85,11 +87,10 @@ def select(data: Regularised, max_terms: int, among: IntArray | None = None) -> 
 
 
 def prune(data: Regularised, chosen: IntArray) -> list[IntArray]:
-    """Return subsets of `chosen` with 1, 2, ... terms: in each step, the term with the smallest
-    `theta_i^2 / (G^-1)_ii` is removed.
+    """Return subsets of `chosen` with 1, 2, ... terms. They result from removing terms one by one.
 
-    This quantity is the increase of the regularised error if term i is left out and the others are
-    fitted again.
+    Each step removes the term i with the smallest `theta_i^2 / (G^-1)_ii`. This is the increase of
+    the regularised error if term i is left out and the remaining terms are fitted again.
     """
     subsets = [np.asarray(chosen)]
     while len(subsets[0]) > 1:
@@ -105,8 +106,8 @@ RIDGES = (1e-5, 1e-4, 5e-4, 2e-3, 1e-2, 5e-2)
 
 
 def choose_ridge(total: Moments, blocks: Sequence[Moments], forward: int, max_terms: int) -> float:
-    """Return the ridge whose models best predict blocks of samples that were left out; if several
-    are equal, the smallest ridge.
+    """Return the ridge with the smallest cross-validation error over blocks of samples. If several
+    ridges have the same error, return the smallest ridge.
 
     For each ridge and each block, a model of `max_terms` terms is selected (forwards, then pruned)
     on the other blocks. Everything is computed from sums of products, so the rows are not read
@@ -130,7 +131,7 @@ def _left_out_error(
     if not len(chosen):
         return float(held.products[-1, -1])
     kept = prune(data, chosen)[:max_terms][-1]
-    combination = np.zeros(len(held.sums))  # the residual is `combination'z - constant`
+    combination = np.zeros(len(held.sums))  # residual = combination'z - constant
     combination[[*kept, -1]] = [*-data.coefficients(kept), 1.0]
     constant = float(combination @ training.mean)
     return float(
@@ -145,8 +146,8 @@ def ridge_press(blocks: Blocks, data: Regularised, subsets: Sequence[IntArray]) 
     standardised blocks. It is infinite if a leverage is one.
 
     The leverage `h_i = 1/n + z_i' G^-1 z_i / n` is the sum of the leverages of the mean and of the
-    terms. The formula takes the means and standard deviations as fixed, although they would change
-    slightly without sample i; otherwise it is exact for a fixed ridge.
+    terms. For a fixed ridge, the formula has one approximation: it keeps the means and standard
+    deviations, although they would change slightly without sample i.
     """
     total = np.zeros(len(subsets))
     for P, y in blocks():

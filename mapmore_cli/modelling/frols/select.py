@@ -1,5 +1,5 @@
-"""Make the greedy choice of FROLS with any form of the remainders, and choose the number of terms
-by a criterion.
+"""Choose the terms of FROLS one by one, for any representation of the remainders, and choose the
+number of terms by a criterion.
 """
 
 from __future__ import annotations
@@ -15,14 +15,13 @@ from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.fits import Selection
 from mapmore_cli.modelling.frols.moments import Blocks, divided, standard, weighted
 
-# candidates with an ERR within this fraction of the best are tied; the one with the lower index in
-# the dictionary wins
+# Candidates are tied if their ERR is within this fraction of the highest ERR.
+# The tied candidate with the lowest index in the dictionary is chosen.
 TIE_TOLERANCE = 1e-9
-# square of the rounding error: a candidate with a smaller ERR explains nothing, and a smaller
-# residual leaves nothing to explain
+# square of the rounding error; an ERR or an unexplained fraction below this counts as zero
 NO_GAIN = 1e-28
-# a regressor is dependent if `q'q <= RANK_TOLERANCE p'p`, because the remainder is then rounding
-# error
+# A regressor is linearly dependent if `q'q <= RANK_TOLERANCE p'p`.
+# Its remainder q then consists of rounding errors only.
 RANK_TOLERANCE = 1e-24
 
 Price = Callable[[IntArray, int, int], Array]
@@ -49,17 +48,17 @@ PRICES: Mapping[str, Price] = {
   candidates);
 - `aicc`: `2k + 2k(k+1)/(n-k-1)` (Hurvich and Tsai 1989).
 """
-CRITERIA = ("tolerance", *PRICES, "press")  # rules for the number of terms
+CRITERIA = ("tolerance", *PRICES, "press")  # rules by which the number of terms is chosen
 
 
 @dataclass(frozen=True)
 class Stopping:
-    """Rule for the end of the selection. It ends with `max_terms` terms (None for no limit), or
-    when at most the fraction `tolerance` of the output is unexplained.
+    """Rule for the end of a selection. The selection ends with `max_terms` terms (None for no
+    limit), or when at most the fraction `tolerance` of the output is unexplained.
 
-    The fraction refers to `y'y`, or to the squares about the mean (see `to_explain`). Criteria
-    other than `tolerance` choose the number of terms afterwards among all possible numbers; for
-    them, no tolerance ends the selection.
+    The fraction is relative to `y'y`, or to the sum of squares about the mean (see `to_explain`).
+    With any criterion other than `tolerance`, the selection ignores the tolerance, and the
+    criterion chooses the number of terms afterwards.
     """
 
     max_terms: int | None
@@ -89,8 +88,8 @@ class Stopping:
         """Return the steps up to the number of terms that the criterion prefers, and the reason why
         they end there. `stop` is the reason why the selection ended.
 
-        `errors` returns the PRESS of 1, 2, ... terms; `unexplained` is as in `fewest_terms`, for a
-        dictionary of the `shape` (n, M).
+        `errors` is a function that returns the PRESS after 1, 2, ... terms. `unexplained` is
+        described in `fewest_terms`. `shape` is the shape (n, M) of the dictionary.
         """
         if self.criterion == "tolerance" or not steps:
             return steps, stop
@@ -102,16 +101,17 @@ class Stopping:
 
 
 class DigitsLost(Exception):
-    """The remainders have lost digits on which the choice depends."""
+    """Error for remainders whose rounding errors could change the choice of a term."""
 
 
 class Remainders:
-    """Remainders of y and of every candidate after the chosen terms are subtracted. For a
-    candidate, this is the vector `q` of M2 eq 2, in any form.
+    """Remainders of y and of every candidate: what is left after the components along the chosen
+    terms are subtracted. For a candidate, the remainder is the vector `q` of M2 eq 2. Subclasses
+    differ in how they represent it.
 
-    `squares` `q'q` and `products` `y'q`, (M,) each, are downdated from step to step. `pp` are the
-    sums of squares of the candidates themselves, `yy` is that of y, and `sse` that of the remainder
-    of y.
+    `squares` holds `q'q` and `products` holds `y'q`, (M,) each; both are downdated in each step.
+    `pp` holds the sums of squares of the candidates, `yy` is the sum of squares of y, and `sse` is
+    the sum of squares of the remainder of y.
     """
 
     def __init__(self, pp: Array, products: Array, yy: float) -> None:
@@ -128,10 +128,11 @@ class Remainders:
         return g, g * self.products / (self.yy or 1.0)
 
     def choose(self, pick: int) -> Array:
-        """Orthogonalise the others against candidate `pick`.
+        """Choose the candidate `pick`, and orthogonalise all other candidates against it.
 
-        Return `u'[P y]`, shape (M+1,), where `u` is the remainder of the pick at unit length. It is
-        one row of the triangular factor. Raises DigitsLost.
+        Return `u'[P y]`, shape (M+1,), where `u` is the remainder of the chosen candidate, scaled
+        to unit length. This is one row of the triangular factor of the chosen columns. Raises
+        DigitsLost.
         """
         raise NotImplementedError
 
@@ -142,10 +143,10 @@ class Remainders:
 
 
 class Iteration(NamedTuple):
-    """One step of the selection: the chosen candidate, `g` and ERR of all candidates, shape (M,),
-    the candidate with the next highest ERR (-1 if there is none), the number of other candidates
-    that are tied with the chosen one, the row of the triangular factor, shape (M+1,), and the
-    remaining part of `y'y`.
+    """One step of the selection. `pick` is the chosen candidate, and `g` and `err` hold g and ERR
+    of all candidates, (M,). `runner_up` is the candidate with the next highest ERR (-1 if there is
+    none). `tied` is the number of candidates that are tied with the chosen one. `row` is the row of
+    the triangular factor, (M+1,), and `sse` is the unexplained part of `y'y`.
     """
 
     pick: int
@@ -163,10 +164,13 @@ def greedy(
     """Choose the candidate of the highest ERR (M2 eq 5) until the error is within the tolerance (eq
     6) or `limit` terms are chosen (eq 7).
 
-    `whole()` is the sum of squares to which the tolerance refers, at most `y'y`; it is called only
-    if it can matter. Returns the steps and the reason for their end: `tolerance`; `max_terms`;
-    `no_gain` if no candidate explains anything; `rank` if none is independent of the chosen ones. A
-    residual of rounding error always ends the selection. Raises DigitsLost if the remainders do.
+    `whole()` returns the sum of squares to which the tolerance is relative, at most `y'y`. It is
+    called only if its value can change the result.
+
+    Returns the steps and the reason why they ended: `tolerance`, `max_terms`, `no_gain` (no
+    candidate explains anything), or `rank` (every candidate depends linearly on the chosen ones).
+    If the residual consists of rounding errors only, the selection ends in any case. Raises
+    DigitsLost if the remainders raise it.
     """
     steps: list[Iteration] = []
     by_tolerance = stopping.criterion == "tolerance"
@@ -199,12 +203,12 @@ def _highest(err: Array) -> IntArray:
 
 
 def to_explain(blocks: Blocks, samples: int, yy: float, uncertainty: Array | None) -> float:
-    """Return the sum of squares to which a tolerance refers: `y'y`, without the part that a
-    constant candidate explains.
+    """Return the sum of squares to which a tolerance is relative: `y'y` minus the part that a
+    constant explains, if the constant is a candidate.
 
-    A constant explains nearly all of a target far from zero, for example a length, but nothing of
-    its variation. A constant target is explained by a constant. Reads the blocks once, or twice if
-    they are weighted by an `uncertainty`, shape (n,).
+    If a target is far from zero, for example a length, a constant explains nearly all of `y'y`, but
+    nothing of the variation. For a constant target, `y'y` itself is returned. The blocks are read
+    once, or twice if they are weighted by an `uncertainty`, shape (n,).
     """
     known = standard(blocks if uncertainty is None else weighted(blocks, 1 / uncertainty))
     constant = np.isinf(known.spread) & (known.centre != 0)
@@ -216,16 +220,16 @@ def to_explain(blocks: Blocks, samples: int, yy: float, uncertainty: Array | Non
     return yy - float(y @ (1 / uncertainty)) ** 2 / float(np.sum(uncertainty**-2.0))
 
 
-# smallest unexplained fraction that counts; below it, the residual is rounding error, and more
-# terms explain nothing
+# smaller unexplained fractions are rounding errors, which no further term can explain
 ROUNDING = 1e-30
 
 
 def fewest_terms(criterion: str, unexplained: Array, n: int, candidates: int) -> int:
-    """Return the number of terms with the smallest value of a criterion in `PRICES`; if two numbers
-    have equal values, the smaller number. For several outputs, the criterion is summed.
+    """Return the number of terms for which a criterion in `PRICES` is smallest. If two numbers have
+    the same value, the smaller number is returned. For several outputs, the criteria are summed.
 
-    `unexplained` (k,), or (m, k) of m outputs, is `SSE / y'y` after 1, 2, ... terms of n samples.
+    `unexplained`, (k,), or (m, k) for m outputs, holds `SSE / y'y` after 1, 2, ... terms, and n is
+    the number of samples.
     """
     outputs = np.atleast_2d(unexplained)
     price = PRICES[criterion](np.arange(1, outputs.shape[1] + 1), n, candidates)
@@ -265,12 +269,12 @@ def selected(
     blocks: Blocks,
     uncertainty: Array | None,
 ) -> Selection:
-    """Return the greedy choice with the number of terms that the stopping rule prefers. Raises
+    """Choose terms with `greedy`, and return as many of them as the stopping rule prefers. Raises
     DigitsLost like `greedy`.
 
     The remainders belong to the columns of `Z = [P y]`, divided by `scale`, shape (M+1,). `blocks`
-    are the rows of `Z`; they are read for `press`, and if the tolerance may end the selection. They
-    are weighted by `uncertainty`, shape (n,), unless it is None.
+    are the rows of `Z`. They are read only for the criterion `press`, and if the tolerance may end
+    the selection. If `uncertainty`, shape (n,), is not None, the rows are weighted by it.
     """
     whole = cache(lambda: to_explain(divided(blocks, scale), samples, remainders.yy, uncertainty))
     steps, stop = greedy(remainders, stopping, limit, whole)
@@ -319,8 +323,8 @@ def _selection_of_steps(
 
 
 def in_units(found: Selection, scale: Array) -> Selection:
-    """Return a selection from columns of `Z = [P y]` divided by `scale`, shape (M+1,), as a
-    selection from the original columns.
+    """Convert a selection from scaled columns into a selection from the columns of `Z = [P y]`.
+    `scale`, shape (M+1,), holds the numbers by which these columns were divided.
     """
     y, columns = float(scale[-1]), scale[:-1]
     chosen = columns[found.chosen]
@@ -331,14 +335,14 @@ def in_units(found: Selection, scale: Array) -> Selection:
         theta_error=found.theta_error * y / chosen,
         a=found.a * chosen / chosen[:, None],
         g_all=found.g_all * y / columns,
-        sse=found.sse * y * y,  # infinite if the square overflows; a power would raise an error
+        sse=found.sse * y * y,  # unlike a power, a product may overflow
         yy=found.yy * y * y,
     )
 
 
 def widened(found: Selection, among: IntArray, M: int) -> Selection:
-    """Return the selection from the candidates `among`, shape (m,), as a selection from all M
-    candidates. In the tables, the others are NaN.
+    """Convert a selection from the candidates `among`, shape (m,), into a selection from all M
+    candidates. Candidates that are not in `among` are NaN in the tables.
     """
     tables = np.full((2, len(found.chosen), M), np.nan)
     tables[:, :, among] = found.g_all, found.err_all

@@ -18,16 +18,18 @@ from mapmore_cli.modelling.frols.select import (
 
 
 class Together(Remainders):
-    """Remainders of several outputs. `sse` is the largest unexplained fraction of any output."""
+    """Remainders of several outputs with common terms. `sse` is the largest of the unexplained
+    fractions of the outputs.
+    """
 
     def __init__(self, parts: Sequence[Remainders], wholes: Sequence[float]) -> None:
         self.parts, self.wholes, self.yy = parts, wholes, 1.0
         self.unexplained: list[list[float]] = []
 
     def reductions(self) -> tuple[Array, Array]:
-        """Return the error reduction ratio of each candidate, summed over all outputs. `Remainders`
-        requires a pair (`g`, ratio). Here, `g` would differ from output to output, so that the sum
-        is returned in both places.
+        """Return the error reduction ratio of each candidate, summed over all outputs. The base
+        class returns `g` and this ratio. Here, each output has another `g`, so that the summed
+        ratio is returned twice.
         """
         err = np.sum([part.reductions()[1] for part in self.parts], axis=0)
         return err, err
@@ -47,7 +49,8 @@ def chosen_together(
     joint: Together, blocks: Sequence[Blocks], stopping: Stopping, limit: int, samples: int
 ) -> tuple[IntArray, str]:
     """Return up to `limit` candidates that all outputs share, in the order of their choice, and the
-    reason for their number. `blocks` holds the rows of candidates and output for each output.
+    reason why the selection ended. For each output, `blocks` holds the rows of candidates and
+    output.
     """
     steps, stop = greedy(joint, stopping, limit, lambda: 1.0)
     width = len(joint.parts[0].pp) + 1

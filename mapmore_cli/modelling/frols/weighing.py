@@ -2,7 +2,7 @@
 assume independent residuals.
 
 P. J. Huber, *Robust Statistics*, Wiley 1981, chapter 7; A. E. Beaton and J. W. Tukey, Technometrics
-16 (1974). The engine chooses the terms; weights only change the uncertainty of its samples.
+16 (1974). The weights enter the term selection only as uncertainties of the samples.
 """
 
 from __future__ import annotations
@@ -19,21 +19,22 @@ from mapmore_cli.domain.fits import Selection
 from mapmore_cli.modelling.frols.correlated import MOST, correlated_errors
 from mapmore_cli.modelling.frols.moments import Blocks, weighted
 
-ROUNDS = 10  # largest number of rounds of reweighting with the same terms
-SETTLED = 1e-8  # if every weight changes by less than this, a further round changes nothing
-# weight that replaces zero; a sample with this weight has no influence beyond rounding errors
+ROUNDS = 10  # largest number of times that weights are computed again for the same terms
+SETTLED = 1e-8  # reweighting ends if no weight changes by more than this
+# weight that replaces zero; it is so small that the sample has practically no influence
 LEAST_WEIGHT = 1e-12
 MAD = 1.4826  # ratio of the standard deviation of normal noise to its median absolute deviation
-EXACT = 1e-12  # fraction of the target; smaller residuals are rounding error, which is no scale
+EXACT = 1e-12  # residuals below this fraction of the target are rounding errors
 
 
 class RobustLoss(NamedTuple):
-    """A loss that gives large residuals less weight.
+    """A robust loss, which gives samples with large residuals a smaller weight.
 
-    - `tuning`: size of a residual r, in units of the scale, above which a sample has less weight.
-      The loss is then 95 % efficient for normal noise.
+    - `tuning`: size of a residual r, in units of the scale, above which the weight of a sample is
+      reduced. It is chosen so that the fit is 95 % efficient for normal noise.
     - `weight`: function that returns the weights w, (n,), at the sizes `|r|/tuning`.
-    - `slope`: function that returns the derivative of `w(r) r`, (n,), at the weights.
+    - `slope`: function that returns the derivative of `w(r) r` with respect to r, (n,), from the
+      weights.
     """
 
     tuning: float
@@ -55,7 +56,7 @@ LOSSES: Mapping[str, RobustLoss] = {
 beyond 4.685.
 """
 
-DEPENDENT = 1e-10  # columns with smaller singular values, as a share of the largest, are dependent
+DEPENDENT = 1e-10  # ratio to the largest singular value below which columns are dependent
 FREEDOM, GROSS = 3, 20.0
 """Smallest number of degrees of freedom of the other samples, and the studentised residual, with
 which a sample counts as a gross outlier. With so few degrees of freedom, normal noise has such a
@@ -92,8 +93,9 @@ class Weighing:
 
     @cached_property
     def sigma(self) -> Array | None:
-        """Divisors of the rows, (n,); None if all samples have the same weight. The weights have
-        the mean one, so that weighted squares keep the unit of the target.
+        """Numbers by which the rows are divided, (n,); None if all samples have the same weight.
+        They are scaled so that the mean weight is one, and weighted squares keep the unit of the
+        target.
         """
         sigma = self.uncertainty
         if self.alike and self.curves is not None:
@@ -102,17 +104,19 @@ class Weighing:
         return None if sigma is None else np.asarray(sigma * np.sqrt(np.mean(sigma**-2.0)))
 
     def by(self, weights: Array | None) -> Array | None:
-        """Return the divisors of the rows, (n,), that include the robust weights, (n,)."""
+        """Return the numbers by which the rows are divided, (n,), if the robust `weights`, (n,),
+        are included.
+        """
         if weights is None:
             return self.sigma
         return (1.0 if self.sigma is None else self.sigma) / np.sqrt(weights)
 
     def in_unit(self, unit: float) -> Weighing:
-        """Return the weights for the same target in another unit: its values divided by `unit`."""
+        """Return the same weighing for a target whose values are divided by `unit`."""
         return self if self.scale is None else replace(self, scale=self.scale / unit)
 
     def rows(self, blocks: Blocks) -> Blocks:
-        """Return the blocks with each row divided by its uncertainty."""
+        """Return the blocks with each row divided by the uncertainty of its sample."""
         return blocks if self.sigma is None else weighted(blocks, self.sigma)
 
     def settled(
@@ -138,8 +142,8 @@ class Weighing:
 @dataclass(frozen=True)
 class Choice:
     """A selection for one output, whose standard errors do not take the weights into account yet.
-    Computing them takes about as long as the selection itself, so it is done only for the selection
-    that is kept.
+    Computing these standard errors takes about as long as the selection itself, so they are
+    computed only for the selection that is used in the end.
 
     - `only`: function that returns the blocks of some candidates.
     - `weights`: weights of a robust loss, (n,); None for squares.
@@ -151,8 +155,8 @@ class Choice:
     weights: Array | None
 
     def with_errors(self) -> Selection:
-        """Return the selection with its standard errors. They allow for residuals that are
-        correlated within curves or along a few recordings, and for robust weights.
+        """Return the selection with its standard errors. They take into account that residuals are
+        correlated within curves or along a few recordings, and that samples have robust weights.
         """
         found, how, weights = self.selection, self.weighing, self.weights
         k, n = len(found.chosen), found.samples
@@ -173,8 +177,8 @@ class Choice:
 def _errors_along(
     blocks: Blocks, theta: Array, curves: IntArray | None, recorded: IntArray
 ) -> tuple[Array, float]:
-    """Return standard errors that allow for correlated residuals along recordings, (k,), and the
-    number of independent samples to which the samples are equivalent.
+    """Return standard errors that take correlated residuals along recordings into account, (k,),
+    and the number of independent samples to which the samples are equivalent.
     """
     P, y = map(np.concatenate, zip(*blocks(), strict=True))
     labels = np.zeros(len(y), dtype=np.int64) if curves is None else curves
@@ -194,9 +198,10 @@ def reweighted(
     """Return a weighted selection for each output. For a robust loss, the terms are selected twice:
     with the weights of a robust start, and with the final weights.
 
-    `select` takes the uncertainty of every output; each function in `only` takes candidates and
-    returns their blocks. With the chosen terms, weights and least-squares fits alternate for at
-    most ten rounds. The first rounds use Huber's loss, which has a single minimum.
+    `select` is a function of the uncertainties of all outputs; each function in `only` returns the
+    blocks of the given candidates. For the chosen terms, weights and least-squares fits are
+    computed in turn, at most ten times. Huber's loss is used first, because it has a single
+    minimum; the chosen loss follows.
     """
     weights = [one.start for one in weighings]
     found = select([one.by(w) for one, w in zip(weighings, weights, strict=True)])
@@ -212,26 +217,29 @@ def reweighted(
 
 
 def scale_of(residual: Array, y: Array) -> float:
-    """Return `1.4826 median |r|`, or the rounding error of `y` if most residuals are below it."""
+    """Return the scale of the residuals r, `1.4826 median |r|`. If this is below the rounding error
+    of `y`, return the rounding error.
+    """
     exact = EXACT * root_mean_square(y)
     return max(MAD * float(np.median(np.abs(residual))), exact) or 1.0
 
 
 def loss_weights(loss: str, residual: Array) -> Array:
-    """Return the weights of residuals that are given in units of the scale, shape (n,)."""
+    """Return the robust weights, shape (n,), for residuals in units of their scale."""
     return LOSSES[loss].weight(np.abs(residual) / LOSSES[loss].tuning)
 
 
 def without_leverage(robust: Array, P: Array, y: Array) -> Array:
-    """Return the residuals of a robust fit, (n,), in units of their scale; if this fit was bent by
-    one gross outlier, return the externally studentised residuals of least squares instead.
+    """Return the given residuals of a robust fit, (n,), in units of their scale. If one gross
+    outlier has pulled this fit towards itself, return the externally studentised residuals of a
+    least-squares fit instead.
 
-    A robust loss does not resist an outlier of large leverage, for example at the end of a short
-    segment: the fit passes through it. The residual of a sample from the fit of all others, in
-    units of its standard deviation, `t_i = r_i / (s_i sqrt(1 - h_i))` with `s_i^2 = (r'r - r_i^2/(1
-    - h_i))/(n - k - 1)`, shows it (Cook and Weisberg 1982, eq 2.1.15; h is the leverage).
+    A robust fit passes close to an outlier with a large leverage h, for example at the end of a
+    short segment. To detect such an outlier, each sample is compared with a fit to all other
+    samples. Its residual in units of the standard deviation is `t_i = r_i / (s_i sqrt(1 - h_i))`
+    with `s_i^2 = (r'r - r_i^2/(1 - h_i))/(n - k - 1)` (Cook and Weisberg 1982, eq 2.1.15).
     """
-    # a column may stand twice
+    # columns may be equal, so dependent directions are dropped
     Q, values, _ = np.linalg.svd(P / (np.linalg.norm(P, axis=0) + (P == 0).all(axis=0)), False)
     Q = Q[:, values > DEPENDENT * values[0]]
     n, k = Q.shape

@@ -1,7 +1,7 @@
-"""Provide models of the literature by name, fitted to the same training data as MAPMORE.
+"""Provide formulas of the literature by name, to be fitted to the same training data as MAPMORE.
 
-To add a formula, add a file to `formulas/` with `FORMULA`, or with `FORMULAS` for several similar
-ones; or add an entry point that names such a file.
+To add a formula, add a file to `formulas/` that defines `FORMULA`, or `FORMULAS` for several
+similar formulas. In another package, an entry point can name such a file.
 """
 
 from __future__ import annotations
@@ -71,7 +71,9 @@ def get(name: str) -> Formula:
 
 
 def is_known(fit: FormulaFit) -> bool:
-    """Return True if the fit defines its formula, or if its formula is one of `names`."""
+    """Return True if the formula of the fit is known: the fit contains its definition, or its name
+    is one of `names`.
+    """
     return bool(fit.definition) or fit.formula in names()
 
 
@@ -84,8 +86,8 @@ COMPONENTS = {"static": "Static force", "damping": "Damping force", "dynamic": "
 
 
 def reference() -> str:
-    """Return the reference as Markdown: every formula with its equation, source and inputs, grouped
-    by the force that it predicts.
+    """Return the page with all formulas as Markdown. Each formula has its equation, source and
+    inputs, and formulas are grouped by the force that they predict.
     """
     sections = {
         title: [formula for formula in _published().values() if formula.component == word]

@@ -1,7 +1,7 @@
-"""Use a formula of the literature as a backbone, to whose residual MAPMORE is fitted.
+"""Use a formula of the literature as a backbone: MAPMORE is fitted to the residual of this formula.
 
-M1's outlook suggests physics-based static terms: a known formula with a few local corrections keeps
-the model readable.
+The outlook of M1 suggests such physics-based static terms. A known formula with a few local
+corrections keeps the model readable.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ def fit_formula(
     """Fit a formula to the training samples of all curves.
 
     `lengths` holds the muscle's `length` and `diameter` in m, for formulas that need them. `starts`
-    is the name of published starting values; `near` holds parameters at which the default method
-    begins.
+    is the name of published starting values. `near` holds parameter values at which the search of
+    the default method begins.
     """
     columns = pooled_training(curves)
     key = _digest(columns, name, target, method, starts, near, *sorted(lengths.items()))
@@ -75,8 +75,8 @@ def _digest(columns: Columns, *how: object) -> bytes:
 
 
 def residual_of(curve: Curve, target: str, backbone: FormulaFit | None) -> Curve:
-    """Return the curve with its target reduced by the value of the backbone; unchanged without a
-    backbone.
+    """Return the curve with the output of the backbone subtracted from its target. Without a
+    backbone, the curve is unchanged.
     """
     if backbone is None:
         return curve

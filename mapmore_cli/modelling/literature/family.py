@@ -1,13 +1,14 @@
-"""Model muscles of one make as a family: one common function of pressure and strain, times a
-largest force that depends on a dimension.
+"""Model muscles of one design as a family. All muscles share one function of pressure and strain,
+which is multiplied by the largest force of each muscle. This force depends on a dimension, for
+example the length.
 
     F = zero + S(l) f(P, strain),   S(l) = a atan(b (l - dead))   or   a l^b
 
 f is the hinged Sárosi formula, fitted to the forces of all specimens, each divided by its own
-largest force. `zero` is the mean of their forces when slack. b has a prior, because a few specimens
-hardly determine it. For the rest length of McKibben muscles, it is 19.03 1/m, with a dead length of
-7.5 mm (Bolen, Elzein, Pang, Hunt, Actuators 2026, from 31 muscles of 10 mm diameter). For a
-diameter, the centre of the prior is the power 2.
+largest force. `zero` is the mean force of the slack specimens. b has a prior, because a few
+specimens hardly determine it. For the rest length of McKibben muscles, it is 19.03 1/m, with a dead
+length of 7.5 mm (Bolen, Elzein, Pang, Hunt, Actuators 2026, from 31 muscles of 10 mm diameter). For
+a diameter, the centre of the prior is the power 2.
 """
 
 from __future__ import annotations
@@ -102,7 +103,7 @@ def _scale_text(settings: FamilySettings, metres: float) -> str:
 
 @dataclass(frozen=True)
 class Family(Formula):
-    """A formula that is fitted to all specimens at once. `metres` is the length, in m, of one unit
+    """A formula that is fitted to all specimens together. `metres` is the length, in m, of one unit
     of the quantity in which the specimens differ.
     """
 
@@ -110,8 +111,8 @@ class Family(Formula):
     metres: float = field(kw_only=True)
 
     def fit(self, columns: Columns, y: Array, method: str | None = None) -> FormulaFit:
-        """Fit the scales of all specimens and their common function. The standard errors are those
-        of the function.
+        """Fit the scales of all specimens and their common function. Standard errors are given for
+        the parameters of the common function.
 
         Raises DataError if all samples are from one specimen.
         """
@@ -149,7 +150,7 @@ class Family(Formula):
         )
 
     def _law(self, lengths: Array, largest: Array) -> tuple[float, float]:
-        """Return a and b from a least-squares fit of ln S, with the prior of ln b."""
+        """Return a and b, which are fitted to ln S by least squares, with a prior for ln b."""
         centre = math.log(CENTRE[self.settings.scale])
 
         def rest(log_b: float) -> Array:
@@ -170,13 +171,17 @@ class Family(Formula):
         return math.exp(float(np.mean(rest(best)))), math.exp(best)
 
     def equation(self, fit: FormulaFit) -> Expression:
-        """Return the formula with its numbers, and the hinge in its readable form."""
+        """Return the formula with its fitted numbers. The hinge is written in its readable form,
+        which may overflow.
+        """
         text = f"zero + ({_scale_text(self.settings, self.metres)})*({PRINTED})"
         return with_numbers(parse(text), fit.parameters)
 
 
 def _slack_and_largest(y: Array) -> tuple[float, float]:
-    """Return the force of the slack muscle, and by how much the largest force exceeds it."""
+    """Return the force of the slack muscle, and the largest force minus the force of the slack
+    muscle.
+    """
     low, high = np.quantile(y, [LOW, HIGH])
     zero = float(low) if abs(low) < SLACK * high else 0.0
     return zero, float(high) - zero
@@ -188,10 +193,10 @@ def adapted(
     """Return the formula of a new specimen of the family, `zero + q_force S f(P, q_strain strain)`,
     as a function of pressure and strain only. The scales q are fitted to its measured points.
 
-    `columns` holds the pressure and strain of these points, shape (n,) each, and `target` the
-    forces; without points, both scales are one. The prior of each scale is one, with a standard
-    deviation of 15 %. Samples of one strain have a common error, so they count as one sample with
-    an error of 5 % of the force.
+    `columns` holds the pressure and strain of these points, shape (n,) each, and `target` holds the
+    forces. Without points, both scales are one. The prior of each scale has the mean one and a
+    standard deviation of 15 %. Samples at the same strain have a common error, so they count as one
+    sample with an error of 5 % of the force.
     """
     family = family_of(fit.definition)
     known = {**fit.parameters, family.settings.of: dimension}

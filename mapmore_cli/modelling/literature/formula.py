@@ -1,5 +1,5 @@
-"""Define a formula by one line of text, from which prediction, derivatives, fitting and equation
-are derived.
+"""Define a formula by one line of text. Its predictions, derivatives, fits and printed equations
+all follow from this text.
 """
 
 from __future__ import annotations
@@ -38,12 +38,11 @@ RANDOM = "random"
 
 @dataclass(frozen=True)
 class LinearForm:
-    """A formula rewritten with other parameters than the printed ones, so that it is linear in most
-    of the new parameters.
+    """A formula with new parameters in place of the published ones, chosen so that it is linear in
+    most of them.
 
-    `text` is the same function of the inputs, `linear` names the parameters in which it is linear,
-    and `printed` gives every printed parameter as an expression of these and of the nonlinear
-    parameters.
+    `text` is the formula with the new parameters, and `linear` names those in which it is linear.
+    `printed` gives each published parameter as an expression of the new parameters.
     """
 
     text: str
@@ -56,12 +55,13 @@ class Formula:
     """A parametric model with a name, defined by one expression. Its output may be compared with
     any target.
 
-    - `name`, `reference`: name in a spec, and where the formula is published.
-    - `inputs`: quantities from which it predicts.
+    - `name`: name of the formula in a spec. `reference`: publication of the formula.
+    - `inputs`: quantities from which the formula computes its output.
     - `parameters`: names in the order of the publication.
     - `text`: the formula as an expression of inputs and parameters.
-    - `nonlinear`: parameters in which it is not linear, with the intervals in which they are
-      sought. Every term must be linear in another parameter, or contain a dimension of the muscle.
+    - `nonlinear`: parameters in which the formula is not linear, with the intervals in which a fit
+      searches them. Every term must have a factor that is a linear parameter or a dimension of the
+      muscle.
     - `form`: linear form in which it is fitted, if it is not linear in the printed parameters.
     - `published_starts`: starting values that papers print, by the name that a spec uses.
     - `start`: name of the starting values that `levenberg_marquardt` uses, or `random`.
@@ -115,7 +115,9 @@ class Formula:
         return replace(self, given=known_lengths)
 
     def checked(self) -> Self:
-        """Return the formula. Raises ValueError if its text contradicts its declarations."""
+        """Return the formula unchanged. Raises ValueError if its text contradicts the declared
+        inputs and parameters.
+        """
         if self.expression.names != {*self.inputs, *self.parameters}:
             raise ValueError(
                 f"{self.name}: the names in the text must be exactly its inputs and parameters"
@@ -127,7 +129,7 @@ class Formula:
             derivative(self._fitted_expression, name).names & {*self.linear} for name in self.linear
         ):
             raise ValueError(
-                f"{self.name}: it is not linear in a parameter that `nonlinear` does not list"
+                f"{self.name}: `nonlinear` lacks a parameter in which the formula is not linear"
             )
         return self
 
@@ -171,10 +173,10 @@ class Formula:
         """Fit the formula by least squares to the target `y`, shape (n,), with its inputs among
         `columns`.
 
-        `method` is one of three. `variable_projection` is the default: it needs no starting values
-        if at most one parameter is nonlinear, and uses bounds and ten starts otherwise; a linear
-        formula is fitted by linear least squares. `levenberg_marquardt` uses ten starts and no
-        bounds. `simplex` does the same without derivatives. A poor fit is not an error: the status
+        There are three methods. `variable_projection` is the default. It needs no starting values
+        if at most one parameter is nonlinear; otherwise, it uses bounds and ten starts. (A linear
+        formula is fitted by linear least squares.) `levenberg_marquardt` uses ten starts and no
+        bounds. `simplex` does the same without derivatives. A poor fit raises no error; the status
         and the notes of the result report it.
 
         Raises DataError for a value that is not finite, a missing input, or fewer samples than
@@ -191,11 +193,11 @@ class Formula:
                 f"write `method: {solvers.LEVENBERG_MARQUARDT}` beside `starts`",
             )
         problem = self.problem(columns, y)
-        # a formula without parameters has nothing to search
+        # a formula without fitted parameters is evaluated by the default method
         return self._result(problem, solvers.METHODS[method if self.fitted else default](problem))
 
     def predict(self, parameters: Mapping[str, float], columns: Columns) -> Array:
-        """Return the formula on every row, shape (n,); NaN if the fit failed."""
+        """Return the output of the formula at every row, shape (n,); NaN if the fit failed."""
         values = {name: columns[name] for name in self.inputs if name in columns}
         values |= {name: np.asarray(parameters[name]) for name in self.parameters}
         return evaluate(self.expression, values, row_count(columns))
@@ -291,8 +293,8 @@ class Formula:
         )
 
     def _printed(self, problem: LeastSquares, beta: Array, c: Array) -> dict[str, float]:
-        """Return the parameters as they are printed, computed from the parameters of the linear
-        form, and the dimensions of the muscle.
+        """Return the published parameters, which are computed from the parameters of the linear
+        form, together with the dimensions of the muscle.
         """
         dimensions = {name: np.asarray(value) for name, value in self.given.items()}
         values = {**problem.values(beta, c), **dimensions}
@@ -303,12 +305,14 @@ class Formula:
         }
 
     def _jacobian(self, values: Mapping[str, float], columns: Columns, n: int) -> Array:
-        """Return the derivatives by the fitted parameters at `values`, shape (n, p)."""
+        """Return the derivatives of the formula with respect to the fitted parameters, at the
+        parameter values `values`, shape (n, p).
+        """
         numbers = {name: np.asarray(value) for name, value in values.items()}
         gradient = [derivative(self.expression, name) for name in self.fitted]
         return dictionary_matrix(gradient, {**columns, **numbers}, n)
 
 
 def with_numbers(expression: Expression, numbers: Mapping[str, float]) -> Expression:
-    """Return the expression with some names replaced by numbers."""
+    """Return the expression with each name in `values` replaced by its number."""
     return substitute(expression, {name: Number(value) for name, value in numbers.items()})

@@ -1,5 +1,4 @@
-"""Fit Sárosi's formula with a slack foot on normalised data: its values, derivatives, units and
-search.
+"""Fit Sárosi's formula with a foot for the slack muscle to normalised data.
 
 With p = P/max|P|, x = strain/max|strain| and f = F/max|F| (any target F), the formula is
 
@@ -33,55 +32,56 @@ of `lo`, the slope of the foot with the pressure, and the logarithm of the width
 """
 
 
-# Constants of the fit. The reason for each is given beside it. `docs/formula_tables.py RUNS hinge`
-# shows how half and twice each constant change the errors between strain levels.
+# Constants of the fit, each with its reason. Halving or doubling one changes the errors little:
+# `docs/formula_tables.py RUNS hinge` shows the errors between strain levels.
 
-# a3 at the starts, from a steep decay to a bend upwards
+# starting values of a3, from a steep decay to a curve that bends upwards
 STARTS = (-8.0, -4.0, -2.0, -0.7, 1.5)
-# evaluations for each start; only the lowest end is continued
+# evaluations for each start; only the best result is improved further
 FIRST = 100
-# w at the starts: a sharp hinge, which the search can widen
+# starting value of w: a sharp hinge, which the search can widen
 START_W = 0.02
 # normalised targets above this value determine the starting values of `hi`
 UPPER = 0.12
 # normalised targets below this value determine the starting values of `lo`
 FOOT = 0.06
-# bound of |a3|; data cannot distinguish steeper decays
+# largest |a3|; data cannot distinguish steeper decays
 LARGEST_A3 = 15.0
 # smallest w; a sharper hinge is a kink, which has no slope
 LEAST_W = 0.004
 # largest w; a wider hinge bends the whole curve, so it is no hinge
 LARGEST_W = 0.3
-# weights of the priors, one for each parameter; they are so small that a prior matters only if the
-# data do not determine the parameter
+# weight of the prior of each parameter
+# The weights are so small that a prior matters only if data do not determine its parameter.
 PRIOR_WEIGHTS = (0.01, *5 * (0.003,), 0.001, 0.03, 0.03, 0.001)
-# prior of a3/max|strain|, per unit of strain
+# prior of a3/max|strain|
 DECAY = -33.0
-# the prior of a3 is never steeper than this, however large the strain
+# the prior of a3 is limited to this value if the strain is large
 STEEPEST = -12.0
-# The weight of the prior of a3 is this number divided by the largest strain. The weight is
-# therefore larger for a short range of strain, in which the data hardly determine a3.
+# weight of the prior of a3 times the largest strain
+# A small range of strain hardly determines a3, so the prior needs a larger weight there.
 DECAY_WEIGHT = 0.002
 # prior of w, as a fraction of the largest target
 PRIOR_W = 0.03
-# largest weight of all data against the priors, as a number of samples; neighbouring samples of a
-# slow recording repeat each other, and the priors would have no effect if every sample counted
+# largest total weight of the data relative to the priors, as a number of samples
+# Neighbouring samples are nearly equal; if every one counted, priors would have no effect.
 INDEPENDENT = 300
-# with at most this number of strain levels, any curvature fits; affects only the words of a note
+# with at most this many strain levels, any curvature fits; this affects only the text of a note
 FEW_LEVELS = 3
-# fraction of max|strain| below which two strain levels count as one; affects only the words of a
-# note
+# two strain levels closer than this fraction of max|strain| count as one, also in a note only
 APART = 0.05
 
 
 def linearised(q: Array, p: Array, x: Array) -> tuple[Array, Array]:
-    """Return the normalised force, shape (n,), and its derivative by q, shape (n, 10)."""
+    """Return the normalised force, shape (n,), and its derivatives with respect to the coordinates
+    q, shape (n, 10).
+    """
     a1, a2, a3, a4, a5, a6, b0, b1, b2, log_w = q
     w, decay = np.exp(log_w), np.exp(a3 * x)
     high, low = (a1 * p + a2) * decay + (a4 * x + a5) * p + a6, b0 + b1 * p + b2 * x
     above = (high - low) / w
     softened = np.logaddexp(0.0, above)
-    share = 0.5 * (1.0 + np.tanh(0.5 * above))  # derivative of the force by `hi`
+    share = 0.5 * (1.0 + np.tanh(0.5 * above))  # derivative of the force with respect to `hi`
     below = 1.0 - share
     falling = decay * share
     slopes = (
@@ -105,13 +105,15 @@ class _Problem(NamedTuple):
     weight: Array
 
     def of_data(self, q: Array) -> tuple[Array, Array]:
-        """Return the residuals of the rows and their derivatives, shapes (n,) and (n, 10)."""
+        """Return the weighted residuals of the rows, shape (n,), and their derivatives, shape (n,
+        10).
+        """
         force, slopes = linearised(q, self.p, self.x)
         return self.root * (force - self.f), self.root[:, None] * slopes
 
     def system(self, q: Array) -> tuple[Array, Array]:
-        """Return the residuals and derivatives of the rows, followed by those of the priors: shapes
-        (n + 10,) and (n + 10, 10).
+        """Return the residuals of the rows and the priors, shape (n + 10,), and their derivatives,
+        shape (n + 10, 10).
         """
         residual, slopes = self.of_data(q)
         priors = self.weight * (q - self.centre), np.diag(self.weight)
@@ -122,11 +124,12 @@ def fit_hinge(columns: Columns, y: Array, curvature: float | None = None) -> For
     """Fit the hinged formula to `pressure`, `strain` (a fraction) and the target `y`, shape (n,)
     each, all finite.
 
-    Five starts differ in the curvature a3 (one start if the `curvature` is known); the one with the
-    lowest penalised sum of squares (the `sse` of the result) wins. The standard errors count the
-    priors as observations; rank and condition are those of the data alone. The fit is deterministic
-    and does not depend on the units of pressure and target. With more than some thousand samples,
-    the search uses means of neighbouring samples (`problem.condensed`).
+    The search begins at five values of the curvature a3, or at one value if the `curvature` is
+    known. The result with the lowest penalised sum of squares (its `sse`) is returned. Standard
+    errors treat the priors as observations; rank and condition number are computed from the data
+    alone. The same data always give the same fit, which does not depend on the units of pressure
+    and target. With more than some thousand samples, the search uses means of neighbouring samples
+    (`problem.condensed`).
 
     Raises FitError if the formula has no finite value at any start.
     """
@@ -138,7 +141,7 @@ def fit_hinge(columns: Columns, y: Array, curvature: float | None = None) -> For
     ends = descend(problem.system, starts, bounds, evaluations=FIRST)
     if not ends:
         raise FitError(
-            "the formula has no finite value at any start of its fit",
+            "the formula has no finite value at any of its starting values",
             "check the units of its quantities",
         )
     best = min(ends, key=lambda end: end.cost)
@@ -188,7 +191,9 @@ def fit_hinge(columns: Columns, y: Array, curvature: float | None = None) -> For
 
 
 def _strain_levels(strain: Array) -> int:
-    """Return the number of distinct strain levels; a large number if the strain is swept."""
+    """Return the number of distinct strain levels; a large number if the strain varies
+    continuously.
+    """
     values = np.unique(strain)
     gap = APART * float(np.abs(values).max())
     count, i = 0, 0
@@ -211,8 +216,8 @@ def _normalised(
 
 
 def _search_bounds() -> tuple[Array, Array]:
-    """Return the smallest and largest q, shape (10,): only the curvature, the slope of the foot
-    with the pressure, and the width have bounds.
+    """Return the lower and upper bounds of the coordinates q, shape (10,) each. Only the curvature,
+    the slope of the foot along the pressure, and the width are bounded.
     """
     low, high = np.full((2, len(NAMES)), np.inf) * [[-1.0], [1.0]]
     low[[A3, B1, LN_W]] = -LARGEST_A3, 0.0, np.log(LEAST_W)

@@ -1,5 +1,5 @@
-"""Solve linear least squares by singular values, with minimum norm, rank, condition and standard
-errors.
+"""Solve linear least squares by singular value decomposition. The solution has minimum norm; its
+rank, condition number and standard errors are also computed.
 """
 
 from __future__ import annotations
@@ -22,11 +22,13 @@ change the result.
 
 
 class LinearFit(NamedTuple):
-    """The minimum-norm solution of `min |Phi beta - y|` with columns scaled to unit length.
+    """Solution of `min |Phi beta - y|` with the smallest norm, if the columns of Phi are scaled to
+    unit length.
 
     - `beta`: shape (m,), in the units of the given columns.
     - `basis`: orthonormal basis of the column space, shape (n, m); zero beyond the rank.
-    - `residual`: `Phi beta - y`, shape (n,), computed as the part of -y outside the basis.
+    - `residual`: `Phi beta - y`, shape (n,). It is computed as the component of -y that is
+      orthogonal to the basis.
     """
 
     beta: Array
@@ -46,7 +48,7 @@ def solve_linear(phi: Array, y: Array) -> LinearFit:
     basis = u * above
     components = basis.T @ y
     residual = basis @ components - y
-    # a second pass, which keeps the digits of small residuals
+    # a second orthogonalisation, because a small residual has lost digits
     residual -= basis @ (basis.T @ residual)
     weights = np.divide(components, s, out=np.zeros_like(s), where=above)
     return LinearFit(vt.T @ weights / lengths, basis, residual)
@@ -56,9 +58,9 @@ def parameter_errors(jacobian: Array, variance: float) -> tuple[Array, int, floa
     """Return standard errors, shape (p,), rank and condition from a Jacobian at the solution, shape
     (n, p).
 
-    `cov = variance (J'J)^-1`. With a deficient rank, the errors of parameters that the data cannot
-    distinguish are NaN, and the condition is computed without the singular values that count as
-    zero.
+    `cov = variance (J'J)^-1`. If the rank is deficient, the errors of parameters that the data
+    cannot distinguish are NaN. The condition number is computed without the singular values that
+    count as zero.
     """
     lengths = _lengths(jacobian)
     _, s, vt = np.linalg.svd(jacobian / lengths, full_matrices=False)
@@ -73,8 +75,8 @@ def half_width(error: float, freedom: int) -> float:
     """Return half the width of the 95 % confidence interval of a parameter, `t_{0.975, freedom}
     error`; NaN if the error is unknown.
 
-    It holds for independent errors of equal size. Neighbouring samples of a recording have
-    dependent errors, for which the interval is too narrow.
+    The interval assumes independent errors of equal size. Neighbouring samples of a recording have
+    correlated errors, so that the interval is too narrow.
     """
     from scipy.special import stdtrit
 
@@ -82,10 +84,12 @@ def half_width(error: float, freedom: int) -> float:
 
 
 def _lengths(columns: Array) -> Array:
-    """Return the lengths of columns, shape (n, m); one for a column of zeros."""
+    """Return the Euclidean length of each column of a matrix, shape (n, m); one for a column of
+    zeros.
+    """
     largest = np.abs(columns).max(axis=0)
     largest[largest == 0.0] = 1.0
-    # squares of very small or very large columns would overflow or underflow
+    # scaled first, because squares may overflow or underflow
     lengths = largest * np.linalg.norm(columns / largest, axis=0)
     lengths[lengths == 0.0] = 1.0
     return np.asarray(lengths)

@@ -1,5 +1,5 @@
-"""Evaluate, print and export a formula of the literature, as a model or as the part on which
-another model is built.
+"""Evaluate, print and export a formula of the literature, which is the whole model or the backbone
+of a model.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ def formula_model(
     training: Sequence[CurveRange],
     quantities: Mapping[str, Quantity],
 ) -> Model:
-    """Return a fitted formula as a model. The `training` curves, in the order of their levels, give
-    the range of its inputs.
+    """Return a fitted formula as a model. The range of its inputs is that of the `training` curves,
+    which are in the order of their levels.
     """
     inputs = sorted({*literature.of(fit).inputs, *([level] if level is not None else [])})
     ordered = sorted(training, key=lambda curve: (curve.level is not None, curve.level))
@@ -50,13 +50,13 @@ def formula_model(
 
 
 def backbone_values(fit: FormulaFit | None, inputs: Columns, n: int) -> Array:
-    """Return a fitted formula at n rows; zero without a formula."""
+    """Return the output of a fitted formula at n rows; zeros if there is no formula."""
     return np.zeros(n) if fit is None else literature.of(fit).predict(fit.parameters, inputs)
 
 
 def formula_equations(fit: FormulaFit | None, units: Mapping[str, float]) -> tuple[Equation, ...]:
-    """Return a fitted formula as equations, by the names of its parts. `units` gives the number of
-    the model's units in one unit of each printed quantity.
+    """Return the equations of a fitted formula, by the names of its parts. `units` gives the number
+    of the model's units in one unit of each printed quantity.
     """
     if fit is None:
         return ()
@@ -68,8 +68,8 @@ def formula_equations(fit: FormulaFit | None, units: Mapping[str, float]) -> tup
 
 
 def printed(name: str, expression: Expression) -> Equation:
-    """Return an equation with its constants computed as far as possible and rounded to six
-    digits.
+    """Return an equation in which constants are combined into one number if possible, and rounded
+    to six digits.
     """
     return as_equation(name, folded(expression), DIGITS)
 
@@ -83,8 +83,7 @@ def where_finite(
     }
     n = row_count(columns)
     finite = np.logical_and.reduce([np.ones(n, dtype=np.bool_), *map(np.isfinite, values.values())])
-    # far outside the data, a term may overflow; values that were computed from a NaN are replaced
-    # below
+    # terms may overflow far outside the data, and rows with a NaN are replaced below
     with np.errstate(all="ignore"):
         return np.where(finite, value(values, n), np.nan)
 
@@ -92,7 +91,8 @@ def where_finite(
 def formula_value(
     m: Writer, fit: FormulaFit | None, inputs: Mapping[str, Expression]
 ) -> Expression:
-    """Write a fitted formula as statements; zero without a formula.
+    """Write a fitted formula as statements of a program, and return its value; zero if there is no
+    formula.
 
     Raises DataError if the fit failed, or if the formula has no closed expression.
     """

@@ -1,5 +1,5 @@
-"""Define formulas of a spec: an expression with its parameters, as a text that is stored with the
-fit and in the model file.
+"""Define the formulas that a user writes in a spec. Such a formula is an expression with its
+parameters. It is stored as a text with the fit and in the model file.
 """
 
 from __future__ import annotations
@@ -64,8 +64,8 @@ def definition(
     bounds: dict[str, tuple[float, float] | None],
     units: dict[str, str],
 ) -> str:
-    """Return the definition as canonical JSON. `bounds` has an entry for every parameter, None if
-    the formula is linear in it.
+    """Return the definition as canonical JSON. `bounds` has an entry for every parameter; the entry
+    is None for a parameter in which the formula is linear.
     """
     document = {
         "name": name,
@@ -124,7 +124,8 @@ def units_of_parameters(fit: FormulaFit) -> Mapping[str, str]:
 
 def _intervals(low: float, high: float) -> Iterator[tuple[float, float]]:
     """Yield the negative and the positive part of the interval between the bounds, without the
-    values next to zero. The search multiplies values by factors, which cannot change a sign.
+    values next to zero. They are separate intervals, because the search multiplies values by
+    factors and so cannot change their sign.
     """
     least = NEAREST * max(abs(low), abs(high))
     if low < 0:

@@ -1,5 +1,5 @@
-"""Define a least-squares problem (one formula, one set of rows) in coordinates that do not depend
-on units, and the contents of its solution.
+"""Define the least-squares problem of fitting one formula to one set of rows. Nonlinear parameters
+are replaced by coordinates that do not depend on units.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ Intervals = tuple[tuple[float, float], ...]
 
 @dataclass(frozen=True)
 class Nonlinear:
-    """A parameter that enters its formula nonlinearly.
+    """A parameter in which its formula is not linear.
 
-    It is sought as a dimensionless coordinate: `c = value * max|per|`, `value / max|of|`, or the
-    value itself. The `intervals` of the coordinate include their ends, ascend, and do not contain
-    zero inside.
+    A fit searches its dimensionless coordinate c: `value * max|per|`, `value / max|of|`, or the
+    value itself. The `intervals` of c are in ascending order and include their ends. None of them
+    contains zero, except as an end.
     """
 
     name: str
@@ -37,8 +37,8 @@ class Nonlinear:
         return self.intervals[0][0], self.intervals[-1][1]
 
     def span(self, columns: Columns) -> float:
-        """Return the factor by which a value of the parameter is multiplied to give its coordinate.
-        It is one if the quantity is zero in all samples.
+        """Return the factor by which a value of the parameter is multiplied to obtain its
+        coordinate. The factor is one if the quantity `per` or `of` is zero in all samples.
         """
         quantity = self.per or self.of
         if quantity is None:
@@ -47,8 +47,8 @@ class Nonlinear:
         return largest if self.per else 1.0 / largest
 
     def written(self, c: float) -> str:
-        """Return the value of a coordinate as a text, for example as a multiple of
-        1/max|strain|.
+        """Return the parameter value that belongs to a coordinate as a text, for example as a
+        multiple of 1/max|strain|.
         """
         per, of = self.per and f"/max|{self.per}|", self.of and f" max|{self.of}|"
         return f"{c:g}{per or of or ''}"
@@ -57,13 +57,14 @@ class Nonlinear:
 @dataclass(frozen=True)
 class LeastSquares:
     """Problem of finding `beta` and `c` that minimise `|Phi(c) beta + f0(c) - y|^2` over n rows. If
-    the formula does not have this form, the squared `residual` is minimised instead.
+    the formula cannot be written as `Phi(c) beta + f0(c)`, the sum of squares of `residual` is
+    minimised instead.
 
     - `expression`: the formula of inputs and parameters.
     - `linear`: names of the m parameters `beta` in which the formula is linear.
     - `nonlinear`: the k parameters with coordinates `c`.
-    - `gradient`: derivative of the formula by every parameter. The derivatives by the linear
-      parameters are the regressors.
+    - `gradient`: derivative of the formula with respect to every parameter. The derivatives with
+      respect to the linear parameters are the regressors.
     - `columns`, `y`: the inputs and the target, shape (n,) each.
     - `counts`: number of samples for which each row stands, shape (n,); None if each row is one
       sample.
@@ -83,8 +84,8 @@ class LeastSquares:
     start: Mapping[str, float] | None = None
 
     def residual(self, beta: Array, c: Array) -> Array:
-        """Return formula minus target, shape (n,). The values are not finite if the formula
-        overflows.
+        """Return the output of the formula minus the target, shape (n,). Values are infinite or NaN
+        if the formula overflows.
         """
         values = {**self.columns, **self.values(beta, c)}
         return self._weights * (evaluate(self.expression, values, len(self.y)) - self.y)
@@ -95,8 +96,9 @@ class LeastSquares:
         return float(residual @ residual)
 
     def slopes(self, names: Sequence[str], beta: Array, c: Array) -> Array:
-        """Return the derivatives of the formula by some parameters, shape (n, p); for nonlinear
-        parameters, by their coordinates. Raises NotFinite if the formula overflows.
+        """Return the derivatives of the formula with respect to some parameters, shape (n, p). For
+        nonlinear parameters, they are derivatives with respect to the coordinates. Raises NotFinite
+        if the formula overflows.
         """
         values = {**self.columns, **self.values(beta, c)}
         matrix = dictionary_matrix([self.gradient[name] for name in names], values, len(self.y))
@@ -119,7 +121,7 @@ class LeastSquares:
 
     @cached_property
     def spans(self) -> dict[str, float]:
-        """Factor by which the value of each nonlinear parameter is multiplied to give its
+        """Factor by which the value of each nonlinear parameter is multiplied to obtain its
         coordinate.
         """
         return {parameter.name: parameter.span(self.columns) for parameter in self.nonlinear}
@@ -132,11 +134,11 @@ class LeastSquares:
 
     @cached_property
     def at_levels(self) -> LeastSquares:
-        """The problem with each input replaced by the level about which it scatters.
+        """The same problem with each input replaced by its nominal level.
 
-        The scatter of nominally equal values raises the numerical rank. A fit uses the measured
-        values, because it is scored on them; a note gives the rank without the scatter. For
-        example, `polynomial_5` has rank 18 of 21 at four pressures.
+        It is used to compute the rank for a note, because the scatter of nominally equal values
+        raises the numerical rank. For example, `polynomial_5` has rank 18 of 21 at four pressures.
+        A fit uses the measured values, on which it is scored.
         """
         return replace(self, columns={name: nominal(x) for name, x in self.columns.items()})
 
@@ -146,12 +148,12 @@ class LeastSquares:
         return bool(((c > 0) | (low < 0)).all() and ((c < 0) | (high > 0)).all())
 
     def condensed(self) -> LeastSquares:
-        """Return the problem over means of neighbouring samples, if there are many samples. It is
-        faster to solve and nearly the same.
+        """If there are many samples, return a problem with means of neighbouring samples as rows.
+        It is faster to solve, and its solution is nearly the same.
 
-        The problem is returned unchanged if a parameter is sought as a fraction `of` a quantity,
-        for example of the rate. The effect of such a parameter may be limited to a few samples, for
-        example with the slowest rates, and means would hide it.
+        The problem is returned unchanged if a parameter is searched as a fraction `of` a quantity,
+        for example of a rate. Only a few samples, for example those with the slowest rates, may
+        depend on such a parameter, and means would hide this.
         """
         if any(parameter.of for parameter in self.nonlinear):
             return self
@@ -176,10 +178,10 @@ def condensed(columns: Columns, y: Array) -> tuple[Columns, Array, Array]:
     """Return `columns` and `y`, shape (n,) each, averaged over the finest grid with at most `LIMIT`
     cells, and the number of rows in each cell.
 
-    A sum of squares over the cells, weighted by the counts, equals the sum over the rows minus the
-    scatter of the rows within their cells. It would be exact for a model that is linear within each
-    cell. For a hinge of slope one and width w, the difference is 1/(96 w 512^2) of the full scale,
-    which is 4e-6 for w = 0.01.
+    For a model that is linear within each cell, the sum of squares over the cells, weighted by the
+    counts, differs from the sum over the rows only by the scatter of rows within their cells, which
+    does not depend on the model. For a hinge of slope one and width w, the difference is 1/(96 w
+    512^2) of the full scale, which is 4e-6 for w = 0.01.
     """
     if len(y) <= LIMIT:
         return columns, y, np.ones(len(y))
@@ -210,8 +212,8 @@ may be separate levels.
 
 
 def nominal(column: Array) -> Array:
-    """Return the column, shape (n,), with every value replaced by the level about which it
-    scatters; unchanged if there are no such levels.
+    """Return the column, shape (n,), with every value replaced by its nominal level. The column is
+    unchanged if its values do not form levels.
 
     Levels are groups of values that lie closer together than `SCATTER` times the smallest distance
     between two groups, with at least `VALUES_A_LEVEL` values per group on average. The finest such

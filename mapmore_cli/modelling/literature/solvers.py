@@ -3,9 +3,9 @@ method.
 
 Variable projection searches only the nonlinear coordinates c. For each c, the linear parameters
 follow by least squares, so that `r(c) = Phi(c) Phi(c)^+ y - y`. With one coordinate, no starting
-values are needed: the sum of squares is scanned over all values that the parameter may have, and
-the search descends into every valley. With several coordinates, it begins from ten starts. So do
-the other two methods, which exist for comparison with the papers.
+values are needed: the sum of squares is computed on a grid over all allowed values, and a search
+descends from every local minimum of the grid. With several coordinates, the search begins at ten
+places. The other two methods also begin at ten places. They exist for comparison with the papers.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ System = Callable[[Array], tuple[Array, Array]]
 
 
 class End(NamedTuple):
-    """End of a descent: the coordinates, shape (k,), half the sum of squares, and whether the
-    descent converged.
+    """Result of one search from one start: the final coordinates, shape (k,), half the sum of
+    squares there, and True if the search converged.
     """
 
     x: Array
@@ -40,7 +40,7 @@ class End(NamedTuple):
 
     @property
     def status(self) -> str:
-        """Return the status of a fit whose descent ends here."""
+        """Return the status of a fit that has this result."""
         return "converged" if self.converged else "stopped_by_limit"
 
 
@@ -48,7 +48,7 @@ class Solution(NamedTuple):
     """Linear parameters `beta`, shape (m,), and coordinates `c`, shape (k,). `status` and `method`
     have the values that `FormulaFit` describes.
 
-    `rivals` holds beta and c at other minima whose sums of squares are nearly as small.
+    `rivals` holds beta and c of other local minima with nearly as small a sum of squares.
     """
 
     beta: Array
@@ -67,10 +67,10 @@ def failure(problem: LeastSquares, method: str) -> Solution:
     return Solution(*nothing, "failed", method, ("every start overflowed",))
 
 
-# relative tolerance for steps, and for the decrease of the sum of squares in a step
+# the search ends at relative changes of coordinates or of the sum of squares below this
 TOLERANCE = 1e-15
 EVALUATIONS = 400
-REFUSED = 1e100  # value that stands for an overflow, so that the step is rejected
+REFUSED = 1e100  # replaces an overflow, so that the step is rejected
 
 
 def descend(
@@ -80,15 +80,16 @@ def descend(
     method: Literal["trf", "lm"] = "trf",
     evaluations: int | None = None,
 ) -> list[End]:
-    """Descend with SciPy's least squares from every start at which `|r(x)|^2` is finite, and return
-    the ends in the order of the starts.
+    """Minimise `|r(x)|^2` with SciPy's least squares from every start at which it is finite, and
+    return the results in the order of the starts.
 
-    `bounds` holds the smallest and the largest coordinates, shape (k,) each; the method `lm` takes
-    none. Each start may use `evaluations` evaluations, by default `EVALUATIONS`.
+    `bounds` holds the lower and upper bounds of the coordinates, shape (k,) each; the method `lm`
+    has no bounds. From each start, at most `evaluations` evaluations are made, by default
+    `EVALUATIONS`.
     """
     from scipy.optimize import least_squares
 
-    # the cache serves SciPy, which asks for residuals and then for derivatives at the same point
+    # cached, because SciPy asks for residuals and then for derivatives at the same point
     @lru_cache(maxsize=1)
     def at(place: bytes) -> tuple[Array, Array] | None:
         try:
@@ -129,14 +130,14 @@ def descend(
     return ends
 
 
-# distance to a bound that counts as touching it, as a fraction of the range, or absolute if the
-# range is infinite
+# A coordinate within this fraction of its range from a bound counts as being at the bound.
+# If the range is infinite, this is the distance itself.
 TOUCHING = 1e-6
 
 
 def onto_bounds(x: Array, bounds: tuple[Array, Array]) -> tuple[Array, list[int]]:
-    """Return the coordinates `x`, shape (k,), moved onto a bound if they almost touch it, and the
-    indices of those that were moved.
+    """Return the coordinates `x`, shape (k,), with each coordinate that is very close to a bound
+    moved to the bound. Also return the indices of the coordinates at a bound.
     """
     lower, upper = bounds
     width = upper - lower
@@ -145,22 +146,23 @@ def onto_bounds(x: Array, bounds: tuple[Array, Array]) -> tuple[Array, list[int]
     return moved, [i for i in range(len(x)) if moved[i] in (lower[i], upper[i])]
 
 
-AGREEMENT = 1e-6  # relative difference between sums of squares that count as equal
-# multiple of the smallest sum of squares (1.12 times the RMSE) up to which another minimum is
-# reported
+AGREEMENT = 1e-6  # sums of squares with a smaller relative difference count as equal
+# other minima up to this multiple of the smallest sum of squares (1.12 times its RMSE) are noted
 RIVAL = 1.25
-DISTINCT = 1e-3  # relative difference between sums of squares of minima that count as different
+DISTINCT = 1e-3  # minima with a larger relative difference of sums of squares count as different
 
 
 def agreement(ends: Sequence[End], best: End, starts: int) -> str:
-    """Return a note on how many of the `starts` ended at the smallest sum of squares."""
+    """Return a note that says from how many of the `starts` the search reached the smallest sum of
+    squares.
+    """
     agreeing = sum(end.cost <= (1 + AGREEMENT) * best.cost + 1e-20 for end in ends)
     return f"{agreeing} of {starts} starts found the same sum of squares"
 
 
 def rivals(ends: Sequence[End], best: End) -> list[End]:
-    """Return converged ends at other minima that are nearly as deep as the best one: one end for
-    each minimum, the deepest first.
+    """Return the results at other local minima that are nearly as low as the best one. There is one
+    converged result for each minimum, and the lowest minimum comes first.
     """
     distinct = [best]
     for end in sorted(ends, key=_cost):
@@ -174,12 +176,12 @@ def _cost(end: End) -> float:
 
 
 STARTS = 10
-SEED = 20170714  # any fixed number: the same data give the same fit
+SEED = 20170714  # any fixed number, so that the same data give the same fit
 
 
 def drawn_starts(nonlinear: tuple[Nonlinear, ...]) -> Iterator[Array]:
-    """Return `STARTS` seeded points in the intervals, shape (k,) each, with log-uniform
-    magnitudes.
+    """Yield `STARTS` random points in the intervals, shape (k,) each. Magnitudes are distributed
+    log-uniformly, and the seed is fixed.
     """
     rng = np.random.default_rng(SEED)
     for _ in range(STARTS):
@@ -192,20 +194,19 @@ def drawn_starts(nonlinear: tuple[Nonlinear, ...]) -> Iterator[Array]:
 
 METHOD = "variable projection"
 SCAN_POINTS = 24  # number of points in each interval of the coordinate
-# if the sum of squares changes by less than this fraction over the whole scan, it counts as
-# constant
+# over the grid, a smaller relative change of the sum of squares counts as none
 FLAT = 1e-10
-ROUNDING = 1e-24  # fraction of y'y below which a sum of squares is only rounding error
+ROUNDING = 1e-24  # a sum of squares below this fraction of y'y is only rounding error
 
 
 def variable_projection(problem: LeastSquares) -> Solution:
     """Solve `problem` by variable projection.
 
     If there are many samples, the search uses means of neighbouring samples. If the problem has a
-    `start` at which the formula does not overflow, the search begins only there. The lowest end is
-    refined on all samples. The status is `converged`, `at_bound`, `stopped_by_limit`, or `failed`
-    if every start overflows. Notes name a parameter that ends at a bound or that the data do not
-    determine, and say how many starts agree.
+    `start` at which the formula does not overflow, the search begins only there. The best result is
+    then refined on all samples. The status is `converged`, `at_bound`, `stopped_by_limit`, or
+    `failed` if every start overflows. Notes name a parameter that ends at a bound or that the data
+    do not determine, and say how many starts agree.
     """
     if not problem.nonlinear:
         straight = _projected(problem, np.empty(0))
@@ -249,8 +250,9 @@ def variable_projection(problem: LeastSquares) -> Solution:
 
 
 def _valleys(problem: LeastSquares) -> list[tuple[tuple[Array, Array], list[Array]]]:
-    """Scan the only nonlinear parameter. Return every interval with the places at which its sum of
-    squares has a local minimum, or an empty list if all places are equally good.
+    """Compute the sum of squares on a grid of values of the only nonlinear parameter. Return every
+    interval with the grid points at which the sum of squares has a local minimum. If the sum of
+    squares is constant, the list is empty.
     """
     grids = _grids(problem)
     sse = np.array([[_projected_sse(problem, c) for c in grid] for grid in grids])
@@ -265,13 +267,13 @@ def _valleys(problem: LeastSquares) -> list[tuple[tuple[Array, Array], list[Arra
 
 
 def _grids(problem: LeastSquares) -> list[Array]:
-    """Return the places of the scan in every interval of the only nonlinear parameter."""
+    """Return the grid points in every interval of the only nonlinear parameter."""
     (parameter,) = problem.nonlinear
     return [np.geomspace(*interval, SCAN_POINTS) for interval in parameter.intervals]
 
 
 def _projected_sse(problem: LeastSquares, c: float) -> float:
-    """Return the sum of squares at a place of the scan."""
+    """Return the sum of squares at a grid point."""
     try:
         residual = _projected(problem, np.array([c])).residual
     except (NotFinite, np.linalg.LinAlgError):
@@ -284,9 +286,9 @@ def _projected(problem: LeastSquares, c: Array) -> linear.LinearFit:
 
 
 def _projection(problem: LeastSquares, c: Array) -> tuple[Array, Array]:
-    """Return the residual r and its derivative `dr/dc`. The part of the derivative in the space of
-    the regressors is left out, because it does not contribute to the gradient (Kaufman). Both are
-    divided by the largest target, so that the unit does not matter.
+    """Return the residual r and its derivative `dr/dc`. The part of the derivative that lies in the
+    space of the regressors is left out, because it does not contribute to the gradient (Kaufman).
+    Both results are divided by the largest target, so that they do not depend on its unit.
     """
     unit = float(np.abs(problem.y).max()) or 1.0
     best = _projected(problem, c)
@@ -302,10 +304,10 @@ def levenberg_marquardt(problem: LeastSquares) -> Solution:
     """Solve `problem` with MINPACK's Levenberg-Marquardt method, for all parameters at once and
     without bounds.
 
-    The linear parameters start at zero and the nonlinear ones at seeded random places of their
-    intervals, or all of them start at the published values. The lowest sum of squares wins, and a
-    note says how many starts reached it. The status is `converged`, `stopped_by_limit`, or `failed`
-    if every start overflowed.
+    The linear parameters start at zero, and the nonlinear parameters at random places of their
+    intervals with a fixed seed. If published values are requested, all parameters start there. The
+    result with the lowest sum of squares is returned, and a note says from how many starts it was
+    reached. The status is `converged`, `stopped_by_limit`, or `failed` if every start overflowed.
     """
     names, m = list(problem.gradient), len(problem.linear)
     unit = float(np.abs(problem.y).max()) or 1.0
@@ -326,18 +328,18 @@ def levenberg_marquardt(problem: LeastSquares) -> Solution:
 
 
 SIMPLEX = "simplex"
-FMINSEARCH = 1e-4  # tolerance of coordinates and of the sum of squares, as in `fminsearch`
-PER_PARAMETER = 200  # number of evaluations for each parameter, as in `fminsearch`
+FMINSEARCH = 1e-4  # tolerances as in MATLAB's `fminsearch`
+PER_PARAMETER = 200  # evaluations per parameter, as in MATLAB's `fminsearch`
 
 
 def simplex(problem: LeastSquares) -> Solution:
     """Solve `problem` by ten simplex searches over all parameters at once, with the settings of
-    `fminsearch`.
+    MATLAB's `fminsearch`.
 
     H does not say how its random starts are drawn. Here, a linear parameter starts at a random
-    value (uniform, of either sign) at which its term alone is at most as large as the target; a
-    nonlinear parameter starts within its intervals. If there are many samples, the sums of squares
-    are over means of neighbouring samples. The status is `converged`, `stopped_by_limit` (of
+    value, positive or negative, for which its term alone is at most as large as the target. A
+    nonlinear parameter starts at a random value within its intervals. If there are many samples,
+    the search uses means of neighbouring samples. The status is `converged`, `stopped_by_limit` (of
     evaluations), or `failed` if every start overflowed.
     """
     from scipy.optimize import minimize
@@ -375,8 +377,8 @@ def simplex(problem: LeastSquares) -> Solution:
 def _best_solution(
     problem: LeastSquares, ends: Sequence[End], starts: int, method: str
 ) -> Solution:
-    """Return the end with the smallest sum of squares, and its rivals. An end is preferred if the
-    signs of its nonlinear parameters agree with their intervals.
+    """Return the result with the smallest sum of squares, and its rivals. Results whose nonlinear
+    parameters have a sign that their intervals allow are preferred.
     """
     if not ends:
         return failure(problem, method)

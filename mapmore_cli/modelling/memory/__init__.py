@@ -1,5 +1,5 @@
-"""Fit models with memory: delays, slow states, hysteresis operators and resonances are candidates
-of one regression.
+"""Fit models with memory. Delayed signals, slow states, hysteresis operators and resonances are
+candidate terms of one regression.
 """
 
 from mapmore_cli.domain.fits import MemoryFit

@@ -1,8 +1,9 @@
-"""Write the statements of one sample of a model with memory: its states, and the sum of its terms.
+"""Write the statements that compute one sample of a model with memory: its states, and the sum of
+its terms.
 
-A term is a product of a factor of fed-back states and a factor of inputs, `D_j = own_j input_j`.
-Programs write both factors. Training and prediction compute the factor of the inputs for all
-samples at once.
+A term `D_j = own_j input_j` is a product of two factors. One factor depends on fed-back states, and
+the other depends on inputs. Exported programs compute both factors at each sample. Training and
+prediction compute the factor of the inputs for all samples in advance.
 """
 
 from __future__ import annotations
@@ -38,8 +39,8 @@ from mapmore_cli.modelling.program.writing import Inputs, Writer, product_as_wri
 class StateWriter:
     """Writer of statements that compute the states of one sample. Each state is written only once.
 
-    - `seen`: number of samples before this one, by which operators recognise the first sample; None
-      if all past values are known.
+    - `seen`: number of samples before the present sample, by which operators recognise the first
+      sample. It is None if all past values are known.
     - `queues`: for each state whose past values are needed, the name of the queue that holds them.
     - `rules`: if all past values are known, each operator becomes a function of the program;
       `rules` holds their recursions by the names of these functions.
@@ -72,7 +73,9 @@ class StateWriter:
         return self._next("scaled", clipped, [value])
 
     def value(self, wanted: State) -> Expression:
-        """Write the statements that compute a state in physical units, and return its value."""
+        """Write the statements that compute a state in physical units, and return the expression of
+        its value.
+        """
         if wanted not in self.known:
             match wanted:
                 case Measured(name):
@@ -87,7 +90,7 @@ class StateWriter:
         return self.known[wanted]
 
     def pushed(self, output: Expression) -> dict[str, Expression]:
-        """Return the value that this sample appends to each queue."""
+        """Return for each queue the value at the present sample, which is appended to the queue."""
         known = {**self.known, Measured(self.output): output}
         return {queue: known[source] for source, queue in self.queues.items()}
 
@@ -104,8 +107,8 @@ class StateWriter:
         return Name(self.recalls[queue, steps].name)
 
     def _operated(self, operated: Operated) -> Expression:
-        """Write an operator in terms of past values. It is at rest up to the first sample at which
-        its source has a value.
+        """Write the statements of an operator, which use past values. Up to the first sample at
+        which its source has a value, the state of the operator is at rest.
         """
         m, rule = self.m, OPERATORS[operated.operator].recursion(setting_of(operated, self.states))
         x = m.let("source", self.value(operated.source))
@@ -120,8 +123,8 @@ class StateWriter:
     def _next(
         self, stem: str, rule: Callable[..., Any], values: Sequence[Expression]
     ) -> Expression:
-        """Write a rule applied to some values, and return the result. If all past values are known
-        (`seen` is None), the rule becomes a function of the program.
+        """Write the statements of a rule for the given values, and return the result. If all past
+        values are known (`seen` is None), the rule is written as a function of the program.
         """
         m = self.m
         if self.seen is not None:
@@ -132,8 +135,8 @@ class StateWriter:
         return m.use(stem, function, values)
 
     def _past(self, of_state: State, count: int) -> list[Expression]:
-        """Write the last values of a state. Before the first sample, the state had the value of the
-        first sample.
+        """Write statements for the last `count` values of a state. Values before the first sample
+        are equal to the value at the first sample.
         """
         past: list[Expression] = []
         for steps in range(1, count + 1):
@@ -145,9 +148,10 @@ class StateWriter:
 
 
 class Parts(NamedTuple):
-    """The k terms of a model. Each is a product of a factor of inputs and a factor of fed-back
-    states. Stored are the factor of inputs of each term (k), the G different factors of fed-back
-    states, and for each term (k) the index of its factor of fed-back states (-1 if it has none).
+    """The k terms of a model, each split into a factor of inputs and a factor of fed-back states.
+    `inputs` holds the factor of inputs of each term. `owns` holds the G different factors of
+    fed-back states. `groups`, (k,), holds the index of each term in `owns`, or -1 for a term
+    without fed-back states.
     """
 
     inputs: list[Expression]
@@ -161,7 +165,9 @@ class Parts(NamedTuple):
         weights: Sequence[Expression],
         names: Mapping[str, Expression],
     ) -> Expression:
-        """Write `base + sum_g weight_g own_g`; `names` gives the expressions of the states."""
+        """Return the expression `base + sum_g weight_g own_g`. `names` holds the expressions of the
+        states.
+        """
         fed = [
             product_as_written(weight, m.let("own", substitute(part, names)))
             for part, weight in zip(self.owns, weights, strict=True)
@@ -180,13 +186,13 @@ def parts_of_terms(terms: Sequence[str], fed_back: Container[str]) -> Parts:
 
 
 class Feedback:
-    """Computation that a free run repeats at every sample: from past values to the output and the
-    fed-back states.
+    """Computation that a free run repeats at every sample. It computes the output and the fed-back
+    states from past values.
 
     - `queues`: the q states whose past values are needed, the output first.
-    - `recalls`: for each name of a past value, the queue and the number of samples that the value
-      lies back.
-    - `longest`: number of measured outputs with which a run begins.
+    - `recalls`: for each name of a past value, its queue, and the number of samples by which the
+      value lies in the past.
+    - `longest`: number of measured outputs that a run needs before its first prediction.
     - `depth`: number of past values that the next sample may need.
 
     Raises DataError for a state or a term that cannot be fed back.
@@ -221,15 +227,16 @@ class Feedback:
 
     @cached_property
     def step(self) -> Run:
-        """Function that returns the q values at a sample. It takes past values, `base` (the sum of
-        the terms without fed-back states), and the weights of the factors of fed-back states.
+        """Function that returns the q values at a sample. Its arguments are past values, `base`
+        (the sum of the terms without fed-back states), and the weights of the factors of fed-back
+        states.
         """
         return ready_for_one_sample(self.block, self.rules)
 
     @cached_property
     def slopes(self) -> Run:
-        """Function that returns the derivatives of the q values by every past value and every
-        weight, along a run.
+        """Function that returns the derivatives of the q values with respect to every past value
+        and every weight, for all samples of a run.
         """
         names = [*self.recalls, *self.weights]
         return ready_for_columns(
@@ -238,11 +245,10 @@ class Feedback:
 
 
 def fed_back_states(states: StateSet, output: str) -> dict[str, int]:
-    """Return the states that depend on the output, each with the smallest number of samples that it
-    looks back.
+    """Return the states that depend on the output, each with its smallest delay in samples.
 
-    Raises DataError for a state of the output at the present sample, because a model cannot explain
-    its output by itself.
+    Raises DataError if a state depends on the output at the present sample, because this is the
+    value to be predicted.
     """
     lags: dict[str, int] = {}
     for name in states.names:
@@ -259,17 +265,18 @@ def fed_back_states(states: StateSet, output: str) -> dict[str, int]:
 
 
 def looks_back(of_state: State) -> bool:
-    """Return True if a state uses its measured quantity only with a delay: `stop(force[k-1], 0.1)`
-    does, `stop(force, 0.1)[k-1]` does not.
+    """Return True if a state contains its measured quantity with a delay, as `stop(force[k-1],
+    0.1)` does. In `stop(force, 0.1)[k-1]`, only the result is delayed, so the function returns
+    False.
     """
     return any(isinstance(part, Lagged) for part in of_state.parts[1:2])
 
 
 def parted(term: Expression, fed_back: Container[str]) -> tuple[Expression, Expression]:
-    """Return a term as a product (factor of fed-back states) times (factor of inputs).
+    """Split a term into a factor of fed-back states and a factor of inputs.
 
-    Raises DataError if one factor contains both, because its values could not be computed before
-    the run.
+    Raises DataError if a factor, for example a function, contains both, because its values cannot
+    be computed in advance.
     """
     fed: list[Expression] = []
     inputs: list[Expression] = []

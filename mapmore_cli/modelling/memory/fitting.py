@@ -20,11 +20,10 @@ from mapmore_cli.modelling.memory.selectors import TermChoice, problem_of
 from mapmore_cli.modelling.memory.training import DIGITS, TrainingData, Unknown, left_open
 from mapmore_cli.modelling.selection import MemoryRecipe
 
-# share of each piece's training samples, at its end, on which free runs are compared to choose the
-# number of terms
+# last fraction of each piece, on which the number of terms is chosen by free runs
 LATE = 0.25
-STARTS = 3  # number of sets of starting values of operators that are refined
-SHORT = 2048  # number of training samples on which these sets are compared
+STARTS = 3  # number of sets of starting values of operator parameters that are refined
+SHORT = 2048  # number of training samples on which the refined sets are compared
 
 DIVERGES = (
     "write another `fit.stop`, use fewer delayed outputs in the dictionary, or set `fit.ridge`"
@@ -41,10 +40,11 @@ def fit_with_memory(
 ) -> MemoryFit:
     """Choose and fit the terms of one model to the training samples of all pieces.
 
-    Operator parameters that the dictionary leaves free are estimated first. Then they and the
-    coefficients are adjusted to minimise the error in free run. `progress` is called with the
-    number of model sizes that were tried in free run, and the number of all sizes. If `near` is
-    given, a fit to these samples and others, the search begins at its parameters and coefficients.
+    If the dictionary leaves operator parameters free, they are estimated first. Then the operator
+    parameters and the coefficients are changed together to minimise the error in free run.
+    `progress` is called with the number of model sizes that were tried in free run, and the number
+    of all sizes. `near` is None or a fit to these and further samples. If it is given, the search
+    begins at its parameters and coefficients.
 
     Raises DataError if a quantity is missing, no sample has enough history, a state cannot be fed
     back, the dictionary needs more memory than there is, or no model has a finite free run.
@@ -118,9 +118,9 @@ def fit_outputs(records: Sequence[Record], recipes: Sequence[MemoryRecipe]) -> l
 def _refined(
     problem: FreeRunProblem, choice: TermChoice, numbers: Array, near: MemoryFit | None
 ) -> Point:
-    """Return the point with the smallest error in free run. If a fit `near` has the same terms, the
-    search begins at its coefficients and uses whole runs at once. Without such a fit, or if its
-    runs diverge, the search begins at the coefficients of the one-step-ahead fit.
+    """Return the point with the smallest error in free run. If the fit `near` has the same terms,
+    the search begins at its coefficients, with free runs over whole pieces. If there is no such
+    fit, or if its runs diverge, the search begins at the coefficients of the one-step-ahead fit.
     """
     chosen = choice.selection.chosen.tolist()
     if near is not None and {*near.selection.chosen.tolist()} == {*chosen}:
@@ -140,9 +140,9 @@ def _ahead(choice: TermChoice, numbers: Sequence[float] | Array = ()) -> Array:
 
 
 def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) -> Array:
-    """Return the point from which the search for the free parameters begins. A few sets of starting
-    values are refined on a short part of the data, each with the terms that are best for it. The
-    result is the set with the smallest error in free run.
+    """Return the point from which the search for the free parameters begins. For a few sets of
+    starting values, terms are chosen and the parameters are refined on a short part of the data.
+    The set with the smallest error in free run is returned.
     """
 
     def ahead(numbers_tried: tuple[float, ...]) -> float:
@@ -150,10 +150,10 @@ def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) ->
             try:
                 return TrainingData(records, recipe, numbers_tried).selector.best().selection.sse
             except NotFinite:
-                return np.inf  # with these parameters, the state grows without bound
+                return np.inf  # a state with these parameters grows without bound
 
     best, least = np.empty(0), np.inf
-    # the sets are compared on the first training samples of all pieces
+    # the sets of starting values are compared on the first training samples of all pieces
     before = np.cumsum([0, *(record.training.sum() for record in records)])
     short = [
         record.training & (np.cumsum(record.training) <= SHORT - count)
@@ -167,7 +167,7 @@ def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) ->
         choice = training.selector.best()
         chosen = choice.selection.chosen
         if not len(best):
-            # the result if no set has a finite free run, or no comparison is needed
+            # returned if no set of starting values has a finite free run
             best = searched
         part = numbers.those_of(training.open_in(chosen))
         problem = training.problem(chosen, short, search=True)

@@ -1,5 +1,5 @@
-"""Simulate a model from its inputs and its own earlier outputs, or predict one step ahead from the
-measured output.
+"""Simulate a model in free run, from its inputs and its own earlier outputs, or predict one step
+ahead, from measured outputs.
 """
 
 from __future__ import annotations
@@ -24,13 +24,14 @@ from mapmore_cli.modelling.signals.sampling import UNEVEN
 
 
 class Along:
-    """A model with memory along one recording, block after block: simulated from the first measured
-    outputs, or one step `ahead` of the measured past.
+    """Prediction of one recording by a model with memory, block after block. It is a free run that
+    begins with measured outputs, or, with `ahead`, it predicts one step ahead from measured
+    outputs.
 
     The memory restarts at gaps of `time` (s), at steps backwards in time, and after missing inputs.
-    A model without delayed outputs needs no measured output; its free run equals its one-step-ahead
-    prediction. Any other model needs the measured output at the beginning of every piece, over the
-    longest delay. In free run, later measured outputs are not used.
+    A model without delayed outputs needs no measured output, and its free run equals its
+    one-step-ahead prediction. A model with delayed outputs needs measured outputs at the beginning
+    of every piece, over its longest delay. Its free run does not use later measured outputs.
     """
 
     def __init__(self, model: MemoryModel, ahead: bool = False) -> None:
@@ -43,8 +44,8 @@ class Along:
         self._begin_anew()
 
     def _begin_anew(self) -> None:
-        """Forget the current piece: its states, the recalled values, and the rows that wait for a
-        history.
+        """Forget the current piece: its states, its past values, and the rows that are too few for
+        a first prediction.
         """
         self.past: Past = {}
         self.recalled: Array | None = None
@@ -52,11 +53,11 @@ class Along:
         self.lost = False
 
     def __call__(self, columns: Columns) -> SimulatedRun:
-        """Return the predictions at the next rows, (n,), which follow the rows of the last call.
-        `columns` is as in `kinds.simulate`.
+        """Return the predictions for `columns`, (n,). Their rows must follow the rows of the
+        previous call. `columns` is as in `kinds.simulate`.
 
         Raises DataError if an input is missing. Raises AtSample if one of the measured outputs with
-        which the memory starts is missing, or if the time steps are not those of the model.
+        which the memory starts is missing, or if the time steps differ from those of the model.
         """
         values = np.full(row_count(columns), np.nan)
         diverged = list[int]()
@@ -83,8 +84,8 @@ class Along:
         return predicted
 
     def _simulated(self, piece: Columns, n: int) -> Array:
-        """Return the free run of a piece up to the sample at which it leaves the bounds. Rows that
-        still wait for a history are NaN.
+        """Return the free run of a piece, up to the sample at which it leaves the bounds. The rows
+        before the first prediction are NaN.
         """
         if self.waiting:
             piece = {name: np.concatenate([self.waiting[name], x]) for name, x in piece.items()}
@@ -102,9 +103,9 @@ class Along:
         return np.concatenate([np.full(ready.start, np.nan), run.output])[-n:]
 
     def _pieces(self, columns: Columns, n: int) -> Iterator[tuple[IntArray, Columns, bool]]:
-        """Yield the pieces within which the memory lasts: rows with all inputs, one time step
-        apart. For each piece, yield its row numbers, its columns, and True if it continues the last
-        piece of the block before.
+        """Yield the uninterrupted pieces of a block. A piece consists of rows with values of all
+        inputs, one time step apart. For each piece, yield its row numbers, its columns, and True if
+        it continues the last piece of the previous block.
         """
         inputs, states = memory_inputs(self.model), self.model.states
         needed = (columns[name] for name in ("time", *inputs) if name in columns)
@@ -127,8 +128,8 @@ class Along:
 
 
 def _refuse_other_steps(time: Array, rows: IntArray, step: float) -> None:
-    """Refuse a recording in which most time steps are longer than the model's, because every step
-    would count as a gap. A few longer steps are accepted as gaps.
+    """Refuse a recording in which most time steps are longer than those of the model, because every
+    such step would count as a gap. A few longer steps are allowed and count as gaps.
     """
     neighbours, longest = np.flatnonzero(np.diff(rows) == 1), step * (1 + UNEVEN)
     distances = np.diff(time)[neighbours]

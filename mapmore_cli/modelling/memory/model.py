@@ -1,4 +1,4 @@
-"""Predict along a recording with a model with memory, and give its training range, equation and
+"""Predict recordings with a model with memory, and return its training range, its equations and its
 program.
 """
 
@@ -52,8 +52,8 @@ def memory_model(
     quantities: Mapping[str, Quantity],
     notes: tuple[str, ...] = (),
 ) -> Model:
-    """Return a model with memory, on the backbone with which it was fitted. The `training` curves
-    give the range of the inputs.
+    """Return a model with memory, together with the backbone to whose residual it was fitted. The
+    range of its inputs is that of the `training` curves.
     """
     formula = () if backbone is None else literature.of(backbone).inputs
     inputs = sorted({*memory_inputs(memory), *formula})
@@ -77,8 +77,8 @@ def _base(model: Model, columns: Columns) -> Array:
 
 
 def _written(m: Writer, model: MemoryModel, inputs: Inputs) -> Expression:
-    """Write the output at a sample in free run; NaN before there is history, and after the run has
-    diverged.
+    """Write statements for the output at a sample in free run. The output is NaN at the first
+    samples, and after the run has diverged.
     """
     seen = m.number("seen")
     writer = StateWriter(m, model.states, model.output, inputs, seen)
@@ -87,8 +87,8 @@ def _written(m: Writer, model: MemoryModel, inputs: Inputs) -> Expression:
     early = seen < float(max((state(name).lag for name in model.states.names), default=0))
 
     def bounded() -> Expression:
-        """Write the output while it stays within the bounds; NaN from the sample at which it leaves
-        them, until a reset.
+        """Write statements for the output. From the sample at which the output leaves the bounds
+        until a reset, it is NaN.
         """
         value, (low, high) = _sum_of_terms(m, model, names), divergence_bounds(model.limits)
         lost_now = [(lost > 0, NOTHING), (value < low, NOTHING), (value > high, NOTHING)]
@@ -109,8 +109,8 @@ def _written(m: Writer, model: MemoryModel, inputs: Inputs) -> Expression:
 
 
 def _sum_of_terms(m: Writer, model: MemoryModel, names: Mapping[str, Expression]) -> Expression:
-    """Write `constant + sum_j theta_j D_j`. Terms of inputs come first, which is the order in which
-    a free run adds them.
+    """Write `constant + sum_j theta_j D_j`. Terms of inputs come first, because a free run adds
+    them first.
     """
     parts = parts_of_terms(model.terms, fed_back_states(model.states, model.output))
     sums: dict[int, list[Expression]] = {group: [] for group in range(len(parts.owns))}
@@ -131,7 +131,7 @@ class MemoryVerbs(Verbs):
 
     def running(self, model: Model, ahead: bool = False) -> Callable[[Columns], SimulatedRun]:
         """Return a function that predicts the next rows of a recording each time it is called: in
-        free run, or one step `ahead`. The backbone is included.
+        free run, or one step ahead if `ahead` is true. The backbone is included.
         """
         along = Along(model.body_of(Memory).model, ahead)
 
@@ -142,8 +142,8 @@ class MemoryVerbs(Verbs):
         return next_rows
 
     def simulate(self, model: Model, columns: Columns, ahead: bool = False) -> SimulatedRun:
-        """Return the free run of the model along one recording, shape (n,), or its prediction one
-        step `ahead`.
+        """Return the free run of the model along one recording, shape (n,), or, with `ahead`, its
+        one-step-ahead predictions.
         """
         next_rows, diverged, rows = self.running(model, ahead), list[int](), 0
 
@@ -159,14 +159,14 @@ class MemoryVerbs(Verbs):
         return SimulatedRun(row_by_row(values, columns), tuple(diverged))
 
     def one_step(self, model: Model, columns: Columns) -> Array:
-        """Return the prediction of every row from the measured past, shape (n,); NaN before there
-        is history.
+        """Return the one-step-ahead prediction of every row, from measured outputs, shape (n,); NaN
+        at the first rows.
         """
         return self.simulate(model, columns, ahead=True).values
 
     def settled(self, model: Model, columns: Columns) -> Array:
-        """Return the output for constant inputs, shape (n,). A fed-back output is found by
-        Steffensen's method.
+        """Return the output at rest for constant inputs, shape (n,). If the output is fed back, its
+        value at rest is found by Steffensen's method.
 
         Coefficients have the shape (k,), or (k, n) if they differ between rows. Raises FitError if
         the output does not come to rest.
@@ -177,7 +177,7 @@ class MemoryVerbs(Verbs):
         terms, start = list(map(parse, memory.terms)), np.full(len(base), memory.limits[1])
 
         def following(y: Array) -> Array:
-            """Return the next output if the output has always been y."""
+            """Return the output at the next sample if all earlier outputs were y."""
             states = evaluate_states(memory.states, {**columns, memory.output: y}, still=True)
             parts = dictionary_matrix(terms, states, len(y)) * memory.theta.T
             return np.asarray(parts.sum(axis=1) + memory.constant)
@@ -212,7 +212,7 @@ class MemoryVerbs(Verbs):
         )
 
     def rules(self, model: Model) -> Iterator[str]:
-        """Yield the rules by which the model is run, as sentences."""
+        """Yield sentences that say how the output is computed along a recording."""
         body = model.body_of(Memory)
         memory = body.model
         if body.backbone is not None:
@@ -226,8 +226,8 @@ class MemoryVerbs(Verbs):
         yield f"It runs free {start}, {steps}."
 
     def parameters(self, model: Model) -> int:
-        """Return the number of parameters: coefficients of the terms, the model's own constant if
-        it has one, and the parameters of the backbone.
+        """Return the number of parameters. They are the coefficients of the terms, the constant of
+        the model if it has one, and the parameters of the backbone.
         """
         body = model.body_of(Memory)
         coefficients = len(body.model.theta) + (body.model.constant != 0.0)
@@ -239,7 +239,7 @@ class MemoryVerbs(Verbs):
         return (memory.output,) if fed_back_states(memory.states, memory.output) else ()
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
-        """Write a model with memory as statements, including its backbone."""
+        """Write a model with memory and its backbone as statements of a program."""
         body = model.body_of(Memory)
         limit(m, body.ranges, None, inputs)
         m.kept.steps.append(body.model.states.step)
@@ -248,7 +248,7 @@ class MemoryVerbs(Verbs):
         )
 
     def faults(self, model: Model) -> Iterator[str]:
-        """Yield faults of a stored model that no prediction would reveal."""
+        """Yield the faults of a stored model that would not show in its predictions."""
         memory = model.body_of(Memory).model
         if memory.output != model.output.name or not all(
             parse(text).names <= {*memory.states.names} for text in memory.terms

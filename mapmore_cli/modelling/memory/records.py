@@ -1,4 +1,4 @@
-"""Cut recordings into uninterrupted pieces, within which memory lasts."""
+"""Cut recordings into uninterrupted pieces. The memory of a model starts again in every piece."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class AtSample(DataError):
 
 @contextmanager
 def numbered(rows: IntArray) -> Iterator[None]:
-    """Convert errors at samples of a piece into errors at rows of its recording; `rows` holds the
-    row of each sample.
+    """Convert an error at a sample of a piece into an error at a row of the recording. `rows` holds
+    the row of each sample of the piece.
     """
     try:
         yield
@@ -38,7 +38,7 @@ def numbered(rows: IntArray) -> Iterator[None]:
 
 
 def complete(columns: Iterable[Array], n: int) -> BoolArray:
-    """Return a mask, (n,), which is True for a row if every column has a value there."""
+    """Return a mask, (n,), which is True for the rows in which every column has a finite value."""
     return np.asarray(
         np.logical_and.reduce([np.ones(n, dtype=np.bool_), *map(np.isfinite, columns)])
     )
@@ -46,8 +46,8 @@ def complete(columns: Iterable[Array], n: int) -> BoolArray:
 
 @dataclass(frozen=True)
 class Record:
-    """One piece: quantities by name, shape (n,) each, at equal time steps. `training`, shape (n,),
-    marks the training samples.
+    """One uninterrupted piece of a recording: quantities by name, shape (n,) each, at equal time
+    steps. `training`, shape (n,), marks the training samples.
     """
 
     columns: Columns
@@ -60,12 +60,12 @@ class Record:
 
 
 def uninterrupted(time: Array, step: float) -> list[slice]:
-    """Return the pieces of a recording with the time stamps `time`, shape (n,). It is cut at steps
-    longer than `step` (s) and at steps backwards in time. With an infinite `step`, only the order
-    of the samples counts.
+    """Return the pieces of a recording with the time stamps `time`, shape (n,). The recording is
+    cut at steps longer than `step` (s), and at steps backwards in time. If `step` is infinite, it
+    is cut only at steps backwards in time.
 
-    Raises AtSample if a step is neither `step` nor a gap, because the memory of the model counts
-    samples.
+    Raises AtSample if a step is clearly shorter or longer than `step`, but is no gap, because the
+    memory of the model assumes equal steps.
     """
     if math.isinf(step):
         return cut_after(len(time), steps_where(time, lambda steps: steps < 0))
@@ -85,10 +85,10 @@ def uninterrupted(time: Array, step: float) -> list[slice]:
 
 
 def time_step(curves: Sequence[Curve]) -> float:
-    """Return the time between samples that all curves have in common, s; it is the median.
+    """Return the time between samples in s, which is the median over all curves.
 
-    Raises DataError if a curve has another time step: lags count samples, so all recordings must be
-    sampled at the same rate.
+    Raises DataError if a curve has another time step. Lags are numbers of samples, so that all
+    recordings must have the same sampling rate.
     """
     steps = {curve.id: typical_step(curve.columns["time"]) for curve in curves if curve.size > 1}
     usual = float(np.median(list(steps.values()))) if steps else float("nan")
@@ -115,7 +115,7 @@ def sampled(
 
     Time steps may be uneven if the model depends only on the order of the samples (`ordered`). The
     time is then the median, and pieces end only at steps backwards in time. Raises DataError if
-    steps are uneven and must not be.
+    steps are uneven although the model needs even ones.
     """
     try:
         step = time_step(curves)
@@ -128,8 +128,8 @@ def sampled(
 
 
 def begun(curve: Curve, lag: int, step: float) -> Curve:
-    """Cut the beginning of every uninterrupted piece of a curve, so that it begins with `lag`
-    consecutive samples that are not held out, because a free run starts from them. A piece without
+    """Shorten every uninterrupted piece of a curve at its beginning, until it begins with `lag`
+    consecutive samples that are not held out. A free run starts from these samples. A piece without
     such samples is not cut, and a piece without training samples is left out.
 
     Raises AtSample like `uninterrupted`.

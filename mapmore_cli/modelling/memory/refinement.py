@@ -2,14 +2,15 @@
 free runs of growing horizons.
 
 One step ahead, the noise of the measured outputs biases the coefficients. A free run does not use
-measured outputs, but its error is no longer quadratic, and far from its minimum a run may explode.
-Runs that restart from measured outputs every few samples are nearly as well behaved as
-one-step-ahead predictions. Each horizon starts from the coefficients of the horizon before.
+measured outputs. But its squared error is no quadratic function of the coefficients, and with
+coefficients far from the minimum, a run may diverge. Runs that restart from measured outputs every
+few samples are nearly as well behaved as one-step-ahead predictions. The search with each horizon
+starts from the coefficients that were found with the previous, shorter horizon.
 
-The sensitivities of a run follow from the derivatives of the statements of one sample: a value
-changes with its inputs and with the past values of which it is made. All samples together are one
-triangular system with a narrow band, which LAPACK solves for all coefficients at once, without a
-loop over samples.
+The sensitivities of a run follow from the derivatives of the statements of one sample: a change of
+a coefficient changes a value directly, and also through the past values from which it is computed.
+For all samples together, this gives one triangular linear system with a narrow band, which LAPACK
+solves for all coefficients at once.
 """
 
 from __future__ import annotations
@@ -27,22 +28,22 @@ from mapmore_cli.modelling.memory.simulation import ReadyPiece, Trajectory
 
 # number of samples of the shortest horizon, and the factor from one horizon to the next
 FIRST, GROWTH = 16, 8
-# If a run over the next horizon diverges, a horizon between it and the last one is tried, unless
-# that is smaller than this multiple of the last one.
+# If a run over the next horizon diverges, a horizon between the last and the next one is tried.
+# It must be at least this multiple of the last horizon.
 LEAST_GROWTH = 1.2
-# Levenberg-Marquardt factor at the start, and the factor at which a step is given up
+# Levenberg-Marquardt factor at the start, and largest factor, at which the search ends
 DAMPING, MOST_DAMPING = 1e-3, 1e8
-# largest number of iterations, and the relative decrease of the error below which the search stops.
-# `THOROUGH` is for free runs, and `QUICK` for runs over a horizon. `COARSE` is for folds, because
-# errors of folds are compared only with errors that differ by more
+# largest number of iterations, and relative decrease of the error below which the search stops
+# `THOROUGH` is for free runs, and `QUICK` is for runs over a horizon.
+# `COARSE` is for folds, whose errors need less accuracy.
 THOROUGH, QUICK, COARSE = (40, 1e-7), (6, 1e-2), (40, 1e-4)
-# step of the difference quotient that approximates the derivative by a parameter of an operator
+# step of the difference quotient for the derivative with respect to a parameter of an operator
 NUDGE = 1e-5
 
 
 def sensitivities(piece: ReadyPiece, run: Trajectory, theta: Array) -> Array:
-    """Return the derivatives of the outputs of a run by theta and by the constant, shape (n, k +
-    1); not finite if the run is unstable.
+    """Return the derivatives of the outputs of a run with respect to theta and the constant, shape
+    (n, k + 1). They are infinite or NaN if the run is unstable.
     """
     feedback, n, q = piece.feedback, len(run.begins), len(piece.history)
     inputs, groups = piece.inputs[:n], feedback.parts.groups
@@ -67,8 +68,8 @@ def sensitivities(piece: ReadyPiece, run: Trajectory, theta: Array) -> Array:
 
 def _banded(piece: ReadyPiece, run: Trajectory, slopes: Array) -> Array:
     """Return the diagonals of the matrix `I - d(values)/d(past values)`, except for its main
-    diagonal, which the solver knows to be one. Values before the beginning of a stretch are
-    measured, so their derivatives are zero.
+    diagonal, which the solver assumes to be one. Values before a restart of the run are measured,
+    so their derivatives are zero.
     """
     q, _, n = slopes.shape
     recalls, rows = list(piece.feedback.recalls.values()), np.arange(n)
@@ -124,8 +125,8 @@ class FreeRunProblem:
         return vector[:terms], float(vector[terms]), vector[terms + 1 :]
 
     def at(self, vector: Array, horizon: int | None = None) -> Point:
-        """Return the point at a vector, with its runs and its error. Entries of the vector outside
-        their bounds are first moved to the bounds.
+        """Run all pieces with the coefficients and parameters in `vector`, and return the point
+        with its runs and its error. Entries outside their bounds are first moved to the bounds.
         """
         vector = np.clip(vector, *self.between)
         theta, constant, numbers = self.split(vector)
@@ -141,10 +142,10 @@ class FreeRunProblem:
         return Point(vector, float(error), runs, pooled)
 
     def normal(self, point: Point, horizon: int | None = None) -> tuple[Array, Array]:
-        """Return the curvature and the negative gradient of the squared error, both divided by two,
-        at a point with the slopes J: `J'J + ridge` and `J'r - ridge theta`. Rows and columns belong
-        to the entries of the point's vector. The results are not finite if the slopes are too
-        large.
+        """Return the matrix and the right-hand side of the normal equations at a point, `J'J +
+        ridge` and `J'r - ridge theta`. J holds the derivatives of the outputs with respect to the
+        entries of the vector, and r the residuals. The results are infinite or NaN if the
+        derivatives are too large.
         """
         slopes, terms = self.slopes(point, horizon), np.arange(len(self.ridge))
         with np.errstate(over="ignore", invalid="ignore"):
@@ -163,11 +164,11 @@ class FreeRunProblem:
         return downhill
 
     def slopes(self, point: Point, horizon: int | None = None) -> Array:
-        """Return the derivatives of the outputs by all entries of a point's vector, shape (n, k + 1
-        + m).
+        """Return the derivatives of the outputs with respect to all entries of a point's vector,
+        shape (n, k + 1 + m).
 
-        The derivative by an operator's parameter is a central difference. It is a one-sided
-        difference at a bound, or if a run on the other side diverges.
+        For the parameter of an operator, the derivative is a central difference quotient. At a
+        bound, or if the run on one side diverges, it is a one-sided difference quotient.
         """
         theta, _, numbers = self.split(point.vector)
         runs = zip(self.pieces(numbers), point.runs, self.counted, strict=True)
@@ -193,8 +194,8 @@ class FreeRunProblem:
 
 
 def refine(problem: FreeRunProblem, start: Array) -> Point:
-    """Search from the vector `start` for the smallest error in free run, and return the point. Its
-    error is infinite if no finite run was found.
+    """Search from the vector `start` for the smallest error in free run, and return the point. The
+    error is infinite if all runs diverge.
     """
     *_, numbers = problem.split(start)
     fed_back = any(piece.feedback.weights for piece in problem.pieces(numbers))
@@ -223,7 +224,8 @@ def minimise(
     largest number of iterations, and the relative decrease of the error below which the search
     stops.
 
-    SciPy's trust-region method would end in other minima. On average, these are not lower.
+    SciPy's trust-region method is not used: it ends in other minima, which are on average not
+    lower.
     """
     point, damping = problem.at(start, horizon), DAMPING
     iterations, least_gain = effort
@@ -252,8 +254,8 @@ def minimise(
 
 
 def _of_unit_diagonal(curvature: Array) -> tuple[Array, Array]:
-    """Return the curvature scaled to a diagonal of ones, and the scale of each entry, because
-    coefficients differ by orders of magnitude.
+    """Return the matrix `curvature`, scaled so that its diagonal is one, and the scale of each
+    entry. Scaling is needed because coefficients differ by orders of magnitude.
     """
     size = np.sqrt(np.maximum(np.diag(curvature), np.finfo(np.float64).tiny))
     return curvature / size / size[:, None], size
@@ -261,8 +263,8 @@ def _of_unit_diagonal(curvature: Array) -> tuple[Array, Array]:
 
 def free_run_errors(problem: FreeRunProblem, vector: Array) -> tuple[Array, float]:
     """Return the standard errors of a point, shape (k + 1 + m,), and the number of independent
-    samples to which the samples are equivalent. Both are computed from the slopes of its runs and
-    the autocovariance of their residuals.
+    samples to which the samples are equivalent. Both are computed from the derivatives of its
+    outputs and the autocovariance of its residuals.
 
     All errors are NaN if no degree of freedom is left or a slope is not finite. The error of a
     parameter at its bound is NaN too.

@@ -1,5 +1,5 @@
-"""Choose models of 1, 2, ... terms from the same regressors, by plain FROLS or by regularised FROLS
-with pruning.
+"""Choose models with 1, 2, ... terms from the same regressors. This is done by plain FROLS, or by
+regularised FROLS with pruning.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ class Regressors:
     """States and output of the n training samples that have a history, shape (n,) each, one
     recording after the other.
 
-    `uncertainty`, shape (n,), is that of the output, or None. `lengths` holds the number of samples
-    of each recording.
+    `uncertainty`, shape (n,), is the standard deviation of each measured output, or None. `lengths`
+    holds the number of samples of each recording.
     """
 
     terms: tuple[Expression, ...]
@@ -44,8 +44,8 @@ class Regressors:
     def blocks(
         self, among: IntArray | None = None, part: slice = slice(None)
     ) -> Iterator[tuple[Array, Array]]:
-        """Yield the dictionary and the output, block by block; on request only some terms or some
-        samples.
+        """Yield the dictionary and the output block by block, optionally with only some of the
+        terms or samples.
         """
         terms = self.terms if among is None else [self.terms[i] for i in among]
         states, y = columns_at(self.states, part), self.y[part]
@@ -84,13 +84,14 @@ def regressors(
     return Regressors(tuple(terms), pooled, y, np.concatenate(sigma) if sigma else None, lengths)
 
 
-FOLDS = 4  # blocks of samples that are left out one after the other to choose the ridge
+FOLDS = 4  # number of blocks of samples for the cross-validation that chooses the ridge
 
 
 @dataclass(frozen=True)
 class TermChoice:
-    """Terms of one model: their selection, with coefficients in units of the candidates; the
-    constant of the model; the ridge; and the candidates that were chosen before pruning.
+    """Chosen terms of one model. `selection` has coefficients in units of the candidates,
+    `constant` is the constant of the model, and `forward` holds the candidates that were chosen
+    before pruning.
     """
 
     selection: Selection
@@ -100,8 +101,8 @@ class TermChoice:
 
 
 def problem_of(data: Regressors, recipe: MemoryRecipe, among: IntArray | None = None) -> Regression:
-    """Return the candidates and the output as a problem for FROLS. If `among` is given, only these
-    candidates take part.
+    """Return the regression problem for FROLS. If `among` is given, only these candidates can be
+    chosen.
     """
     every = np.arange(len(data.terms)) if among is None else among
     return Regression(
@@ -112,7 +113,9 @@ def problem_of(data: Regressors, recipe: MemoryRecipe, among: IntArray | None = 
 
 
 class _Plain:
-    """Plain FROLS. All candidates are kept in memory at once if there is enough memory."""
+    """Term selection by plain FROLS. The whole dictionary is kept in memory if there is enough
+    memory.
+    """
 
     def __init__(self, data: Regressors, recipe: MemoryRecipe) -> None:
         self.data, self.recipe, self.whole = data, recipe, None
@@ -122,27 +125,27 @@ class _Plain:
             refuse_beyond_memory(len(data.terms))
 
     def best(self) -> TermChoice:
-        """Return the model whose number of terms the recipe's rule prefers."""
+        """Return the model with the number of terms that the recipe's rule chooses."""
         recipe, every = self.recipe, np.arange(len(self.data.terms))
         rule = () if recipe.stop == "free_run" else (recipe.tolerance, recipe.stop)
         return self._selected(every, recipe.max_terms, *rule)
 
     @cached_property
     def sizes(self) -> list[IntArray]:
-        """For each number of terms 1, 2, ..., the terms of the model of this size."""
+        """The chosen terms of the models with 1, 2, ... terms."""
         largest = self._selected(np.arange(len(self.data.terms)), self.recipe.max_terms)
         return [largest.forward[: size + 1] for size in range(len(largest.forward))]
 
     def among(self, chosen: IntArray, stop: str) -> TermChoice:
-        """Return the model with these candidates, in the order of their error reduction. `stop` is
-        the reason for their number.
+        """Return the model with the given candidates, in the order of their error reduction. `stop`
+        is the reason for the number of terms that is stored with the selection.
         """
         choice = self._selected(chosen, len(chosen))
         return replace(choice, selection=replace(choice.selection, stop=stop))
 
     def penalty(self, chosen: IntArray) -> Array:
-        """Return the penalty of each squared coefficient, shape (k,): the ridge is a fraction of
-        each candidate's variance.
+        """Return the factor of each squared coefficient in the penalty, shape (k,). It is the ridge
+        times the sum of squares of the candidate about its mean.
         """
         return np.zeros(len(chosen))
 
@@ -160,11 +163,11 @@ class _Plain:
 
 
 class _Ridged:
-    """Regularised FROLS: forward selection, then pruning, from sums of products that are computed
-    block by block.
+    """Term selection by regularised FROLS: forward selection, then pruning.
 
-    It has the same methods as `_Plain`. The ridge is chosen here if the recipe leaves it open.
-    Raises DataError if no candidate explains anything.
+    It uses sums of products that are computed block by block, and has the same methods as `_Plain`.
+    If the recipe has no number for the ridge, it is chosen here. Raises DataError if no candidate
+    explains anything.
     """
 
     def __init__(self, data: Regressors, recipe: MemoryRecipe) -> None:
@@ -214,7 +217,7 @@ class _Ridged:
 
 
 def selector(data: Regressors, recipe: MemoryRecipe) -> _Plain | _Ridged:
-    """Return an object that gives models of any number of terms: plain FROLS if the recipe has no
-    ridge, otherwise regularised FROLS.
+    """Return an object that chooses models with any number of terms. It uses plain FROLS if the
+    recipe has no ridge, and regularised FROLS otherwise.
     """
     return _Plain(data, recipe) if recipe.ridge == 0.0 else _Ridged(data, recipe)

@@ -1,9 +1,9 @@
-"""Give the static gain of a model with memory a known sign.
+"""Fit a model with memory so that its static gain has a known sign.
 
-For constant inputs, operators come to rest. Without delayed outputs, the output at rest is linear
-in the coefficients, like the output in motion. The coefficients are then found under the condition
-on the sign by the same method as for a surface (`shape.exchange`). For all other models, the sign
-is only checked.
+If the inputs are constant, operators come to rest. If the model has no delayed outputs, its output
+at rest is linear in the coefficients. The coefficients are then fitted with the sign as a
+constraint, by the same method as for a static model (`shape.exchange`). For a model with delayed
+outputs, the sign is only checked.
 """
 
 from __future__ import annotations
@@ -55,11 +55,12 @@ def with_signed_gain(
     records: Sequence[Record],
     recipe: MemoryRecipe,
 ) -> Model:
-    """Return the model with static gains of the signs that the recipe asks for.
+    """Return the model, fitted again if necessary, so that its static gains have the signs that the
+    recipe requires.
 
-    `records` are the pieces of recordings to which the model was fitted. Raises FitError if no
-    coefficients of the chosen terms have these signs. Also raises FitError if the method cannot
-    impose the signs and the fitted gains have other signs.
+    `records` are the pieces of recordings to which the model was fitted. Raises FitError if the
+    chosen terms cannot have these signs with any coefficients, or if the signs can only be checked
+    and are wrong.
     """
     memory, body = fit.model, model.body_of(Memory)
     region = region_of(model, curves, recipe)
@@ -90,9 +91,9 @@ def with_signed_gain(
 
 
 def _warnings_of_zero_gain(shaped: Model, region: Region) -> Iterator[str]:
-    """Yield a warning for each required sign that makes the static gain zero. The gain becomes zero
-    if the data alone would give it the other sign. Raises FitError if the training error also
-    becomes clearly larger, because the required sign is then wrong.
+    """Yield a warning for each required sign that makes the static gain zero. This happens if a fit
+    without the requirement has a gain of the opposite sign. If the training error also becomes
+    clearly larger, the required sign is wrong, and FitError is raised.
     """
     shape = shaped.shape
     assert shape is not None
@@ -110,7 +111,7 @@ def _warnings_of_zero_gain(shaped: Model, region: Region) -> Iterator[str]:
         )
         if shape.training > CLEARLY * shape.training_without:
             raise FitError(
-                f"{sentence}, and the training error is "
+                f"{sentence}, and without it, the training error is "
                 f"{shape.training / shape.training_without:.3g} times smaller",
                 f"write `{kept.quantity}: {other}` if this is right, or remove the sign",
             )

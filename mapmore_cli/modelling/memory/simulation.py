@@ -1,5 +1,5 @@
-"""Prepare an uninterrupted piece of a recording for many simulations with different
-coefficients.
+"""Prepare an uninterrupted piece of a recording, so that it can be simulated many times with
+different coefficients.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ from mapmore_cli.modelling.memory.feedback import Feedback
 from mapmore_cli.modelling.memory.records import AtSample, complete
 from mapmore_cli.modelling.memory.states import Past, evaluate_states, value_of
 
-# a free run counts as diverged if it leaves the training range by more than this many training
-# ranges
+# A free run has diverged if it leaves the training range by this multiple of the range.
 DIVERGED = 100.0
 
 
@@ -27,8 +26,8 @@ DIVERGED = 100.0
 class Trajectory:
     """A run, and the samples at which it was restarted.
 
-    - `values`: (q, n) the output and the other recalled values. There are fewer samples than in the
-      piece if the run left all bounds.
+    - `values`: (q, n) the output, and the other values of which later samples need the past. If the
+      run diverged, it has fewer samples than the piece.
     - `begins`: (n,) for each sample, the sample at which its run was last restarted.
     """
 
@@ -45,11 +44,11 @@ class ReadyPiece:
     """A piece prepared for one set of terms: its samples from the row `start` on, at which every
     state of inputs has a value and the longest delay is over.
 
-    - `inputs`: (n, k) factors of inputs in the terms.
+    - `inputs`: (n, k) factor of each term that depends only on inputs.
     - `measured`: (start + n,) output; NaN if it is unknown.
-    - `history`: (q, start + n) recalled values along the measured output, at rest before it.
-    - `past`: the last values of the states of an earlier piece, which this piece continues from its
-      first row on.
+    - `history`: (q, start + n) values of which later samples need the past, computed from the
+      measured output. Before the first measured output, they are at rest.
+    - `past`: the last values of the states in an earlier piece, if this piece continues it.
     """
 
     def __init__(self, feedback: Feedback, columns: Columns, past: Past | None = None) -> None:
@@ -78,8 +77,8 @@ class ReadyPiece:
 
     @cached_property
     def restarts(self) -> BoolArray:
-        """Return True for samples at which a run may restart, (n,), because all earlier values that
-        it needs are known.
+        """Mask of the samples at which a run may restart, (n,). All earlier values that the run
+        needs are known there.
         """
         known = np.isfinite(self.measured) & np.isfinite(self.history).all(axis=0)
         back = np.concatenate([[0], np.cumsum(~known)])
@@ -87,8 +86,8 @@ class ReadyPiece:
         return np.asarray(back[rows] == back[np.maximum(rows - self.feedback.depth, 0)])
 
     def begins(self, horizon: int | None) -> IntArray:
-        """Return, for each sample, the sample at which its stretch begins, (n,). A stretch is a
-        part of a run between two restarts; without a `horizon`, there is only one.
+        """Return, for each sample, the sample at which the run was last restarted, (n,). Without a
+        `horizon`, a run is never restarted.
         """
         rows = np.arange(self.size)
         if horizon is None:
@@ -104,10 +103,10 @@ class ReadyPiece:
         before: Array | None = None,
     ) -> Trajectory:
         """Simulate with the coefficients `theta`, (k,), restarting from measured outputs after
-        every `horizon` samples. If the piece continues another, `before`, (q, depth), holds its
-        last values.
+        every `horizon` samples. If the piece continues another piece, `before`, (q, depth), holds
+        the last values of that piece.
 
-        The run ends before the first sample that leaves the `bounds`.
+        The run ends before the first sample whose output lies outside the `bounds`.
         """
         feedback, (low, high), weighted = self.feedback, bounds, self.inputs * theta
         groups = feedback.parts.groups
@@ -140,15 +139,15 @@ class ReadyPiece:
         return Trajectory(np.concatenate(parts, axis=1), begins[:done])
 
     def recalled_at(self, sample: int) -> Array:
-        """Return the past values that the model uses at a sample, computed from the measured
-        output, shape (q, depth).
+        """Return the past values that the model needs at a sample, shape (q, depth). They are
+        computed from the measured output.
         """
         back = np.arange(-self.feedback.depth, 0) + self.start + sample
         return self.history[:, np.maximum(back, 0)]
 
     def recalled(self, trajectory: Trajectory) -> dict[str, Value]:
         """Return every past value that a run needs, shape (n,) each, by name. Values from before
-        the beginning of a stretch are measured.
+        the last restart are computed from measured outputs.
         """
         rows, begins = np.arange(len(trajectory.begins)), trajectory.begins
         columns: dict[str, Value] = {}
@@ -163,7 +162,7 @@ class ReadyPiece:
 
 
 def refuse_unknown_beginning(piece: ReadyPiece) -> None:
-    """Raise AtSample if a measured output with which the run begins is missing."""
+    """Raise AtSample if one of the measured outputs is missing from which the run starts."""
     first = piece.start - piece.feedback.longest
     known = np.isfinite(piece.measured[first : piece.start])
     if piece.size and not known.all():
@@ -178,7 +177,9 @@ def refuse_unknown_beginning(piece: ReadyPiece) -> None:
 
 
 def divergence_bounds(limits: Ends) -> Ends:
-    """Return the smallest and largest output that a run may have, from the training range."""
+    """Return the smallest and the largest output at which a run has not yet diverged, from the
+    training range.
+    """
     low, high = limits
     reach = DIVERGED * (high - low if high > low else max(abs(high), 1.0))
     return max(low - reach, -sys.float_info.max), min(high + reach, sys.float_info.max)

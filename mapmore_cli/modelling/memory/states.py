@@ -1,5 +1,5 @@
-"""Compute states with memory along a piece of a recording, and the parameters of their operators,
-which training estimates.
+"""Compute states with memory along a piece of a recording. Also determine the parameters of their
+operators from training data.
 """
 
 from __future__ import annotations
@@ -32,9 +32,11 @@ def evaluate_states(
     states: StateSet, columns: Columns, past: Past | None = None, *, still: bool = False
 ) -> dict[str, Array]:
     """Return every state along one uninterrupted piece, shape (n,) each, scaled and clipped as
-    `states` says; NaN before there is history. With `past`, the piece continues another, and leaves
-    its own last values in `past`. With `still`, each row is a piece of its own whose quantities
-    have always been constant.
+    `states` says. A state is NaN at the first rows if it needs earlier values.
+
+    With `past`, the piece continues an earlier piece whose last values `past` holds; they are then
+    replaced by the last values of this piece. With `still`, every row is treated separately, as if
+    all quantities had always had the values of this row.
 
     Raises DataError if a quantity is missing.
     """
@@ -53,7 +55,7 @@ def evaluate_states(
             values[name] = np.clip(
                 (values[name] - low) / (high - low), -states.margin, 1 + states.margin
             )
-        else:  # the quantity was constant in training
+        else:  # the state was constant in training
             values[name] = np.where(np.isnan(values[name]), np.nan, 0.0)
     return values
 
@@ -71,9 +73,8 @@ def value_of(
     *,
     still: bool = False,
 ) -> Array:
-    """Return one state in physical units, shape (n,), continued from `past` unless that is None.
-    The state, and the states inside it, are stored in `known` by name. `still` is as in
-    `evaluate_states`.
+    """Return one state in physical units, shape (n,). The state, and all states inside it, are also
+    stored in `known` by name. `past` and `still` have the same meaning as in `evaluate_states`.
     """
     before = {} if past is None else past
     if wanted.name in known:
@@ -101,8 +102,8 @@ def value_of(
 
 
 def setting_of(operated: Operated, numbers: StateSet) -> Setting:
-    """Return the setting of an operator's state, with the numbers of its name or those that
-    training estimated.
+    """Return the numbers that determine a state of an operator. They are taken from its name, or
+    from the training.
     """
     source = operated.source.name
     match OPERATORS[operated.operator].needs:
@@ -114,8 +115,8 @@ def setting_of(operated: Operated, numbers: StateSet) -> Setting:
 
 
 def delayed(x: Array, steps: int, before: Array) -> Array:
-    """Return `x[k - steps]`, shape (n,); `before` holds the values before x[0]. The result is NaN
-    before there is history.
+    """Return `x[k - steps]`, shape (n,). `before` holds values before x[0]; if a value is not among
+    them, the result is NaN.
     """
     return np.concatenate([np.full(steps, np.nan), before, x])[len(before) :][: len(x)]
 
@@ -131,11 +132,10 @@ def resolve_states(
     recipe: MemoryRecipe,
     resonances: Mapping[str, tuple[float, float]] = MappingProxyType({}),
 ) -> StateSet:
-    """Return the states with these names, with every parameter that they need. `resonances` holds
-    those that are already known.
+    """Return the states with these names, together with all parameters that they need.
 
-    For `resonance` without numbers, the oscillator is taken that explains most of the recipe's
-    target.
+    `resonances` holds the parameters of oscillators that are already known. For a `resonance`
+    without numbers, the oscillator is used that explains most of the recipe's target.
 
     Raises DataError if a quantity is missing, or no training sample has a value of every state.
     """
@@ -180,8 +180,8 @@ def resolve_states(
 
 
 def with_ranges(records: Sequence[Record], recipe: MemoryRecipe) -> tuple[str, ...]:
-    """Return the dictionary with the training ranges filled in. Raises DataError like
-    `resolve_states`.
+    """Return the dictionary with numbers from the training ranges in place of `unit`. Raises the
+    same errors as `resolve_states`.
     """
     waiting = {
         name for text in recipe.dictionary if RANGED in text for name in candidate(text).names
@@ -208,7 +208,7 @@ def _training_values(values: Sequence[Array], training: Sequence[BoolArray]) -> 
     return np.concatenate([column[rows] for column, rows in zip(values, training, strict=True)])
 
 
-# Hz: frequencies with which a load on a soft muscle rings
+# natural frequencies of a load on a soft muscle, in Hz
 FREQUENCIES = tuple(np.geomspace(1.0, 15.0, 30).tolist())
 DAMPINGS = (0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7)
 
@@ -216,16 +216,17 @@ DAMPINGS = (0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7)
 def find_resonance(
     driving: Sequence[Array], output: Sequence[Array], training: Sequence[BoolArray], step: float
 ) -> tuple[float, float]:
-    """Return frequency (Hz) and damping ratio of the oscillator that leaves the smallest part of
-    the training output unexplained; if several are equally good, the slowest.
+    """Return the frequency (Hz) and the damping ratio of the oscillator with which the training
+    output is explained best. If several oscillators are equally good, return the slowest.
 
-    The output is fitted with `[1, x, x^2, s, y, v]`: the driving quantity x, a slow state s of it
-    that stands for all other memory, and the oscillator's position y and velocity v.
+    The output is fitted by a linear combination of `[1, x, x^2, s, y, v]`. Here, x is the driving
+    quantity, s is a slow state of x (in place of all other memory), and y and v are the position
+    and the velocity of the oscillator.
 
     - `driving`, `output`: (n,) for every piece.
     - `training`: (n,) True for samples that count.
     """
-    # an oscillation with fewer than five samples per period is not resolved
+    # fewer than five samples per period cannot show an oscillation
     frequencies = [frequency for frequency in FREQUENCIES if frequency * step <= 0.2]
     if not frequencies:
         raise DataError(
@@ -254,7 +255,7 @@ def find_resonance(
         )[known]
         along_basis, products = basis.T @ moved, moved.T @ left
         gram = moved.T @ moved - along_basis.T @ along_basis
-        # ratio by which the unexplained squares shrink
+        # decrease of the residual sum of squares
         gain = float(products @ np.linalg.lstsq(gram, products, rcond=1e-10)[0])
         if gain > most * (1 + 1e-9):
             best, most = numbers, gain

@@ -1,11 +1,11 @@
-"""Prepare training samples: the parameters that terms leave free, regressors for one-step-ahead
-prediction, and pieces for free runs.
+"""Prepare training data for models with memory: free parameters of operators, regressors for
+one-step-ahead prediction, and pieces for free runs.
 
-Training estimates the parameters of an operator whose name contains none, for example
-`wen(force[k-1])`. The starting values are taken from a grid. For every set of them, FROLS chooses
-the terms, and the errors of predictions one step ahead are computed. The sets with the smallest
-errors are kept and refined together with all coefficients in free run. From random starts, few
-searches end at the best model; from the grid, most do.
+If the name of an operator contains no parameters, for example `wen(force[k-1])`, training estimates
+them. Sets of starting values are taken from a grid. For every set, FROLS chooses the terms, and the
+one-step-ahead error is computed. The sets with the smallest errors are then refined, together with
+all coefficients, in free run. Most of these searches end at the best model. From random starting
+values, few would.
 """
 
 from __future__ import annotations
@@ -39,23 +39,22 @@ from mapmore_cli.modelling.memory.simulation import (
 from mapmore_cli.modelling.memory.states import resolve_states
 from mapmore_cli.modelling.selection import MemoryRecipe
 
-DIGITS = 10  # significant digits of an estimated parameter; its standard error is far larger
-ALL = 64  # each set of starting values is tried if there are at most this many
-# distance, as a fraction of the range between the bounds, at which a parameter counts as at its
-# bound
+DIGITS = 10  # number of significant digits to which estimated parameters are rounded
+ALL = 64  # if there are at most this many sets of starting values, all are tried
+# A parameter within this fraction of its range from a bound counts as being at the bound.
 AT_BOUND = 1e-6
 
 
-Numbers = tuple[tuple[float, ...], ...]  # numbers of the operators of each state
+Numbers = tuple[tuple[float, ...], ...]  # the numbers of each operator
 
 
 @dataclass(frozen=True)
 class Unknown:
-    """The m operator parameters that some terms leave free. The logarithm is searched if a
-    parameter must be positive.
+    """The m parameters of operators that are not written in the terms, and are therefore estimated.
+    For a parameter that must be positive, the search coordinate is its logarithm.
 
-    - `states`: operators without their parameters, each once, the innermost first. For a subset of
-      the terms, the order is the same.
+    - `states`: operators without parameters, without repetitions and the innermost first. For a
+      subset of the terms, they have the same order.
     - `step`, `longest`: time between samples and duration of the longest piece, s.
     """
 
@@ -96,7 +95,9 @@ class Unknown:
         return self._place(np.clip(numbers, *self.limits))
 
     def numbers(self, searched: Array, digits: int = 17) -> tuple[float, ...]:
-        """Return the parameters at search coordinates, with this many significant digits."""
+        """Return the parameters that belong to search coordinates, rounded to `digits` significant
+        digits.
+        """
         positive = self.limits[0] > 0
         values = np.where(positive, np.exp(np.where(positive, searched, 0.0)), searched)
         return tuple(float(f"{value:.{digits}g}") + 0.0 for value in values)
@@ -126,8 +127,8 @@ class Unknown:
         return tuple(f"{parameter.key} of {operated.name}" for operated, parameter in self.places)
 
     def begun_at(self, before: Identified | None) -> Array:
-        """Return the search coordinates of the parameters that were identified `before`, (m,); the
-        middle of the bounds for all others.
+        """Return search coordinates, (m,). For parameters that were estimated `before`, they are
+        the earlier estimates; for all other parameters, they are the middle between the bounds.
         """
         at: Array = self.bounds.mean(axis=0)
         if before is not None:
@@ -150,11 +151,11 @@ class Unknown:
     def scan(
         self, error: Callable[[tuple[float, ...]], float], keep: int
     ) -> list[tuple[float, ...]]:
-        """Return the `keep` best sets of starting values, the best first, by the one-step-ahead
-        `error` with the parameters of all states.
+        """Return the `keep` sets of starting values with the smallest one-step-ahead `error`, the
+        best set first.
 
-        If there are few sets, all are tried; otherwise the grid of each state is scanned one after
-        the other.
+        If there are few sets, all are tried. Otherwise, the grid of one state is tried after the
+        other, and the best parameters so far are used for the other states.
         """
         grids = [
             starts(self.step, self.longest)
@@ -177,7 +178,9 @@ class Unknown:
 
 
 def left_open(records: Sequence[Record], terms: Sequence[str], step: float) -> Unknown:
-    """Return the parameters that terms leave free; `step` is the time between samples, s."""
+    """Return the operator parameters that are not written in the terms. `step` is the time between
+    samples in s.
+    """
     parts = {
         part
         for text in terms
@@ -197,7 +200,7 @@ def left_open(records: Sequence[Record], terms: Sequence[str], step: float) -> U
 
 
 def _with(wanted: State, numbers: dict[Operated, tuple[float, ...]]) -> State:
-    """Return a state with numbers inserted for its free parameters."""
+    """Return the state with numbers in place of its free parameters."""
     if isinstance(wanted, Measured):
         return wanted
     inner = _with(wanted.source, numbers)
@@ -209,8 +212,8 @@ def _with(wanted: State, numbers: dict[Operated, tuple[float, ...]]) -> State:
 
 
 class TrainingData:
-    """One set of training samples, and the `numbers` (parameters) of operators that the recipe's
-    dictionary leaves free.
+    """One set of training samples, together with the `numbers` (parameters) of the operators for
+    which the recipe's dictionary has none.
 
     Raises DataError if a quantity is missing, too few samples have a history, or a state cannot be
     fed back.
@@ -227,7 +230,7 @@ class TrainingData:
         self.states = resolve_states(sorted(names_in(self.terms)), records, recipe)
         fed_back = fed_back_states(self.states, recipe.target)
         for term in self.terms:
-            parted(term, fed_back)  # raises an error for a term that cannot be fed back in free run
+            parted(term, fed_back)  # raises an error if a term cannot be computed in free run
         self.data = regressors(records, self.states, self.terms, recipe.target)
         if len(self.data.y) <= recipe.max_terms:
             raise DataError(
@@ -276,9 +279,9 @@ class TrainingData:
         )
 
     def _with_errors(self, selection: Selection, choice: TermChoice) -> Selection:
-        """Return the selection with standard errors that allow for correlation along the
-        recordings. With a robust loss or weighted samples, the standard errors remain those for
-        independent samples.
+        """Return the selection with standard errors that take the correlation of residuals along
+        the recordings into account. With a robust loss or weighted samples, the standard errors are
+        not changed; they assume independent samples.
         """
         data, k = self.data, len(selection.chosen)
         weighed = self.recipe.loss != "squares" or data.uncertainty is not None
@@ -292,7 +295,7 @@ class TrainingData:
         return replace(selection, theta_error=errors, worth=worth)
 
     def open_in(self, chosen: IntArray) -> Unknown:
-        """Return the parameters that some candidates leave free."""
+        """Return the operator parameters that are not written in the chosen candidates."""
         return left_open(
             self.records, [self.recipe.dictionary[i] for i in chosen], self.recipe.step
         )
@@ -300,15 +303,16 @@ class TrainingData:
     def problem(
         self, chosen: IntArray, counted: Sequence[BoolArray] | None = None, *, search: bool = False
     ) -> FreeRunProblem:
-        """Return the simulation error of some candidates, over all training samples or over those
-        that are `counted`, (n,) for each record.
+        """Return the simulation error of some candidates as a problem to be minimised.
 
-        `search` is True if the parameters that they leave free are to be searched as well.
+        It is computed from all training samples, or from those that are `counted`, (n,) for each
+        record. With `search`, the free parameters of operators are variables of the problem too.
 
-        Raises DataError if no sample has a history, or a first output is missing.
+        Raises DataError if no sample has enough earlier samples, or if a measured output is missing
+        from which a run starts.
         """
         wanted = [record.training for record in self.records] if counted is None else counted
-        parts = []  # the run stops at the last sample that counts
+        parts = []  # runs stop at the last sample that counts
         for record, mask in zip(self.records, wanted, strict=True):
             end = int(np.max(np.flatnonzero(mask), initial=-1)) + 1
             if end:
@@ -318,7 +322,9 @@ class TrainingData:
 
         @lru_cache(maxsize=4)
         def made_ready(*at: float) -> list[ReadyPiece]:
-            """Return all pieces, prepared for the search coordinates `at`."""
+            """Return all pieces, prepared with the operator parameters that belong to the search
+            coordinates `at`.
+            """
             terms, states = tuple(self.dictionary[i] for i in chosen), self._states_of(chosen)
             if at:
                 terms = numbers.filled(texts, numbers.numbers(np.array(at)))

@@ -1,7 +1,7 @@
 """Build a MAPMORE model from curves: segment, fit, fuse (M1 section III, M2 section 3).
 
-The stages of the pipeline call the three steps one by one, with files between them;
-cross-validation calls them directly.
+The stages of the pipeline call the three steps separately and store the results in between;
+cross-validation calls `build`, which does all of them.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ from mapmore_cli.modelling.pieces.shaped import shaped
 
 
 def quantities_in(terms: Iterable[Expression]) -> tuple[str, ...]:
-    """Return the quantities that occur in some terms, in the order of their names."""
+    """Return the quantities that occur in the terms, in alphabetical order."""
     return tuple(sorted(names_in(terms)))
 
 
@@ -78,14 +78,14 @@ def segment(
     backbone: FormulaFit | None = None,
     also: Sequence[str] = (),
 ) -> tuple[SegmentedCurve, ...]:
-    """Cut every training curve at places that follow from its measured values. With `optimal`, cut
-    it so that the fits of its segments have the smallest error. With several outputs (`also`), the
-    errors are summed, each divided by the range of its output.
+    """Cut every training curve into segments. The method of the recipe finds the boundaries from
+    the measured values, or, with `optimal`, from the errors of fits. With several outputs (`also`),
+    these errors are divided by the range of their output and summed.
 
     Raises DataError if a segment holds no sample, or if a curve has too few samples for the cut.
     """
     terms = [candidate(text) for text in recipe.dictionary]
-    # losses that give samples less weight cannot be compared between segments
+    # a robust loss gives other weights in each segment, so its errors could not be compared
     recipe = replace(recipe, fit=replace(recipe.fit, loss="squares", scale="auto"))
     recipes = [recipe, *(replace(recipe, target=name) for name in also)]
     training = training_curves(curves, recipe.level is not None)
@@ -115,9 +115,9 @@ def fit(
     tick: Callable[[], None] = lambda: None,
     also: Sequence[str] = (),
 ) -> tuple[tuple[SegmentFit, ...], ...]:
-    """Fit every segment of every training curve, to the residual of the backbone if there is one.
-    Return the fits of the target, then those of the outputs in `also`. `tick` is called after each
-    segment.
+    """Fit every segment of every training curve. If there is a backbone, segments are fitted to its
+    residual. Return the fits of the target, then those of the outputs in `also`. `tick` is called
+    after each segment.
 
     Raises DataError if a segment has too few samples, or a term is not finite on its samples.
     """
@@ -141,9 +141,9 @@ def fit(
 def _labels_of_curves(
     rows: Rows, curves: Sequence[Curve], curve: Curve, pooled: bool
 ) -> IntArray | None:
-    """Return a label for each sample, shape (n,); residuals with equal labels may be correlated.
-    The label is the curve of the sample if several curves are pooled, otherwise the recording.
-    Return None if all samples have the same label.
+    """Return a label for each sample, shape (n,). Residuals of samples with the same label may be
+    correlated. If several curves are pooled, the label is the curve of the sample; otherwise, it is
+    the recording. Return None if all samples have the same label.
     """
     if pooled:
         ends = np.cumsum([curve.size for curve in curves])
@@ -168,8 +168,8 @@ def fit_together(
     `columns` holds the columns of the segment's curve. The `recipes` differ only in their targets,
     which share terms and placement.
 
-    `origin` labels the rows of the segment, shape (n,): residuals with the same label are
-    correlated.
+    `origin`, shape (n,), has a label for each row of the segment. Residuals with the same label are
+    treated as correlated.
     """
     texts, scalings, choices = _best_placement(segment, columns, terms, recipes, origin)
     return tuple(
@@ -185,11 +185,12 @@ def _best_placement(
     recipes: Sequence[Recipe],
     origin: IntArray | None = None,
 ) -> _Placed:
-    """Return the placement with the smallest training SSE, and its choices. If several are equally
-    good, the first one is returned.
+    """Return the placement with the smallest training SSE, and the terms that were chosen for it.
+    If several placements are equally good, the first is returned.
 
-    All placements share the slope of y, so their scaled SSE are comparable. Up to a million rows
-    are sorted first, so that the result does not depend on the order in which a logger wrote them.
+    All placements have the same slope of y, so that their scaled SSE can be compared. If there are
+    at most a million rows, they are sorted first, so that the result does not depend on the order
+    in which they were recorded.
     """
     recipe, n = recipes[0], len(segment.rows)
     most = min(recipe.fit.max_terms, len(terms))
@@ -203,7 +204,7 @@ def _best_placement(
     variables = quantities_in(terms)
     outputs = [_samples_of(segment, columns, variables, each, origin) for each in recipes]
     robust = recipe.fit.loss != "squares"
-    # robust weights differ between placements, so that weighted sums of squares cannot be compared
+    # robust weights differ between placements, so their scales are compared, not their SSE
     missed = "scale" if robust else "sse"
     ends = {
         name: np.array(extremes(x)) for name, x in zip(variables, outputs[0].inputs, strict=True)
@@ -232,13 +233,13 @@ def _best_placement(
         left = sum(getattr(choice.selection, missed) for choice in choices)
         if best is None or left < least * (1 - TIE_TOLERANCE):
             least, best = left, (texts, scalings, choices)
-    assert best is not None  # the loop above ran at least once
+    assert best is not None  # because there is at least one placement
     return best
 
 
-# number of samples for each term in the fit that finds outliers
+# number of samples per term in the fit that finds outliers
 SAMPLES_PER_TERM = 3
-# largest number of samples of which one may have so much leverage that a robust loss misses it
+# with more samples than this, no sample has so much leverage that a robust loss misses it
 SHORT = 200
 
 
@@ -264,7 +265,7 @@ class _Samples:
     def blocks(
         self, terms: Sequence[Expression], scaling: Scaling
     ) -> Iterator[tuple[Array, Array]]:
-        """Yield terms and output in scaled coordinates, block by block."""
+        """Yield the values of the terms and of the output in scaled coordinates, block by block."""
         block_of = dictionary_block(terms)
         for rows in row_blocks(len(self.y)):
             z, target = self.scaled(rows, scaling)
@@ -273,7 +274,7 @@ class _Samples:
                 give_back(column)
 
     def scaled(self, rows: slice, scaling: Scaling) -> tuple[dict[str, Array], Array]:
-        """Return the inputs by name, and the output, at some rows and in scaled coordinates."""
+        """Return the inputs by name and the output, for some of the rows, in scaled coordinates."""
         inputs = {name: x[rows] for name, x in zip(scaling.variables, self.inputs, strict=True)}
         return scaled_inputs(scaling, inputs), (
             self.y[rows] - scaling.y_intercept
@@ -317,11 +318,13 @@ def _robust(
 ) -> tuple[Sequence[Scaling], Sequence[Choice]]:
     """Choose a placement and terms that do not depend on single outliers.
 
-    Outliers are found by two robust fits with a free offset, which no anchor constrains. One fit
-    has as many terms as the segment. The other has so many that it follows the curve closely. The
-    residuals of each fit give weights, with which the first terms can be chosen; an outlier that
-    bends both fits to itself is found by leaving it out. These two sets of weights are compared
-    with equal weights. The set that leads to the smallest scale of the residuals is used.
+    Outliers are found by two robust fits with a free constant. One fit has as many terms as the
+    segment, and the other has so many terms that it follows the curve closely. If one outlier pulls
+    a fit towards itself, it is found by a fit without it.
+
+    The residuals of each fit give the samples weights, which determine the placement. The terms are
+    then chosen twice, starting with these weights or with equal weights. Of all results, the one
+    with the smallest scale of the residuals is used.
     """
     free, n, most = [*terms, parse("1")], len(outputs[0].y), recipe.fit.max_terms
     ways = []
@@ -352,7 +355,7 @@ def _chosen_terms(
     outputs: Sequence[_Samples],
     recipe: Recipe,
 ) -> tuple[Choice, ...]:
-    """Return the terms that FROLS chooses, for each output.
+    """Return, for each output, the terms that FROLS chooses.
 
     The dictionary is built block by block if one or two passes over it are enough, so that it is
     never in memory as a whole.
@@ -378,7 +381,7 @@ def _chosen_terms(
     z, target = outputs[0].scaled(slice(0, n), scalings[0])
     P = dictionary_matrix(terms, z, n)
     choice = choose(P, target, stopping, weighings[0])
-    # a wide dictionary is released before the dictionary of the next placement is built
+    # so that a wide dictionary is released before the next one is built
     return (replace(choice, only=problems[0].of),)
 
 
@@ -390,10 +393,10 @@ def fuse(
     recipe: Recipe,
     quantities: Mapping[str, Quantity],
 ) -> Model:
-    """Join the segment functions. The curves come in the order of their levels.
+    """Join the segment functions to a model, with the curves in the order of their levels.
 
-    Here, the residual on a backbone counts fully between levels. `cross_validation` then chooses
-    how much of it is kept.
+    If there is a backbone, its residual has its full size between levels here; `cross_validation`
+    chooses later by which factor it is reduced there.
     """
     backbone, level = result.backbone, recipe.level
     needed = {
@@ -462,9 +465,9 @@ def _extrapolation(
     """Return the declared extrapolation, or the default: `continue` for one-term fits, otherwise
     `saturate`.
 
-    A polynomial of several terms explodes outside its data, and interpolation between levels
-    evaluates a curve past its own end. On a simulated muscle, this made a validation RMSE of 771 N
-    instead of 19.6 N.
+    A polynomial with several terms takes extreme values outside its data, and interpolation between
+    levels evaluates a curve beyond its own end. For a simulated muscle, the validation RMSE was 771
+    N with `continue`, and 19.6 N with `saturate`.
     """
     asked = {name: recipe.fuse.beyond(name) for name in inputs}
     return {

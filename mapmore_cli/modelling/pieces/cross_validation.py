@@ -1,18 +1,18 @@
-"""Compare models with training data that were left out of their fits, to choose the share of the
-residual on a backbone, and the backbone itself.
+"""Cross-validate models on training data, to choose the backbone and the factor by which the
+residual of the backbone is multiplied.
 
-At the training levels, the residual is known. At the fraction t of the distance between two levels,
-it is multiplied by `g + (1 - g)(1 - 2t)^2` (`across_levels`), so that it counts in full at the
-levels, even if g is zero. The residual of pooled data (one surface) is multiplied by g everywhere.
-The share g is estimated from left-out levels or blocks.
+At the training levels, the residual is measured, so it is used in full there, even if g is zero. At
+the fraction t of the distance between two levels, it is multiplied by `g + (1 - g)(1 - 2t)^2`
+(`across_levels`). The residual of pooled data (one surface) is multiplied by g everywhere. The
+factor g is estimated from left-out levels or blocks.
 
-A backbone is chosen among every static formula of the study's inputs, and none. Each inner level
-(for one surface, each inner block along every input) is left out once, and everything is done again
-without it: formula, cuts, terms, and then the best share of the residual. The outermost levels take
-no part in the choice, because a model would have to extrapolate to them. With three training levels
-or fewer, the choice would be left to chance: on measured muscles, it took Sárosi's formula although
-the hinged formula has a tenth of its error. In this case, the formula `FEW` is used, which is close
-to the plain formula if the data have no slack foot.
+A backbone is chosen among all static formulas of the study's inputs; having no backbone is also
+tried. Each inner level (for one surface, each inner block along every input) is left out once, and
+everything is done again without it: formula, cuts, terms, and then the best share of the residual.
+The outermost levels take no part in the choice, because a model would have to extrapolate to them.
+With three training levels or fewer, the choice would be left to chance: on measured muscles, it
+took Sárosi's formula although the hinged formula has a tenth of its error. In this case, the
+formula `FEW` is used, which is close to the plain formula if the data have no slack foot.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ from mapmore_cli.modelling.literature.backbone import fit_formula, pooled
 from mapmore_cli.modelling.pieces.build import build, quantities_in
 from mapmore_cli.modelling.pieces.recipe import Cuts, Recipe
 
-# contiguous blocks of a curve or a surface, if there are too few levels to leave one out; each
-# inner block is left out once
+# number of contiguous blocks of a curve or a surface, if there are too few levels to leave out
+# Each inner block is left out once.
 BLOCKS = 5
 
 BACKBONE, RESIDUAL, SHRUNKEN = "backbone", "backbone + residual", "backbone + shrunken residual"
@@ -50,10 +50,11 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class LeftOutErrors:
-    """Every training sample that was left out of some fold, shape (n,) each: measured, and
-    predicted by the model of the fold without it.
+    """Measured and predicted values of every training sample that was left out once, shape (n,)
+    each.
 
-    The prediction is the `backbone` plus the `residual` of the pieces.
+    The predictions are from a fit without the sample. A prediction is the sum of `backbone` and
+    `residual`, the output of the pieces.
     """
 
     measured: Array
@@ -62,14 +63,14 @@ class LeftOutErrors:
     folds: int
 
     def rmse(self, share: float) -> float:
-        """Return the RMSE of the backbone plus a share of the residual."""
+        """Return the RMSE of the prediction `backbone + share*residual`."""
         return root_mean_square(self.backbone + share * self.residual - self.measured)
 
     @property
     def share(self) -> float:
-        """Share `g = clip(sum(f r) / sum(f^2), 0, 1)` of the pieces. Here, r is the residual of the
-        backbone, and f the prediction of r by the pieces. Of all values from 0 to 1, g makes the
-        squared difference between `g f` and r smallest.
+        """Factor `g = clip(sum(f r) / sum(f^2), 0, 1)` for the output of the pieces. Here, r is the
+        residual of the backbone, and f is the prediction of r by the pieces. Of all factors from 0
+        to 1, g gives the smallest squared difference between `g f` and r.
         """
         f, r = self.residual, self.measured - self.backbone
         power = float(f @ f)
@@ -84,8 +85,8 @@ def leave_out(
     folds: Folds,
     progress: Progress = lambda _done, _total: None,
 ) -> LeftOutErrors:
-    """Return predictions of left-out training data by models of the other data, with and without
-    the residual on the backbone.
+    """Predict the training data of every fold with a model that is fitted to the other data. Return
+    the measured values and the predictions, with the backbone and the pieces separately.
 
     Raises FitError if the backbone cannot be fitted without some of the data.
     """
@@ -104,8 +105,8 @@ def _of_fold(
     quantities: Mapping[str, Quantity],
     backbone: str | None,
 ) -> tuple[Array, Array, Array]:
-    """Return the target of one fold, the prediction of the backbone, and the prediction of the
-    pieces.
+    """Return the measured target of one fold, its prediction by the backbone, and the prediction of
+    the residual by the pieces.
     """
     training = [
         replace(curve, held_out=curve.held_out | out)
@@ -129,8 +130,8 @@ def _of_fold(
 
 
 def _of_fewer_samples(recipe: Recipe) -> Recipe:
-    """Return a recipe for a fold: segments that lack samples because some are left out are joined
-    with their neighbours.
+    """Return the recipe for fits without one fold. In such fits, segments with too few remaining
+    samples are joined with their neighbours.
     """
     cuts, least = dict(recipe.cuts), recipe.fit.max_terms + 1
     for name, cut in recipe.cuts.items():
@@ -140,7 +141,7 @@ def _of_fewer_samples(recipe: Recipe) -> Recipe:
 
 
 def inner_level_count(curves: Sequence[Curve], recipe: Recipe) -> int:
-    """Return how many curves have a level between two other training levels."""
+    """Return the number of training curves whose level lies between two other training levels."""
     return (
         0
         if recipe.level is None
@@ -149,21 +150,22 @@ def inner_level_count(curves: Sequence[Curve], recipe: Recipe) -> int:
 
 
 def inner_folds(curves: Sequence[Curve], recipe: Recipe) -> Folds:
-    """Return the folds: data that lie between other data are left out.
+    """Return the folds. Each fold leaves out data that lie between other data.
 
-    - Each inner level, because a residual that is fitted level by level can do harm between levels.
-    - With fewer than three training levels, each inner block of the curves along the variable that
-      is cut.
-    - For curves pooled into one surface, each inner block of the curves, and each inner level if
-      the curves have levels. A single curve, for example a table, has inner blocks along every
-      input of the surface.
+    - Each inner level is a fold, because a residual that is fitted level by level can increase
+      errors between levels.
+    - With fewer than three training levels, each inner block of the curves along the segmented
+      variable is a fold.
+    - For curves that are pooled into one surface, each inner block of the curves is a fold, and
+      each inner level if the curves have levels. A single curve, for example a table, has inner
+      blocks along every input of the surface.
     """
     return [fold for along in _folds_along(curves, recipe) for fold in along[1:-1]]
 
 
 def _folds_along(curves: Sequence[Curve], recipe: Recipe) -> list[Folds]:
-    """Return the folds along each quantity that has at least three of them. The folds of a quantity
-    are in ascending order.
+    """Return the inner folds along each quantity, without the quantities that have fewer than three
+    folds. `along` holds the folds of each quantity in ascending order.
     """
     numbers = [number for number, curve in enumerate(curves) if curve.training.any()]
     levels = [
@@ -185,8 +187,8 @@ def _folds_along(curves: Sequence[Curve], recipe: Recipe) -> list[Folds]:
 
 
 def _blocks_in(curves: Sequence[Curve], recipe: Recipe) -> Folds:
-    """Return the blocks of each curve along the variable that is cut, in ascending order, as
-    folds.
+    """Return folds that consist of the blocks of each curve along the segmented variable, in
+    ascending order.
     """
     along = in_curve(curves, tuple(recipe.cuts), recipe.target, recipe.level)
     every = [tuple(block(curve, along, number) for curve in curves) for number in range(BLOCKS)]
@@ -194,9 +196,10 @@ def _blocks_in(curves: Sequence[Curve], recipe: Recipe) -> Folds:
 
 
 def repeats_left_out(curves: Sequence[Curve]) -> Folds:
-    """Return the folds for a study that holds out whole recordings of curves on which it trains:
-    each training recording of every curve is left out once. No fold is returned for any other
-    study, or if each curve has only one training recording.
+    """Return the folds for a study that holds out repeated recordings: recordings at levels at
+    which it also has training recordings. Each fold leaves out one training recording of every
+    curve. For any other study, and if each curve has only one training recording, there are no
+    folds.
     """
     trained = [[rows for rows in curve.stretches if curve.training[rows].any()] for curve in curves]
     if not any(
@@ -217,9 +220,9 @@ def repeats_left_out(curves: Sequence[Curve]) -> Folds:
 def in_curve(
     curves: Sequence[Curve], segmented: Sequence[str], target: str, level: str | None
 ) -> str:
-    """Return the quantity along which curves are cut into blocks: the first segmented quantity. If
-    no quantity is segmented, it is the first in alphabetical order that is neither the target nor
-    the level.
+    """Return the quantity along which curves are divided into blocks. It is the first segmented
+    quantity. If no quantity is segmented, it is the first quantity in alphabetical order that is
+    neither the target nor the level.
     """
     known = curves[0].columns
     return next(
@@ -230,8 +233,8 @@ def in_curve(
 
 
 def block(curve: Curve, along: str, number: int) -> BoolArray:
-    """Return the training samples in one of the `BLOCKS` blocks of a curve, shape (n,); blocks
-    follow the order of the quantity `along`.
+    """Return a mask of the training samples in one of the `BLOCKS` blocks of a curve, shape (n,).
+    The curve is divided into blocks in the order of the quantity `along`.
     """
     out = np.zeros(curve.size, dtype=bool)
     rows = np.flatnonzero(curve.training)
@@ -259,14 +262,14 @@ def with_trusted_residual(
     quantities: Mapping[str, Quantity],
     progress: Progress = lambda _done, _total: None,
 ) -> Model:
-    """Return a model on a backbone, in which the residual counts only as far as it improves
+    """Return a model with a backbone whose residual is reduced or removed, if this improves the
     predictions of left-out training data.
 
     - With three levels or more, each inner level is left out once. Between levels, the residual is
-      multiplied by the resulting `share`. If this share is 0, the residual counts only at the
-      levels, and a second test decides whether it counts there: repeats are left out, or inner
-      blocks of the curves if the study holds out no repeats. If the residual does not improve their
-      prediction, it is removed completely.
+      multiplied by the resulting `share`. If this share is 0, the residual acts only at the levels,
+      and a second test checks it there. The test leaves out repeats, or inner blocks of the curves
+      if the study holds out no repeats. If the residual does not improve these predictions, it is
+      removed completely.
     - With fewer levels, inner blocks of the curves are left out, and the residual is dropped if it
       makes their prediction worse. With two levels, no data show its effect between them, so that a
       residual that is kept counts only at the levels.
@@ -328,8 +331,8 @@ def with_trusted_residual(
 
 
 def _times(body: Pieces, share: float) -> Pieces:
-    """Return the pieces with their output multiplied by `share`. The factor becomes part of their
-    scalings; with the factor zero, there are no segments.
+    """Return the pieces with their output multiplied by `share`. The factor is multiplied into the
+    scalings of the segments. If it is zero, all segments are removed.
     """
 
     def multiplied(segment: SegmentFunction) -> SegmentFunction:
@@ -356,14 +359,13 @@ MARGIN = 0.02
 margins were worse on measured muscles.
 """
 
-# largest number of samples of a curve on which the choice is based; they are spread evenly along
-# the curve
+# largest number of samples of a curve for the choice of a backbone, evenly spread along the curve
 SAMPLES = 300
 
 
 class BackboneChoice(NamedTuple):
-    """The name of the formula that was chosen as the backbone, or None for no backbone, and a note
-    that gives the reason.
+    """Result of the choice of a backbone: the name of a formula, or None for no backbone, and a
+    note with the reason.
     """
 
     name: str | None
@@ -376,8 +378,8 @@ def choose_backbone(
     quantities: Mapping[str, Quantity],
     progress: Progress = lambda _done, _total: None,
 ) -> BackboneChoice:
-    """Choose among the `possible_backbones` by inner levels of the training data that were left
-    out.
+    """Choose one of the `possible_backbones` by the prediction errors at left-out inner levels of
+    the training data.
     """
     names = possible_backbones(curves, recipe.target)
     part = "block" if recipe.level is None else "level"
@@ -391,7 +393,7 @@ def choose_backbone(
     folds = inner_folds(thinned, recipe)
     errors: dict[str | None, float] = {}
     for number, name in enumerate(names, start=1):
-        with suppress(MapmoreError):  # a formula may not be fittable without some of the data
+        with suppress(MapmoreError):  # without the fold, the fit of a formula may fail
             left_out = leave_out(thinned, recipe, quantities, name, folds)
             errors[name] = left_out.rmse(1.0 if name is None else left_out.share)
         progress(number, len(names))
@@ -416,8 +418,8 @@ def choose_backbone(
 
 
 def possible_backbones(curves: Sequence[Curve], target: str) -> tuple[str | None, ...]:
-    """Return None and every static formula that can be fitted to the target and whose inputs the
-    curves have.
+    """Return the names of all static formulas that can be fitted to the target because the curves
+    have their inputs. None, which stands for no backbone, comes first.
     """
     known = {name for name in curves[0].columns if name != target}
     usable = [
@@ -429,8 +431,9 @@ def possible_backbones(curves: Sequence[Curve], target: str) -> tuple[str | None
 
 
 def simplest_backbone(errors: Mapping[str | None, float]) -> str | None:
-    """Return the formula with the fewest parameters among those within the margin of the smallest
-    error. If several have equally many parameters, return the one with the smallest error.
+    """Return the formula with the fewest parameters among all formulas whose error is within
+    `MARGIN` of the smallest error. If several have the same number of parameters, return the one
+    with the smallest error.
     """
     near = [name for name, error in errors.items() if error <= (1 + MARGIN) * min(errors.values())]
 

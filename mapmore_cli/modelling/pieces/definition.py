@@ -2,8 +2,8 @@
 eq 8-12).
 
 Predictions, derivatives, the knots of the inverse, C, Python and FMUs are all derived from these
-statements. Each function writes one equation with a `Writer` m, which branches with `where` and
-`choose`; a branch that no sample takes is not computed.
+statements. Each function writes one equation with a `Writer` m. Branches are written with `where`
+and `choose`; a branch is computed only if a sample takes it.
 
     y = sum_l w_l(level) sum_i f_i(E(x)) prod_j w_ij(E(x_j))
 """
@@ -28,8 +28,8 @@ from mapmore_cli.modelling.program.writing import Inputs, Writer, renamed_all
 
 
 def pieces_value(m: Writer, body: Pieces, inputs: Inputs) -> Expression:
-    """Write the pieces without their backbone, and return the output. `inputs` are in the order of
-    the model.
+    """Write the pieces without their backbone, and return the output. `inputs` holds the inputs in
+    the order in which the model lists them.
     """
     free = [name for name in inputs if name != body.level]
     functions = [_curve_function(m, curve, body, free) for curve in body.curves]
@@ -66,8 +66,9 @@ def across_levels(
     Let t be the position between levels i and i + 1, from 0 to 1. With `linear`, the value is `(1 -
     t) f_i + t f_{i+1}` (triangular weights, M1 figure 2). With `pchip`, it is the cubic Hermite
     interpolant with slopes that keep the shape of the curves' values (Fritsch and Butland 1984).
-    The value is multiplied by the share `g + (1 - g)(1 - 2t)^2` with g = `shrink`. At a level, only
-    its own curve counts, because the others may have no value there.
+    The value is multiplied by the share `g + (1 - g)(1 - 2t)^2` with g = `shrink`. At a level
+    itself, only the curve of this level is computed, because the other curves may have no value
+    there.
 
     Beyond the outermost level, `continue` and `saturate` use its curve unchanged, `continue_linear`
     continues with the slope at that level, and `zero` reduces the weight to zero (M2 figure 7d).
@@ -76,8 +77,8 @@ def across_levels(
     last = len(levels) - 1
 
     def counting(i: int) -> range:
-        """Return the numbers of the curves on which the value between levels i and i + 1 depends.
-        With `pchip`, these include the neighbours on both sides.
+        """Return the numbers of the curves on which the value between levels i and i + 1 depends: i
+        and i + 1, and, with `pchip`, their neighbours on both sides.
         """
         reach = 0 if fusion.levels == "linear" else 1
         return range(max(i - reach, 0), min(i + 1 + reach, last) + 1)
@@ -130,11 +131,13 @@ def across_levels(
 def _slope(
     m: Writer, levels: Sequence[float], f: Mapping[int, Expression], number: int
 ) -> Expression:
-    """Write the slope across levels at one of them, from the values of the curves that count.
+    """Write the derivative of the interpolant with respect to the level, at one of the levels, from
+    the values of the curves nearby.
 
-    With two curves, it is the slope of the line. Otherwise, at an inner level, it is the weighted
-    harmonic mean of the neighbouring differences, or zero if these differ in sign; at the ends, it
-    is a three-point difference that is limited so that the outermost interval stays monotone.
+    With two curves, it is the slope of the line between them. At an inner level, it is the weighted
+    harmonic mean of the slopes to both neighbours, or zero if these slopes differ in sign. At the
+    lowest and the highest level, it is a three-point difference, limited so that the interpolant
+    stays monotone.
     """
     h = [levels[j] - levels[i] for i, j in pairwise(f)]
     delta = [
@@ -196,10 +199,11 @@ def segment_value(
 ) -> Expression:
     """Write a segment function (M2 eq 8).
 
-    It is `f(x) = y_slope sum_k theta_k D_k(z) + y_intercept`, `z = slope x + intercept`.
+    The function is `f(x) = y_slope sum_k theta_k D_k(z) + y_intercept` with `z = slope x +
+    intercept`.
 
-    For each input, `beyond` holds the conditions under which a curve continues as a straight line
-    from its limit, and the distance of the sample from the limit.
+    A curve may continue as a straight line beyond its limits. For each input, `beyond` holds the
+    conditions for this, and the distance of the sample from the limit.
     """
     scaling = segment.scaling
     scales = zip(scaling.variables, scaling.slope.tolist(), scaling.intercept.tolist(), strict=True)
@@ -219,7 +223,7 @@ def segment_value(
 
 
 def combination(segment: SegmentFunction, regressors: Sequence[Expression]) -> Expression:
-    """Return `y_slope sum_k theta_k D_k + y_intercept` of some regressors D_k."""
+    """Return `y_slope sum_k theta_k D_k + y_intercept` for the given `regressors` D_k."""
     return add(Number(float(segment.scaling.y_intercept)), *weighted_terms(segment, regressors))
 
 
@@ -232,8 +236,8 @@ def weighted_terms(segment: SegmentFunction, regressors: Sequence[Expression]) -
 
 
 def _curve_function(m: Writer, curve: CurveFunction, body: Pieces, free: Sequence[str]) -> str:
-    """Write a curve as a function of its free inputs, and of the level if there is one; return the
-    name of the function.
+    """Write a curve as a function of the program, and return the name of the function. Its
+    arguments are the inputs that vary within the curve, and the level if there is one.
     """
     fusion = body.fusion
     names = [*free, *([body.level] if body.level is not None else [])]
@@ -304,9 +308,9 @@ def fused_value(
 ) -> Expression:
     """Write `sum_i f_i prod_j w_ij(x_j)`, one variable after the other (M2 eq 9-11).
 
-    Within a segment, only its function counts. In the zone at boundary i, the value is `(1 - s) f_i
-    + s f_{i+1}`, so that the weights sum to one. With `z_s = 0`, the transition is a step, and the
-    boundary itself belongs to the left segment.
+    Outside all transition zones, the value is that of the segment in which the sample lies. In the
+    zone at boundary i, the value is `(1 - s) f_i + s f_{i+1}`, so that the weights sum to one. With
+    `z_s = 0`, the transition is a step, and the boundary itself belongs to the left segment.
     """
     if not boundaries:
         return of_cell(cell)
@@ -331,11 +335,12 @@ def fused_value(
 
 
 def zones(boundaries: Array, fusion: Fusion) -> tuple[Array, Array]:
-    """Return start and end of the transition zone at each inner boundary, (count - 1,) each (M2 eq
-    10 and 11).
+    """Return the start and the end of the transition zone at each inner boundary, (count - 1,) each
+    (M2 eq 10 and 11).
 
     The zone at boundary i reaches from `seg_i - z_s (seg_i - seg_{i-1})` to `seg_i + z_s (seg_{i+1}
-    - seg_i)`. In it, the weight of the left segment falls and that of the right segment rises.
+    - seg_i)`. In the zone, the weight of the left segment falls from 1 to 0, and the weight of the
+      right segment rises from 0 to 1.
     """
     widths = np.diff(boundaries)
     inner = boundaries[1:-1]
@@ -366,7 +371,8 @@ def _held_places(
     words: Sequence[str] = ("saturate", "continue_linear"),
 ) -> list[tuple[Condition, Expression]]:
     """Return the conditions under which the extrapolation function E (M2 eq 12) replaces an input
-    by a constant, and these constants: a limit, or the value that the spec gives for this side.
+    by a constant. Each condition comes with its constant, which is a limit or a value from the
+    spec.
     """
     held = [
         (beyond, side if isinstance(side, float) else end if side in words else None)
@@ -391,13 +397,14 @@ def _beyond_with(
 def _reached(
     m: Writer, segment: SegmentFunction, curve: CurveFunction, body: Pieces, x: Inputs
 ) -> dict[str, Expression]:
-    """Return the inputs of a segment function, each limited to the range of its samples, extended
-    by z_s times the width of this range (`hold: samples`), if transition zones reach that far.
+    """Return the inputs of a segment function. With `hold: samples`, each input is limited to the
+    range of the segment's samples, extended by z_s times the width of this range.
 
-    By M2 eq 10 and 11, a transition zone covers z_s of *both* neighbours' widths: beside a wide
-    segment, the function of a narrow segment would be evaluated at a distance of several times its
-    own width from its data, where a polynomial explodes. Segments of equal width whose samples fill
-    their range are not held. The outer ends of a curve are left to `extrapolation`.
+    The limits are needed because a transition zone covers the fraction z_s of the widths of *both*
+    segments (M2 eq 10 and 11). Beside a wide segment, the function of a narrow segment would be
+    evaluated several times its own width away from its samples, where a polynomial takes extreme
+    values. Limits that no transition zone reaches are left out. At the outer ends of a curve,
+    `extrapolation` applies instead.
     """
     held = {}
     for name, (below, above) in held_between(segment, curve, body).items():
@@ -409,8 +416,8 @@ def _reached(
 def held_between(
     segment: SegmentFunction, curve: CurveFunction, body: Pieces
 ) -> dict[str, tuple[float | None, float | None]]:
-    """Return for each variable the values between which a segment function is held, None for a side
-    without a limit; an empty mapping with `hold: none`.
+    """Return, for each variable, the two limits outside which a segment function is constant; None
+    for a side without a limit. With `hold: none`, the mapping is empty.
     """
     if body.fusion.hold == "none":
         return {}
@@ -434,7 +441,9 @@ def pieces_program(body: Pieces, names: Sequence[str]) -> Program:
 
 
 def rule_of_weights(body: Pieces) -> str:
-    """Return a sentence on how weights rise and fall along one variable (M2 eq 10 and 11)."""
+    """Return a sentence that says how weights rise and fall along one variable (M2 eq 10 and
+    11).
+    """
     fusion = body.fusion
     return (
         f"The weight of a piece is w in the zone in which it rises, 1 - w in the zone in which it "
@@ -445,7 +454,9 @@ def rule_of_weights(body: Pieces) -> str:
 
 
 def rule_of_levels(body: Pieces) -> str:
-    """Return the rule for values between two levels, as `across_levels` writes it, in words."""
+    """Return the rule for values between two levels in words. `across_levels` writes this rule as
+    statements.
+    """
     between = "(1 - t) times the lower curve plus t times the upper"
     if body.fusion.levels == "pchip":
         between = (
@@ -472,8 +483,8 @@ RULE_OF_SLOPES = (
 
 
 def cell_weights(x: Array, boundaries: Array, fusion: Fusion) -> Array:
-    """Return the weight of every segment along one variable at x, shape (n, count). Each row sums
-    to one (M2 eq 10 and 11).
+    """Return the weight of every segment along one variable at x, shape (n, count). The weights in
+    each row sum to one (M2 eq 10 and 11).
     """
 
     def weight(place: int) -> Array:

@@ -1,4 +1,4 @@
-"""Predict with a MAPMORE model, and give its training range and its equations."""
+"""Predict with a model of fused pieces (MAPMORE). Return its training range and its equations."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ OUTER_LEVEL = {
 
 @lru_cache(maxsize=8)
 def _ready(body: Pieces, names: tuple[str, ...]) -> Callable[[Columns], list[Array]]:
-    """Return the pieces prepared for many calls, because writing their program takes ten times as
-    long as predicting a few rows.
+    """Return the pieces, prepared for evaluation. The result is kept, because preparing it takes
+    ten times as long as predicting a few rows.
     """
     return evaluator(pieces_program(body, names))
 
@@ -58,8 +58,8 @@ def _ready(body: Pieces, names: tuple[str, ...]) -> Callable[[Columns], list[Arr
 def _weight(
     segment: SegmentFunction, curve: CurveFunction, body: Pieces, units: Mapping[str, float]
 ) -> str:
-    """Return a text that says at which values the weight of a segment rises and falls, and between
-    which values its inputs are held.
+    """Return a text that says at which values of the inputs the weight of a segment rises and
+    falls, and outside which values the segment function is constant.
     """
     words = []
     held = held_between(segment, curve, body)
@@ -117,8 +117,8 @@ class PiecesVerbs(Verbs):
         return *formula_equations(body.backbone, units), *pieces
 
     def rules(self, model: Model) -> Iterator[str]:
-        """Yield sentences on how the pieces are joined, and what applies outside the limits (M2 eq
-        9-12).
+        """Yield sentences that say how the pieces are joined, and which rule applies outside the
+        limits (M2 eq 9-12).
         """
         body = model.body_of(Pieces)
         level = body.level
@@ -144,7 +144,7 @@ class PiecesVerbs(Verbs):
         )
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
-        """Write the pieces as statements, including their backbone, and return the output."""
+        """Write the pieces and their backbone as statements of a program, and return the output."""
         body = model.body_of(Pieces)
         limit(m, body.ranges, body.level, inputs)
         base = formula_value(m, body.backbone, inputs)
@@ -159,7 +159,7 @@ class PiecesVerbs(Verbs):
         )
 
     def faults(self, model: Model) -> Iterator[str]:
-        """Yield faults of a stored model that no prediction would reveal."""
+        """Yield the faults of a stored model that would not show in its predictions."""
         levels = np.array([curve.level for curve in model.body_of(Pieces).curves], dtype=np.float64)
         if model.level is not None and not (
             np.isfinite(levels).all() and (np.diff(levels) > 0).all()

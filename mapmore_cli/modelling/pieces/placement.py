@@ -1,7 +1,7 @@
 """Scale the coordinates of a segment (M1 step 1, M2 (i)).
 
 Here are the rules of scaling, and the anchor of the rule `unit_square`. The anchor is computed from
-several samples, so that no single sample decides where it lies.
+several samples, so that it does not depend on a single sample.
 """
 
 from __future__ import annotations
@@ -16,19 +16,16 @@ from mapmore_cli.domain.arrays import Array, extremes
 from mapmore_cli.domain.fits import Scaling
 from mapmore_cli.modelling.signals.sampling import even_share
 
-# share of a segment's samples whose mean is taken as the end of the trend, and the smallest number
-# of samples in this mean
+# fraction, and smallest number, of the samples of a segment whose mean is the end of the trend
 END_FRACTION, FEWEST = 0.05, 3
-# largest number of variables for which all `2^v` corners are tried as origins; with more, only
-# all-left and all-right
+# with more variables, only two of the `2^v` corners are tried as origins: all left and all right
 EVERY_CORNER_UP_TO = 3
-# directions are ignored if samples near the anchor vary in them by less than this fraction of the
-# largest variation
+# A direction is ignored if samples near the anchor vary little along it:
+# by less than this fraction of their variation along the main direction.
 FLAT = 1e-3
-# weights that differ by less than this fraction count as equal; number of further samples that are
-# used if they differ
+# relative difference below which weights count as equal, and samples to add if they differ
 ALIKE, EXTRA = 1e-12, 1
-ROUNDING = 1e-9  # rounding error as a fraction of a sum of weights
+ROUNDING = 1e-9  # relative rounding error of a sum of weights
 
 
 def placements(
@@ -39,14 +36,14 @@ def placements(
     weights: Array | None = None,
 ) -> tuple[Scaling, ...]:
     """Return all scalings of the samples of v `inputs` and of `y`, (n,) each, that satisfy a rule.
-    The caller keeps the one with the smallest error.
+    The caller chooses the scaling with the smallest error.
 
     - `unit_square`: x and y span one unit, and the trend passes through the origin, which lies at
       the left or at the right end of each variable, so that scaled data lie in [0, 1] or [-1, 0].
-      The two differ for one-term fits: for a falling curve, powers anchored on the left are
-      concave, and those anchored on the right convex.
+      The two ends give different one-term fits. For a falling curve, a power with its origin on the
+      left is concave, and a power with its origin on the right is convex.
     - `max_abs`: division by the largest magnitude, no offset.
-    - `none`: data as they are.
+    - `none`: no scaling.
 
     `weights` of the samples, (n,), are used for the anchor (`end_of_trend`); None for equal
     weights.
@@ -95,12 +92,12 @@ def end_of_trend(away: Array, y: Array, weights: Array) -> float:
     """Return the mean of the trend of `y`, (n,), at the 5 % of the samples that are nearest to the
     anchor. `away`, (v, n), holds the distances from the anchor in scaled coordinates.
 
-    If these are at least three samples of equal weight, the result is their mean. Otherwise, the
-    trend is a parabola, fitted by weighted least squares to so many of the nearest samples that
-    their total weight is that of 5 % of the samples, and at least that of three. A sample with a
-    small weight then has little influence, even if the trend is steep. Equal rows count as one
-    sample with the sum of their weights. All samples at the same distance count, so that the order
-    of rows does not matter.
+    If these are three or more samples with equal weights, the result is their mean. Otherwise, the
+    trend is a parabola that is fitted by weighted least squares. It is fitted to the nearest
+    samples whose total weight is that of 5 % of the samples, and at least that of three samples. A
+    sample with a small weight then has little influence, even if the trend is steep. Equal rows
+    count as one sample with the sum of their weights. All samples at the same distance count, so
+    that the order of rows does not matter.
     """
     far = np.abs(away).max(axis=0)
     order = np.lexsort([y, *away, far])

@@ -1,5 +1,5 @@
-"""Define the settings by which MAPMORE turns curves into a model: the sections `segment` and
-`fuse`, and the whole recipe.
+"""Define the settings with which MAPMORE makes a model from curves: the sections `segment` and
+`fuse` of a spec, and the recipe, which contains all settings.
 """
 
 from __future__ import annotations
@@ -79,7 +79,9 @@ class Cuts(Settings):
         return self.method in ("even", "breakpoints")
 
     def __post_init__(self) -> None:
-        """Refuse keys that the method does not use, and require those that it needs."""
+        """Raise an error if a key is given that the method does not use, or if a key is missing
+        that it needs.
+        """
         needed = USES[self.method][0]
         if getattr(self, needed) is None:
             example = "count: 4" if needed == "count" else "at: [0.05, 0.1]"

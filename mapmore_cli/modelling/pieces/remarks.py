@@ -1,4 +1,4 @@
-"""Write remarks on how pieces continue outside the range of their curves."""
+"""Write warnings and notes on how pieces continue outside the range of their curves."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ LOOKED_AT = 400
 
 
 def beyond_remarks(model: Model, curves: Sequence[Curve], recipe: Recipe) -> tuple[str, ...]:
-    """Return a warning about curves that explode outside their data. If there are none, and the
-    spec does not set the extrapolation of every input, return a remark on how curves of segments
-    with several terms are held.
+    """Return a warning about curves that take extreme values outside their data. If there are no
+    such curves, and the spec does not set the extrapolation of every input, return a note: curves
+    with several terms in a segment are constant outside their range.
     """
     body = model.body_of(Pieces)
     if not any(len(one.terms) > 1 for one in body.segments):
@@ -55,13 +55,13 @@ def beyond_remarks(model: Model, curves: Sequence[Curve], recipe: Recipe) -> tup
 
 
 def exploding_curves(model: Model, curves: Sequence[Curve], target: str) -> list[str]:
-    """Return the curves that explode outside their data: they have several terms in a segment and
-    continue outside, and their value there is farther from the middle of all measured values than
-    `ASTRAY` times the measured range.
+    """Return the curves that take extreme values outside their data. Such a curve has several terms
+    in a segment and continues outside its range. Its value there differs from the middle of all
+    measured values by more than `ASTRAY` times the measured range.
 
-    Between two levels, both curves are evaluated, also at places where only one of them has
-    samples. The other one is then evaluated past its own end. So each curve is checked at the
-    samples of all curves, and a little farther out.
+    Between two levels, both curves are evaluated, even where only one of them has samples. The
+    other curve is then evaluated beyond its own end. Therefore, each curve is checked at the
+    samples of all curves, and slightly beyond.
     """
     body = model.body
     if not isinstance(body, Pieces):

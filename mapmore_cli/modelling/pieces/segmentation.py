@@ -30,23 +30,21 @@ from mapmore_cli.modelling.frols.select import TIE_TOLERANCE
 from mapmore_cli.modelling.pieces.recipe import CELLS, Cut, CutByDirection, Cuts
 from mapmore_cli.modelling.signals.rates import STEPS, running_median
 
-# fraction of the curve's range over which slopes are computed; also the smallest distance between
-# two bends
+# width over which slopes are computed, and smallest distance of two bends (fraction of the range)
 WINDOW = 0.1
-# fraction of the window by which two grid points may be closer than allowed, because of rounding
+# tolerance of the smallest distance of two bends, as a fraction of it, for rounding errors
 ROUNDING = 1e-9
-# smallest number of samples in a segment, because a gap in a curve is interpolated, and a bend in
-# the gap must not get a segment of its own
+# smallest number of samples in a segment
+# Without it, a bend of the line through a gap in a curve could get a segment of its own.
 FEWEST_SAMPLES = 5
 
 
 def gradient_boundaries(x: Array, y: Array, count: int) -> Array:
-    """Return the `count - 1` inner boundaries, ascending, at the largest peaks of |change of
-    slope|. The samples, (n,), may be in any order.
+    """Return the `count - 1` inner boundaries in ascending order. They are the places at which the
+    slope of the curve changes most. The samples, (n,), may be in any order.
 
     Each boundary is at least one window away from the others and from the ends of the range, and
-    each segment holds enough samples. If the curve has fewer such peaks, there are fewer
-    boundaries.
+    each segment holds enough samples. If there are too few such places, there are fewer boundaries.
     """
     from scipy.signal import find_peaks
 
@@ -68,12 +66,12 @@ def gradient_boundaries(x: Array, y: Array, count: int) -> Array:
 
 
 def slope_change(x: Array, y: Array, window: float) -> tuple[Array, Array]:
-    """Return the slope over the window to the right of a place minus the slope over the window to
-    its left: `(place, change)`, shape (m,) each.
+    """Return places along a curve and the change of slope at each place, shape (m,) each. The
+    change is the slope to the right minus the slope to the left.
 
-    A slope connects the moving averages around a place and around its neighbour one window away.
-    Near the ends, windows are cut off; the averages of x and y are then taken over the rest, so
-    that a straight line stays straight.
+    A slope is that of the line between two moving averages, at the place and one window away from
+    it. Near the ends of the curve, windows are shorter. x and y are averaged over the same samples,
+    so that a straight line stays straight.
     """
     at, smooth = running_median(x, y, window)
     here = np.arange(len(at))
@@ -97,7 +95,7 @@ def slope_change(x: Array, y: Array, window: float) -> tuple[Array, Array]:
         slope(np.maximum(here - STEPS, 0), here),
         slope(here, np.minimum(here + STEPS, len(at) - 1)),
     )
-    # at an end of the curve, there is no slope on one side
+    # at the ends of the curve, one of the slopes is NaN
     return at, np.nan_to_num(right - left)
 
 
@@ -107,11 +105,11 @@ def optimal_partition(
     """Return the inner boundaries that cut cells 0..cells-1 into `count` intervals with the
     smallest total cost; None if every partition has an infinite cost.
 
-    Let `best_k(j)` be the smallest cost of the first j cells in k intervals. Then `best_k(j) =
-    min_i best_{k-1}(i) + cost(i, j)` (Bellman 1961), so at most `cells (cells + 1) / 2` costs are
-    computed instead of one for every partition.
+    `cost(i, j)` returns the cost of the interval of cells i..j-1; infinity forbids this interval.
 
-    `cost(i, j)` is the cost of the interval of cells i..j-1; an infinite cost forbids it.
+    Let `best_k(j)` be the smallest cost of the first j cells in k intervals. Then `best_k(j) =
+    min_i best_{k-1}(i) + cost(i, j)` (Bellman 1961). So at most `cells (cells + 1) / 2` costs are
+    computed, instead of the costs of every partition.
     """
     table = np.full((cells + 1, cells + 1), np.inf)
     for i in range(cells):
@@ -134,12 +132,12 @@ def optimal_partition(
 
 
 def samples_at(columns: Columns, rows: Rows, names: Iterable[str]) -> dict[str, Array]:
-    """Return some columns of a curve at the given rows."""
+    """Return the columns with the given `names` at the given rows."""
     return {name: picked(columns[name], rows) for name in names}
 
 
 def scaled_inputs(scaling: Scaling, columns: Columns) -> dict[str, Array]:
-    """Return independent variables in scaled coordinates, `z = slope x + intercept` (M2 eq 8)."""
+    """Return the inputs of a segment in scaled coordinates, `z = slope x + intercept` (M2 eq 8)."""
     return {
         name: columns[name] * m + c
         for name, m, c in zip(scaling.variables, scaling.slope, scaling.intercept, strict=True)
@@ -151,8 +149,7 @@ IntervalCost = Callable[[Curve, IntArray], float]
 the squared unit of the target.
 """
 
-# samples of a curve on which costs of intervals are computed; a longer curve is thinned evenly
-# along the variable
+# Costs of intervals are computed on at most this many samples of a curve, evenly spread.
 MOST_SAMPLES = 500
 
 
@@ -162,8 +159,8 @@ def cut_points(
     """Return the segment boundaries `seg_i` of one variable over the range of the training samples,
     including both ends, shape (count + 1,).
 
-    Breakpoints outside the curve's own range are left out, because a curve at low pressure ends at
-    a smaller strain.
+    Breakpoints outside the range of the curve are left out. For example, a curve at a low pressure
+    ends at a smaller strain than the others.
     """
     if isinstance(cut, CutByDirection):
         return np.array([-1.0, 0.0, 1.0])
@@ -197,8 +194,9 @@ def joined_segments(boundaries: Array, x: Array, least: int, training: BoolArray
     """Remove boundaries of one variable until every segment holds at least `least` of the
     `training` samples, and return the boundaries that are left.
 
-    The segment with the fewest samples is joined with the neighbour that has fewer (the left one if
-    both have equally many), until no segment has too few. Curves may be sparse in some places.
+    The segment with the fewest samples is joined with the neighbour that has fewer samples, or with
+    the left neighbour if both have the same number. This is repeated until every segment has enough
+    samples. It is needed because parts of a curve may have few samples.
     """
     kept = boundaries.tolist()
     while len(kept) > 2:
@@ -232,8 +230,8 @@ def _optimal_points(
 
 
 def training_curves(curves: Sequence[Curve], by_level: bool) -> tuple[Curve, ...]:
-    """Return the curves that get segments of their own: every single curve, or all pooled into one
-    named `all`.
+    """Return the curves that are cut into segments: every single curve, or one curve called `all`
+    with the samples of all curves.
     """
     if by_level:
         return tuple(curve for curve in curves if curve.training.any())
@@ -255,8 +253,8 @@ def training_curves(curves: Sequence[Curve], by_level: bool) -> tuple[Curve, ...
 
 
 def trained_at(curves: Sequence[Curve], level: str | float) -> tuple[Curve, ...]:
-    """Return the curves. Only the curves at `level` keep their training samples. `level` is a
-    number, `highest` for the highest training level, or `all` to change nothing.
+    """Return the curves, of which only those at `level` keep training samples. `level` is a number,
+    `highest` for the highest training level, or `all` for unchanged curves.
     """
     if level == "all":
         return tuple(curves)
@@ -278,7 +276,7 @@ def segment_curve(
 
     A sample on a boundary belongs to both segments, because segments include both ends.
 
-    Raises DataError if a segment holds no sample, or if the curve has too few for the cut.
+    Raises DataError if a segment has no sample, or if the curve has too few samples for the cut.
     """
     training = curve.training
     boundaries = {
@@ -308,9 +306,9 @@ def segment_curve(
 def cut_by_course(
     curves: Sequence[Curve], by_level: bool, cuts: Mapping[str, Cut], target: str
 ) -> list[SegmentedCurve]:
-    """Return every training curve with the boundaries of its segments. They are placed by the
-    measured samples alone, because nothing is fitted; `cuts` may have any method but `optimal`.
-    Raises the same errors as `segment_curve`.
+    """Return every training curve with the boundaries of its segments. The boundaries follow from
+    the measured samples alone. Therefore, `cuts` may have any method except `optimal`, which needs
+    fits. Raises the same errors as `segment_curve`.
     """
     return [
         segment_curve(curve, cuts, target, lambda _curve, _rows: 0.0)
@@ -319,8 +317,8 @@ def cut_by_course(
 
 
 def segment_id(curve: str, variables: Sequence[str], cell: Sequence[int]) -> str:
-    """Return the name of a segment: `<curve>/strain:2`, with `;` between variables;
-    `<curve>;direction=rise/...` for directions; `<curve>/all` if nothing is cut.
+    """Return the name of a segment: for example `<curve>/strain:2`. Several variables are separated
+    by `;`. With directions, it is `<curve>;direction=rise/...`, and without any cut `<curve>/all`.
     """
     places = dict(zip(variables, cell, strict=True))
     direction = places.pop(DIRECTION, None)

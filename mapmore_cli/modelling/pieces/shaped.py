@@ -1,10 +1,10 @@
-"""Fit the coefficients of all segments together, under conditions on the coefficients and on the
-fused surface.
+"""Fit the coefficients of all segments together, with constraints on the coefficients and on the
+output of the fused model.
 
-FROLS has chosen the terms. The sum of squares of all segments is minimised again under linear
-inequalities: bounds of coefficients, and the shape on a grid of the fused model, including zones
-and levels (`shape.exchange`). With `levels: linear`, the model is linear in its coefficients; with
-`pchip`, it is not.
+The terms are those that FROLS has chosen. The sum of squares over all segments is minimised again
+with linear inequalities as constraints. These are the bounds of coefficients, and the shape of the
+fused output on a grid (`shape.exchange`). With `levels: linear`, the model is linear in its
+coefficients; with `pchip`, it is not.
 """
 
 from __future__ import annotations
@@ -31,20 +31,20 @@ from mapmore_cli.modelling.shape.stencils import asked_of
 from mapmore_cli.modelling.shape.support import refuse_unsupported
 from mapmore_cli.modelling.shape.violations import verified, with_shape
 
-# step of a coefficient for numerical derivatives (`Exchange`)
+# step of a coefficient for numerical derivatives (see `Exchange`)
 STEPS = {"linear": 1.0, "pchip": 1e-4}
 
 
 def shaped(
     model: Model, curves: Sequence[Curve], segmentation: Sequence[SegmentedCurve], recipe: Recipe
 ) -> Model:
-    """Return the fused model with coefficients that fulfil the recipe's bounds and shape; the model
-    itself if the recipe has none.
+    """Return the fused model, with coefficients that satisfy the bounds and the shape in the
+    recipe. If the recipe has neither, return the model unchanged.
 
-    Raises FitError if no coefficients of the chosen terms fulfil them.
+    Raises FitError if the chosen terms cannot satisfy them with any coefficients.
     """
     body, asked = model.body_of(Pieces), asked_of(recipe.fit)
-    if not body.segments:  # only the backbone is left, which has no coefficients to change
+    if not body.segments:  # without segments, there are no coefficients to change
         return verified(model, curves, recipe.fit)
     region = region_of(model, curves, recipe.fit) if asked else None
     if region is None and not recipe.bounds:
@@ -70,8 +70,8 @@ def shaped(
 def _triangular_factor(
     body: Pieces, curves: Sequence[Curve], segmentation: Sequence[SegmentedCurve], recipe: Recipe
 ) -> Array:
-    """Return the triangular factor of the regressors of all segments, in the target's unit, shape
-    (k, k). The sum of squares can be computed from this factor, without the samples.
+    """Return the triangular factor of the regressors of all segments, in the unit of the target,
+    shape (k, k). With it, the sum of squares can be computed without the samples.
     """
     from scipy.linalg import block_diag
 
@@ -97,8 +97,8 @@ def _triangular_factor(
 
 
 def _with_coefficients(body: Pieces, theta: Array) -> Pieces:
-    """Return the pieces with other coefficients. Coefficients that changed have no standard
-    error.
+    """Return the pieces with the given coefficients. A coefficient that changes loses its standard
+    error, which becomes NaN.
     """
     parts = iter(np.split(theta, np.cumsum([len(segment.theta) for segment in body.segments])))
 
@@ -118,8 +118,8 @@ def _with_coefficients(body: Pieces, theta: Array) -> Pieces:
 
 
 def _of_coefficients(body: Pieces, names: Sequence[str]) -> Pieces:
-    """Return the pieces with their coefficients turned into inputs. A term becomes `name*term` with
-    the coefficient one, where `name` is one of `names`.
+    """Return the pieces with inputs in place of coefficients. Each term becomes `name*term` with
+    the coefficient one, and `name` from `names` is a new input.
     """
     left, everywhere = iter(names), dict.fromkeys(names, (-1e300, 1e300))
     sides = {**body.fusion.extrapolation, **dict.fromkeys(names, ("continue", "continue"))}
@@ -149,9 +149,7 @@ def _of_coefficients(body: Pieces, names: Sequence[str]) -> Pieces:
 
 
 def _fused_output(model: Model, body: Pieces, count: int) -> Values:
-    """Return the fused output as a function of its coefficients: a program that has them as
-    inputs.
-    """
+    """Return the fused output as a function of the coefficients and of the inputs of the model."""
     inputs = model.input_names
     names = [f"coefficient_{number}" for number in range(count)]
     program = evaluator(pieces_program(_of_coefficients(body, names), [*inputs, *names]))
@@ -167,8 +165,8 @@ def _fused_output(model: Model, body: Pieces, count: int) -> Values:
 def _coefficient_bounds(
     body: Pieces, bounds: Mapping[str, tuple[float, float]]
 ) -> tuple[Array, Array]:
-    """Return the bounds of coefficients as linear inequalities. `bounds` holds them by term, in the
-    unit of the target.
+    """Return the bounds of the coefficients as linear inequalities. `bounds` holds the bounds of
+    each term, in the unit of the target.
     """
     terms = [(term, segment.scaling.y_slope) for segment in body.segments for term in segment.terms]
     low, high = np.array([bounds.get(term, (-np.inf, np.inf)) for term, _ in terms]).T

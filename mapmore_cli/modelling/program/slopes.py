@@ -1,8 +1,8 @@
-"""Derive the derivatives of a program.
+"""Extend a program by the derivatives of its results. After every statement, statements for its
+derivatives are added, by the chain rule on the syntax trees.
 
-Every name is followed by its derivatives, computed by the chain rule on the syntax trees. At a
-boundary between two cases, the slope of the case that holds there is used. A case that holds at a
-single point only (`==`) has no slope and is left out.
+At a boundary between two cases of a branch, the derivative of the case that holds there is used. A
+case that holds at a single point only (`==`) has no derivative and is left out.
 """
 
 from __future__ import annotations
@@ -25,12 +25,13 @@ from mapmore_cli.modelling.program.statements import (
 from mapmore_cli.modelling.program.values import INPUT
 from mapmore_cli.modelling.program.writing import pruned, pruned_block
 
-Slopes = tuple[Expression, ...]  # derivatives of one value, one for each variable
-FUNCTION = "{}_slopes"  # name of a function that returns its value and its derivatives
+Slopes = tuple[Expression, ...]  # derivatives of one value with respect to each variable
+FUNCTION = "{}_slopes"  # name of the function that also returns derivatives
 
 
 def with_slopes(model: Program) -> Program:
-    """Return the program with the derivatives by every input after its output.
+    """Return the program with further outputs: the derivatives of its output with respect to every
+    input.
 
     Raises DataError for a model with memory, because its output depends on earlier samples.
     """
@@ -44,7 +45,9 @@ def with_slopes(model: Program) -> Program:
 
 
 def functions_with_slopes(functions: Sequence[Function]) -> tuple[Function, ...]:
-    """Return the functions with the derivatives by all parameters after their values."""
+    """Return functions that return the original value, followed by its derivatives with respect to
+    all parameters.
+    """
     return tuple(
         Function(
             FUNCTION.format(function.name),
@@ -57,13 +60,17 @@ def functions_with_slopes(functions: Sequence[Function]) -> tuple[Function, ...]
 
 
 def with_slopes_by(block: Block, names: Sequence[str]) -> Block:
-    """Return the block with the derivatives of its results by `names` instead of the results."""
+    """Return a block whose results are the derivatives of the original results with respect to
+    `names`.
+    """
     whole = _with_slopes(block, names)
     return pruned_block(Block(whole.statements, whole.results[len(block.results) :]))[0]
 
 
 def _with_slopes(block: Block, names: Sequence[str]) -> Block:
-    """Return the block with the derivatives of its results by `names` added after the results."""
+    """Return a block whose results are the original results, followed by their derivatives with
+    respect to `names`.
+    """
     return _block_with_slopes(
         block,
         {name: tuple(ONE if other == name else ZERO for other in names) for name in names},
@@ -72,8 +79,8 @@ def _with_slopes(block: Block, names: Sequence[str]) -> Block:
 
 
 def _block_with_slopes(block: Block, slopes: dict[str, Slopes], count: int) -> Block:
-    """Return the block with the derivatives of its results added after the results. `slopes` holds
-    the derivatives of the names that are defined outside the block.
+    """Return a block whose results are the original results, followed by their derivatives.
+    `slopes` holds the derivatives of names that are defined outside the block.
     """
     known, statements = dict(slopes), list[Statement]()
     for statement in block.statements:
@@ -105,8 +112,8 @@ def _block_with_slopes(block: Block, slopes: dict[str, Slopes], count: int) -> B
 
 
 def _choice_with_slopes(choice: Choose, known: dict[str, Slopes], count: int) -> Choose:
-    """Return a branch statement that also computes the derivatives of its results, and add their
-    names to `known`.
+    """Return a branch statement that also computes the derivatives of its results, and add the
+    names of these derivatives to `known`.
     """
     names = (*choice.names, *(f"{name}_d{way}" for name in choice.names for way in range(count)))
     known.update(
@@ -132,7 +139,9 @@ def _chained(value: Expression, known: dict[str, Slopes], count: int) -> Slopes:
 
 
 def _named_slopes(statements: list[Statement], name: str, slopes: Slopes) -> Slopes:
-    """Give a name to each derivative that is neither a name nor a number."""
+    """Add a statement for each derivative that is neither a name nor a number, and return the names
+    of all derivatives.
+    """
     known = list(slopes)
     for way, slope in enumerate(slopes):
         if slope.names and not isinstance(slope, Name):

@@ -1,7 +1,7 @@
-"""Define the statements of which every model consists. They assign expressions.
+"""Define the statements of which every program consists. They assign the values of expressions to
+names. Within a function, every name is assigned only once, before it is used.
 
-Every name is assigned once in its function, before it is used. Statements compute one sample; for
-columns, they are applied row by row.
+The statements compute one sample; for columns, they are applied to every row.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ NOTHING = Name("not_a_number")  # NaN: no value
 
 @dataclass(frozen=True)
 class Let:
-    """`name = value`."""
+    """Statement `name = value`."""
 
     name: str
     value: Expression
@@ -26,7 +26,7 @@ class Let:
 
 @dataclass(frozen=True)
 class Block:
-    """Statements, and the expressions that are their results."""
+    """A sequence of statements, and the expressions whose values are its results."""
 
     statements: tuple[Statement, ...]
     results: tuple[Expression, ...]
@@ -34,7 +34,9 @@ class Block:
 
 @dataclass(frozen=True)
 class Choose:
-    """`names` get the results of the first case whose condition holds, or those of `otherwise`."""
+    """Branch statement. `names` get the results of the first case whose condition holds, or of
+    `otherwise` if none holds.
+    """
 
     names: tuple[str, ...]
     cases: tuple[tuple[Condition, Block], ...]
@@ -42,13 +44,15 @@ class Choose:
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """The blocks of all cases, `otherwise` last."""
+        """The blocks of all cases, followed by the block `otherwise`."""
         return (*(block for _, block in self.cases), self.otherwise)
 
 
 @dataclass(frozen=True)
 class Use:
-    """Call of a function with `arguments`, whose results are assigned to `names`."""
+    """Statement that calls a function with `arguments`, and assigns the results of the function to
+    `names`.
+    """
 
     names: tuple[str, ...]
     function: str
@@ -57,7 +61,9 @@ class Use:
 
 @dataclass(frozen=True)
 class Recall:
-    """Assign to `name` the value that was put into a queue `steps` samples ago."""
+    """Statement that assigns to `name` the value that was appended to a queue `steps` samples
+    ago.
+    """
 
     name: str
     queue: str
@@ -66,7 +72,7 @@ class Recall:
 
 @dataclass(frozen=True)
 class Keep:
-    """Keep a value under the name `kept` for the next sample."""
+    """Statement that stores `value` under the name `kept` for the next sample."""
 
     kept: str
     value: Expression
@@ -74,7 +80,9 @@ class Keep:
 
 @dataclass(frozen=True)
 class Queue:
-    """Put `value` into a queue. The queue is as long as its longest recall."""
+    """Statement that appends `value` to a queue. The queue keeps as many values as its longest
+    recall needs.
+    """
 
     queue: str
     value: Expression
@@ -85,7 +93,9 @@ Statement = Let | Choose | Use | Recall | Keep | Queue
 
 @dataclass(frozen=True)
 class Function:
-    """Statements that are used in several places; `note` describes what they compute."""
+    """A function of the program: a block that can be used in several places. `note` describes what
+    it computes.
+    """
 
     name: str
     parameters: tuple[str, ...]
@@ -95,12 +105,13 @@ class Function:
 
 @dataclass(frozen=True)
 class InputLimit:
-    """Training range of one input of a model or of a part of it.
+    """Training range of one input of a model, or of a model inside a sum. `value` is this input as
+    an expression of the `inputs` of the whole model. The `inputs` are outside the training range if
+    `value` is outside.
 
-    `value` is the input as the part uses it, an expression of the `inputs` of the model. The inputs
-    count as outside the range if `value` is outside of it. If the range depends on a level, the
-    level is `at`, and `low` and `high`, (L,), are interpolated linearly between the `levels`, (L,).
-    Otherwise `at` is None, and there is one range.
+    If the range depends on a level, `at` is the expression of the level, and `low` and `high`,
+    (L,), are interpolated linearly between the `levels`, (L,). Otherwise, `at` is None, and there
+    is only one range.
     """
 
     inputs: frozenset[str]
@@ -113,12 +124,14 @@ class InputLimit:
 
 @dataclass
 class KeptState:
-    """Memory that a model keeps from sample to sample.
+    """Values that a model keeps from one sample to the next.
 
     - `numbers`: single numbers by name, with their values after a reset.
     - `queues`: names of delayed values, with the length of each queue.
-    - `fed_back`: for each output, the queues that feed it back, one for each summand that needs it.
-    - `steps`: times between samples of the parts with memory, s; empty for a model without memory.
+    - `fed_back`: for each output that is fed back, its queues. In a sum, each summand that needs
+      the output has a queue.
+    - `steps`: time between samples, in s, of each part with memory; empty for a model without
+      memory.
     """
 
     numbers: dict[str, float] = field(default_factory=dict)
@@ -128,17 +141,15 @@ class KeptState:
 
     @property
     def step(self) -> float | None:
-        """Time between samples, s; None for a model without memory."""
+        """Time between samples in s; None for a model without memory."""
         return self.steps[0] if self.steps else None
 
 
 @dataclass(frozen=True)
 class Program:
-    """A model that can be evaluated, or written in another language. Its inputs are names in the
-    statements.
-
-    The results of its body are the outputs. For each input, `knots` holds the places at which the
-    program changes to another branch.
+    """A model as statements, which can be evaluated or written in another language. Its inputs are
+    names that the statements use, and the results of its body are the outputs. For each input,
+    `knots` holds the places at which the program changes to another branch.
     """
 
     inputs: tuple[str, ...]
@@ -150,5 +161,5 @@ class Program:
 
     @property
     def step(self) -> float | None:
-        """Time between samples, s; None for a model without memory."""
+        """Time between samples in s; None for a model without memory."""
         return self.kept.step

@@ -1,7 +1,7 @@
 """Evaluate programs of models without memory over columns of samples.
 
-Each branch is computed only for the rows that take it, so a program of many pieces costs about as
-much as the pieces that are used. A branch is prepared when the first row takes it.
+Each branch is computed only for the rows that take it, so that pieces that no row needs take no
+time. A branch is compiled when a row takes it for the first time.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from mapmore_cli.modelling.program.statements import (
 )
 from mapmore_cli.modelling.program.writing import names_used_in
 
-INPUT = "x_"  # prefix of the names of inputs in a program, so that no other name is equal to them
+INPUT = "x_"  # prefix of the names of inputs in a program, so that they differ from all other names
 
 COMPARE: Mapping[str, Callable[[Value, Value], BoolArray]] = {
     "<": operator.lt,
@@ -59,11 +59,11 @@ Step = Callable[[Values, Shared, int], None]
 
 
 def evaluator(program: Program) -> Callable[[Columns], list[Array]]:
-    """Return a function that evaluates the program, prepared for many calls. It takes the inputs by
-    name: the first with the shape (n,), the others with the same shape or as a number. It returns
-    the results of the program, shape (n,) each.
+    """Compile a program to a function.
 
-    Results are NaN if an input is not finite.
+    The argument of the function is a mapping of inputs: the first has the shape (n,), and each of
+    the others has this shape or is a number. The function returns the results of the program, shape
+    (n,) each. They are NaN in rows in which an input is not finite.
     """
     run = _Compiler(program.functions).block(program.body)
 
@@ -80,17 +80,19 @@ def evaluator(program: Program) -> Callable[[Columns], list[Array]]:
 
 
 def ready_for_columns(block: Block, functions: Iterable[Function]) -> Run:
-    """Return a block prepared to run along columns of samples."""
+    """Compile a block to a function of columns of samples."""
     return _Compiler(functions).block(block)
 
 
 def ready_for_one_sample(block: Block, rules: Mapping[str, Callable[..., Any]]) -> Run:
-    """Return a block prepared to run for one sample at a time. Its functions are operators."""
+    """Compile a block to a function of one sample. The functions that the block calls are
+    operators.
+    """
     return _SampleCompiler(rules).block(block)
 
 
 class _Compiler:
-    """Compiler that prepares blocks and functions to run."""
+    """Compiler of blocks and functions for columns of samples."""
 
     def __init__(self, functions: Iterable[Function]) -> None:
         self.functions = {function.name: function for function in functions}
@@ -210,8 +212,8 @@ def _ready_condition(condition: Condition, known: Known) -> Test:
 
 
 def _places_by(conditions: Sequence[Test]) -> Places:
-    """Return a function that yields the rows of each case. It tests one condition after the other
-    until all rows are assigned.
+    """Return a function that yields the rows for which each case applies. It tests the conditions
+    one after the other until all rows are assigned.
     """
 
     def places(values: Values, shared: Shared, n: int) -> Iterator[tuple[int, IntArray]]:
@@ -233,13 +235,13 @@ MANY = 16
 
 
 def _places_along(choice: Choose, known: Known) -> Places | None:
-    """Return a function that finds the rows of each case by bisection. It needs many cases that all
-    compare the same value with numbers; otherwise return None. Testing one condition after the
-    other would take a time proportional to the square of the number of levels.
+    """Return a function that finds the rows of each case by bisection, if there are many cases that
+    all compare the same value with numbers; otherwise return None. With bisection, the time does
+    not grow with the square of the number of levels.
 
-    The first case that holds counts. Therefore, a case `x < 3` has no effect if a case `x < 5`
-    stands before it. The cases that remain have ascending numbers (with `>`, descending ones), so
-    that bisection finds the first one that holds.
+    The first case that holds applies. Therefore, a case `x < 3` has no effect after a case `x < 5`.
+    Without such cases, the numbers are in ascending order (in descending order for `>`), so that
+    bisection finds the first case that holds.
     """
     conditions = [condition for condition, _ in choice.cases]
     along = {condition.left for condition in conditions}
@@ -270,8 +272,8 @@ def _first_that_holds(
     comparison: str, places: IntArray, numbers: Array
 ) -> Callable[[Array], IntArray]:
     """Return a function of values x, shape (n,). For each x, it returns the first of the ascending
-    `places` whose number fulfils the comparison with x, or the count of all `numbers` if no number
-    fulfils it.
+    `places` for whose number the comparison with x is true. If it is true for none of the
+    `numbers`, it returns their count.
     """
     ends, numbers = np.append(places, len(numbers)), numbers[places]
     if comparison == "==":

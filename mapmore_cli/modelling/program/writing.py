@@ -1,4 +1,4 @@
-"""Write programs: statements, new names, and branches."""
+"""Write programs: add statements, create new names, and build branches."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ Inputs = Mapping[str, Expression]
 
 
 class Writer:
-    """A program that is being written. A statement is added to the innermost open branch.
+    """Writer of a program. A new statement is added to the innermost branch that is open.
 
     - `kept`: what the model keeps from sample to sample.
     - `functions`: functions by name, in the order in which they are written.
@@ -67,8 +67,8 @@ class Writer:
         return f"{stem}_{next(self._numbers)}"
 
     def let(self, stem: str, value: Operand) -> Expression:
-        """Assign a value to a new name and return it; a value that is a name or a number is
-        returned unchanged, without a new name.
+        """Assign a value to a new name, and return the name. A value that is a name or a number
+        already is returned unchanged.
         """
         value = expression(value)
         if isinstance(value, Name | Number):
@@ -80,7 +80,9 @@ class Writer:
     def choose(
         self, stem: str, cases: Iterable[tuple[Condition, Side]], otherwise: Side
     ) -> Expression:
-        """Return the result of the first case whose condition holds, or `otherwise`."""
+        """Write a branch statement, and return the name of its result: that of the first case whose
+        condition holds, or `otherwise`.
+        """
         branches = tuple((condition, self.side(side)) for condition, side in cases)
         if not branches:
             return self.let(stem, otherwise() if callable(otherwise) else otherwise)
@@ -89,13 +91,17 @@ class Writer:
         return Name(name)
 
     def where(self, condition: Condition, then: Side, otherwise: Side) -> Expression:
-        """Return `then` if the condition holds, otherwise `otherwise`."""
+        """Write a branch, and return its result: `then` if the condition holds, and `otherwise` if
+        it does not.
+        """
         return self.choose("side", [(condition, then)], otherwise)
 
     def clip(
         self, x: Operand, low: Operand | None, high: Operand | None, stem: str = "clipped"
     ) -> Expression:
-        """Return x limited by the ends that are not None."""
+        """Write statements that limit x to the interval from `low` to `high`, and return the
+        result. An end that is None is no limit.
+        """
         held = self.let(stem, x)
         ends = [
             (Condition(held, sign, expression(end)), expression(end))
@@ -109,7 +115,9 @@ class Writer:
         return call(function, expression(x))
 
     def side(self, value: Side) -> Block:
-        """Return the statements of one branch or of a function as a block."""
+        """Return the block of a branch or of a function. If `value` is a function, call it and
+        collect the statements that it writes.
+        """
         if not callable(value):
             return Block((), (expression(value),))
         outer, self.statements = self.statements, []
@@ -122,26 +130,26 @@ class Writer:
     def function(
         self, name: str, parameters: Sequence[str], body: Callable[[], Operand], note: str
     ) -> str:
-        """Add a function of the parameters, and return its name."""
+        """Add a function to the program, and return its name."""
         self.functions[name] = Function(name, tuple(parameters), self.side(body), note)
         return name
 
     def use(self, stem: str, function: str, arguments: Iterable[Operand]) -> Expression:
-        """Call a function that `function` added, and return its result under a new name."""
+        """Write the call of a function of the program, and return the name of the result."""
         name = self.fresh(stem)
         self.statements.append(Use((name,), function, tuple(map(expression, arguments))))
         return Name(name)
 
     def number(self, stem: str) -> Name:
-        """Return the name of a new number that the model keeps from sample to sample. It is zero
-        after a reset.
+        """Create a number that the model keeps from one sample to the next, and return its name.
+        After a reset, the number is zero.
         """
         name = self.fresh(f"kept_{stem}")
         self.kept.numbers[name] = 0.0
         return Name(name)
 
     def keep(self, name: Expression, value: Operand) -> None:
-        """Keep a value under a name for the next sample."""
+        """Write a statement that stores a value under a name for the next sample."""
         assert isinstance(name, Name)
         self.statements.append(Keep(name.name, expression(value)))
 
@@ -168,20 +176,20 @@ class Writer:
 
 
 def total(terms: Sequence[Expression]) -> Expression:
-    """Return the sum in the given order, from left to right. (`expressions.add` would flatten
-    nested sums and change the order of numbers, and so the rounding.)
+    """Return the sum of the terms in the given order, from left to right. `expressions.add` is not
+    used, because it changes the order of the terms, and therefore the rounding.
     """
     return terms[0] if len(terms) == 1 else Sum(tuple(terms))
 
 
 def product_as_written(*factors: Expression) -> Expression:
-    """Return the product in the given order, from left to right."""
+    """Return the product of the factors in the given order, from left to right."""
     kept = tuple(factor for factor in factors if factor != ONE) or (ONE,)
     return Product(kept) if len(kept) > 1 else kept[0]
 
 
 def renamed_all(terms: Iterable[Expression], names: Mapping[str, Expression]) -> list[Expression]:
-    """Return the expressions with the names in `names` replaced by their expressions."""
+    """Return the expressions, in which each name in `names` is replaced by its expression."""
     return [substitute(term, names) for term in terms]
 
 
@@ -211,11 +219,13 @@ def limit(m: Writer, ranges: Sequence[CurveRange], level: str | None, inputs: In
 
 
 def pruned(model: Program) -> Program:
-    """Return the program with only the statements that its results and its memory depend on."""
+    """Return the program without the statements on which neither its results nor its memory
+    depend.
+    """
     asked = names_in(side for limit in model.limits for side in (limit.value, limit.at or ZERO))
     body, used = pruned_block(model.body, asked)
     functions = list[Function]()
-    for function in reversed(model.functions):  # a function uses only functions before it
+    for function in reversed(model.functions):  # a function calls only earlier ones
         if function.name in used:
             kept, names = pruned_block(function.body)
             functions.append(replace(function, body=kept))
@@ -224,8 +234,8 @@ def pruned(model: Program) -> Program:
 
 
 def pruned_block(block: Block, also: Set[str] = frozenset()) -> tuple[Block, set[str]]:
-    """Return the block with only the statements that its results, its memory and the names in
-    `also` depend on; and the names that it uses.
+    """Return the block with only the statements on which its results, its memory or the names in
+    `also` depend. Also return the names that these statements use.
     """
     used, kept = {*names_in(block.results), *also}, list[Statement]()
     for statement in reversed(block.statements):

@@ -1,1 +1,1 @@
-"""Keep the known shape of a surface, for example a force that rises with the pressure."""
+"""Fit models whose output has a known shape, for example a force that rises with the pressure."""

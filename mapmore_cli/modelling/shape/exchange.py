@@ -1,9 +1,10 @@
-"""Find coefficients that keep a shape: least squares under inequalities on a grid of the output.
+"""Fit coefficients so that the output has a required shape. This is least squares with inequalities
+on a grid of the output as constraints.
 
-Inequalities are added wherever a solution violates the shape. The grid is refined around the
-inequalities that bind, until nothing is violated (an exchange method for semi-infinite problems:
-Hettich and Kortanek 1993). If the output is not linear in its coefficients, the inequalities are
-linearised around the last solution.
+Inequalities are added at all places at which a solution violates the shape. The grid is refined
+around the inequalities that bind, until the shape is violated nowhere (an exchange method for
+semi-infinite problems: Hettich and Kortanek 1993). If the output is not linear in its coefficients,
+the inequalities are linearised at the last solution.
 """
 
 from __future__ import annotations
@@ -21,21 +22,22 @@ from mapmore_cli.modelling.shape.least_squares import least_squares_under
 from mapmore_cli.modelling.shape.region import Region
 from mapmore_cli.modelling.shape.stencils import ShapeWord, Stencils, nodes_of, stencils_on
 
-# number of nodes of the grid on which nothing may be violated; number of nodes along each input
-# around a binding inequality; and number of refinements of that finer grid
+# Number of nodes of the grid on which the shape must hold.
+# Number of nodes along each input of the finer grid around a binding inequality.
+# Number of refinements of this finer grid.
 FINE, CLOSE, CLOSER = 40_000, 9, 3
-# largest number of rounds of the exchange on one grid; largest number of inequalities that a round
-# adds for one entry of `shape`, for example `falling`
+# Largest number of rounds on one grid.
+# Largest number of inequalities that a round adds for one entry of `shape`.
 ROUNDS, ADDED = 60, 200
-# a fall between two nodes by less than this share of the training output's range does not count
+# smaller violations, as a fraction of the range of the training output, are ignored
 ROUNDING = 1e-11
-# square root of a small ridge, as a fraction of each column. The ridge keeps coefficients of terms
-# that the data do not distinguish near their unconstrained start. It is too small to change
-# ill-conditioned terms
+# square root of a small ridge, as a fraction of the length of each column
+# If the data do not determine coefficients, the ridge keeps them near their start.
 RIDGE = 1e-11
-# number of coefficients whose derivatives are computed together, to bound the memory
+# number of coefficients whose derivatives are computed together, to limit the memory
 TOGETHER = 16
-# an inequality between places so close that it is smaller than this many rounding errors is ignored
+# If the places of an inequality are very close, it consists of rounding errors only.
+# It is ignored if it is below this many rounding errors.
 ROUNDING_ERRORS = 1000
 
 
@@ -44,9 +46,10 @@ Values = Callable[[Array, Columns], Array]
 
 
 class Exchange:
-    """The inequalities so far, `D theta >= d`, and the coefficients `theta` that fulfil them with
-    the smallest `|R (theta - start)|`. `start` holds the coefficients of a `model`, and `value`
-    returns the output.
+    """State of the exchange method: the inequalities so far, `D theta >= d`, and the coefficients
+    `theta` that satisfy them with the smallest `|R (theta - start)|`. `start` holds the
+    coefficients of the `model` without the shape, and `value` is a function that returns the output
+    for given coefficients.
 
     `step` is the step of a coefficient in a difference quotient, as a fraction of the change of
     this coefficient that would double the output. For an output that is linear in its coefficients,
@@ -75,7 +78,9 @@ class Exchange:
         self._solve()
 
     def _solve(self) -> None:
-        """Solve with the present inequalities; raise FitError if they contradict each other."""
+        """Compute the coefficients for the present inequalities. Raise FitError if the inequalities
+        contradict each other.
+        """
         solution = least_squares_under(self.R, self.f, self.D, self.d)
         kept = (self.D @ self.start >= self.d).all()
         self.theta, self.force = self.start if kept else solution.theta, solution.force
@@ -89,7 +94,7 @@ class Exchange:
             )
 
     def binding(self) -> list[Stencils]:
-        """Return the stencils whose inequalities bind, each as a group of its own."""
+        """Return the stencils whose inequalities bind, each as a separate object."""
         return [
             stencils.at(np.array([row]))
             for first, stencils in self.stencils
@@ -110,9 +115,9 @@ class Exchange:
         return self.value(self.theta, columns)
 
     def _slopes(self, columns: Columns) -> Array:
-        """Return the derivatives of the output by the coefficients, shape (n, k). If the output is
-        linear in them, the derivatives are computed at zero, because large coefficients would cost
-        digits.
+        """Return the derivatives of the output with respect to the coefficients, shape (n, k). If
+        the output is linear in the coefficients, the derivatives are computed at zero, because
+        rounding errors are larger at large coefficients.
         """
         about = np.zeros_like(self.theta) if self.linear else self.theta
         start, parts = self.value(about, columns), []
@@ -139,7 +144,7 @@ class Exchange:
             self._on([_grid_about(stencils, steps, region) for stencils in self.binding()], region)
 
     def _on(self, every: Sequence[Stencils], region: Region) -> None:
-        """Add inequalities until none of the given stencils is violated."""
+        """Add inequalities and solve again, until none of the given stencils is violated."""
         if not (every := [stencils for stencils in every if len(stencils.nodes)]):
             return
         for _ in range(ROUNDS):
@@ -158,13 +163,13 @@ class Exchange:
                 return
             self._solve()
         raise FitError(
-            f"fit.shape: no coefficients that fulfil it were found: {violated[0].told}",
+            f"fit.shape: no coefficients with this shape were found: {violated[0].told}",
             "interpolate linearly (`fuse: {levels: linear}`), or remove a condition",
         )
 
     def _at_nodes(self, every: Sequence[Stencils], of: Callable[[Columns], Array]) -> list[Array]:
         """Return the values of the function `of` (the output or its derivatives) at the nodes of
-        each group of stencils. All nodes are computed in one call.
+        each element of `every`. All nodes are computed in one call.
         """
         nodes = {id(stencils.columns): stencils.columns for stencils in every}
         sizes = [len(columns[self.inputs[0]]) for columns in nodes.values()]
@@ -174,7 +179,8 @@ class Exchange:
 
     def _add(self, violated: Sequence[Stencils]) -> int:
         """Add the inequality of each stencil, linearised around the present coefficients. Return
-        how many of the stencils are violated by more than rounding errors.
+        the number of inequalities that were added. Those that consist of rounding errors only are
+        left out.
         """
         before = len(self.D)
         values, slopes = (self._at_nodes(violated, of) for of in (self._values, self._slopes))
@@ -189,8 +195,8 @@ class Exchange:
 
 
 def _widened(axes: Mapping[str, Array], inside: BoolArray) -> BoolArray:
-    """Return True for the nodes in a region and for their neighbours, shape (n,). They enclose all
-    nodes of a finer grid in the region.
+    """Return a mask of the nodes `inside` a region and of their neighbours, shape (n,). Together,
+    they enclose the whole region, as far as a finer grid could show.
     """
     from scipy.ndimage import binary_dilation
 
@@ -200,8 +206,8 @@ def _widened(axes: Mapping[str, Array], inside: BoolArray) -> BoolArray:
 
 
 def _grid_about(stencil: Stencils, steps: Mapping[str, float], region: Region) -> Stencils:
-    """Return the stencils of a finer grid around the middle of one stencil. Along each input, the
-    grid extends by the step of this input (`steps`) to both sides of the middle.
+    """Return the stencils on a finer grid around the middle of one stencil. Along each input, the
+    grid reaches from the middle by one step of the coarser grid (`steps`) to both sides.
     """
     middles = {name: float(x[stencil.nodes[0]].mean()) for name, x in stencil.columns.items()}
     reach = np.linspace(-1, 1, CLOSE)

@@ -1,5 +1,5 @@
-"""Solve least squares under linear inequalities, as the distance of a point from a polyhedron
-(Lawson and Hanson 1974, "Solving Least Squares Problems", chapter 23).
+"""Solve least-squares problems with linear inequalities as constraints (Lawson and Hanson 1974,
+"Solving Least Squares Problems", chapter 23).
 """
 
 from __future__ import annotations
@@ -10,23 +10,23 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 
-# largest number of steps of the non-negative least squares, for each inequality; it needs about one
-# step for each binding inequality
+# largest number of steps of the non-negative least squares per inequality
+# About one step is needed for each inequality that binds.
 STEPS = 50
-# an inequality counts as fulfilled if it is missed by less than this fraction of the largest right
-# side: rounding causes far less, and contradictory inequalities far more
+# tolerance of the inequalities, as a fraction of the largest right-hand side
+# Rounding errors are far smaller; if inequalities contradict each other, errors are far larger.
 MISSED = 1e-6
-# a remainder of the dual problem below this counts as zero
+# a residual of the dual problem below this counts as zero
 NOTHING_LEFT = 1e-30
 
 
 @dataclass(frozen=True)
 class Constrained:
-    """Solution `theta`, shape (k,), and the `force` (Lagrange multiplier) of each inequality, shape
-    (m,): zero if it does not bind.
+    """Solution `theta`, shape (k,), and the Lagrange multiplier (`force`) of each inequality, shape
+    (m,). The multiplier is zero for an inequality that does not bind.
 
-    If the inequalities contradict each other, `met` is False, `theta` is the solution without them,
-    and the contradicting inequalities have a nonzero force.
+    If inequalities contradict each other, `met` is False, `theta` is the solution without
+    inequalities, and the multipliers of the contradicting inequalities are not zero.
     """
 
     theta: Array
@@ -39,8 +39,8 @@ def least_squares_under(R: Array, f: Array, D: Array, d: Array) -> Constrained:
 
     With `z = R theta - f`, `H = D R^-1` and `h = d - H f` this is the least-distance problem `min
     |z|, H z >= h` (chapter 23.4). Its dual is the non-negative least-squares problem `[H'; h'] u ~
-    (0, ..., 0, 1)`. From the remainder r of the dual, `z = -r[:-1] / r[-1]`. A remainder of zero
-    means that no z fulfils all inequalities.
+    (0, ..., 0, 1)`. With the residual r of the dual, the solution is `z = -r[:-1] / r[-1]`. If r is
+    zero, no z satisfies all inequalities.
 
     `R` is upper triangular and regular, (k, k); `f` (k,), `D` (m, k) without rows of zeros, `d`
     (m,).
@@ -51,8 +51,7 @@ def least_squares_under(R: Array, f: Array, D: Array, d: Array) -> Constrained:
     H = solve_triangular(R, D.T, trans="T").T
     length = np.linalg.norm(H, axis=1)
     H, h = H / length[:, None], (d - H @ f) / length
-    # the solution lies farther from the origin than this distance, which is used as the unit of
-    # length
+    # unit of length; the solution is at least this far from the origin
     reach = float(h.max(initial=0.0))
     if reach <= 0.0:
         return Constrained(solve_triangular(R, f), np.zeros(len(D)))

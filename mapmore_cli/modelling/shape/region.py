@@ -1,4 +1,6 @@
-"""Describe where a shape is required: within each curve's own range, outside the slack foot."""
+"""Describe the region in which a shape is required: the training range of each curve, without the
+places at which the muscle is almost slack.
+"""
 
 from __future__ import annotations
 
@@ -19,11 +21,11 @@ from mapmore_cli.modelling.shape.stencils import ShapeWord
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-# number of cells, over all inputs together, in which training samples are averaged
+# largest total number of cells in which training samples are averaged
 CELLS = 4096
 # largest number of evenly spaced nodes of a grid along one input
 MOST = 400
-# distance of a node from a knot, as a fraction of the range
+# distance of extra nodes from a knot, as a fraction of the range
 BESIDE = 1e-6
 
 
@@ -33,9 +35,10 @@ class Region:
     fraction `beyond`. Places at which the training output lies in the lowest part of its range (the
     fraction `slack`) do not belong to it.
 
-    `places`, (c, inputs), and `values`, (c,), are training samples averaged in small cells, so that
-    loops and noise leave one value; `counts`, (c,), are the numbers of their samples. `fixed` holds
-    the inputs that do not vary, (1,) each.
+    Training samples are averaged in small cells, so that hysteresis and noise are averaged too.
+    `places`, (c, inputs), and `values`, (c,), are the means of the inputs and of the output in each
+    cell, and `counts`, (c,), are the numbers of samples. `fixed` holds the inputs that do not vary,
+    (1,) each.
     """
 
     names: tuple[str, ...]
@@ -48,7 +51,7 @@ class Region:
 
     @property
     def span(self) -> float:
-        """Size of the range of the training output."""
+        """Width of the range of the training output."""
         return float(np.ptp(self.values))
 
     @property
@@ -67,10 +70,12 @@ class Region:
         }
 
     def between(self, columns: Columns) -> tuple[csr_array, BoolArray]:
-        """Return the weights of the cells for linear interpolation of the output at places, shape
-        (n, c), and True for places between cells, shape (n,). The interpolation is linear in the
-        simplex of cells around a place. Outside all simplices, the output is that of the nearest
-        cell, whose other inputs may differ much from those of the place.
+        """Return the weights of the cells, shape (n, c), with which the output is interpolated at
+        given places, and a mask, shape (n,), of the places between cells.
+
+        The interpolation is linear in the simplex whose corners are the cells around a place. A
+        place outside all simplices gets the output of the nearest cell, whose inputs may differ
+        much.
         """
         from scipy.sparse import csr_array
         from scipy.spatial import ConvexHull, Delaunay, KDTree, QhullError
@@ -88,17 +93,16 @@ class Region:
             low, high = places[vertices, 0].T
             share = ((asked[:, 0] - low) / (high - low)).clip(0, 1)
             shares = np.column_stack([1 - share, share])
-            # there are no other inputs along which a place could be outside
+            # with one input, no place between the ends is outside
             inside = np.ones(n, dtype=bool)
         else:
             simplex = np.full(n, -1)
             try:
                 net, faces = Delaunay(places), ConvexHull(places).equations
-                # This test avoids calls of `find_simplex` for places outside, because it would
-                # search all simplices for them.
+                # `find_simplex` is slow for places outside, because it would search all simplices.
                 near = (asked @ faces[:, :-1].T + faces[:, -1]).max(axis=1) < OUTSIDE_TOLERANCE
                 simplex[near] = net.find_simplex(asked[near])
-            except QhullError:  # all samples lie on a line, so there is no simplex
+            except QhullError:  # no simplex exists if all samples lie on a line
                 pass
             if (inside := simplex >= 0).any():
                 transform = net.transform[simplex[inside]]
@@ -110,13 +114,13 @@ class Region:
         return csr_array((shares.ravel(), vertices.ravel(), starts), shape=shape), inside
 
     def output(self, columns: Columns) -> Array:
-        """Return the training output at some places, shape (n,). Between the samples, it is
-        interpolated linearly; outside, it is the output of the nearest sample.
+        """Return the training output at the given places, shape (n,). Between cells, it is
+        interpolated linearly. At any other place, it is the output of the nearest cell.
         """
         return self.between(columns)[0] @ self.values
 
     def holds(self, columns: Columns) -> BoolArray:
-        """Return True for places in the region, shape (n,)."""
+        """Return a mask of the places that lie in the region, shape (n,)."""
         inside = np.asarray(self.output(columns) > self.values.min() + self.fit.slack * self.span)
         for input_range in self.ranges:
             (low, high), x = input_range.ends(columns), columns[input_range.name]
@@ -125,7 +129,7 @@ class Region:
         return inside
 
     def asks(self, asked: Sequence[ShapeWord]) -> list[ShapeWord]:
-        """Return the requirements that concern the output itself or an input that varies."""
+        """Return the conditions whose quantity is the output itself or an input that varies."""
         return [word for word in asked if word.word == "positive" or word.quantity in self.names]
 
     def nodes_along(self, nodes: int) -> int:
@@ -136,9 +140,9 @@ class Region:
 
     def axes(self, knots: Mapping[str, Sequence[float]], nodes: int) -> dict[str, Array]:
         """Return the places of the grid lines along each input, for a grid of about `nodes` nodes.
-        They are evenly spaced over the range, with further ones at each knot and close to it,
-        because the model may bend there. Zero is included too, because a rate is zero when the
-        muscle rests.
+        They are evenly spaced over the range. More lines lie at each knot and close to it, because
+        the model may have a kink there. Zero is included as well, because a rate is zero when the
+        muscle is at rest.
         """
         axes = dict(self.fixed)
         for name, (low, high) in self.ends.items():
@@ -164,7 +168,7 @@ def region_within(
     inputs: Sequence[str],
     fit: Fit,
 ) -> Region | None:
-    """Return the region of a target along inputs with known `ranges`."""
+    """Return the region for a target and inputs whose training `ranges` are known."""
     samples = pooled_training(curves)
     varied = tuple(
         input_range

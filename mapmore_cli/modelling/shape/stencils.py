@@ -1,5 +1,5 @@
-"""Define the stencils of a shape: groups of neighbouring values along one quantity and the
-inequality that they must fulfil. Also place stencils on grids.
+"""Define the stencils of a shape, and place them on grids. A stencil is a group of neighbouring
+places along one quantity; the output at these places must satisfy an inequality.
 """
 
 from __future__ import annotations
@@ -25,9 +25,11 @@ POINTS: Mapping[Word, int] = {
 
 
 def stencil_weights(word: Word, places: Array) -> Array:
-    """Return weights for the values at ascending `places`, shape (..., points): the shape is kept
-    if the weighted sum is not negative. For `increasing` and `decreasing`, the sum is the rise or
-    fall of the output (or of its mean over half of the places). For `convex` and `concave`, it is
+    """Return weights for the output at ascending `places`, shape (..., points). The shape is kept
+    if the weighted sum of the output is not negative.
+
+    For `increasing` and `decreasing`, the sum is the rise or the fall of the output. With more than
+    two places, it is that of the mean over half of the places. For `convex` and `concave`, it is
     the distance between the output and its chord.
     """
     if word == "positive":
@@ -43,8 +45,8 @@ def stencil_weights(word: Word, places: Array) -> Array:
 
 @dataclass(frozen=True)
 class ShapeWord:
-    """One condition of a shape: a word, for example `increasing`, and the quantity along which the
-    output must fulfil it. For `positive`, the quantity is the output itself.
+    """One condition of a shape, for example that the output is `increasing` (`word`) along the
+    pressure (`quantity`). For `positive`, the quantity is the output itself.
     """
 
     quantity: str
@@ -62,9 +64,9 @@ def asked_of(fit: Fit) -> list[ShapeWord]:
 
 @dataclass(frozen=True)
 class Stencils:
-    """Neighbouring places along a quantity. `nodes`, (m, points), are rows of the `columns`, (n,)
-    each, and `weights` are the weights of the output there. `lines`, (m,), identifies the lines
-    along the quantity.
+    """The m stencils of one condition. `nodes`, (m, points), holds the row numbers of their places
+    in the `columns`, (n,) each, and `weights` holds the weights of the output at these places.
+    `lines`, (m,), is equal for stencils on the same grid line along the quantity.
     """
 
     asked: ShapeWord
@@ -74,15 +76,15 @@ class Stencils:
     lines: IntArray
 
     def of(self, values: Array) -> Array:
-        """Return the weighted sum of each stencil, (m,) or (m, k), for values at the rows of the
-        columns, (n,) or (n, k). The shape is kept if no sum is negative.
+        """Return the weighted sum of each stencil, (m,) or (m, k), for `values` at the rows of the
+        columns, (n,) or (n, k). The condition is satisfied if no sum is negative.
         """
         summed: Array = np.einsum("ms,ms...->m...", self.weights, values[self.nodes])
         return summed
 
     def at(self, rows: IntArray | BoolArray) -> Stencils:
-        """Return some of the stencils, given by their numbers or by a mask, with only the rows of
-        the columns that they need.
+        """Return some of the stencils, which are selected by numbers or by a mask. Rows of the
+        columns that they do not need are left out.
         """
         used, nodes = np.unique(self.nodes[rows], return_inverse=True)
         columns = columns_at(self.columns, used)
@@ -91,8 +93,8 @@ class Stencils:
 
     @property
     def told(self) -> str:
-        """The first stencil in words, for example `pressure: increasing at pressure = 150, strain =
-        0.1`.
+        """Description of the first stencil, for example `pressure: increasing at pressure = 150,
+        strain = 0.1`.
         """
         places = (f"{name} = {x[self.nodes[0]].mean():.4g}" for name, x in self.columns.items())
         return f"{self.asked.quantity}: {self.asked.word} at {', '.join(places)}"
@@ -109,10 +111,10 @@ def nodes_of(axes: Mapping[str, Array]) -> dict[str, Array]:
 def stencils_on(
     axes: Mapping[str, Array], asked: ShapeWord, inside: BoolArray, reach: int = 1
 ) -> Stencils:
-    """Return the stencils of one condition on a grid with ascending places along each input. Only
-    stencils whose nodes are all `inside`, (n,), are returned. A stencil for `increasing` or
-    `decreasing` compares the means of `reach` neighbouring nodes, and the next stencil begins half
-    of `reach` farther.
+    """Return the stencils of one condition on a grid with ascending places along each input. A
+    stencil is returned only if all its nodes are `inside`, (n,). A stencil for `increasing` or
+    `decreasing` compares the means of two groups of `reach` neighbouring nodes. The next stencil
+    begins half of `reach` farther along the line.
     """
     columns, points = nodes_of(axes), POINTS[asked.word] * reach
     along = list(axes).index(asked.quantity) if points > 1 else 0

@@ -1,10 +1,10 @@
-"""Test whether training data support a sign that a shape requires, or contradict it beyond their
-noise.
+"""Test whether training data support the sign of a slope that a shape requires, or contradict it by
+more than their noise.
 
-Neighbouring samples differ by their noise as much as by the curve, so differences of raw samples
-would contradict any sign. Here, means of 1, 2, 4, ... neighbouring places are compared. The largest
-contradiction, in standard errors, is compared with the one that noise alone causes at all places
-and widths (a multiscale test of monotonicity: Duembgen and Spokoiny 2001).
+Because of noise, differences between neighbouring samples contradict any sign. Therefore, means
+over 1, 2, 4, ... neighbouring places are compared. The largest contradiction, in standard errors,
+is compared with the largest one that noise alone would cause over all places and widths (a
+multiscale test of monotonicity: Duembgen and Spokoiny 2001).
 """
 
 from __future__ import annotations
@@ -32,26 +32,25 @@ from mapmore_cli.modelling.shape.stencils import (
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-# number of places of the grid on which training data are compared; smallest and largest number of
-# places along an input that has more values
+# Number of places of the grid on which training data are compared.
+# Smallest and largest number of places along one input.
 COMPARED, LEAST_ALONG, MOST_ALONG = 4096, 24, 1000
-# smallest number of differences that can support a sign, and the share of them that may contradict
-# it, whatever the noise
+# Smallest number of differences that can support a sign.
+# Fraction of the differences that may contradict the sign without a test.
 FEWEST, CONTRADICTED = 10, 0.05
-# a fall by less than this fraction of the output's range is rounding error
+# a fall by less than this fraction of the range of the output is a rounding error
 ROUNDING = 1e-9
 LEVEL = 0.01
 """Probability with which noise on a constant output is refused as a contradiction."""
 
-# number of simulations of noise alone; and a limit in standard errors: a contradiction below it is
-# too weak to need a simulation
+# number of simulations of noise alone
+# A contradiction of fewer standard errors is too weak to need a simulation.
 RUNS, UNLIKELY = 199, 2.0
-CONFIRMED = 3.0  # standard errors by which a fitted surface must contradict a sign
-# for each length of a stretch, only this number of the largest contradictions is tested with a
-# fitted surface
+CONFIRMED = 3.0  # number of standard errors by which a fitted surface must contradict a sign
+# for each width of the means, this many of the largest contradictions are tested by a surface
 TRIED = 32
-# the noise of a cell is the mean over `LOCAL` cells around it, or over `2 d + ABOUT` if that is
-# more; for d inputs, a plane is fitted to `2 d + ABOUT - 1` neighbours of a cell
+# The noise of a cell is the mean over at least `LOCAL` cells around it.
+# For d inputs, a plane is fitted to `2 d + ABOUT - 1` neighbours of a cell.
 ABOUT, LOCAL = 3, 12
 
 
@@ -65,16 +64,16 @@ def refuse_unsupported(
     *,
     over_time: bool = False,
 ) -> None:
-    """Raise FitError for a quantity in `fit.shape` that does not vary, and for a sign that the
-    training data contradict or do not support.
+    """Raise FitError if a quantity in `fit.shape` does not vary, or if the training data contradict
+    or do not support a required sign.
 
-    No model is needed, so that `check` and a run give the same result. The interpolated training
-    output is compared at neighbouring values of the quantity, with equal values of the other
-    inputs.
+    Only the data are used, so that `check` and a run give the same result. The test compares the
+    interpolated training output at neighbouring values of the quantity, while all other inputs have
+    equal values.
 
-    - `curves`: those of the dataset, with their training samples.
+    - `curves`: the curves of the dataset, with their training samples.
     - `target`, `inputs`: names of the output and of the inputs of the model.
-    - `level`: the quantity whose curves are interpolated; None if they are pooled.
+    - `level`: the quantity between whose levels curves are interpolated; None if curves are pooled.
     - `over_time`: True if the model has memory. Differences then say nothing about the output at
       rest, and are not tested.
     """
@@ -113,8 +112,8 @@ def refuse_unsupported(
 def _ranges_of(
     curves: Sequence[Curve], inputs: Sequence[str], level: str | None
 ) -> list[CurveRange]:
-    """Return the training range of every input: one for each curve if the curves have levels,
-    otherwise one for all.
+    """Return the training range of every input. If the curves have levels, every curve has its own
+    range; otherwise, all curves have a common range.
     """
     known = sorted(
         (curve for curve in curves if curve.training.any()),
@@ -142,8 +141,8 @@ def _axes(region: Region, level: str | None) -> dict[str, Array]:
 
 class _Against(NamedTuple):
     """Contradiction between training data and a condition of the shape. `amount` is the difference
-    of two means over stretches, and `errors` is this difference in standard errors. `cells` are the
-    cells that show the contradiction at the `place`.
+    between the means of two groups of neighbouring places, and `errors` is this difference in
+    standard errors. `cells` are the cells from which the contradiction at the `place` was computed.
     """
 
     errors: float
@@ -167,9 +166,9 @@ def _contradiction(
     inside: BoolArray,
     between: csr_array,
 ) -> _Against | None:
-    """Return the largest significant contradiction of a sign: noise alone would cause it with a
-    probability of at most `LEVEL`, and the slope over its cells confirms it. None if there is no
-    such contradiction.
+    """Return the largest significant contradiction of a sign; None if there is none. A
+    contradiction is significant if noise alone would cause it with a probability of at most
+    `LEVEL`, and if the slope of a surface through its cells confirms it.
     """
     from scipy.sparse import csr_array
 
@@ -209,10 +208,10 @@ def _confirmed(region: Region, asked: ShapeWord, cells: IntArray) -> bool:
     `CONFIRMED` of its standard errors. The surface is linear in the quantity of the sign, and
     quadratic in the other inputs.
 
-    Between scattered cells, the output is interpolated linearly in long and thin simplices. If the
-    true output is curved, the interpolated one may fall although the true one rises. The surface
-    averages this out; curvature that it cannot follow remains in its residuals and enlarges its
-    standard errors.
+    This confirmation is needed because the output between scattered cells is interpolated linearly
+    in long, thin simplices. If the true output is curved, the interpolated output may fall although
+    the true output rises. A fitted surface averages this out. If the surface cannot follow the
+    curvature, its residuals and therefore its standard errors are larger.
     """
     others = [name != asked.quantity for name in region.names]
     x = region.places[cells]
@@ -240,10 +239,10 @@ def _near(region: Region) -> IntArray:
 def _noise(region: Region, near: IntArray) -> Array:
     """Return the standard deviation of the noise in the value of each cell, (c,).
 
-    The value of a cell minus the plane through the nearest of its `near` cells has the variance
-    `s^2 (1/n + sum w_i^2/n_i)` with the weights w of the plane and the numbers n of samples. `s^2`
-    is the mean over all cells, or the mean over the cells around a cell if that is larger
-    (residuals of neighbours: Gasser, Sroka and Jennen-Steinmetz 1986).
+    A plane is fitted to the `near` cells around a cell. The value of the cell minus the plane has
+    the variance `s^2 (1/n + sum w_i^2/n_i)`, with the weights w of the plane and the numbers n of
+    samples. `s^2` is the mean over all cells, or the mean over the cells around a cell if that is
+    larger (residuals of neighbours: Gasser, Sroka and Jennen-Steinmetz 1986).
     """
     c, d = region.places.shape
     if c < d + ABOUT:

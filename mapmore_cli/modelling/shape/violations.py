@@ -1,4 +1,6 @@
-"""Find where and by how much a model violates a shape, and the cost of keeping one."""
+"""Find where and by how much a model violates a shape, and by how much the errors grow if the shape
+is kept.
+"""
 
 from __future__ import annotations
 
@@ -31,22 +33,21 @@ IMPLIED: Mapping[str, Mapping[str, Word]] = MappingProxyType(
 (`muscle.kind`).
 """
 
-# nodes of the grid on which a model is checked
+# number of nodes of the grid on which a model is checked
 NODES = 2500
-# a smaller fall, as a share of the training output's range, does not count
+# smaller violations, as a fraction of the range of the training output, are ignored
 WRONG = 1e-9
-# the user is warned if the training error with a shape is at least this many times the training
-# error without the shape
+# A warning is given if the shape multiplies the training error by at least this factor.
 CLEARLY = 1.1
 
 
 @dataclass(frozen=True)
 class Violation:
-    """Violation of one condition of a shape, `asked`, by a model. The `amount` is 0 without a
-    violation. Otherwise, it is the largest total fall of the output along one line, for `convex`
-    and `concave` the largest distance from the chord, and for `positive` the magnitude of the
-    lowest output. `share` is the amount divided by the range of the training output. The violation
-    is largest at the `place`.
+    """Violation of one condition of a shape, `asked`, by a model. Without a violation, the `amount`
+    is 0. For `increasing` and `decreasing`, it is the largest total fall or rise of the output
+    along one grid line. For `convex` and `concave`, it is the largest distance from a chord, and
+    for `positive` the magnitude of the lowest output. `share` is the amount divided by the range of
+    the training output. The violation is largest at the `place`.
     """
 
     asked: ShapeWord
@@ -58,7 +59,7 @@ class Violation:
 def violations(
     model: Model, asked: Sequence[ShapeWord], region: Region, nodes: int = NODES
 ) -> list[Violation]:
-    """Return by how much the model violates each condition of the shape, tested on a grid over the
+    """Return the violation of each condition of the shape by a model, computed on a grid over the
     region.
     """
     axes, result = region.axes(program_of(model).knots, nodes), []
@@ -79,8 +80,9 @@ def violations(
 
 
 def known_shape(kind: str | None, model: Model, curves: Sequence[Curve]) -> list[Violation]:
-    """Return the violations of the shape that the spec requires of a model. If it requires none and
-    the model has no memory, return the violations of the shape that the kind of muscle implies.
+    """Return the violations of the shape that the spec requires. If the spec requires no shape,
+    return the violations of the shape that the kind of muscle implies, but only for a model without
+    memory.
     """
     words = (
         IMPLIED.get(model.output.name, {}) if kind in KINDS and not runs_over_time(model) else {}
@@ -106,9 +108,9 @@ def with_shape(
     fit: Fit,
     binds: Mapping[ShapeWord, Ranges] = MappingProxyType({}),
 ) -> Model:
-    """Return the model with a record of its shape: the conditions that it fulfils, the ranges in
-    which these determine its coefficients, and the training errors of this model and of the
-    `unshaped` one.
+    """Return the model with a record of its shape. It contains the conditions of the shape, the
+    ranges in which they determine the coefficients, and the training errors of the model and of the
+    `unshaped` model.
     """
     kept = tuple(
         KeptShape(
@@ -136,7 +138,9 @@ def with_shape(
 
 
 def _rms_error(model: Model, curves: Sequence[Curve], training: bool) -> float:
-    """Return the root mean square error on training or held-out samples; NaN without any."""
+    """Return the root mean square error on the training or held-out samples; NaN if there are
+    none.
+    """
 
     def of_log(curve: Curve, rows: slice | IntArray) -> Array:
         log = columns_at(curve.columns, rows)
@@ -155,9 +159,9 @@ def verified(
     kind: str = "formula",
     remedy: str = "give its parameters bounds that imply the shape, or use another formula",
 ) -> Model:
-    """Return the model with a note about its shape. This is for models that are fitted without the
-    constraints of a shape, for example formulas. Raises FitError if the model does not keep the
-    shape.
+    """Return the model with a note about its shape. This is used for models that cannot be fitted
+    with a shape as a constraint, for example formulas. Raises FitError if the model does not keep
+    the shape.
     """
     asked = asked_of(fit)
     region = region_of(model, curves, fit) if asked else None

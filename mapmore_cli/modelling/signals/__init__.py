@@ -1,1 +1,1 @@
-"""Compute with sampled signals: rates, levels, load cycles, gaps, plateaus."""
+"""Process sampled signals: compute rates, and find levels, load cycles, gaps and plateaus."""

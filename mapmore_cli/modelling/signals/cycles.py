@@ -12,10 +12,10 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray, columns_at
 from mapmore_cli.domain.errors import DataError
 
-# a reversal smaller than this fraction of the range is noise, or a small loop inside the large one
+# a reversal by less than this fraction of the range is noise or a minor loop
 SWING = 0.1
-TRIM = 0.01  # largest part that is cut off a branch at each end, as a fraction of the range
-FEWEST = 5  # smallest number of places at which a branch must have been measured
+TRIM = 0.01  # largest part, as a fraction of the range, that may be cut off at each end of a branch
+FEWEST = 5  # smallest number of places at which a branch must be measured
 REMEDY = "leave out `cycles`, or record a movement there and back with more samples"
 
 
@@ -23,8 +23,8 @@ REMEDY = "leave out `cycles`, or record a movement there and back with more samp
 class Branches:
     """Both branches of a load cycle at common values of `over`, shape (samples,) each.
 
-    On the `contraction` branch, `over` rises (for strain, the lower force); on the `extension`
-    branch, it falls.
+    On the `contraction` branch, `over` rises; on the `extension` branch, it falls. If `over` is the
+    strain, the force is lower on the `contraction` branch.
     """
 
     over: Array
@@ -32,15 +32,13 @@ class Branches:
     extension: Columns
 
     def static(self) -> dict[str, Array]:
-        """Return the mean of both branches, for every quantity."""
+        """Return the mean of both branches for every quantity."""
         return {
             name: (self.extension[name] + values) / 2 for name, values in self.contraction.items()
         }
 
     def hysteresis(self, name: str) -> Array:
-        """Return half the distance of the branches, positive if extension lies above
-        contraction.
-        """
+        """Return half the difference `extension - contraction` of the quantity `name`."""
         return (self.extension[name] - self.contraction[name]) / 2
 
 
@@ -51,8 +49,8 @@ def split_cycles(over: Array, columns: Columns, samples: int) -> Branches:
     Reversals smaller than a tenth of the range of `over` are ignored, so that neither noise nor
     quantisation splits a branch. Rests at the ends of the stroke, during which the force relaxes,
     belong to neither branch. Several cycles are pooled. Each branch is averaged in `samples` bins
-    over the common range, which also merges repeated values, and interpolated linearly between the
-    mean positions of its bins, so that the result does not depend on the speed of the cycle.
+    over the common range, and then interpolated linearly between the mean positions of the bins.
+    The result therefore does not depend on the speed of the cycle.
 
     Raises DataError if there is no full cycle, or too few samples on a branch.
     """
@@ -71,8 +69,8 @@ def split_cycles(over: Array, columns: Columns, samples: int) -> Branches:
     for (places, _), name in zip(means, ("contraction", "extension"), strict=True):
         if len(places) < FEWEST:
             raise DataError(
-                f"the {name} branch was measured at {len(places)} different places; {FEWEST} "
-                "are needed",
+                f"the {name} branch was measured at {len(places)} different places, but "
+                f"{FEWEST} are needed",
                 REMEDY,
             )
     grid = np.linspace(max(x[0] for x, _ in means), min(x[-1] for x, _ in means), samples)
@@ -83,11 +81,11 @@ def split_cycles(over: Array, columns: Columns, samples: int) -> Branches:
 
 
 def turning_points(values: Array, swing: float) -> IntArray:
-    """Return the rows of the minima and maxima at which `values`, (n,), reverse. The two ends of
-    the movement are included.
+    """Return the rows of the minima and maxima at which `values`, (n,), reverse, including the two
+    ends of the movement.
 
-    A reversal counts when the values have moved back from the extreme by `swing`. The result is
-    empty if the values never move by so much.
+    An extreme counts as a reversal if the values move back from it by at least `swing`. The result
+    is empty if no movement is as large as `swing`.
     """
     series = values.tolist()
     turns: list[int] = []
@@ -107,8 +105,8 @@ def turning_points(values: Array, swing: float) -> IntArray:
 
 
 def bin_means(over: Array, columns: Columns, edges: Array) -> tuple[Array, dict[str, Array]]:
-    """Return the mean position and the mean of each quantity over the samples of every bin that is
-    not empty, in ascending order.
+    """Return the mean of `over` and of every quantity for each bin that has samples, in the order
+    of the bins.
     """
     inside = (over >= edges[0]) & (over <= edges[-1])
     place = np.clip(np.searchsorted(edges, over[inside], side="right") - 1, 0, len(edges) - 2)
@@ -122,14 +120,14 @@ def bin_means(over: Array, columns: Columns, edges: Array) -> tuple[Array, dict[
 
 
 def _trimmed_runs(over: Array) -> Mapping[int, list[IntArray]]:
-    """Return the rows of each run between turning points, by direction (1 rising, -1 falling),
-    without the rests at its ends.
+    """Return the row numbers of each movement between two turning points, grouped by direction (1
+    rising, -1 falling). Rests at the ends of a movement are left out.
     """
     runs: dict[int, list[IntArray]] = {1: [], -1: []}
     if not len(over):
         return runs
     span = float(np.ptp(over))
-    # the second differences are zero for a steady movement, but not for noise
+    # second differences are zero for a steady movement, so they show the noise
     bends = np.diff(over, 2)
     noise = 1.4826 * float(np.median(np.abs(bends))) / math.sqrt(6.0) if len(bends) else 0.0
     tolerance = min(2 * noise, TRIM * span)
@@ -144,10 +142,10 @@ def _trimmed_runs(over: Array) -> Mapping[int, list[IntArray]]:
 
 def cycle_starts(x: Array) -> IntArray:
     """Return the row at which each cycle of `x`, (n,), begins: the last row at rest before x rises.
-    Empty if x never moves.
+    The result is empty if x never moves.
 
-    A cycle is a rise by at least 0.4 of the range of x. x is at rest if it is less than 0.05 of the
-    range above its lowest value since the last cycle, so the level of rest may drift.
+    A cycle begins with a rise by at least 0.4 of the range of x. x is at rest if it is less than
+    0.05 of the range above its lowest value since the last cycle. So the value at rest may drift.
     """
     span = float(np.ptp(x)) if len(x) else 0.0
     turns = turning_points(x, 0.4 * span)
@@ -160,11 +158,12 @@ def cycle_starts(x: Array) -> IntArray:
 
 
 def last_cycles(x: Array, share: float) -> BoolArray:
-    """Return True for the samples of the last cycles of `x`, (n,). `share` is the fraction of all
-    cycles to take, rounded down to whole cycles. The time at rest before them is not included.
+    """Return a mask of the samples that belong to the last cycles of `x`, (n,). `share` is their
+    fraction of all cycles, rounded down to whole cycles. The rest before the first of these cycles
+    is not included.
 
-    Raises DataError if there are fewer than two cycles, or if the share amounts to none or all of
-    them.
+    Raises DataError if there are fewer than two cycles, or if the share gives no cycle or all
+    cycles.
     """
     starts = cycle_starts(x)
     first = math.ceil((1 - share) * len(starts) - 1e-9)

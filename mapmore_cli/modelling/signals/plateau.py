@@ -1,5 +1,5 @@
-"""Find the levels at which a quantity was held, and the plateau of a step response between rise and
-fall (M2 section 3, eq 1).
+"""Find the levels at which a quantity was held constant. In a step response, find the plateau
+between rise and fall (M2 section 3, eq 1).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ BINS = 128
 
 
 def find_levels(values: Array) -> Array:
-    """Find the levels `(m,)`, ascending, at which a quantity dwells.
+    """Return the levels at which a quantity was held constant, `(m,)`, in ascending order.
 
     The samples are counted in 128 bins over the range of the values, without 0.1 % of the samples
     at either end. The quantity dwells in a bin if the bin, or the mean of three, holds more than
@@ -30,7 +30,7 @@ def find_levels(values: Array) -> Array:
     The result is empty if the quantity never dwells, for example in a steady sweep.
     """
     low, high = np.quantile(values, [0.001, 0.999], method="closest_observation")
-    # if the range is close to the smallest floating-point number, the bins have no width
+    # also for a range so small that the bins would have no width
     if high - low <= max(0.05 * max(abs(low), abs(high)), BINS * np.finfo(float).tiny):
         return np.array([_representative(values)])
     counts, edges = np.histogram(values, bins=BINS, range=(low, high))
@@ -47,14 +47,14 @@ def find_levels(values: Array) -> Array:
 
 def _representative(group: Array) -> float:
     spread, middle = float(np.std(group)), float(np.median(group))
-    # the values are equal except for rounding errors of their mean
+    # equal values, whose mean has a rounding error
     if spread <= 1e-12 * abs(middle):
         return middle
     return round(middle, -math.floor(math.log10(spread)))
 
 
 def default_within(levels: Array) -> float:
-    """Return half the smallest distance between levels; infinite for a single one."""
+    """Return half the smallest distance between two levels; infinity if there is only one level."""
     return float(np.diff(np.sort(levels)).min()) / 2 if len(levels) > 1 else math.inf
 
 
@@ -62,32 +62,33 @@ def match_levels(values: Array, levels: Array, within: float) -> IntArray:
     """Return for each value, (n,), the index of the nearest level, (m,), or -1 if no level lies
     within `within`.
 
-    Half way between two levels, the lower level wins.
+    For a value in the middle between two levels, it is the lower level.
     """
     order = np.argsort(levels, kind="stable")
     middles = (levels[order][1:] + levels[order][:-1]) / 2
     nearest = order[np.searchsorted(middles, values, side="left")]
-    # tolerance for a value at exactly the distance `within`, whichever way it was rounded
+    # tolerance for the rounding error of a value at exactly the distance `within`
     reach = within * (1 + 1e-9) + 1e-12 * np.abs(values)
     return np.where(np.abs(values - levels[nearest]) <= reach, nearest, -1)
 
 
-# a signal has settled when it stays within this share of its span around its final value
+# a signal has settled when it stays within this fraction of its range around its final value
 BAND = 0.05
-RISEN = 0.9  # the pressure counts as risen when it has reached this share of its span
-NOISE_SPANS = 20  # a pressure whose span is smaller than this multiple of its noise never rises
-# shortest plateau as a share of the rise before it, so that the top of a triangle is no plateau
+RISEN = 0.9  # the pressure has risen when it has reached this fraction of its range
+NOISE_SPANS = 20  # a range below this multiple of the noise is no rise
+# shortest plateau as a fraction of the rise time, so that the top of a triangle is no plateau
 SHORTEST = 0.5
 
 REMEDY = "give the plateau, for example `plateau: [2 s, 3 s]`, or leave the recording out"
 
 
 def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> tuple[float, float]:
-    """Return the start and end of the time in which a step response rests.
+    """Return the times at which the plateau of a step response starts and ends.
 
-    On the plateau, the pressure and all `others` (the strain) stay in bands around their final
-    values. It begins when the last of them has settled, and ends when the first leaves its band.
-    The final value of a signal is its median over the later half of the high pressure.
+    On the plateau, the pressure and all `others` (for example the strain) stay in bands around
+    their final values. The plateau begins when the last of these signals has settled, and ends when
+    the first of them leaves its band. The final value of a signal is its median over the later half
+    of the high pressure.
 
     - `pressure`, `others`: `(n,)` each; the pressure rises once and may fall again.
 
@@ -96,8 +97,7 @@ def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> t
     low, high_end = extremes(pressure)
     upper = pressure > (low + high_end) / 2
     noise = float(np.median(np.abs(np.diff(pressure)))) if len(pressure) > 1 else 0.0
-    # Medians are used, because inertia and suction make the pressure overshoot when it rises, and
-    # overshoot even more when it falls.
+    # medians, because the pressure overshoots after its rise, and even more after its fall
     base = float(np.median(pressure[~upper]))
     span = float(np.median(pressure[upper])) - base if upper.any() else 0.0
     if span <= NOISE_SPANS * noise or span == 0.0:
@@ -124,17 +124,19 @@ def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> t
 
 
 def _settled(signal: Array, later: IntArray, span: float) -> BoolArray:
-    """Return True where a signal is within the band around its median over the samples `later`."""
+    """Return a mask of the samples at which a signal lies in the band around its median over the
+    samples `later`.
+    """
     return np.abs(signal - np.median(signal[later])) <= BAND * span
 
 
 def _first(mask: BoolArray) -> int:
-    """Return the index of the first True; the length if there is none."""
+    """Return the index of the first True in a mask; its length if no element is True."""
     return int(np.argmax(np.append(mask, True)))
 
 
 def _last(mask: BoolArray) -> int:
-    """Return the index of the last True; -1 if there is none."""
+    """Return the index of the last True in a mask; -1 if no element is True."""
     return len(mask) - 1 - _first(mask[::-1])
 
 

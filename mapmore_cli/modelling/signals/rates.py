@@ -1,5 +1,5 @@
-"""Compute rates, directions of motion and other quantities that follow from measured ones over
-time, and remove noise and spikes.
+"""Compute rates, directions of motion and other quantities from measured quantities over time.
+Remove noise and spikes.
 """
 
 from __future__ import annotations
@@ -12,21 +12,22 @@ from mapmore_cli.domain.arrays import Array, Columns, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Signal
 
-STEPS = 10  # number of grid points within one window
+STEPS = 10  # number of grid points per window
 
 
 def running_median(x: Array, y: Array, window: float) -> tuple[Array, Array]:
     """Return the medians of x and of y over half a window around each point of an even grid over
     the range of x, shape (m,) each.
 
-    For samples on a straight line, the medians lie on it. A spike narrower than a quarter of the
-    window has no effect. If no sample is near, the value is interpolated between the neighbours.
-    Samples x, y (n,) come in any order; the window is in the unit of x.
+    If the samples lie on a straight line, the medians lie on this line too. A spike that is
+    narrower than a quarter of the window has no effect. If a grid point has no samples around it,
+    its value is interpolated between neighbouring points. Samples x, y (n,) come in any order; the
+    window is in the unit of x.
     """
     order = np.lexsort((y, x))
     x, y = x[order], y[order]
     grid = np.linspace(x[0], x[-1], max(1, round(STEPS * float(x[-1] - x[0]) / window)) + 1)
-    # a sample exactly on the edge of the window is inside it, whatever the unit of x
+    # tolerance, so that a sample exactly on the edge of the window is inside
     reach = window / 4 * (1 + 1e-9)
     first, last = (
         np.searchsorted(x, grid - reach, "left"),
@@ -41,8 +42,7 @@ def running_median(x: Array, y: Array, window: float) -> tuple[Array, Array]:
     return over_x, over_y
 
 
-# number of samples that are gathered into windows at a time: a few MB, which stay in the
-# processor's cache
+# number of samples that are processed at once, so that they stay in the processor's cache
 BLOCK = 100_000
 
 
@@ -50,18 +50,18 @@ def rate(time: Array, values: Array, window: float, order: int) -> Array:
     """Return the time derivative of `values` by a Savitzky-Golay filter on the true time stamps.
 
     At every sample, a polynomial of degree `order` is fitted by least squares to the samples within
-    `window / 2` of it, and differentiated there. Near both ends of the record the window is moved
-    inwards, so that it keeps its width. On evenly spaced stamps this is
+    `window / 2` of it, and differentiated there. Near both ends of the record, the window is moved
+    inwards, so that it keeps its width. For evenly spaced stamps, the result is that of
     `scipy.signal.savgol_filter(deriv=1, mode="interp")`. But loggers round and repeat stamps. If
-    such a record were resampled to even steps first, the rounding would become noise of the rate;
-    the fit averages it out.
+    the record were resampled to even steps first, the rounding of stamps would become noise of the
+    rate. A fit on the true stamps averages the rounding out.
 
     - `time`, `values`: `(n,)`; seconds, never decreasing, and any unit.
     - `window`: width in seconds, ends included.
 
     Raises DataError if a window holds fewer than `order + 1` different stamps.
     """
-    # a stamp on the edge is inside, whichever way it was rounded
+    # tolerance, so that a stamp exactly on the edge of the window is inside
     slack = 1e-9 * window + 4 * np.finfo(float).eps * float(np.abs(time).max())
     begin = np.clip(time - window / 2, time[0], max(time[0], time[-1] - window))
     start = np.searchsorted(time, begin - slack, side="left")
@@ -92,18 +92,18 @@ def _slopes(
     window: float,
     order: int,
 ) -> Array:
-    """Return the slopes at `at`, (m,), of the polynomials fitted to `time[start:stop]`, all at once
-    by their normal equations.
+    """Return the slopes of m polynomials at the times `at`, (m,). Each is fitted to the samples
+    `start` to `stop` of its window. All fits are solved together by their normal equations.
 
-    Time runs in units of the window, measured from `at`, where the monomials up to degree 5 are
-    still well conditioned. Element (i, j) of the normal matrix is the sum of `t^(i+j)`, so that
-    only `2 order + 1` different sums over the window are needed.
+    The time t is measured from `at` in units of the window; then monomials up to degree 5 are well
+    conditioned. Element (i, j) of the normal matrix is the sum of `t^(i+j)`, so that only `2 order
+    + 1` different sums are needed.
     """
     places = start[:, None] + np.arange((stop - start).max())
     power = (places < stop[:, None]).astype(float)  # t^0: one inside the window, and zero outside
     places = np.minimum(places, len(time) - 1)
     t = (time[places] - at[:, None]) / window
-    y = values[places] - values[start][:, None]  # a large offset of the values would cost digits
+    y = values[places] - values[start][:, None]  # large values lose digits
     sums, moments = [], []
     for degree in range(2 * order + 1):
         sums.append(power.sum(axis=1))
@@ -130,9 +130,9 @@ def direction(rate: Array, dead_band: float) -> Array:
     """Return the sign of a rate, +1 (rise) or -1 (fall), shape (n,). While `|rate| <= dead_band`,
     the last direction is kept.
 
-    A recording starts with +1, so that the direction is known from its first sample on, and depends
-    on past samples only (M2 eq 16 uses the sign of the change of pressure, which would change with
-    the noise on every plateau).
+    At the beginning of a recording, it is +1. So the direction depends on past samples only. M2 eq
+    16 uses the sign of the change of pressure instead, which would change with the noise on every
+    plateau.
     """
     moving = np.abs(rate) > dead_band
     last = np.maximum.accumulate(np.where(moving, np.arange(len(rate)), -1))
@@ -154,9 +154,7 @@ def signal_values(signal: Signal, columns: Columns) -> Array:
 
 
 def with_signals(signals: Sequence[Signal], columns: Columns) -> dict[str, Array]:
-    """Return the columns of one recording, with all signals that are missing in them computed and
-    added.
-    """
+    """Return the columns of one recording, and compute all signals that are not among them."""
     known = dict(columns)
     for signal in signals:
         if signal.name not in known:
@@ -165,7 +163,9 @@ def with_signals(signals: Sequence[Signal], columns: Columns) -> dict[str, Array
 
 
 def needed_signals(signals: Sequence[Signal], inputs: Sequence[str]) -> tuple[Signal, ...]:
-    """Return the signals that the inputs need, each after the signal that it needs itself."""
+    """Return the signals that are needed to compute the inputs. If a signal is computed from
+    another signal, it stands after that signal.
+    """
     wanted = set(inputs)
     kept: list[Signal] = []
     for signal in reversed(signals):

@@ -1,5 +1,5 @@
-"""Work on time stamps: repeated stamps, gaps, resets of the clock, resampling, and logs on
-different clocks.
+"""Process time stamps: find repeated stamps, gaps and resets of the clock, resample records, and
+join logs with different clocks.
 """
 
 from __future__ import annotations
@@ -41,7 +41,8 @@ def average_repeated(time: Array, columns: Columns) -> tuple[Array, dict[str, Ar
     """Return one sample for each different stamp, with the mean of every quantity over the samples
     that share the stamp.
 
-    `time` is `(n,)` and never decreases; the results are `(m,)`, m the number of different stamps.
+    `time`, `(n,)`, never decreases. The results have the shape `(m,)`, where m is the number of
+    different stamps.
     """
     stamps, first, counts = np.unique(time, return_index=True, return_counts=True)
     return stamps, {
@@ -52,8 +53,8 @@ def average_repeated(time: Array, columns: Columns) -> tuple[Array, dict[str, Ar
 def spread_repeated(time: Array) -> Array:
     """Return the stamps, (n,), with equal stamps spread evenly up to the next different stamp.
 
-    Samples that share the last stamp are spread over a step as long as the step before. A single
-    stamp is unchanged.
+    Samples that share the last stamp are spread over a step of the same length as the previous
+    step. If all stamps are equal, they are unchanged.
     """
     stamps, place, counts = np.unique(time, return_inverse=True, return_counts=True)
     if len(stamps) == 1:
@@ -63,11 +64,10 @@ def spread_repeated(time: Array) -> Array:
     return time + steps[place] * (np.arange(len(time)) - first[place]) / counts[place]
 
 
-# Samples are not evenly spaced if one of them deviates from an even grid by more than this fraction
-# of a time step. Smaller deviations are usually due to the rounding of stamps.
+# largest deviation of evenly spaced samples from an even grid, as a fraction of a time step
 UNEVEN = 1e-3
 
-MANY = 20_000  # number of samples that represent a longer record if not all are needed
+MANY = 20_000  # number of samples that represent a long record if not all samples are needed
 
 
 def even_share(values: T, most: int = MANY) -> T:
@@ -78,7 +78,7 @@ def even_share(values: T, most: int = MANY) -> T:
     return share
 
 
-ROUNDING = 1e-9  # relative tolerance: a step of exactly the limit is no gap, however it was rounded
+ROUNDING = 1e-9  # relative tolerance, so that a step of exactly the limit is no gap
 
 
 @dataclass(frozen=True)
@@ -98,8 +98,8 @@ class Gaps:
 
 
 def find_gaps(time: Array, longer_than: float) -> Gaps:
-    """Return the gaps longer than `longer_than` between stamps `time` `(n,)`, which never decrease;
-    both in the same unit.
+    """Return the gaps between the stamps `time`, `(n,)`, that are longer than `longer_than`. Both
+    have the same unit, and the stamps never decrease.
     """
     largest = float(np.abs(time[[0, -1]]).max()) if len(time) else 0.0
     limit = longer_than + ROUNDING * longer_than + 4 * np.finfo(float).eps * largest
@@ -110,8 +110,8 @@ def find_gaps(time: Array, longer_than: float) -> Gaps:
     return Gaps(after, lengths, missing)
 
 
-# number of evenly spread parts of a longer record from which its step is estimated, and samples in
-# each
+# The time step of a long record is estimated from some evenly spread parts.
+# These are the number of parts and the number of samples in each.
 PARTS, PART = (
     8,
     1 << 17,
@@ -145,7 +145,7 @@ def find_repeats(time: Array) -> IntArray:
 
 
 def steps_where(time: Array, condition: Callable[[Array], BoolArray]) -> IntArray:
-    """Return the indices of the samples that are followed by a step that fulfils the condition."""
+    """Return the indices of the samples after which the time step fulfils the condition."""
     places: list[IntArray] = [np.zeros(0, dtype=np.int64)]
     start = 0
     for (block,) in in_blocks(time, overlap=1):
@@ -156,27 +156,30 @@ def steps_where(time: Array, condition: Callable[[Array], BoolArray]) -> IntArra
 
 
 def cut_after(n: int, breaks: IntArray) -> list[slice]:
-    """Return the pieces of n samples that are cut after each index in `breaks`, which ascend."""
+    """Cut n samples after each index in `breaks`, and return the pieces. The indices are in
+    ascending order.
+    """
     edges = [0, *(int(place) + 1 for place in breaks), n]
     return [slice(begin, end) for begin, end in pairwise(edges)]
 
 
-DECIMATION = 1.5  # samples are averaged if a step holds at least this number of them
-# fraction of a step; a stamp that is closer than this to the edge of a block lies on the edge
+DECIMATION = 1.5  # if a new step contains at least this many samples, they are averaged
+# a stamp within this fraction of a step from the edge of a block counts as on the edge
 ON_EDGE = 1e-6
 
 
 def resample(time: Array, columns: Columns, step: float) -> tuple[Array, dict[str, Array]]:
     """Resample a record without gaps to stamps `step` apart, shape (m,), with its quantities, shape
-    (m,). m is 0 for a record shorter than a step.
+    (m,). For a record shorter than a step, m is 0.
 
-    If a step holds several samples, they are replaced by their mean, stamped at their middle. This
-    moving average does not lag, and attenuates frequencies above the new sampling rate. Sample i
-    belongs to block `floor((t_i - t_0)/step)`; with `dt` the median step of the record, block k is
-    stamped `t_0 + k step + (step - dt)/2`, the mean of the stamps of an evenly sampled block. The
-    block means are interpolated linearly to these stamps, so that jitter of the stamps does no harm
-    and straight lines stay straight. The last block is left out if the record does not fill it. If
-    a step holds one sample or less, the record is interpolated linearly at `t_0 + k step`.
+    If a step contains several samples, they are replaced by their mean, with the stamp of their
+    middle. This average has no delay, and it attenuates frequencies above the new sampling rate.
+    Sample i belongs to block `floor((t_i - t_0)/step)`; with `dt` the median step of the record,
+    block k is stamped `t_0 + k step + (step - dt)/2`, the mean of the stamps of an evenly sampled
+    block. The block means are interpolated linearly to these stamps, so that jitter of the stamps
+    does no harm and straight lines stay straight. The last block is left out if the record does not
+    fill it. If a step holds one sample or less, the record is interpolated linearly at `t_0 + k
+    step`.
 
     - `time`: `(n,)`, increasing, in the unit of `step`; `columns`: each `(n,)`; a `time` among them
       is left out.
@@ -202,12 +205,12 @@ def resample(time: Array, columns: Columns, step: float) -> tuple[Array, dict[st
 
 
 def align(stamps: Array, time: Array, values: Array, max_gap: float | None) -> Array:
-    """Return `values` `(m,)`, logged at the increasing stamps `time` `(m,)`, interpolated linearly
-    at `stamps` `(n,)`, in any order.
+    """Interpolate a log linearly at `stamps`, `(n,)`, which may be in any order. The log has
+    `values`, `(m,)`, at the increasing stamps `time`, `(m,)`.
 
-    The result is NaN for a stamp outside the log, between two samples of the log more than
-    `max_gap` apart (None allows any distance), or that is NaN itself. A stamp of the log itself
-    gets the logged value.
+    The result is NaN for a stamp that is NaN or lies outside the log. It is also NaN between two
+    samples of the log that are more than `max_gap` apart (None allows any distance). At a stamp of
+    the log, the result is the logged value.
     """
     after = np.searchsorted(time, stamps, side="left").clip(0, len(time) - 1)
     before = np.where(time[after] == stamps, after, (after - 1).clip(0))
@@ -224,12 +227,12 @@ def align(stamps: Array, time: Array, values: Array, max_gap: float | None) -> A
 
 
 def longest_ascent(time: Array) -> BoolArray:
-    """Return True for the stamps, (n,), of the longest series that never decreases, so that as few
-    stamps as possible are left out.
+    """Return a mask, (n,), of the longest subsequence of stamps that never decreases. As few stamps
+    as possible are left out.
 
     Patience sorting, O(n log n): M. L. Fredman, Discrete Math. 11 (1975) 29.
     """
-    ends: list[float] = []  # smallest last stamp of a series, for each length of the series
+    ends: list[float] = []  # for each length of a subsequence, its smallest possible last stamp
     at: list[int] = []
     before = np.full(len(time), -1)
     for place, stamp in enumerate(time.tolist()):
@@ -244,11 +247,11 @@ def longest_ascent(time: Array) -> BoolArray:
 
 
 def envelope(y: Array, limit: int, less: Array | None = None) -> IntArray:
-    """Return the row numbers of at most `limit` points that show the course of a trace: the lowest
-    and the highest sample in each of `limit // 2` consecutive parts. With `less`, they are the
-    extremes of `y - less`.
+    """Return the row numbers of at most `limit` samples with which a figure shows a long curve.
+    They are the lowest and the highest sample in each of `limit // 2` consecutive parts. With
+    `less`, they are the extremes of `y - less`.
 
-    All rows are returned if there are no more than `limit`.
+    If there are at most `limit` rows, all rows are returned.
     """
     if len(y) <= limit:
         return np.arange(len(y))
@@ -259,7 +262,7 @@ def envelope(y: Array, limit: int, less: Array | None = None) -> IntArray:
         known = np.flatnonzero(~np.isnan(run))
         if len(known):
             rows += [start + int(known[place(run[known])]) for place in (np.argmin, np.argmax)]
-        else:  # a gap in the trace remains a gap
+        else:  # a gap in the curve remains a gap
             rows.append(start)
         if number % 100 == 0:
             for column in (y, less):

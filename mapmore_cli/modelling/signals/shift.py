@@ -1,12 +1,12 @@
-"""Estimate the time shift of a second log's clock, by cross-correlation of two records of one
-quantity or of one event.
+"""Estimate the time shift between the clocks of two logs, by cross-correlation of two records of
+the same quantity or of the same event.
 
-Both records are interpolated on one even grid and turned into changes, `u[i] = mean(y[i..i+w]) -
-mean(y[i-w..i])`: slow drift has no influence, and noise is averaged over w samples. The correlation
-r(lag) uses the samples in which the records overlap. Among several widths w, the one whose peak
-stands out most from the noise is taken. If the width were chosen by the ratio to the second peak,
-chance could make that peak small at one of the widths. A peak is certain if noise would not cause
-it and no other peak comes near it.
+Both records are interpolated on a common even grid. They are converted to changes, `u[i] =
+mean(y[i..i+w]) - mean(y[i-w..i])`, so that slow drift has no influence and noise is averaged over w
+samples. The correlation r(lag) uses the samples in which the records overlap. Among several widths
+w, the width is used whose peak stands out most from the noise. The ratio of the best to the second
+best peak is not used for this choice, because the second peak may be small by chance at one of the
+widths. A peak is certain if noise would not cause it and no other peak comes near it.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.signals.sampling import typical_step
 
-WIDTHS = (1, 2, 4, 8, 16, 32, 64)  # numbers of samples on either side of a change
-# smallest overlap, as a fraction of the shorter record; fewer samples may agree by chance
+WIDTHS = (1, 2, 4, 8, 16, 32, 64)  # numbers w of samples that are averaged on each side of a change
+# smallest overlap as a fraction of the shorter record; in a smaller one, chance may correlate
 LEAST_OVERLAP = 0.5
-# smallest share of the summed squared changes of either record that must lie in the overlap; with
-# less, the overlap says nothing
+# smallest fraction of the squared changes of each record that must lie in the overlap
+# With less, almost nothing changes in the overlap.
 LEAST_EVENTS = 0.3
-RATIO = 1.15  # smallest ratio of the best peak to the next one
-# smallest Fisher's z of the best peak, in standard deviations of noise; it is high because
-# thousands of lags are tried
+RATIO = 1.15  # smallest ratio of the best peak to the second best peak
+# smallest Fisher's z of the best peak, in standard deviations of noise
+# It is large, because thousands of lags are tried.
 SIGMAS = 7.0
 MOST = 2_000_000  # largest number of grid points of the longer record
 FEWEST = 8  # smallest number of samples of a record
@@ -36,16 +36,16 @@ FEWEST = 8  # smallest number of samples of a record
 
 @dataclass(frozen=True)
 class Shift:
-    """Time to add to the clock of the second log, and its half width.
+    """Time that must be added to the clock of the second log, with half the width of its interval.
 
-    - `value`, `half_width`: in the unit of the stamps. The half width is that of the 95 % interval:
-      the error by noise and half a sample of either record, added in squares. With little noise,
-      half a sample is larger than the error.
-    - `step`: the coarser of the two records' typical steps.
-    - `correlation`: correlation of the changes in both records at this shift; negative if one
-      falls when the other rises.
-    - `next_best`: absolute correlation of the next peak, whose shift is `rival`; 0 and None if
-      there is none.
+    - `value`, `half_width`: in the unit of the stamps. The interval contains the true shift with a
+      probability of 95 %. The half width combines the error by noise and half a time step of each
+      record, as the root of the sum of squares.
+    - `step`: typical time step of the record with the longer steps.
+    - `correlation`: correlation of the changes in both records at this shift; negative if one falls
+      when the other rises.
+    - `next_best`: absolute correlation at the second best peak, and `rival`: the shift there. They
+      are 0 and None if there is only one peak.
     - `sigmas`: height of the peak above the noise, in standard deviations.
     """
 
@@ -66,12 +66,12 @@ class Shift:
 
     @property
     def ambiguous(self) -> bool:
-        """Return True if another shift is nearly as good."""
+        """Return True if the correlation at another shift is nearly as high."""
         return self.ratio < RATIO
 
     @property
     def lost_in_noise(self) -> bool:
-        """Return True if noise alone could cause such a peak."""
+        """Return True if noise alone could cause a peak of this height."""
         return self.sigmas < SIGMAS
 
 
@@ -83,12 +83,13 @@ def find_shift(
     *,
     same_sign: bool = False,
 ) -> Shift | None:
-    """Find the shift of a second log; None if nothing changes in one of the records, or no shift
-    makes them overlap.
+    """Return the shift of the clock of a second log; None if nothing changes in one of the records,
+    or if the records overlap at no shift.
 
-    - `time`, `first`: stamps `(n,)`, strictly increasing, and values `(n,)` of the first log;
-      `other_time`, `second`: `(m,)`, of the other.
-    - `same_sign`: True if both must rise together; otherwise one may fall while the other rises.
+    - `time`, `first`: stamps, `(n,)`, strictly increasing, and values, `(n,)`, of the first log.
+      `other_time`, `second`: those of the second log, `(m,)`.
+    - `same_sign`: True if both records must rise at the same time. If it is False, one record may
+      fall while the other rises.
     """
     if min(len(time), len(other_time)) < FEWEST:
         return None
@@ -107,7 +108,7 @@ def find_shift(
     if not peaks:
         return None
     best = max(peaks, key=lambda peak: peak.sigmas)
-    # besides the error by noise, a jump may lie anywhere between two samples
+    # a jump may lie anywhere between two samples, so half a time step is added
     half_width = math.hypot(best.half_width, 0.5 * sum(steps))
     return replace(best, half_width=half_width, step=max(steps))
 
@@ -120,8 +121,8 @@ def _peak(
     step: float,
     same_sign: bool,
 ) -> Shift | None:
-    """Return the best shift by changes over `width` samples; None if the records are too short for
-    this width, or if nothing correlates.
+    """Return the best shift for changes over `width` samples; None if the records are too short for
+    this width, or if no correlation is positive.
     """
     if min(len(first), len(second)) <= 4 * width:
         return None
@@ -132,9 +133,9 @@ def _peak(
     top = int(np.argmax(size))
     if size[top] == 0:
         return None
-    # a maximum at the edge of the searched range is no peak
+    # a maximum at the edge of the range of lags is no peak
     rises_on = not 0 < top < len(r) - 1 or r[top - 1] == 0.0 or r[top + 1] == 0.0
-    # places at which the peak ends on either side
+    # places at which the peak ends on both sides
     before, after = (np.flatnonzero(np.diff(side) > 0) for side in (size[top::-1], size[top:]))
     below = top - int(before[0]) if len(before) else 0
     above = top + int(after[0]) if len(after) else len(size) - 1
@@ -158,8 +159,8 @@ def _peak(
 
 
 def changes(y: Array, width: int) -> Array:
-    """Return the mean of the next `width` samples minus the mean of the last `width` samples, shape
-    (n - 2 width + 1,), for y of shape (n,).
+    """Return the changes of y, (n,): at each place, the mean of the following `width` samples minus
+    the mean of the preceding `width` samples, shape (n - 2 width + 1,).
     """
     total = np.concatenate([[0.0], np.cumsum(y - y.mean())])
     means = (total[width:] - total[:-width]) / width
@@ -168,10 +169,11 @@ def changes(y: Array, width: int) -> Array:
 
 
 def correlation_by_lag(u: Array, v: Array) -> tuple[Array, Array, Array]:
-    """Return Pearson's r of `u[i + lag]` and `v[i]` over the samples in which they overlap, the
-    lags, and the numbers of samples, shape (k,) each.
+    """Return Pearson's correlation r of `u[i + lag]` and `v[i]` for every lag, the lags, and the
+    numbers of overlapping samples, shape (k,) each.
 
-    r is zero if the overlap is too short, or contains too small a part of the changes of a record.
+    r is set to zero if the overlap is too short, or if it contains too small a part of the changes
+    of a record.
     """
     # imported here because it loads slowly, and few specs need it
     from scipy.signal import correlate
@@ -197,8 +199,8 @@ def correlation_by_lag(u: Array, v: Array) -> tuple[Array, Array, Array]:
 
 
 def _vertex(size: Array, top: int) -> float:
-    """Return the maximum of the parabola through the peak and its neighbours, in lags from the
-    peak.
+    """Return the place of the maximum of a parabola through the peak and its two neighbours, in
+    lags relative to the peak.
     """
     if not 0 < top < len(size) - 1:
         return 0.0
@@ -229,7 +231,7 @@ def _half_width(u: Array, v: Array, lag: int) -> float:
     steepness = float(np.diff(first) @ np.diff(second))
     if steepness <= 0:
         return math.inf
-    size = next_fast_len(2 * n, real=True)  # so that the sums do not wrap around
+    size = next_fast_len(2 * n, real=True)  # padded, so that the sums are not circular
     slope, rest = rfft(np.gradient(first + second) / 2, size), rfft(first - second, size)
     products = np.abs(slope * rest) ** 2
     total = float(np.sum(products))

@@ -1,5 +1,5 @@
-"""Model a muscle in series with a tendon: the force stretches the tendon, and the muscle has the
-remaining length.
+"""Model a muscle in series with a tendon. The force stretches the tendon, and the length of the
+muscle is the total length minus the length of the tendon.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from mapmore_cli.modelling.kinds import Kind, Verbs
 
 @dataclass(frozen=True)
 class Tendon(Body):
-    """A model of a muscle in series with a tendon. Its inputs `length` and `velocity` are those of
-    muscle and tendon together.
+    """A model of a muscle in series with a tendon. Its inputs `length` and `velocity` are the
+    length and the velocity of muscle and tendon together.
     """
 
     muscle: Annotated[Model, "the muscle alone"]

@@ -1,6 +1,6 @@
-"""Compute the force of a muscle in series with a tendon, `F = f(P, l - (F - F_0)/k, v + F'/k)`: the
-muscle's length is shorter by the stretch of the tendon, and its shortening velocity is larger by
-the rate of the stretch.
+"""Compute the force of a muscle in series with a tendon, `F = f(P, l - (F - F_0)/k, v + F'/k)`. The
+length of the muscle is smaller than l by the stretch of the tendon, and its shortening velocity is
+larger than v by the rate of this stretch.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ length's range.
 
 
 def muscle_columns(columns: Columns, force: Array, stiffness: float, at_zero: float) -> Columns:
-    """Return the columns with the length and velocity of the muscle itself."""
+    """Return the columns with the length and velocity of the muscle without the tendon."""
     of_muscle = {**columns, "length": columns["length"] - (force - at_zero) / stiffness}
     if "velocity" in columns:
         of_muscle["velocity"] = (
@@ -46,8 +46,8 @@ def solve(
 ) -> Array:
     """Return the force of a `muscle` in series with a tendon, shape (n,), along one recording.
 
-    The equation is solved by Newton's method with the derivative along the length; the rate of the
-    force is that of the previous iteration.
+    The equation is solved by Newton's method. Only the derivative with respect to the length is
+    used; the rate of the force is taken from the previous iteration.
     """
     length = columns["length"]
     force, further = np.full(len(length), at_zero), NUDGE * (float(np.ptp(length)) or 1.0)
@@ -87,15 +87,17 @@ class TendonVerbs(Verbs):
         return SimulatedRun(_force(model, columns), ())
 
     def outside_range(self, model: Model, columns: Columns) -> BoolArray:
-        """Return True for rows at which the muscle itself is outside its training range, shape
-        (n,).
+        """Return True for rows at which the muscle, without the tendon, is outside its training
+        range, shape (n,).
         """
         body = model.body_of(Tendon)
         of_muscle = muscle_columns(columns, _force(model, columns), body.stiffness, body.force)
         return kinds.outside_range(body.muscle, of_muscle)
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-        """Return the equation of the muscle's length, then the equations of the muscle."""
+        """Return the equation for the length of the muscle, followed by the equations of the
+        muscle.
+        """
         body, force = model.body_of(Tendon), model.output.name
         stretched = f"length = length - ({force} - {body.force:g})/{body.stiffness:g}"
         latex = rf"\text{{{tex_text(stretched)}}}"
@@ -103,7 +105,9 @@ class TendonVerbs(Verbs):
         return (Equation(f"{body.muscle.name}: tendon", stretched, latex), *of_muscle)
 
     def parameters(self, model: Model) -> int:
-        """Return the number of parameters of the muscle; the tendon is given."""
+        """Return the number of parameters of the muscle. The tendon has none, because it is not
+        fitted.
+        """
         return kinds.parameters(model.body_of(Tendon).muscle)
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:  # noqa: ARG002

@@ -1,1 +1,1 @@
-"""Measure how far models lie from measurements: metrics, intervals, repeatability."""
+"""Compare models with measurements: compute errors, intervals and repeatability."""

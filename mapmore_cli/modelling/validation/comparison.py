@@ -1,9 +1,9 @@
 """Decide whether a muscle has changed, by comparing two models of it on a common grid inside both
 training ranges.
 
-Samples of one curve are not independent: an error of the load cell affects the whole curve. Every
-statement is therefore about curves: there is one number for each curve, and their scatter gives the
-uncertainty of their mean.
+Samples of one curve are not independent, because for example an error of the load cell affects the
+whole curve. Therefore, one number is computed for each curve, and the scatter of these numbers
+gives the uncertainty of their mean.
 """
 
 from __future__ import annotations
@@ -30,26 +30,25 @@ CONFIDENCE, EQUIVALENCE = 0.95, 0.90
 tests of 5 % each).
 """
 
-CHANGED, SAME, UNCLEAR = "changed", "same", "cannot tell"  # possible answers of a comparison
-# answer if both models were fitted to the same recordings, so that only settings can differ
+CHANGED, SAME, UNCLEAR = "changed", "same", "cannot tell"  # possible results of a comparison
+# result if both models were fitted to the same recordings, so that only settings can differ
 OF_SETTINGS = "settings"
-# relative change of force that is too small to be of interest: repeats of one measurement differ by
-# about as much
+# a smaller relative change of force is of no interest, because repeats differ by as much
 MARGIN = 0.01
-# number of points along the input that varies within a curve; number of points along each input if
-# several vary
+# Number of points along the input that varies within a curve.
+# Number of points along each input if several inputs vary.
 GRID, COARSE_GRID = (
     41,
     11,
 )
-SAME_LEVEL = 0.05  # share of the distance to the next level within which two levels are equal
+SAME_LEVEL = 0.05  # closer levels, as a fraction of the distance to the next level, are equal
 
 FEWEST_CURVES, MOST_POINTS = 2, 6
 
 
 class CurvePlace(NamedTuple):
-    """Place at which both models are compared along a curve: the name of the curve, its level, and
-    whether one of the models must be interpolated between its levels.
+    """A curve along which both models are compared: its name, its level, and True if one of the
+    models must be interpolated between its levels there.
     """
 
     curve: str
@@ -59,13 +58,14 @@ class CurvePlace(NamedTuple):
 
 @dataclass(frozen=True)
 class CurveChange:
-    """Difference of a curve of the later model from that of the earlier one.
+    """Difference between the later and the earlier model along one curve.
 
-    - `ratio`, `weight`: `sum(a b)/sum(a^2)` with the earlier output a and the later output b at the
-      points of the grid. It is the factor from a to b. Its weight in the factor of all curves is
-      the curve's share of `sum(a^2)`.
+    - `ratio`, `weight`: the factor from the output a of the earlier model to the output b of the
+      later model, `sum(a b)/sum(a^2)` over the points of the grid, and its weight in the mean over
+      all curves, which is proportional to `sum(a^2)`.
     - `difference`, `rms`: mean and root mean square of `b - a`, in the unit of the output.
-    - `largest`: the `b - a` with the largest magnitude, and its `place`.
+    - `largest`, `place`: the value of `b - a` with the largest magnitude, and the point of the grid
+      there.
     - `interpolated`: True if one of the models has no curve at this level.
     """
 
@@ -84,11 +84,11 @@ class CurveChange:
 @dataclass(frozen=True)
 class TermChange:
     """Coefficients of one term of one segment in both models, in the unit of the output. A
-    coefficient is None if the term was not chosen.
+    coefficient is None if its model does not have the term.
 
-    `error` is the root of the sum of squares of the standard errors, NaN if one of the two is
-    missing. `errors_note` is the assumption about residuals on which the standard errors are based:
-    the stronger one of the two models' assumptions.
+    `error` is the standard error of the difference (the root of the sum of squares of both standard
+    errors), NaN if one of them is missing. `errors_note` is the assumption about residuals on which
+    the standard errors are based. If the models have different assumptions, it is the stronger one.
     """
 
     segment: str
@@ -142,8 +142,8 @@ class Comparison:
 
     @property
     def changed(self) -> bool:
-        """Return True if there is a change of the muscle that is both certain (the interval
-        excludes one) and large enough to be of interest (larger than the margin).
+        """Return True if the muscle has changed. The change must be certain (the interval does not
+        contain one) and larger than the margin.
         """
         low, high = self.interval
         large = abs(self.ratio - 1) > max(self.margin, self.resolution)
@@ -157,22 +157,24 @@ class Comparison:
 
     @property
     def answer(self) -> str:
-        """The answer: `changed`; `same` if two one-sided tests show that the change is within the
-        margin; `cannot tell` if the data do not decide; or `settings` if both models were fitted to
-        the same recordings.
+        """Result of the comparison: `changed`; `same` if two one-sided tests show that the change
+        is smaller than the margin; `cannot tell` if the data do not decide; `settings` if both
+        models were fitted to the same recordings.
         """
         if self.changed:
             return CHANGED
         if self.same_recordings:
             return OF_SETTINGS
         low, high = self.narrow
-        # a larger uncertainty means that the change may be due to interpolation between levels
+        # otherwise, the interpolation between levels may hide a change
         sure = self.resolution <= max(np.ptp(self.interval) / 2, self.margin)
         return SAME if sure and 1 - self.margin < low <= high < 1 + self.margin else UNCLEAR
 
     @property
     def by_effect(self) -> tuple[CurveChange, ...]:
-        """The curves by the size of their difference (root mean square), the largest first."""
+        """The curves, sorted by the root mean square of their difference; the largest comes
+        first.
+        """
         return tuple(sorted(self.curves, key=lambda curve: -curve.rms))
 
 
@@ -220,8 +222,8 @@ def _of_interpolation(
     models' intervals (`validate.intervals`).
 
     It is `1.96 sqrt(sum(share^2 u^2))`, where u is the standard deviation of a model between its
-    levels divided by the root mean square of its output; 0 if no curve is interpolated or no model
-    has intervals; infinite if the intervals of a model are refused.
+    levels, divided by the root mean square of its output. It is 0 if no curve is interpolated or no
+    model has intervals, and infinite if the intervals of a model cannot be computed.
     """
     squares = 0.0
     for curve, share in zip(curves, shares, strict=True):
@@ -239,9 +241,9 @@ def common_curves(before: Model, after: Model) -> list[CurvePlace]:
     """Return the curves of both models at the same level, or with the same name if there are no
     levels.
 
-    If the levels of the models differ, only levels inside the ranges of both models are used. They
-    are the levels of the model that has fewer of them; the other model is interpolated to these
-    levels. In this way, no curve is counted twice.
+    If the levels of the models differ, only levels inside the ranges of both models are compared.
+    The levels of the model with fewer such levels are used, and the other model is interpolated to
+    them. In this way, no curve is counted twice.
     """
     first, second = _ranges(before), _ranges(after)
     if before.level != after.level:
@@ -302,8 +304,8 @@ def _ranges(model: Model) -> tuple[CurveRange, ...]:
 
 
 def grid(before: Model, after: Model, place: CurvePlace) -> dict[str, Array]:
-    """Return points inside the ranges of both models, by input: evenly spread along every input
-    that varies, in every combination, shape (m,) each.
+    """Return a grid of points inside the ranges of both models, shape (m,) for each input. The
+    points are evenly spread along every input that varies.
 
     Raises ValueError if the ranges do not overlap.
     """
@@ -332,7 +334,9 @@ def grid(before: Model, after: Model, place: CurvePlace) -> dict[str, Array]:
 
 
 def _limits_at(model: Model, place: CurvePlace) -> Ranges:
-    """Return the training range of every input at a place, interpolated between the curves."""
+    """Return the training range of every input along a curve. If the curve has a level, the range
+    is interpolated between the training curves.
+    """
     ranges = _ranges(model)
     if place.level is None:
         return next(
@@ -374,8 +378,8 @@ class ReferencePoint(NamedTuple):
 
 
 def reference_points(models: Sequence[Model]) -> list[ReferencePoint]:
-    """Return the middle of every curve that the first and the last model have in common, inside the
-    ranges of both; at most `MOST_POINTS` places.
+    """Return at most `MOST_POINTS` places. Each is the middle of a curve that the first and the
+    last model have in common, inside the ranges of both.
     """
     first, last = models[0], models[-1]
     places = common_curves(first, last)
@@ -395,11 +399,11 @@ def reference_points(models: Sequence[Model]) -> list[ReferencePoint]:
 
 
 def term_changes(before: Model, after: Model) -> tuple[TermChange, ...]:
-    """Return every term of every segment that both models have, with its coefficients `y_slope
-    theta`; nothing if a model has no segments.
+    """Return the terms of all segments that both models have, with the coefficients `y_slope theta`
+    of both models. The result is empty if a model has no segments.
 
-    Scalings depend on the ranges of the data, so that a coefficient also changes with the ends of
-    its segment.
+    Scalings depend on the ranges of the data, so that a coefficient also changes if the ends of its
+    segment move.
     """
     if not isinstance(before.body, Pieces) or not isinstance(after.body, Pieces):
         return ()

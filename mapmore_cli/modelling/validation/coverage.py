@@ -1,5 +1,6 @@
-"""Compare the inputs of held-out samples with those of training samples: a model extrapolates if an
-input is outside its training range, or if two inputs are combined as in no training sample.
+"""Compare the inputs of held-out samples with the inputs of training samples. A model extrapolates
+if an input is outside its training range, or if two inputs have a combination of values that no
+training sample has.
 """
 
 from __future__ import annotations
@@ -26,18 +27,18 @@ ANGLES = np.pi * np.arange(1, 24) / 24
 
 
 def share_outside(model: Model, dataset: Dataset) -> float:
-    """Return the share of the held-out samples at which an input lies outside its training range;
-    0 without held-out samples.
+    """Return the fraction of the held-out samples at which an input lies outside its training
+    range; 0 if no samples are held out.
     """
     outside = _outside(model, dataset)
     return float(outside.mean()) if outside.size else 0.0
 
 
 def new_combinations(model: Model, dataset: Dataset) -> Iterator[tuple[float, str, str]]:
-    """Yield each pair of inputs whose values occur together in some held-out samples, but in no
-    training sample. Only held-out samples with every input inside its training range count. For
-    each pair, yield the share of these samples among all held-out samples, and the names of the two
-    inputs. Long data are thinned evenly.
+    """Yield each pair of inputs that has, in some held-out samples, a combination of values as in
+    no training sample. Held-out samples with an input outside its training range are not
+    considered. For each pair, yield the fraction of all held-out samples that have such a
+    combination, and the names of both inputs. Long data are thinned evenly.
     """
     known, asked = (
         {name: even_share(x) for name, x in _inputs(model, dataset, rows).items()}
@@ -55,10 +56,12 @@ def outside_hull(known: Array, asked: Array) -> BoolArray:
     """Return True for points of a plane, (2, m), that lie further than `MARGIN` outside the convex
     hull of the `known` points, (2, n).
 
-    Both coordinates are divided by their range among the known points; no point is outside if there
-    is no range. A point lies outside the hull if, in some direction, no known point is as far as it
-    is. The directions are spaced evenly, so that near a corner of the hull, slightly farther points
-    count as inside.
+    Both coordinates are divided by their range over the known points. If such a range is zero, no
+    point is outside.
+
+    A point is outside the hull if no known point is as far away as this point in some direction. A
+    fixed number of evenly spaced directions is tested, so that points slightly outside a corner of
+    the hull count as inside.
     """
     spans = np.ptp(known, axis=1) if known.size else np.zeros(2)
     if not spans.all():
@@ -72,8 +75,9 @@ def outside_hull(known: Array, asked: Array) -> BoolArray:
 
 
 def _outside(model: Model, dataset: Dataset) -> BoolArray:
-    """Return True for each held-out sample at which an input lies outside its training range. A
-    model that runs along recordings is tested on whole recordings, and any other model in blocks.
+    """Return a mask of the held-out samples at which an input lies outside its training range. A
+    model that is computed along recordings is tested on whole recordings, and any other model in
+    blocks.
     """
     of = partial(outside_range, model)
     test = of if runs_over_time(model) else partial(row_by_row, of)
@@ -97,5 +101,5 @@ def _inputs(model: Model, dataset: Dataset, rows: str) -> dict[str, Array]:
 
 
 def _with_inputs(model: Model, dataset: Dataset) -> list[Curve]:
-    """Return the curves that have all inputs of the model."""
+    """Return the curves that have columns for all inputs of the model."""
     return [curve for curve in dataset.curves if {*model.input_names} <= {*curve.columns}]

@@ -20,8 +20,9 @@ deviations are fractions of the root mean square of the values.
 
 @dataclass(frozen=True)
 class GaussianProcess:
-    """A Gaussian process: points x, (n, d), with values y, (n,); lengths, (d,); standard deviations
-    of the process and of the noise, in the unit of y.
+    """A Gaussian process with points x, (n, d), and values y, (n,) at these points. `lengths`,
+    (d,), are its correlation lengths. The standard deviations of the process and of the noise are
+    in the unit of y.
     """
 
     x: Array
@@ -32,15 +33,15 @@ class GaussianProcess:
 
     @property
     def covariance(self) -> Array:
-        """Covariance matrix of the values, noise included, (n, n)."""
+        """Covariance matrix of the values y, including the noise, (n, n)."""
         return np.asarray(
             self.deviation**2 * matern(self.x, self.x, self.lengths)
             + self.noise**2 * np.eye(len(self.y))
         )
 
     def predict(self, at: Array) -> tuple[Array, Array]:
-        """Return mean and standard deviation of the process, without noise, at points (m, d): (m,)
-        each.
+        """Return the mean and the standard deviation of the process at new points, (m, d). Both
+        have the shape (m,), and the noise is not included.
         """
         factor = np.linalg.cholesky(self.covariance)
         half = solve_triangular(
@@ -50,13 +51,15 @@ class GaussianProcess:
         return mean, np.sqrt(np.maximum(self.deviation**2 - np.sum(half**2, axis=0), 0.0))
 
     def with_point(self, x: Array, y: float) -> GaussianProcess:
-        """Return the process with one more point and the same lengths and deviations."""
+        """Return a process with one more point, and with the same correlation lengths and standard
+        deviations.
+        """
         return replace(self, x=np.vstack([self.x, x]), y=np.append(self.y, y))
 
 
 def matern(a: Array, b: Array, lengths: Array) -> Array:
-    """Return `(1 + r + r^2/3) exp(-r)`, r = sqrt(5) |(a - b)/lengths|, for points (n, d) and (m,
-    d): (n, m).
+    """Return the Matérn 5/2 correlation `(1 + r + r^2/3) exp(-r)` with r = sqrt(5) |(a -
+    b)/lengths|, shape (n, m), between points a, (n, d), and b, (m, d).
     """
     difference = (a[:, None, :] - b[None, :, :]) / lengths
     r = math.sqrt(5) * np.sqrt(np.sum(difference**2, axis=2))
@@ -64,8 +67,8 @@ def matern(a: Array, b: Array, lengths: Array) -> Array:
 
 
 def most_likely(x: Array, y: Array) -> GaussianProcess:
-    """Return the process with the largest marginal likelihood for points, (n, d), in the unit
-    square and values, (n,), with mean zero.
+    """Return the process with the largest marginal likelihood. The points, (n, d), lie in the unit
+    square, and the values, (n,), have the mean zero.
     """
     scale = root_mean_square(y) or 1.0
 

@@ -1,8 +1,8 @@
 """Compute prediction intervals for a new curve, from the errors of models on parts of the training
 data that were left out of their fits.
 
-The samples of one curve have common errors, because a sensor error, a temperature or a place
-between two levels affects the whole curve. So the number of curves counts, not that of samples.
+The samples of one curve have common errors, because for example a sensor error or a temperature
+affects the whole curve. So the width depends on the number of curves, not on the number of samples.
 Half of the width has three parts.
 
 *Differences from sample to sample*, with the variance `s_w^2`: s_w is the root mean square training
@@ -64,7 +64,7 @@ from mapmore_cli.domain.models import LeftOut, LeftOutKind, Model
 from mapmore_cli.modelling.kinds import outside_range, predict
 
 INTERVAL = 0.95  # level of the intervals in score tables and figures
-# fractions of a part's samples at which the quantiles of its residuals are kept
+# probabilities for which the quantiles of the residuals of each part are stored
 SHARES = np.linspace(0.0, 1.0, 101)
 
 FEW: Mapping[int, float] = {3: 5.06, 4: 4.03, 5: 3.23}
@@ -73,19 +73,19 @@ FEW: Mapping[int, float] = {3: 5.06, 4: 4.03, 5: 3.23}
 five.
 """
 
-LEAST = 1e-3  # errors below this fraction of the largest |target| are replaced by it
+LEAST = 1e-3  # smaller errors, as a fraction of the largest |target|, are replaced by this
 # quantile of the normal distribution for which the constants in `FEW` were computed
 NORMAL = 1.959964
-# fraction of the gap between levels within which a sample counts as lying at a level
+# a sample within this fraction of the gap between levels from a level counts as at the level
 AT_LEVEL = 0.02
 
-MANY = 7  # the rule for few levels is not needed with this number of levels or more
+MANY = 7  # smallest number of levels for which the rule for few levels is not needed
 NEIGHBOURS = 0.6
 """Degrees of freedom of K left-out levels, divided by K - 1: with this value, Student's t covers 90
 to 99 % of new curves at 4 to 20 levels (`docs/interval_tables.py`).
 """
 
-# with fewer degrees of freedom, the differences between curves are unknown
+# with fewer degrees of freedom, the variance between curves counts as unknown
 LEAST_FREEDOM = 1.5
 CLEAR, CHANCE = 1.25, 0.2
 """Limits beyond which the squared errors of left-out levels show an error of the model. The first
@@ -93,8 +93,8 @@ is their ratio to the part that noise and differences between curves explain. Th
 repeats determine these differences, is the probability with which chance alone exceeds the ratio.
 """
 
-# number of stretches into which each recording is divided; their means are compared with the means
-# of the same stretches of its repeats
+# number of parts into which each recording is divided
+# The mean of each part is compared with the means of the same part of repeated recordings.
 BLOCKS = 4
 
 SAME_RECORDINGS = (
@@ -122,7 +122,7 @@ def left_out_summary(
     for part, values in pooled.items():
         if not len(values) or not np.isfinite(values).all():
             raise FitError(
-                f"the model that was fitted without {part} has no prediction for it, or one that "
+                f"the model that was fitted without {part} cannot predict it, or its prediction "
                 "is not finite",
                 "remove `validate.intervals`",
             )
@@ -141,8 +141,8 @@ def left_out_summary(
 def with_levels(
     left_out: LeftOut, training: Mapping[float | None, Sequence[Array]], parameters: int
 ) -> LeftOut:
-    """Return the summary with the training residuals of each recording, by level (None without
-    levels).
+    """Return the summary with statistics of the training residuals added. `residuals` holds those
+    of each recording, by level (None without levels).
 
     The root mean square of the training residuals is multiplied by `sqrt((n + p)/(n - p))` for n
     samples and p parameters, if n is larger than p. The result is the error to be expected on n new
@@ -173,8 +173,8 @@ def scatter_of_recordings(levels: Sequence[Sequence[Array]]) -> float:
     """Return the standard deviation between recordings of one level, from the training residuals of
     each recording of each level; NaN without repeats.
 
-    A recording is represented by the means of `BLOCKS` stretches, so that recordings with different
-    slopes differ as well as recordings with an offset. The contribution of the samples' noise is
+    A recording is represented by the means of `BLOCKS` parts, so that not only offsets between
+    recordings but also different slopes are found. The contribution of the noise of the samples is
     subtracted.
     """
     squares, freedom, noise = 0.0, 0, list[float]()
@@ -193,7 +193,7 @@ def scatter_of_recordings(levels: Sequence[Sequence[Array]]) -> float:
 
 def interval_limits(left_out: LeftOut) -> str | None:
     """Return a text that says why there is no interval, or which errors the interval does not
-    include, and what to measure. Return None if the interval is complete.
+    include, and which measurements would help. Return None if the interval is complete.
     """
     if left_out.astray > ASTRAY:
         return (
@@ -220,12 +220,12 @@ def interval_limits(left_out: LeftOut) -> str | None:
 
 @dataclass(frozen=True)
 class Offsets:
-    """Differences between curves of one level, and the remaining errors of left-out levels.
+    """Variances between samples and between curves of one level, and the errors of left-out levels.
 
     - `noise`: mean square of the differences from sample to sample. `smooth`: the part of `noise`
       that neighbouring samples share, for example because a model does not bend enough. `square`:
-      mean square of the differences from curve to curve, with `freedom` degrees of freedom.
-      `repeated`: True if `square` is computed from repeats.
+      mean square of the differences between curves, with `freedom` degrees of freedom. `repeated`:
+      True if `square` is computed from repeated recordings.
     - `missed`: mean square error of the `left_out` levels, 0 if no level was left out. `explained`:
       the part of `missed` that noise and, with repeats, differences between curves explain.
     """
@@ -241,7 +241,7 @@ class Offsets:
 
     @property
     def errs_between(self) -> bool:
-        """Return True if the errors of left-out levels are clearly larger than the differences
+        """Return True if the errors of left-out levels are clearly larger than the variances
         between samples and curves explain.
         """
         from scipy.special import fdtri
@@ -250,8 +250,9 @@ class Offsets:
         return bool(self.missed > max(CLEAR, chance) * self.explained)
 
     def half_width(self, share: Array, level: float) -> Array:
-        """Return half of the width that contains a sample of a curve with probability `level`.
-        `share`, (n,), is the factor c of the variance between curves (see the module).
+        """Return half of the width of the interval that contains a sample of a new curve with
+        probability `level`. `share`, (n,), is the factor c of the variance between curves (see the
+        module).
         """
         from scipy.special import ndtri, stdtrit
 
@@ -267,7 +268,7 @@ class Offsets:
 
 
 def offsets_of(left_out: LeftOut) -> Offsets | None:
-    """Return the differences between curves; None if the data do not determine them."""
+    """Return the variances between samples and curves; None if the data do not determine them."""
     n, count = np.array(left_out.repeats), len(left_out.places)
     known = math.isfinite(left_out.apart)
     between_curves, repeats = (left_out.apart**2, float(np.sum(n - 1))) if known else (0.0, 0.0)
@@ -304,8 +305,10 @@ def half_widths(left_out: LeftOut, at: Array, level: float) -> Array:
 
 
 def of_levels(left_out: LeftOut, at: Array, level: float) -> Array:
-    """Return the half widths at the levels `at`, (n,); NaN if the data do not determine them."""
-    # imported here because loading it takes a third of a run that is up to date
+    """Return half of the width of the interval at the levels `at`, (n,); NaN if the data do not
+    determine it.
+    """
+    # imported here, because the import is slow and most runs do not need it
     from scipy.special import stdtrit
 
     offsets, count = offsets_of(left_out), len(left_out.places)
@@ -344,8 +347,8 @@ def gaps(left_out: LeftOut, at: Array) -> tuple[IntArray, Array, Array]:
 def between_levels(
     left_out: LeftOut, at: Array, level: float, scales: Mapping[int, float] = FEW
 ) -> Array:
-    """Return the half widths at the levels `at`, (n,), of a model with three to six levels. The
-    errors between so few levels have a rule of their own.
+    """Return half of the width of the interval at the levels `at`, (n,), of a model with three to
+    six levels. For so few levels, errors between levels follow a separate rule.
     """
     from scipy.special import ndtri
 
@@ -364,8 +367,8 @@ def between_levels(
 
 
 def many_curves(left_out: LeftOut, level: float) -> float:
-    """Return half of the width of the interval: the value from Student's t over curves, or the
-    quantile of the absolute residuals, whichever is larger.
+    """Return half of the width of the interval. It is the larger one of two values: one from
+    Student's t distribution over curves, and the quantile of the absolute residuals.
     """
     from scipy.special import stdtrit
 
@@ -377,8 +380,8 @@ def many_curves(left_out: LeftOut, level: float) -> float:
 
 
 def half_widths_of(model: Model, columns: Columns, level: float) -> Array:
-    """Return half of the width of a model's intervals at every row, shape (n,); NaN if they are
-    refused. Raises the same errors as `intervals_of`.
+    """Return half of the width of a model's intervals at every row, shape (n,); NaN if no interval
+    can be computed. Raises the same errors as `intervals_of`.
     """
     left_out = intervals_of(model, level)
     at = np.full(row_count(columns), np.nan) if model.level is None else columns[model.level]
@@ -386,7 +389,7 @@ def half_widths_of(model: Model, columns: Columns, level: float) -> Array:
 
 
 def intervals_of(model: Model, level: float) -> LeftOut:
-    """Return the left-out summary from which intervals are computed.
+    """Return the summary of left-out errors from which the intervals of a model are computed.
 
     Raises UsageError for a level that is not between 0 and 1; DataError for a model without
     left-out residuals.
@@ -399,23 +402,23 @@ def intervals_of(model: Model, level: float) -> LeftOut:
     if model.left_out is None:
         remedy = "add `validate: {intervals: true}` to its spec, and run `mapmore run` again"
         raise DataError(
-            f"the model {model.name} has no errors on left-out data, from which intervals are made",
+            f"the model {model.name} has no errors on left-out data, so it has no intervals",
             remedy,
         )
     return model.left_out
 
 
 def interval(model: Model, columns: Columns, level: float) -> tuple[Array, Array]:
-    """Return the ends of the interval at every row, shape (n,) each; NaN without an interval.
-    Raises the same errors as `intervals_of`.
+    """Return the lower and the upper end of the interval at every row, shape (n,) each; NaN without
+    an interval. Raises the same errors as `intervals_of`.
     """
     half = half_widths_of(model, columns, level)
     return ends(predict(model, columns), outside_range(model, columns), half)
 
 
 def ends(predicted: Array, outside: BoolArray, half: Array) -> tuple[Array, Array]:
-    """Return the lower and upper end around every prediction, shape (n,) each; NaN outside the
-    training range.
+    """Return the lower and the upper end of the interval around every prediction, shape (n,) each;
+    NaN outside the training range.
     """
     middle = np.where(outside, np.nan, predicted)
     return middle - half, middle + half

@@ -1,6 +1,4 @@
-"""Measure how far predictions lie from measurements, overall and by the size of the measured
-value.
-"""
+"""Compute the errors of predictions, over all samples and for bands of the measured value."""
 
 from __future__ import annotations
 
@@ -39,7 +37,9 @@ with an arbitrary zero.
 
 
 def normaliser(kind: str, ends: tuple[float, float], quantity: str, split: str) -> Normaliser:
-    """Return one of `NORMALISERS`, computed from the smallest and the largest sample of a split."""
+    """Return the normaliser of one `kind` in `NORMALISERS`. It is computed from the smallest and
+    the largest sample of a split.
+    """
     name, size = NORMALISERS[kind]
     return Normaliser(name.format(quantity, split), size(*ends), ends[1] - ends[0])
 
@@ -56,8 +56,8 @@ def information_criteria(n: int, rmse: float, parameters: int) -> tuple[float, f
     """Return AIC `n ln(SSE/n) + 2k` and BIC `n ln(SSE/n) + k ln n` of a fit to n samples by k
     parameters, with `SSE/n = rmse^2` (Akaike 1974; Schwarz 1978).
 
-    They are for comparing models of the same samples, because constants of the likelihood are left
-    out. They are minus infinity for an error of zero.
+    Constants of the likelihood are left out, so that only models of the same samples can be
+    compared. If the error is zero, both are minus infinity.
     """
     fit = 2 * n * math.log(rmse) if rmse > 0 else -math.inf
     return fit + 2 * parameters, fit + parameters * math.log(n)
@@ -115,7 +115,7 @@ HELD = 1 << 22
 they are read again, block by block, for each statistic.
 """
 
-# names of the splits, and whether their samples are held out
+# name of each split, and True if its samples are held out
 SPLITS = (
     ("train", False),
     ("validate", True),
@@ -133,15 +133,17 @@ def divisor(dataset: Dataset, kind: str) -> Normaliser:
 
 
 def ends_of(columns: Sequence[Array], masks: Sequence[BoolArray]) -> tuple[float, float]:
-    """Return the smallest and the largest value of some columns, each restricted to its mask."""
+    """Return the smallest and the largest value over all columns, of which only the rows in their
+    masks are used.
+    """
     ends = [extremes(x, mask) for x, mask in zip(columns, masks, strict=True) if mask.any()]
     low, high = zip(*ends, strict=True)
     return min(low), max(high)
 
 
 def on_common_rows(forecasts: Mapping[str, Sequence[Forecast]]) -> dict[str, tuple[Forecast, ...]]:
-    """Return the forecasts of every model on the rows that all models predict. Otherwise, models
-    that need a history would be scored on fewer rows.
+    """Return the forecasts of every model, restricted to the rows that all models predict. Without
+    this, models that need earlier samples would be scored on fewer rows than the others.
     """
     common = [
         np.logical_and.reduce([forecast.ready for forecast in curve])
@@ -193,7 +195,9 @@ def score_rows(
 
 @dataclass(frozen=True)
 class ScoredSamples:
-    """Samples of one curve with a forecast; only those that are `wanted`, (n,), count."""
+    """Samples of one curve with a forecast. Only the samples in the mask `wanted`, (n,), are
+    used.
+    """
 
     curve: Curve
     target: str
@@ -201,7 +205,7 @@ class ScoredSamples:
     wanted: BoolArray
 
     def blocks(self) -> Iterator[SampleBlock]:
-        """Yield the samples block by block, as `SampleBlock`."""
+        """Yield the samples as one `SampleBlock` after the other."""
         y, forecast = self.curve.columns[self.target], self.forecast
         sigma = self.curve.columns.get(uncertainty_of(self.target))
         columns = (y, forecast.values, forecast.one_step, forecast.half, sigma)
@@ -222,8 +226,8 @@ class ScoredSamples:
 def _rows_of(
     curve: Curve, wanted: BoolArray, number: int, group: str | None
 ) -> Iterator[tuple[tuple[int, Any], str, BoolArray]]:
-    """Yield the rows of the score table to which the `wanted` samples of a curve, (n,), contribute:
-    the place of the row in the table, its name, and its samples.
+    """Yield the rows of the score table to which the `wanted` samples of a curve, (n,), contribute.
+    For each row, yield its place in the table, its name, and a mask of its samples.
     """
     yield (0, number), curve.id, wanted
     if DIRECTION in curve.columns:
@@ -245,7 +249,7 @@ def _where_equal(column: Array, value: float) -> BoolArray:
 
 
 def row_of_samples(parts: Sequence[ScoredSamples], scale: Normaliser, free: int) -> Compared:
-    """Return the samples of some parts as one row of the score table."""
+    """Join the samples of several curves to the samples of one row of the score table."""
 
     def blocks() -> Iterator[SampleBlock]:
         return chain.from_iterable(part.blocks() for part in parts)

@@ -16,16 +16,16 @@ FAR = LOSSES["bisquare"].tuning
 ignores residuals of this size.
 """
 
-MOST = 500  # largest number of samples that are listed
+MOST = 500  # largest number of outliers that are listed
 
 
 def outliers(dataset: Dataset, forecasts: Sequence[Forecast], fit: Fit) -> tuple[Outlier, ...]:
     """Return the training samples that lie more than `FAR` scales from the prediction of a model
     (with memory, one step ahead), the farthest first, at most `MOST`.
 
-    A model with memory is also wrong one step after an outlier. Residuals are divided by their
-    uncertainty if it is known. The scale is that of the section `fit`, or 1.4826 times the median
-    absolute residual of all training samples.
+    Because a model with memory uses measured outputs, it may also be wrong at the sample after an
+    outlier. Residuals are divided by their uncertainty if it is known. The scale is that of the
+    section `fit`, or 1.4826 times the median absolute residual of all training samples.
     """
     curves, target = dataset.curves, dataset.target
     predicted = np.concatenate(
@@ -49,8 +49,8 @@ def outliers(dataset: Dataset, forecasts: Sequence[Forecast], fit: Fit) -> tuple
 
 
 def _found_at(dataset: Dataset, at: int) -> tuple[str, str, str]:
-    """Return the file of a sample, its row in the file, and its curve. `at` is the number of the
-    sample, counted over all curves.
+    """Return the curve of a sample, and its place: the file and the row in this file. `at` is the
+    number of the sample, counted over all curves.
     """
     ends = np.cumsum([curve.size for curve in dataset.curves])
     number = int(np.searchsorted(ends, at, side="right"))

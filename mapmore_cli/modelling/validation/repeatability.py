@@ -1,5 +1,5 @@
-"""Measure repeatability from recordings and cycles that repeat each other: no model can be expected
-to have a smaller error.
+"""Compute the repeatability, from recordings and cycles that repeat each other. No model can be
+expected to have a smaller error than the repeatability.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from mapmore_cli.domain.arrays import Array, BoolArray, IntArray, root_mean_squa
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.signals.cycles import SWING, bin_means, cycle_starts, turning_points
 
-# number of bins over the range of a curve; the samples of a branch are averaged in each bin, so
-# that a dwell has the same weight as a passage
+# number of bins over the range of a curve, in which the samples of a branch are averaged
+# So a rest within a bin has no more weight than a movement through the bin.
 BINS = 200
 
 
 class _Branch(NamedTuple):
-    """Samples of one recording in one direction, at one set of values of the constant inputs.
-    `means` are the means of the target at places along the varying input.
+    """A branch: the samples of one recording in one direction, at given values of the constant
+    inputs. `means` holds means of the target at places along the varying input.
     """
 
     log: str
@@ -36,11 +36,11 @@ def repeats(
     """Return for each sample the mean of the other recordings at the same level, coordinate and
     direction, shape (n_c,) for every curve.
 
-    Recordings of one curve repeat each other if they agree in every constant input. Each is split
-    into a rising and a falling branch along the single input that varies. A branch is averaged in
-    bins and interpolated between them, never outside its ends. The result is NaN if no other
-    recording has a value. Pieces of one log do not repeat each other; `logs` gives the log of each
-    recording.
+    Recordings of one curve repeat each other if every constant input has the same value in them.
+    Each recording is split into a rising and a falling branch along the single input that varies. A
+    branch is averaged in bins, and interpolated linearly between them, but not outside its ends.
+    The result is NaN if no other recording has a value there. Pieces of one log do not repeat each
+    other; `logs` gives the log of each recording.
 
     The result is None if nothing repeats: with no or several varying inputs, or if the recordings
     of the samples are unknown.
@@ -67,8 +67,8 @@ def repeats(
 
 
 def rising_samples(values: Array) -> BoolArray:
-    """Return True for samples at which `values`, (n,), in the order of time, rise. Reversals
-    smaller than a tenth of the range do not count.
+    """Return a mask of the samples at which `values`, (n,), in the order of time, rise. Reversals
+    smaller than a tenth of the range are ignored.
     """
     turns = turning_points(values, SWING * float(np.ptp(values)))
     if len(turns) < 2:
@@ -87,9 +87,7 @@ def _rows_by_recording(curve: Curve) -> Iterator[tuple[str, IntArray]]:
 def _branches(
     curve: Curve, target: str, along: str, held: Sequence[str], logs: Mapping[str, str]
 ) -> Iterator[_Branch]:
-    """Yield the branches of every recording of a curve: its rising and its falling samples,
-    averaged in bins.
-    """
+    """Yield the rising and the falling branch of every recording of a curve, averaged in bins."""
     x, y = curve.columns[along], curve.columns[target]
     edges = np.linspace(x.min(), x.max(), BINS + 1)
     for name, rows in _rows_by_recording(curve):
@@ -103,11 +101,10 @@ def _branches(
 
 
 def _means_of_others(branches: Sequence[_Branch], x: Array) -> Array:
-    """Return the mean of the branches of one kind from other logs, at the samples of each branch,
-    shape (n,).
+    """Return, at each sample of `branches`, (n,), the mean of the branches of all other logs.
 
-    It is computed from the sum of all branches minus the sum of the branches of the same log, so
-    that the cost for each log does not grow with the number of logs.
+    It is computed from the sum of all branches minus the branches of the same log, so that the time
+    for one log does not grow with the number of logs.
     """
     means = np.full(len(x), np.nan)
     kinds: dict[tuple[bool | float, ...], dict[str, list[_Branch]]] = {}
@@ -128,13 +125,12 @@ def _means_of_others(branches: Sequence[_Branch], x: Array) -> Array:
 
 
 def _sum_of(branches: Sequence[_Branch], at: Array) -> tuple[Array, Array]:
-    """Return the sum of the branches at the places `at`, each interpolated between its means, and
-    how many branches reach there, shape (n,) each.
+    """Return the sum of all branches at the places `at`, and the number of branches that have a
+    value there, shape (n,) each. Branches are interpolated between their means.
 
-    A branch is a chain of straight lines. Each line leads from one mean to the next. The sum at a
-    place is therefore a running sum: every line that begins before the place is added, and every
-    line that ends before it is subtracted. Extended precision removes the rounding errors that
-    steep lines would otherwise leave.
+    A branch consists of straight lines from one mean to the next. The sum at a place is therefore a
+    running sum: all lines that begin before the place are added, and all lines that end before it
+    are subtracted. Extended precision is used, because steep lines would leave rounding errors.
     """
     lines = [
         (x, np.append(x[1:], np.nextafter(x[-1], np.inf)), y, np.append(np.diff(y) / np.diff(x), 0))
@@ -154,8 +150,7 @@ def _sum_of(branches: Sequence[_Branch], at: Array) -> tuple[Array, Array]:
     return whole.astype(np.float64), running(np.ones(len(y))).astype(np.float64)
 
 
-# two cycles repeat each other in time if the root mean square difference of their courses is at
-# most this fraction of the range
+# largest root mean square difference, as a fraction of the range, of cycles that repeat in time
 SAME_COURSE = 0.05
 
 
@@ -165,12 +160,12 @@ def repeated_cycles(
     """Return the target of the last training cycle of `driven`, repeated from the beginning of
     every held-out cycle, shape (n_c,) for every curve.
 
-    If the quantity repeats its course in time, for example in a programme of steps, each sample is
-    compared with the same moment of that cycle. Otherwise, for example for loops driven by hand, it
-    is compared with the same place on the same stroke (rise or fall). The result is NaN for
-    training data, and for samples of a held-out cycle that lasts longer or reaches farther than the
-    training cycle. The whole result is None if no log has both training and held-out cycles, or if
-    curves are levels instead of recordings.
+    If cycles of the quantity have the same course in time, for example in a programme of steps,
+    each sample is compared with the training cycle at the same time after the beginning. Otherwise,
+    for example for loops that are driven by hand, it is compared at the same value on the same
+    stroke (rise or fall). The result is NaN for training data, and for samples of a held-out cycle
+    that lasts longer or reaches farther than the training cycle. The whole result is None if no log
+    has both training and held-out cycles, or if curves are levels instead of recordings.
     """
     if any(curve.level is not None for curve in curves):
         return None
@@ -222,8 +217,9 @@ def _again(x: Array, y: Array, held_out: BoolArray) -> Array:
 
 
 def _on_strokes(x: Array, x_last: Array, y_last: Array) -> Array:
-    """Return the target of the last cycle at `x`, (n,): from the rising branch for samples before
-    the maximum of `x`, and from the falling branch after it.
+    """Return the target of the last training cycle at the values `x`, (n,), of a held-out cycle.
+    Before the maximum of `x`, it is taken from the rising branch, and after the maximum from the
+    falling branch.
     """
     values = np.empty(len(x))
     peak, peak_last = int(np.argmax(x)), int(np.argmax(x_last))
@@ -238,12 +234,12 @@ def _on_strokes(x: Array, x_last: Array, y_last: Array) -> Array:
     return values
 
 
-WORTH = 0.02  # fraction of the largest target below which a floor is not mentioned
+WORTH = 0.02  # a floor below this fraction of the largest target is not mentioned
 
 
 def floors(x: Sequence[Array], y: Sequence[Array]) -> list[float]:
-    """Return the `monotone_floor` of every curve y(x) as a fraction of the largest target of all;
-    an empty list if none is worth mentioning.
+    """Return the `monotone_floor` of every curve y(x), as a fraction of the largest target over all
+    curves. The list is empty if all of them are small.
     """
     largest = max(float(np.abs(values).max()) for values in y) or 1.0
     shares = [monotone_floor(*curve) / largest for curve in zip(x, y, strict=True)]
@@ -254,8 +250,9 @@ def monotone_floor(x: Array, y: Array) -> float:
     """Return the RMSE of the best monotone single-valued curve y(x) through samples, (n,). No
     static model of x alone can have a smaller error if its curve is monotone.
 
-    The curve is found by isotonic regression, rising or falling, whichever is nearer. Samples with
-    the same x count together. Because of loops and noise, this floor is not zero.
+    The best curve is found by isotonic regression; it rises or falls, depending on which gives the
+    smaller error. Samples with the same x are averaged for the fit. The floor is not zero, because
+    of hysteresis and noise.
     """
     from scipy.optimize import isotonic_regression
 

@@ -1,8 +1,8 @@
-"""Test whether the errors of a model contain anything that a better model could explain, by the
-residual tests of system identification.
+"""Apply residual tests, which show whether a better model could explain a part of the errors
+(Ljung, System Identification, 2nd ed., 1999, section 16.6).
 
-Ljung, System Identification (2nd ed., 1999), section 16.6: if a model explains everything except
-noise, its residuals are correlated neither with their own past nor with the inputs.
+If a model explains everything except noise, its residuals are correlated neither with their own
+past nor with the inputs.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ from mapmore_cli.modelling.validation.coverage import share_outside
 from mapmore_cli.modelling.validation.intervals import NORMAL
 from mapmore_cli.modelling.validation.metrics import judged
 
-LAGS = 25  # longest lag in samples; it is shorter for short records
-# number of parts of the range of an input, with equal numbers of samples, for which the mean
-# residual is reported
+LAGS = 25  # longest lag in samples; in short records, a shorter one is used
+# number of parts of the range of an input for which the mean residual is tested
+# All parts have the same number of samples.
 PARTS = 10
 
 
@@ -46,8 +46,9 @@ FEWEST = 20  # smallest number of samples that are tested
 def residual_tests(
     model: Model, dataset: Dataset, predicted: Sequence[Array], order_by: str | None
 ) -> tuple[ResidualTest, ...]:
-    """Return the autocorrelation of the residuals and a test with each input, on the `judged`
-    samples; nothing if there are few samples or all errors are equal.
+    """Return the autocorrelation of the residuals, and a test of the residuals with each input. The
+    tests use the `judged` samples. The result is empty if there are few samples, or if all errors
+    are equal.
 
     `predicted` has an array for each curve. With `order_by`, samples are in the order of that
     quantity, and the mean residual is tested in parts of each input's range. With None, samples are
@@ -63,8 +64,7 @@ def residual_tests(
                 residuals.append(piece)
                 for name in columns.keys() & curve.columns.keys():
                     x = picked(curve.columns[name], rows)
-                    # all samples of a curve get the same value of the level, because the noise of
-                    # the measured level is no movement of an input
+                    # a level is constant within its curve; its measured noise is no movement
                     held = name == dataset.level and curve.level is not None
                     columns[name].append(np.full(len(x), curve.level) if held else x)
     known, low, high = _finite(residuals)
@@ -75,7 +75,7 @@ def residual_tests(
         _, low, high = _finite(parts)
         varies = high - low > 1e-9 * max(abs(low), abs(high))
         if sum(map(len, parts)) < sum(map(len, residuals)) or not varies:
-            continue  # the input was not measured at all samples
+            continue  # no test for an input that was not measured at all samples
         tests.append(
             cross_correlation(name, residuals, parts)
             if order_by is None
@@ -87,9 +87,9 @@ def residual_tests(
 def _pieces(
     curve: Curve, wanted: BoolArray, order_by: str | None
 ) -> Iterator[IntArray | BoolArray]:
-    """Yield the wanted samples in the order of their test. Without `order_by`, yield a mask, (n,),
-    for each recording of the curve. With it, yield the row numbers of all recordings together, in
-    the order of that quantity; a long curve is thinned evenly.
+    """Yield the wanted samples in the order in which they are tested. Without `order_by`, yield a
+    mask, (n,), for each recording of the curve. With `order_by`, yield the row numbers of all
+    recordings together, in the order of this quantity; a long curve is thinned evenly.
     """
     if order_by is not None:
         every = 1 if curve.size <= PART else -(-curve.size // MANY)
@@ -103,7 +103,7 @@ def _pieces(
 
 
 def _finite(parts: Sequence[Array]) -> tuple[int, float, float]:
-    """Return the number of finite values in some columns, and the smallest and the largest of these
+    """Return the number of finite values in the columns, and the smallest and the largest of these
     values.
     """
     blocks = (x[np.isfinite(x)] for part in parts for (x,) in in_blocks(part))
@@ -128,8 +128,9 @@ def autocorrelation(residuals: Sequence[Array]) -> ResidualTest:
 def cross_correlation(
     name: str, residuals: Sequence[Array], inputs: Sequence[Array]
 ) -> ResidualTest:
-    """Return `r_k = sum_t u_t e_(t+k) / sqrt(sum u^2 sum e^2)`, both minus their means. At a
-    positive lag k, the input came k samples before the residual.
+    """Return the cross-correlation `r_k = sum_t u_t e_(t+k) / sqrt(sum u^2 sum e^2)` of an input u
+    and the residuals e, both minus their means. At a positive lag k, the input is k samples earlier
+    than the residual.
     """
     pairs = list(zip(residuals, inputs, strict=True))
     count, means = 0, np.zeros(2)
@@ -142,13 +143,13 @@ def cross_correlation(
     most = min(LAGS, max(map(len, residuals)) // 4)
     lags, sums, squares = np.arange(-most, most + 1), np.zeros(2 * most + 1), np.zeros(2)
     for pair in pairs:
-        before = 0  # number of samples of a block that were repeated from the block before
+        before = 0  # number of samples repeated from the block before
         for block in in_blocks(*pair, overlap=most):
             centred = np.array(block) - means[:, None]
             known = np.where(np.isfinite(centred).all(axis=0), centred, 0.0)
             e, u = np.pad(known, ((0, 0), (most - before, 0)))
             own_e, own_u, before = e[most:], u[most:], most
-            # lags at which the input came before the residual
+            # sums for the lags at which the input is earlier than the residual
             later = np.correlate(u, own_e, "valid")[::-1]
             sums += np.append(np.correlate(e, own_u, "valid")[:-1], later)
             squares += [own_e @ own_e, own_u @ own_u]
@@ -158,10 +159,9 @@ def cross_correlation(
 
 
 def means_over(name: str, residuals: Array, x: Array) -> ResidualTest:
-    """Return the mean residual in parts of the range of an input x: a part for each value if there
-    are few values, otherwise `PARTS` parts with equal numbers of samples.
-
-    The bounds are `1.96 s/sqrt(n_part)`, with the standard deviation s of all residuals.
+    """Return the mean residual in parts of the range of an input x. If x has few different values,
+    each value is a part; otherwise, there are `PARTS` parts with equal numbers of samples. The
+    bounds are `1.96 s/sqrt(n_part)`, with the standard deviation s of all residuals.
     """
     known = np.isfinite(residuals) & np.isfinite(x)
     e, x = residuals[known], x[known]
@@ -175,9 +175,9 @@ def means_over(name: str, residuals: Array, x: Array) -> ResidualTest:
 
 
 def explained_by_inputs(model: Model, dataset: Dataset) -> Iterator[str]:
-    """Yield, for each input of known uncertainty, the share of the squared training residual that
-    this uncertainty explains. An error of the input changes the output by the slope of the model
-    times the error. The fit does not correct for errors of inputs.
+    """Yield, for each input of known uncertainty, the fraction of the mean squared training
+    residual that this uncertainty explains. An error of the input changes the output by the slope
+    of the model times the error; a fit does not correct for this.
     """
     unsure = [
         quantity for quantity in model.inputs if uncertainty_of(quantity.name) in dataset.quantities
@@ -198,8 +198,8 @@ def explained_by_inputs(model: Model, dataset: Dataset) -> Iterator[str]:
 
 TINY = float(np.finfo(np.float64).tiny)
 
-SAME = 1e-9  # relative difference below which two predictions are equal
-# share of held-out samples outside the training range above which scores judge extrapolation
+SAME = 1e-9  # two predictions with a smaller relative difference are equal
+# if a larger fraction of held-out samples is outside the training range, scores test extrapolation
 MOSTLY = 0.5
 
 ROWS = {"train": "training data", "validate": "held-out data"}
@@ -208,8 +208,8 @@ ROWS = {"train": "training data", "validate": "held-out data"}
 def alarms(
     model: Model, dataset: Dataset, predictions: Sequence[Array], scores: Sequence[Score]
 ) -> tuple[str, ...]:
-    """Return everything that a reader must know before the scores of the run's own model, one
-    sentence each.
+    """Return warnings that a reader must know before the scores of the run's own model, one
+    sentence for each.
 
     `predictions` holds the predictions of the model for every curve of the dataset.
     """
@@ -239,7 +239,7 @@ def _of_scores(row: Score) -> Iterator[str]:
     if not np.isfinite(row.rmse):
         yield f"the model has no finite error on the {where}, so that it is useless"
         return
-    r2 = round(row.r2, 9) + 0.0  # for a constant target, R2 is only rounding error
+    r2 = round(row.r2, 9) + 0.0  # a zero may have a rounding error
     if r2 <= 0:
         comparison = "no better than" if r2 == 0 else "worse than"
         yield (
@@ -254,7 +254,7 @@ def _of_scores(row: Score) -> Iterator[str]:
 
 
 def _bare(model: Model, curves: Sequence[Curve], predictions: Sequence[Array]) -> Iterator[str]:
-    """Yield a sentence if the pieces add nothing to their backbone."""
+    """Yield a sentence if the pieces change nothing in the output of their backbone."""
     body = model.body
     if not isinstance(body, Pieces) or body.backbone is None:
         return

@@ -1,4 +1,6 @@
-"""Choose what the report shows of a validation, while all samples are in memory."""
+"""Choose the samples of a validation that the report shows. This is done while all samples are in
+memory.
+"""
 
 from __future__ import annotations
 
@@ -18,12 +20,12 @@ from mapmore_cli.modelling.validation.residuals import residual_tests
 
 
 def for_report(validation: Validation, model: Model, dataset: Dataset) -> Validation:
-    """Return the validation of all samples with error bands, residual tests, and the samples that
-    figures show.
+    """Return the validation with error bands, residual tests, and the samples that figures show.
+    Error bands and residual tests are computed from all samples.
 
-    For a curve longer than `MANY`, these are the samples with the smallest and the largest measured
-    value and error in each of `MANY / 4` consecutive parts. For a long recording, they are the
-    samples with the extremes of its quantities.
+    Of a curve with more than `MANY` samples, figures show the samples with the smallest and the
+    largest measured value and error in each of `MANY / 4` consecutive parts. Of a long recording,
+    they show the samples with the extremes of its quantities.
     """
     predictions = validation.predictions
     predicted = next(iter(predictions.values()))
@@ -59,21 +61,21 @@ def for_report(validation: Validation, model: Model, dataset: Dataset) -> Valida
 
 def _extremes(columns: Sequence[tuple[Array, ...]]) -> IntArray:
     """Return at most `MANY` row numbers: those of the extremes of every column in consecutive parts
-    of the rows. For a pair of columns, they are the extremes of the difference.
+    of the rows. For a pair of columns, they are the extremes of the difference of both columns.
     """
     rows = [envelope(values[0], MANY // len(columns), *values[1:]) for values in columns]
     return np.unique(np.concatenate(rows))
 
 
 def in_time(model: Model, dataset: Dataset) -> bool:
-    """Return True if curves are shown over time: the model has memory, or the curves are step
-    responses.
+    """Return True if curves are shown over time, because the model has memory or the curves are
+    step responses.
     """
     return runs_over_time(model) or any(curve.at_rest is not None for curve in dataset.curves)
 
 
 def is_turned(model: Model, dataset: Dataset) -> bool:
-    """Return True if the model is inverted to be scored, because the target is one of its
+    """Return True if the model must be inverted for the scores, because the target is one of its
     inputs.
     """
     inputs = {*model.input_names}
@@ -81,8 +83,8 @@ def is_turned(model: Model, dataset: Dataset) -> bool:
 
 
 def course_quantity(model: Model, dataset: Dataset) -> str:
-    """Return the quantity of the model that varies within a curve; for a model without inputs, any
-    measured quantity.
+    """Return the input of the model that varies within a curve. For a model without inputs, return
+    any measured quantity.
     """
     ranges = [
         {name: extremes(x) for name, x in curve.columns.items()}
@@ -94,12 +96,12 @@ def course_quantity(model: Model, dataset: Dataset) -> str:
 
 
 def varying_input(model: Model, ranges: Sequence[Ranges]) -> str:
-    """Return the input that varies within a curve: the first segmented variable, otherwise the
-    input of which a curve covers the largest part of the range over all curves. The text is empty
-    for a model without inputs.
+    """Return the input that varies within a curve. It is the first segmented variable. If nothing
+    is segmented, it is the input of which one curve covers the largest part of the range over all
+    curves, because an input that is nearly constant within a curve covers only a small part. For a
+    model without inputs, the text is empty.
 
-    `ranges` are the ranges of the inputs for each curve. Within a curve, a quantity that is held
-    nearly constant covers only a small part of its range over all curves.
+    `ranges` holds the ranges of the inputs for each curve.
     """
     pieces = model.pieces
     if pieces is not None and pieces.variables:

@@ -16,14 +16,15 @@ LEAST_FOR_PERMUTATION, MOST_FOR_PERMUTATION = 6, 14
 combination is rarer than 1 in 20; with more, only a random part of the combinations is tried.
 """
 
-# a value that exceeds the bound by less than this fraction counts as within it, so that the result
-# does not depend on the order in which folds are summed
+# relative tolerance of a bound, so that the order in which folds are summed has no influence
 ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
 class Mean:
-    """A mean with its interval, and the p-value of the hypothesis that it is zero."""
+    """A mean with its confidence interval, and the p-value of the hypothesis that the mean is
+    zero.
+    """
 
     value: float
     interval: tuple[float, float]
@@ -34,9 +35,9 @@ def weighted_mean(x: Array, weights: Array, confidence: float) -> Mean:
     """Return `m = sum(w x)/sum(w)` with the interval `m ± t(K - 1) s`, `s^2 = K/(K - 1) sum(w^2 (x
     - m)^2)/sum(w)^2`.
 
-    With equal weights, this is Student's interval. The scatter between the numbers is used,
-    whatever its cause. If one number has nearly all the weight, the result is a statement about
-    that number. The interval is infinite for a single number.
+    With equal weights, this is Student's interval. The interval follows from the scatter between
+    the numbers, whatever causes this scatter. If one number has nearly all the weight, the interval
+    describes little more than that number. For a single number, the interval is infinite.
     """
     # imported here because loading it takes a third of a run that is up to date
     from scipy.special import stdtr, stdtrit
@@ -53,11 +54,12 @@ def weighted_mean(x: Array, weights: Array, confidence: float) -> Mean:
 
 
 def sign_permutation(x: Array) -> float | None:
-    """Return the share of all combinations of signs whose mean has at least the magnitude of the
-    observed mean; None for too few numbers.
+    """Return the p-value of a permutation test: the fraction of all combinations of signs for which
+    the mean is at least as large in magnitude as the observed mean. Return None if there are too
+    few numbers.
 
-    If nothing changed, a change and its opposite are equally likely for every curve. For more than
-    14 numbers, 16384 combinations are drawn with a fixed seed.
+    The test assumes that, if nothing changed, a change and its opposite are equally likely for
+    every curve. For more than 14 numbers, 16384 combinations are drawn with a fixed seed.
     """
     n = len(x)
     if n < LEAST_FOR_PERMUTATION:
@@ -92,8 +94,8 @@ number of parameters.
 class Ranked:
     """Indices of the model with the smallest error and of the model that is chosen.
 
-    `excess` and `spread`, (s,) each: the mean (or median) over the folds of ln(error of a model /
-    error of the best), and the standard error of the mean.
+    For each of s models, `excess`, (s,), is the mean (or median) over the folds of ln(error of the
+    model / error of the best model), and `spread`, (s,), is the standard error of this mean.
     """
 
     best: int
@@ -113,12 +115,13 @@ def simplest_of(
     within one standard error of the best and that no other model dominates.
 
     The models have `sizes` parameters, (s,). Their `errors`, (s, f), on f folds are fractions of a
-    range. Let `d_if = ln e_if - ln e_bf`, where b is the model with the smallest mean logarithm,
-    and let the fold weights w add up to 1. Model i is within one standard error if `m_i = sum_f w_f
-    d_if <= s_i`, with `s_i^2 = f/(f - 1) sum_f w_f^2 (d_if - m_i)^2`, and s_i limited by `WITHIN`;
-    for a single fold, s_i is the upper limit. The folds are compared one by one because some are
-    harder for every model: the spread of the errors themselves (the rule of Breiman et al. 1984,
-    section 3.4.3) would mostly show the differences between folds.
+    range. Let b be the model with the smallest mean logarithm of the error e, let `d_if = ln e_if -
+    ln e_bf` for model i on fold f, and let the weights w of the folds add up to 1. Model i is
+    within one standard error if `m_i = sum_f w_f d_if <= s_i`, with `s_i^2 = f/(f - 1) sum_f w_f^2
+    (d_if - m_i)^2`, and s_i limited by `WITHIN`; for a single fold, s_i is the upper limit. The
+    folds are compared one by one because some are harder for every model: the spread of the errors
+    themselves (the rule of Breiman et al. 1984, section 3.4.3) would mostly show the differences
+    between folds.
 
     - `eligible`: True for the models that may be chosen, (s,).
     - `median`: if True, the model with the smallest median over the folds plus `PRICE` ln(size) is
@@ -138,7 +141,7 @@ def simplest_of(
         True if eligible is None else eligible, middle + PRICE * np.log(sized) * median, np.inf
     )
     order = np.lexsort((score, sized))
-    best = int(order[np.argmin(score[order])])  # of models with equal scores, the simplest
+    best = int(order[np.argmin(score[order])])  # the simplest of the models with the lowest score
     differences = logs - logs[best]
     mean = _total(differences * share)
     squares = _total((share * (differences - mean[:, None])) ** 2)
@@ -150,8 +153,9 @@ def simplest_of(
 
 
 def undominated(sizes: Array, scores: Array) -> BoolArray:
-    """Return True for models without a rival that has at most as many parameters and a lower score,
-    (s,); False for an infinite score.
+    """Return True for each model, (s,), that no other model dominates. A model is dominated if
+    another model has a lower score and not more parameters. A model with an infinite score gets
+    False.
 
     >>> undominated(np.array([3, 6, 6, 9]), np.array([2.0, 0.9, 1.0, 0.5])).tolist()
     [True, True, False, True]
@@ -161,7 +165,9 @@ def undominated(sizes: Array, scores: Array) -> BoolArray:
 
 
 def _total(values: Array) -> Array:
-    """Return the sums of the rows, with the same digits for any order of the columns."""
+    """Return the sum of each row. Values are sorted first, so that the order of the columns changes
+    no digit.
+    """
     total: Array = np.sort(values, axis=1).sum(axis=1)
     return total
 

@@ -94,5 +94,5 @@ def test_tables_of_columns():
     assert columns_at(table, slice(1, 3))["a"].tolist() == [1, 2]
     with pytest.raises(DataError, match="there is no column `c`") as error:
         column_in(table, "c")
-    assert error.value.remedy == "there are: a, b"
+    assert error.value.remedy == "the columns are: a, b"
     assert root_mean_square(np.array([3.0, -4.0])) == pytest.approx(np.sqrt(12.5))

@@ -1,5 +1,5 @@
-"""Collect the operators with memory, and a few without. To add an operator, add a file with
-`OPERATORS`, a row to such a file, or an entry point.
+"""Collect all operators, most of which have memory. To add an operator, add a file that defines
+`OPERATORS`, add a row to an existing file, or define an entry point.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ OPERATORS: Mapping[str, Operator] = {
 def families() -> Mapping[str, tuple[Operator, ...]]:
     """Return the operators of each family of a spec, by the family's key.
 
-    An operator without numbers has no family: a spec writes its name, for example `rate(pressure)`.
+    An operator without numbers has no family. A spec uses it by its name, for example
+    `rate(pressure)`.
     """
     written: dict[str, tuple[Operator, ...]] = {}
     for operator in OPERATORS.values():

@@ -13,10 +13,9 @@ from mapmore_cli.modelling.expressions.operator import (
     Setting,
 )
 
-# velocities at which the search for v begins, as fractions of the training range
+# values of v at which the search begins, as fractions of the training range of x
 WIDTHS = (0.001, 0.004, 0.016, 0.064, 0.25)
-# smallest and largest v that the search tries: with the first, the rule is almost a jump, and with
-# the second almost a straight line
+# limits of v in the search: the rule is almost a jump at the first, almost linear at the second
 FINEST, COARSEST = 1e-4, 4.0
 
 
@@ -27,7 +26,7 @@ def coulomb(setting: Setting) -> Recursion:
 
 
 def saturate(setting: Setting) -> Recursion:
-    """Return the rule `s[k] = min(max(x[k], low), high)`, which has no memory."""
+    """Return the rule `s[k] = min(max(x[k], low), high)`. It has no memory."""
     low, high = setting.limits
     return Recursion(0, 0, lambda m, x: m.clip(x, low, high), lambda x: np.clip(x, low, high))
 

@@ -1,5 +1,5 @@
-"""Define lags (creep, filling of a volume), and rates of change for signals whose rate is not
-measured, including a fed-back output.
+"""Define first-order lags, for example for creep or for the filling of a volume. Also define rates
+of change of signals whose rate is not measured, for example of a fed-back output.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from mapmore_cli.modelling.expressions.operator import (
     linear,
 )
 
-# largest time constant, as a multiple of the duration of the longest piece: the effect of a slower
-# lag looks like a drift at a constant rate
+# largest time constant, as a multiple of the duration of the longest piece
+# In this duration, a slower lag cannot be distinguished from a drift at a constant rate.
 BEYOND = 100.0
 
 
@@ -30,8 +30,8 @@ def slow(setting: Setting) -> Recursion:
 
 
 def spread_times(count: int, step: float, longest: float) -> tuple[float, ...]:
-    """Return `count` time constants with equal ratios, in s, from ten times `step` to a quarter of
-    `longest`. Both arguments are in s.
+    """Return `count` time constants in s, from ten times `step` to a quarter of `longest`, with
+    equal ratios between neighbours. `step` and `longest` are times in s.
     """
     quickest = 10 * step
     times = np.geomspace(quickest, max(0.25 * longest, quickest), count)
@@ -39,8 +39,8 @@ def spread_times(count: int, step: float, longest: float) -> tuple[float, ...]:
 
 
 def creep(setting: Setting) -> Recursion:
-    """Return the rule of s with `ds/dt = (width/tau) sinh((x - s)/width)`, exact over one step:
-    with e = (x - s)/width, `tanh(e/2)` decays with the time constant tau.
+    """Return the rule that solves `ds/dt = (width/tau) sinh((x - s)/width)` exactly over one step.
+    It uses that `tanh(e/2)` with e = (x - s)/width decays with the time constant tau.
 
     After a step of many widths, s creeps as `width ln(t)`; after a small step, it is a first-order
     lag. `width` is a fraction of the training range of x. Source: H. Eyring 1936.
@@ -50,7 +50,7 @@ def creep(setting: Setting) -> Recursion:
     keeps = math.exp(-setting.step / tau)
 
     def following(m: Arithmetic, s: Amount, x: Amount) -> Amount:
-        # in floating-point numbers, tanh(60) is one, so these limits change no value
+        # the limits change no value, because tanh(60) is 1 in floating-point numbers
         left = keeps * m.call("tanh", m.clip((x - s) / (2 * width), -60.0, 60.0))
         return x - width * (m.call("log1p", left) - m.call("log1p", -left))
 
@@ -58,13 +58,13 @@ def creep(setting: Setting) -> Recursion:
 
 
 def rate_of_change(setting: Setting) -> Recursion:
-    """Return the rule `(x[k] - x[k-1])/step`, per second."""
+    """Return the rule `(x[k] - x[k-1])/step`, the rate of change of x per second."""
     return linear([], [1 / setting.step, -1 / setting.step], steady=0.0)
 
 
 def last_direction(_setting: Setting) -> Recursion:
-    """Return the rule that is 1 after x has risen, -1 after it has fallen, and 0 before it has
-    moved. Applied to `play(x, r)`, it has a dead band of r.
+    """Return the rule for the direction of the last change of x: 1 after a rise, -1 after a fall,
+    and 0 before the first change. Applied to `play(x, r)`, it has a dead band of r.
     """
 
     def following(m: Arithmetic, s: Amount, x: Amount, before: Amount) -> Amount:

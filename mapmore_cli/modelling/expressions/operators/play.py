@@ -1,4 +1,4 @@
-"""Define play and stop: backlash, and friction that sticks before it slips."""
+"""Define the operators play (backlash) and stop (friction that sticks before it slips)."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.expressions.operator import Operator, Parameter, Recursion, Setting
 
-WIDEST = 0.5  # largest half-width, as a fraction of the range of x; a wider play never moves
+WIDEST = 0.5  # largest half-width as a fraction of the range of x, beyond which play never moves
 
 WIDTHS = Parameter("widths", "1", "0.1", below=1.0, between=lambda _step, _longest: (1e-3, WIDEST))
-# half-widths from which a search begins, as fractions of the range
+# half-widths at which the search begins, as fractions of the range of x
 STARTS = ((0.02,), (0.05,), (0.1,), (0.2,), (0.35,))
 
 
@@ -39,8 +39,8 @@ def stop_recursion(setting: Setting) -> Recursion:
 
 
 def play(x: Array, width: float) -> Array:
-    """Return the values of `play` along one piece, shape (n,). This loop over floats is five times
-    as fast as the general recursion.
+    """Return the values of `play` along one piece, shape (n,). A loop over floats is used, because
+    it is five times as fast as the general recursion.
     """
     w, followed = float(x[0]) if len(x) else 0.0, list[float]()
     for now in x.tolist():
@@ -53,8 +53,8 @@ def play(x: Array, width: float) -> Array:
 
 
 def spread_widths(count: int, _step: float = 0.0, _longest: float = 0.0) -> tuple[float, ...]:
-    """Return `count` half-widths of play or stop, evenly spaced over the range in which they can
-    move, as fractions of the training range.
+    """Return `count` evenly spaced half-widths, as fractions of the training range. With each of
+    them, play and stop can move.
     """
     return tuple(round(WIDEST * (i + 1) / (count + 1), 4) for i in range(count))
 

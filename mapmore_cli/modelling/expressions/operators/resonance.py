@@ -1,4 +1,4 @@
-"""Define the position and velocity of a damped oscillator, which rings."""
+"""Define the position and the velocity of a damped oscillator that is driven by x."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def position(setting: Setting) -> Recursion:
 
 
 def velocity(setting: Setting) -> Recursion:
-    """Return the rule of the velocity of the same oscillator in its natural unit of time, `v[k] =
-    (y[k] - y[k-1])/(w step)`.
+    """Return the rule `v[k] = (y[k] - y[k-1])/(w step)`: the velocity of the oscillator of
+    `position`, measured in units of time of 1/w.
 
     It is computed as an oscillator that is driven by the change of x.
     """

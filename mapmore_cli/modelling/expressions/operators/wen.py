@@ -1,5 +1,5 @@
-"""Define smooth hysteresis with two rates: the state of Bouc and Wen, integrated exactly. With
-equal rates it is Dahl's friction.
+"""Define the Bouc-Wen model of smooth hysteresis with two rates, integrated exactly. If both rates
+are equal, it is Dahl's friction model.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from mapmore_cli.modelling.expressions.operator import (
     Setting,
 )
 
-# largest exponent; beyond it, a state is practically infinite, and the run has diverged
+# largest exponent; with a larger one, the state is practically infinite and the run has diverged
 STEEPEST = 700.0
-# largest rate that training tries: after a reversal, the state then turns within 1e-4 of the range
+# largest rate in training; with it, the state follows a reversal within 1e-4 of the range of x
 MOST = 1e4
 
 
@@ -23,10 +23,10 @@ def recursion(setting: Setting) -> Recursion:
     """Return the rule of z with `dz/du = 1 - p |z|` while z moves away from zero, and `dz/du = 1 +
     q |z|` while z moves towards zero. The input u is x divided by its training range.
 
-    In one step, u changes by d. Let s be the sign of d, a its magnitude, and w = s z. Each branch
-    is a first-order lag in a: `w' = w exp(-r a) + (1 - exp(-r a))/r`, with r = q for w < 0 and r =
-    p otherwise. From w < 0, zero is reached after `a = ln(1 - q w)/q`. Sources: Y. K. Wen 1976; P.
-    R. Dahl 1968 (p = q).
+    In one step, u changes by d. Let s be the sign of d, let a be its magnitude, and let w = s z.
+    Each branch is a first-order lag in a: `w' = w exp(-r a) + (1 - exp(-r a))/r`, with r = q for w
+    < 0 and r = p otherwise. From w < 0, zero is reached after `a = ln(1 - q w)/q`. Sources: Y. K.
+    Wen 1976; P. R. Dahl 1968 (p = q).
     """
     p, q = setting.numbers[0], setting.numbers[-1]
     low, high = setting.limits
@@ -51,8 +51,8 @@ def recursion(setting: Setting) -> Recursion:
 
 
 def _relaxed(m: Arithmetic, w: Amount, rate: float, a: Amount) -> Amount:
-    """Return w after a first-order lag with this rate, driven over the distance a: `w exp(-rate a)
-    + (1 - exp(-rate a))/rate`, or `w + a` if the rate is 0.
+    """Return w after a change of the input by the distance a, if w is a first-order lag with this
+    rate: `w exp(-rate a) + (1 - exp(-rate a))/rate`, or `w + a` if the rate is 0.
     """
     if rate == 0:
         return w + a

@@ -1,4 +1,4 @@
-"""Bolen's static force of a McKibben muscle, in which all constants are fitted.
+"""Bolen's formula for the static force of a McKibben muscle. All of its constants are fitted.
 
 The source prints `F* = c0 (exp(-c1 e*) - 1) + P* exp(-c2 e*^2)`. F* is the force divided by the
 force at 620 kPa and zero strain, e* is the strain divided by the largest strain at 620 kPa (e620),
@@ -11,8 +11,7 @@ from mapmore_cli.modelling.literature.problem import Nonlinear
 
 SOURCE = "Bolen, Elzein, Pang, Hunt, Actuators 2026"
 
-# The constants of the two published muscles, divided by their largest strains of 0.16 to 0.25, give
-# k1*max|strain| between 4 and 7.
+# For the two published muscles (largest strains 0.16 to 0.25), k1*max|strain| is between 4 and 7.
 DECAY = Nonlinear("k1", per="strain", intervals=((1e-2, 50.0),))
 BELL = Nonlinear("k2", per=None, intervals=((1e-2, 1e4),))
 

@@ -24,7 +24,7 @@ FORMULA = Formula(
     reference="H eq 1-3",
     inputs=("pressure", "length", "velocity"),
     parameters=("F_max", "l_opt", "w", "v_max", "kappa", "N"),
-    # each branch of f_v is one at the velocities of the other branch
+    # in lengthening, the first fraction is one; in shortening, the second summand is zero
     text=(
         "pressure*F_max*exp(-2.995732273553991*abs((length - l_opt)/(l_opt*w))^3)"
         f"*((v_max - {SHORTENING})/(v_max + kappa*{SHORTENING})"

@@ -1,4 +1,6 @@
-"""Define kinetic friction that decays with speed, after Tondu and after Peternel."""
+"""Define two formulas for kinetic friction that decreases with speed, one by Tondu and one by
+Peternel.
+"""
 
 from mapmore_cli.modelling.literature.formula import Formula
 from mapmore_cli.modelling.literature.problem import Nonlinear
@@ -13,8 +15,8 @@ twentieth.
 def friction(
     name: str, title: str, reference: str, parameters: tuple[str, ...], text: str, about: str
 ) -> Formula:
-    """Return a friction force of the form `text` that opposes the motion. The last parameter is the
-    rate of the strain that determines how fast the friction decays.
+    """Return a formula for a friction force that opposes the motion. `text` is its magnitude. The
+    last parameter is the strain rate that determines how fast the friction decreases with speed.
     """
     return Formula(
         name=name,

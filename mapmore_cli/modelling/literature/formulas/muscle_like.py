@@ -15,9 +15,9 @@ searches all seven parameters with the simplex method (`method: simplex`).
 from mapmore_cli.modelling.literature.formula import Formula, LinearForm
 from mapmore_cli.modelling.literature.problem import Nonlinear
 
-# The search ranges from almost no effect of b0 up to ten times the active force at the largest
-# velocity. Both signs of b0 are allowed, although it is negative for every muscle in H's table I:
-# on a joint, the user chooses the sign of the velocity.
+# At the largest velocity, b0 may change the active force by up to ten times its size.
+# b0 is negative for every muscle in H's table I.
+# Both signs are allowed, because on a joint the user chooses the sign of the velocity.
 DAMPING = Nonlinear("b0", per="velocity", intervals=((-10.0, -1e-4), (1e-4, 10.0)))
 
 FORMULA = Formula(

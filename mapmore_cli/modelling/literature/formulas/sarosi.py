@@ -5,11 +5,10 @@ from dataclasses import replace
 from mapmore_cli.modelling.literature.formula import Formula
 from mapmore_cli.modelling.literature.problem import Intervals, Nonlinear
 
-# Every author prints a negative exponent a3, so that the force decays with the strain. A positive
-# exponent may fit the training data better, but outside them the force then falls steeply. The
-# exponent is sought from an almost straight line to a decay within 1/50 of the largest strain.
-# Published fits have a3*max|strain| of about -8 (W). Nearer to zero, the exponential cannot be
-# distinguished from the linear terms, and a1 and a2 grow without bound.
+# Bounds of a3*max|strain|. In every publication, the exponent a3 is negative (about -8 in W).
+# A positive exponent may fit training data better, but outside them the force falls steeply.
+# At the first bound, the force decays within 1/50 of the largest strain.
+# Beyond the second bound, the exponential could not be distinguished from the linear terms.
 DECAY = ((-50.0, -1e-3),)
 
 STARTS = {
@@ -37,8 +36,8 @@ converted to a fraction, and `printed` holds the numbers as printed.
 
 
 def sarosi(letter: str, curvature: Intervals = DECAY) -> Formula:
-    """Return the formula. Its parameters are called by the letter and a number, for example `a1` to
-    `a6`. The exponent is sought in the intervals of `curvature`.
+    """Return Sárosi's formula. Its parameters are called by `letter` and a number, for example `a1`
+    to `a6`. The exponent is searched in the intervals `curvature`.
     """
     names = tuple(f"{letter}{number}" for number in range(1, 7))
     a1, a2, a3, a4, a5, a6 = names

@@ -1,10 +1,11 @@
-"""Sárosi's formula with a slack foot, blended with the plain formula. It was made for mapmore; the
-outlook of M1 suggests physics-based terms.
+"""Sárosi's formula with an additional plane for the slack muscle (the foot), blended with the
+original (plain) formula. It was made for mapmore, because the outlook of M1 suggests physics-based
+terms.
 
 Measured muscles give almost no force below a threshold pressure, which rises with the strain. If
-Sárosi's formula is fitted to such data, its terms describe this corner and not the rest. Here, `hi`
-(Sárosi's formula with a1 to a6) and the foot `lo = b0 + b1 P + b2 strain` are joined by a hinge of
-width w:
+Sárosi's formula is fitted to such data, its terms are spent on this corner instead of the other
+data. Here, `hi` (Sárosi's formula with a1 to a6) and the foot `lo = b0 + b1 P + b2 strain` are
+joined by a hinge of width w:
 
     F = share F_hinged + (1 - share) F_plain
     F_hinged = lo + w ln(1 + exp((hi - lo)/w)),   F_plain: Sárosi's formula with s1 to s6
@@ -31,13 +32,13 @@ from mapmore_cli.modelling.literature import hinge
 from mapmore_cli.modelling.literature.formula import Formula, with_numbers
 from mapmore_cli.modelling.literature.formulas.sarosi import DECAY, sarosi
 
-# training RMSE as a fraction of max|F| below which a smaller RMSE hardly raises a part's weight
+# below this training RMSE (fraction of max|F|), a part hardly gains weight by a smaller RMSE
 GOOD_ENOUGH = 0.01
 
-PLAIN = sarosi("s", (*DECAY, (1e-3, 50.0)))  # the plain part may also grow with the strain
+PLAIN = sarosi("s", (*DECAY, (1e-3, 50.0)))  # positive exponents are allowed too
 HIGH, LOW = sarosi("a").text, "b0 + b1*pressure + b2*strain"
 PRINTED = f"share*({LOW} + w*log(1 + exp(({HIGH} - ({LOW}))/w))) + (1 - share)*({PLAIN.text})"
-# the same in a form that cannot overflow: ln(1 + exp(z)) = (z + |z|)/2 + ln(1 + exp(-|z|))
+# cannot overflow, because it uses ln(1 + exp(z)) = (z + |z|)/2 + ln(1 + exp(-|z|))
 COMPUTED = (
     f"share*(({HIGH} + {LOW} + abs({HIGH} - ({LOW})))/2 + w*log(1 + exp(-abs({HIGH} - "
     f"({LOW}))/w))) + (1 - share)*({PLAIN.text})"
@@ -45,17 +46,18 @@ COMPUTED = (
 
 
 class SarosiHinged(Formula):
-    """Sárosi's hinged formula. It is fitted by `fit_hinge` instead of the general method. Its
-    printed equation is easier to read than the equation that is computed, and equivalent.
+    """Sárosi's hinged formula. It is fitted by `fit_hinge` instead of the general method. The
+    printed equation is equivalent to the computed one, but easier to read.
     """
 
     def fit(self, columns: Columns, y: Array, method: str | None = None) -> FormulaFit:
         """Fit the hinged part by penalised least squares (`fit_hinge`), and blend it with the plain
         formula.
 
-        `method` is the method for the plain formula. Each parameter has the standard error from the
-        fit of its own part; the error of the share is unknown. Status and condition are taken from
-        the part with the larger share. Raises the same errors as `Formula.fit`.
+        `method` is the method for the plain formula. Each parameter has its standard error from the
+        fit of the hinged or of the plain part; the share has no standard error. Status and
+        condition number are those of the part with the larger share. Raises the same errors as
+        `Formula.fit`.
         """
         problem = self.problem(columns, y)
         columns, y = problem.columns, problem.y

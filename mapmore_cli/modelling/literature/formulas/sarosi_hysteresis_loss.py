@@ -1,8 +1,8 @@
-"""Sárosi's hysteresis loss: the share of a load cycle's energy that is lost to hysteresis,
-multiplied by critical damping (M2 eq 17-23).
+"""Define Sárosi's hysteresis loss (M2 eq 17-23). Its damping force is critical damping multiplied
+by the fraction of the energy of a load cycle that hysteresis dissipates.
 
-At one pressure, Sárosi's force (M2 eq 14) is `F(x) = A exp(c x) + B x + C` of the strain x, which
-is integrated exactly.
+At one pressure, Sárosi's force (M2 eq 14) is `F(x) = A exp(c x) + B x + C` with the strain x. It is
+integrated exactly.
 """
 
 from __future__ import annotations
@@ -29,12 +29,14 @@ from mapmore_cli.modelling.literature.formula import LOAD_CYCLES, Formula, with_
 from mapmore_cli.modelling.literature.formulas.sarosi import sarosi
 from mapmore_cli.modelling.literature.problem import finite
 
-SHORTEST = 1.0  # strain of a muscle of zero length, at which the search for the free strain ends
-BISECTIONS = 60  # number of bisections, from a strain of one down to rounding errors
+SHORTEST = 1.0  # strain at which the search for the free strain ends
+BISECTIONS = 60  # number of bisections from an interval of one strain down to rounding errors
 
 
 class ForceCurve(NamedTuple):
-    """`A exp(c x) + B x + C` at n pressures; A, B and C have the shape (n,)."""
+    """Force `A exp(c x) + B x + C` as a function of the strain x at n pressures; A, B and C have
+    the shape (n,).
+    """
 
     A: Array
     B: Array
@@ -47,7 +49,7 @@ class ForceCurve(NamedTuple):
 
     def mean(self, start: float, end: Array) -> Array:
         """Return the mean force between the strain `start` and each strain in `end`, shape (n,). If
-        both are equal, it is the force at this strain.
+        an end equals `start`, the mean is the force at `start`.
         """
         z = self.c * (end - start)
         ratio = np.where(z == 0.0, 1.0, np.expm1(z) / np.where(z == 0.0, 1.0, z))
@@ -59,11 +61,11 @@ class ForceCurve(NamedTuple):
     def end_of_stroke(self, start: float) -> Array:
         """Return the strain at which the force first falls to zero after `start`, shape (n,).
 
-        It is `start` if the curve does not pull even there. If the curve pulls at every strain, it
-        is the strain at which it turns up again, or `SHORTEST`.
+        If the force at `start` is not positive, return `start`. If the force is positive at every
+        strain, return the strain of the smallest force, or `SHORTEST` if the force has no minimum.
         """
         turns = (self.A > 0.0) & (self.A * self.c * self.B < 0.0)
-        # strain of least force, for a curve that is bent upwards
+        # strain of the smallest force, for a curve that is bent upwards
         turning = np.log(-self.B / (self.A * self.c)) / self.c
         low, high = (
             np.full_like(self.A, start),
@@ -85,8 +87,8 @@ SEVERITY = ("converged", "at_bound", "stopped_by_limit", "rank_deficient", "fail
 
 @dataclass(frozen=True)
 class HysteresisLoss(Formula):
-    """Damping force that is the fraction `zeta(P)` of critical damping. Critical damping depends on
-    the stiffness of the upper branch and on the mass that hangs on the muscle.
+    """Damping force: the fraction `zeta(P)` of the critical damping force. Critical damping depends
+    on the stiffness of the upper branch and on the mass that hangs on the muscle.
 
     `text` is the damping force (M2 eq 19) as an expression of the inputs, `length` (m) and two more
     quantities: `zeta`, Lehr's damping coefficient (eq 21), and `stiffness`, `k_t = (d F_su/d
@@ -103,8 +105,8 @@ class HysteresisLoss(Formula):
     fitted_to: ClassVar[str] = LOAD_CYCLES
 
     def fit(self, *_: object, **__: object) -> FormulaFit:
-        """Raise DataError, because a damping force does not show the energy that is lost in a load
-        cycle.
+        """Raise DataError, because this formula is fitted to load cycles: a measured damping force
+        does not show the energy that is lost in a cycle.
         """
         raise DataError(
             f"{self.name} is fitted to load cycles, not to a target",
@@ -169,8 +171,8 @@ class HysteresisLoss(Formula):
         return evaluate(self.expression, {**columns, **numbers, "zeta": share}, len(share))
 
     def equations(self, fit: FormulaFit) -> dict[str, Expression]:
-        """Return the damping force with `zeta` as a name, and the two curves that determine
-        zeta.
+        """Return the expression of the damping force, in which `zeta` is a name, and the force
+        curves of the two branches, which determine zeta.
         """
         return {
             self.name: self.equation(fit),
@@ -189,8 +191,8 @@ class HysteresisLoss(Formula):
 def lehr(parameters: Mapping[str, float], pressure: Array) -> Array:
     """Return `zeta = (U_u - U_l)/U_u` (M2 eq 21) at each `pressure`, shape (n,).
 
-    The result is not limited to [0, 1]. Near a slack muscle, the energy U_u of the stroke vanishes,
-    and zeta becomes infinite; it is also infinite if U_u overflows.
+    The result is not limited to [0, 1]. If the muscle is almost slack, the energy U_u of the stroke
+    is nearly zero, and zeta becomes infinite. It is also infinite if U_u overflows.
     """
     upper, lower = (_curve(parameters, branch, pressure) for branch in ("au", "al"))
     start = parameters["strain_min"]

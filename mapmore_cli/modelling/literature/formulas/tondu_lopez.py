@@ -1,5 +1,5 @@
-"""Define the static force of a cylinder under a braid of threads that do not stretch (W eq 1-3,
-6-7, 10), in the versions of Chou and Hannaford, of Tondu and Lopez, and of Kerscher.
+"""Define the static force of a cylinder in a braid of inextensible threads (W eq 1-3, 6-7, 10).
+There are versions by Chou and Hannaford, by Tondu and Lopez, and by Kerscher.
 """
 
 from __future__ import annotations
@@ -57,8 +57,8 @@ def braided(
     """Return `area P braid(strain)` with a fitted area, or with the area of the muscle's diameter
     if `of_diameter` is true.
 
-    With the diameter given, the formula is linear in h, because `y = 1 + h/3`; the angle follows as
-    `atan(sqrt(3/h))`.
+    If the diameter is known, the formula is linear in h, because `y = 1 + h/3`. The angle then
+    follows from `theta = atan(sqrt(3/h))`.
     """
     own = tuple(parameter.name for parameter in correction)
     area, form = "area", None

@@ -1,5 +1,6 @@
-"""Define viscous damping. It is proportional to the rate, and in other versions also to the
-pressure, or to both with separate coefficients for rise and fall and for pressure regions.
+"""Define formulas for viscous damping. The force is proportional to the strain rate, and in some
+versions also to the pressure. Some versions have separate coefficients for rising and falling
+pressure, or for regions of pressure.
 """
 
 from collections.abc import Mapping
@@ -23,9 +24,9 @@ PRESSURES = {
 
 
 def by_region(local: Formula, regions: Mapping[str, str]) -> Formula:
-    """Return a formula with separate parameters in each region, for example `B0_rise` for `B0`, and
-    zero outside all regions. `regions` holds, for each region's name, an expression that is one
-    inside the region and zero outside.
+    """Return a formula with separate parameters for each region, for example `B0_rise` instead of
+    `B0`. Outside all regions, its value is zero. `regions` holds, for each region's name, an
+    expression that is one inside the region and zero outside.
     """
     terms = []
     for region, inside in regions.items():
@@ -45,7 +46,7 @@ def by_region(local: Formula, regions: Mapping[str, str]) -> Formula:
 def viscous(
     name: str, title: str, reference: str, parameters: tuple[str, ...], viscosity: str, about: str
 ) -> Formula:
-    """Return the damping force `viscosity*strain_rate`."""
+    """Return the formula for the damping force `viscosity*strain_rate`."""
     inputs = ("pressure", "strain_rate") if "pressure" in viscosity else ("strain_rate",)
     text = f"{viscosity}*strain_rate"
     return Formula(
