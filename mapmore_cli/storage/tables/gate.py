@@ -37,7 +37,8 @@ on.
 
 def gated(reader: Reader, readers: Collection[Reader] = ()) -> Reader:
     """Return a reader whose function `read` passes its results through the gate. The function that
-    returns the first rows is added if the reader lacks one. If a file cannot be read, the error names which of the `readers` fits.
+    returns the first rows is added if the reader lacks one. If a file cannot be read, the error
+    names the one of the `readers` that fits.
     """
     read = partial(_judged_tables, reader, readers)
     peek = reader.peek or partial(_first_rows, read)
