@@ -1,6 +1,6 @@
 """A recording shows creep and friction. A slow state describes the creep, and a play operator
-describes the friction. A static model can describe neither of them, and a linear model with lags
-can describe only the creep.
+describes the friction. A static model can describe neither creep nor friction, and a linear model
+with lags can describe only creep.
 """
 
 from typing import Any

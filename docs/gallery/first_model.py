@@ -1,6 +1,6 @@
 """A model is built from arrays, and its scores and a picture are shown. With two terms in each of
-four segments, its error is half as large as the error of a cubic polynomial in both inputs. (The
-data are five simulated curves, and not the recordings of the page First model.)
+four segments, the error of the model is half as large as the error of a cubic polynomial in both
+inputs. (The data are five simulated curves, and not the recordings of the page First model.)
 """
 
 from muscle import STUDY, recording, save

@@ -1,4 +1,4 @@
-"""A recording has its pressure in psi and its strain in per cent. You write these units and factors
+"""A recording has its pressure in psi and its strain in per cent. You write the unit of each column
 once, in `columns`.
 """
 
