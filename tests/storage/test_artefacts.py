@@ -449,3 +449,13 @@ def test_the_pages_of_the_format_follow_the_declarations():
         assert f"kind `{kind.name}`" in page
         assert f"`{kind.type.__name__}`" in page
         assert kind.type.__name__ in headings
+
+
+def test_a_fault_of_a_file_is_named_in_few_words(written):
+    """A damaged file may hold a name of any length."""
+    path = changed(written["dataset"], put("recordings/0/dropped/" + "x" * 5000, "many"))
+    with pytest.raises(
+        DataError, match="is not a valid dataset: recordings/0*/dropped/x+"
+    ) as caught:
+        artefacts.read_dataset(path)
+    assert len(str(caught.value)) < len(str(path)) + 400

@@ -130,7 +130,7 @@ class Decoder:
             set() if self.lenient else node.keys() - known.keys()
         ):
             raise Invalid(
-                f"{path}/{name[:60]}",
+                f"{path}/{name}",
                 "is missing" if name in known else "is not known in this format",
             )
         # the checksum depends on the order of the arrays, which is the order in the document

@@ -33,6 +33,7 @@ from mapmore_cli.domain.models import Body, Model, Pieces
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Validation
 from mapmore_cli.modelling.kinds import kinds
+from mapmore_cli.storage.tables.cells import shortened
 
 ARRAY, FROM, SHAPE = "array", "from", "shape"
 """Keys of a reference to a dataset, or to a part of a dataset that many members share."""
@@ -62,11 +63,15 @@ reference to it.
 """
 
 
+LONGEST_PLACE = 200
+
+
 class Invalid(Exception):
     """A file does not have the right format: `where` is the path inside it, `what` the fault."""
 
     def __init__(self, where: str, what: str) -> None:
-        super().__init__(f"{where.lstrip('/') or 'the root'}, {what}")
+        # a damaged file may hold a name of any length
+        super().__init__(f"{shortened(where.lstrip('/'), LONGEST_PLACE) or 'the root'}, {what}")
 
 
 @contextmanager
