@@ -174,21 +174,12 @@ def with_spike(place):
     }
 
 
-def with_vacuum(_, columns):
-    """A current loop that drops to 0 mA."""
-    return {**columns, "P": np.where(np.isin(np.arange(60), (10, 40)), -300.0, columns["P"])}
-
-
 # Specs, merged over the clean one
 # --------------------------------------------------------------------------------------------------
 
 
 def column(name, **changes):
     return {"data": {"columns": {name: changes}}}
-
-
-def held_out(**condition):
-    return {"data": {"split": {"validate": condition}}}
 
 
 def jittered(noise):
@@ -252,15 +243,6 @@ FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
 @pytest.mark.parametrize(
     ("id_", "severity", "spoil", "spec", "told"),
     [
-        ("strain-in-per-cent", "error", scaled(eps=100), {}, []),
-        ("constant", "error", scaled(F=0), {}, []),
-        (
-            "same-signal",
-            "error",
-            lambda _, c: {**c, "F": 7 - 30 * c["eps"]},
-            {"data": {"levels": None, "split": None}},
-            [],
-        ),
         (
             "force-never-positive",
             "warning",
@@ -325,8 +307,6 @@ FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
             {"fit": {"shape": {"pressure": "decreasing"}}},
             ["`pressure: decreasing`", "contradict"],
         ),
-        ("recorded-twice", "error", at(300, copied(100)), BY_FILE, []),
-        ("few-samples", "warning", at(200, first_rows(3)), {}, []),
         ("one-fold", "error", clean, ONE_LEVEL, ["pressure is 200 in all curves"]),
         ("short-segment", "error", at(300, first_rows(5)), {}, []),
         (
@@ -350,7 +330,6 @@ FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
             {"segment": {"strain": {"count": 3}}},
             [],
         ),
-        ("validation-outside", "warning", clean, held_out(pressure=[400]), []),
         (
             "memory-breaks",
             "warning",
@@ -391,13 +370,6 @@ FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
             with_spike(30),
             {},
             ["level_100.csv:row 32 (time 3 s): force is 9000 in one sample only, between "],
-        ),
-        (
-            "below-vacuum",
-            "warning",
-            at(300, with_vacuum),
-            BY_FILE,
-            ["level_300.csv:row 12 (time 1 s) and 1 more: pressure is -300 kPa"],
         ),
         (
             "label",

@@ -152,7 +152,8 @@ def test_a_copied_file_is_an_error_where_one_is_held_out():
 def test_a_curve_has_five_samples():
     made = dataset_of({"u": np.arange(5.0)}, {"u": np.arange(4.0)}, {"u": np.zeros(1)}, output="u")
     issues = [*curves.few_samples(subject_of(made=made))]
-    assert [issue.message for issue in issues] == ["b has 4 samples", "c has 1 sample"]
+    told = [("few-samples", "b has 4 samples"), ("few-samples", "c has 1 sample")]
+    assert [(issue.id, issue.message) for issue in issues] == told
 
 
 @pytest.mark.parametrize(
