@@ -4,6 +4,7 @@ behind.
 
 import json
 import tempfile
+from dataclasses import replace
 from itertools import count
 from types import SimpleNamespace
 
@@ -85,6 +86,7 @@ def test_what_a_reviewer_asks_for_stands_beside_without_being_named(tmp_path):
     for found, other in ((moving, "arx"), (on_formula, "backbone")):
         models = {row["model"] for row in found.scores}
         assert models == {"mapmore", "plane", "quadratic", "cubic", other}
+    assert [one.size for one in moving.held_out] == [90]  # its last samples
     written = mm.run(moving.to_yaml(tmp_path / "moving.yaml"), tmp_path / "runs")
     assert tuple(written.scores) == tuple(moving.scores)
 
@@ -269,6 +271,9 @@ def test_a_summary_has_what_a_regression_table_has():
     assert "<table " in summary._repr_html_()
     (equation,) = [note for note in summary.notes if note.startswith("In physical units")]
     assert equation.endswith(model.equations[0].text)
+    by_curve = replace(model.spec.fit, weight="curve")
+    weighed = replace(model, spec=model.spec.model_copy(update={"fit": by_curve}))
+    assert "AIC and BIC are left out" in repr(weighed.summary())
     flat = mm.fit({"x": x, "y": y - 3 * x}, **model.study.document | {"data": {}})
     assert any(
         "Not distinguishable from zero" in note and "x of" in note for note in flat.summary().notes
