@@ -279,6 +279,8 @@ def test_show_says_what_the_standard_errors_of_a_model_are(note):
     body = replace(REMEMBERING.body, model=replace(MEMORY, errors_note=note))
     view = VIEWS["model"](replace(REMEMBERING, body=body))
     assert any(note in line for table in view.tables for line in table.notes)
+    (rows,) = (table.rows for table in view.tables if table.name == "coefficients")
+    assert (rows[0], len(rows)) == (("(constant)", 3.0, None), 4)
     assert note in str(view.document)
 
 
