@@ -263,12 +263,7 @@ def test_a_family_of_structures_is_offered_to_the_search(folder, monkeypatch):
 
 
 def test_an_interrupt_of_the_user_is_no_fault_of_a_plugin():
-    # a shell starts its background jobs with ignored interrupts
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        with plugins.interrupts_of_user() as interrupts, pytest.raises(KeyboardInterrupt):
-            signal.raise_signal(signal.SIGINT)
-        assert interrupts == [signal.SIGINT]
-        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    finally:
-        signal.signal(signal.SIGINT, before)
+    with plugins.interrupts_of_user() as interrupts, pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
+    assert interrupts == [signal.SIGINT]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

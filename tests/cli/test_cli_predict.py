@@ -93,6 +93,17 @@ def test_outside_of_the_range_of_each_curve():
     ] == list(points.values())
 
 
+def test_an_output_that_no_input_reaches_is_outside():
+    lines = ["force,strain\n", "127.5,0.05\n", "1e12,0.05\n", "20,0.2\n"]
+    found = [*predicted_lines(MODEL, lines, "t", turned_for="pressure")]
+    assert [line.split(",")[2:] for line in found] == [
+        ["pressure_predicted", "outside_range\n"],
+        ["150", "false\n"],
+        ["200", "true\n"],  # the end that comes nearest
+        ["100", "true\n"],
+    ]
+
+
 @pytest.mark.parametrize(
     ("points", "warned"),
     [(["99,0.05", ",", "200,0.3"], True), (["99,0.05", "150,0.05"], False), ([",0.1"], False)],

@@ -6,6 +6,9 @@ import csv
 
 import pytest
 
+from mapmore_cli.pipeline import foreign
+from mapmore_cli.pipeline.foreign import TableOptions
+
 EXPECTED = "pressure,strain,force_predicted,outside_range\n150.0,0.05,127.5,false\n"
 COLUMNS = ("--columns", "pressure=P [bar]", "--columns", "strain=eps [%]")
 BAR = ("--units", "pressure=bar,strain=%")
@@ -98,6 +101,23 @@ def test_workbooks_parquet_and_utf16_are_read_as_they_are(tmp_path, model_file, 
     parquet.write_table(table.cast(pa.schema(fields)), tmp_path / "t.parquet")
     says = "'pressure' is in psi according to the file"
     mapmore("predict", model_file, tmp_path / "t.parquet", code=4, says=says)
+
+
+@pytest.mark.parametrize(
+    ("name", "encoding", "is_foreign"),
+    [
+        ("t.csv", "utf-8", False),
+        ("t.csv", "utf-16", True),
+        ("t.of_nobody", "utf-8", False),  # an ending that no reader has
+        ("t.of_nobody", "utf-16", True),
+        ("t.mat", "utf-8", True),
+    ],
+)
+def test_tables_that_are_read_as_recordings_are(tmp_path, name, encoding, is_foreign):
+    assert foreign.is_foreign(tmp_path / name, TableOptions(units={"strain": "%"}))
+    assert not foreign.is_foreign(tmp_path / name, TableOptions())  # is missing
+    (tmp_path / name).write_text("pressure,strain\n", encoding=encoding)
+    assert foreign.is_foreign(tmp_path / name, TableOptions()) == is_foreign
 
 
 def test_invert_reads_them_too(tmp_path, model_file, mapmore):

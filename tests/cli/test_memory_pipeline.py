@@ -8,8 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cli_samples import csv_rows, hand_model, write_lines
-from hypothesis import given
-from hypothesis import strategies as st
 
 from mapmore_cli.annexes.sums import Part, Sum
 from mapmore_cli.cli.views import VIEWS
@@ -245,44 +243,23 @@ SUM = replace(
     REMEMBERING, name="sum", inputs=STATIC.inputs, body=Sum((Part(STATIC), Part(REMEMBERING)))
 )
 
-pieces = st.lists(
-    st.tuples(st.integers(3, 12), st.sampled_from(["gap", "reset", "recording", "empty"])),
-    min_size=1,
-    max_size=6,
-)
 
-
-@given(pieces, st.integers(0, 100), st.sampled_from([REMEMBERING, SUM]))
-def test_every_piece_is_predicted_as_by_itself(cuts, seed, model):
-    rng = np.random.default_rng(seed)
-    names = ("time", "pressure", "strain", "force")
-    lines, wanted, time, recording = ["recording,time,pressure,strain,force\n"], [], 0.0, 0
-    for size, end in cuts:
-        stamps = time + STEP * np.arange(size)
-        last = float(stamps[-1])
-        columns = dict(
-            zip(
-                names,
-                (stamps, *rng.uniform(100, 200, (1, size)), *rng.uniform(0, 0.1, (2, size))),
-                strict=True,
-            )
-        )
-        wanted += predict(model, columns).tolist()
-        lines += [
-            f"{recording}," + ",".join(map(repr, row)) + "\n"
-            for row in zip(*(x.tolist() for x in columns.values()), strict=True)
-        ]
-        time = {
-            "gap": last + 7 * STEP,
-            "reset": 0.0,
-            "recording": last + STEP,
-            "empty": last + 2 * STEP,
-        }[end]
-        if end == "empty":
-            lines.append(f"{recording},{last + STEP!r},,0.05,1.0\n")
+@pytest.mark.parametrize("chunk", [5, 20_000])
+@pytest.mark.parametrize("model", [REMEMBERING, SUM])
+def test_every_piece_is_predicted_as_by_itself(model, chunk):
+    """After a gap, where the clock was set back, in another recording, and after an empty cell."""
+    rng = np.random.default_rng(1)
+    lines, wanted = ["recording,time,pressure,strain,force\n"], []
+    for name, start in (("a", 0), ("a", 40), ("a", 0), ("b", 12), ("b", 25)):
+        time = STEP * (start + np.arange(12))
+        table = np.column_stack([time, rng.uniform([100, 0, 0], [200, 0.1, 0.1], (12, 3))])
+        columns = zip(("time", "pressure", "strain", "force"), table.T, strict=True)
+        wanted += predict(model, dict(columns)).tolist()
+        lines += [",".join([name, *map(repr, row)]) + "\n" for row in table.tolist()]
+        if start == 12:
+            lines.append(f"b,{24 * STEP!r},,0.05,1.0\n")
             wanted.append(np.nan)
-        recording += end == "recording"
-    found = [line.rstrip("\n").split(",")[-2] for line in predicted_lines(model, lines, "t")][1:]
+    found = [line.split(",")[-2] for line in predicted_lines(model, lines, "t", chunk)][1:]
     np.testing.assert_allclose([float(cell or "nan") for cell in found], wanted, rtol=1e-11)
 
 
@@ -302,6 +279,8 @@ def test_show_says_what_the_standard_errors_of_a_model_are(note):
     body = replace(REMEMBERING.body, model=replace(MEMORY, errors_note=note))
     view = VIEWS["model"](replace(REMEMBERING, body=body))
     assert any(note in line for table in view.tables for line in table.notes)
+    (rows,) = (table.rows for table in view.tables if table.name == "coefficients")
+    assert (rows[0], len(rows)) == (("(constant)", 3.0, None), 4)
     assert note in str(view.document)
 
 

@@ -4,6 +4,7 @@ behind.
 
 import json
 import tempfile
+from dataclasses import replace
 from itertools import count
 from types import SimpleNamespace
 
@@ -85,6 +86,7 @@ def test_what_a_reviewer_asks_for_stands_beside_without_being_named(tmp_path):
     for found, other in ((moving, "arx"), (on_formula, "backbone")):
         models = {row["model"] for row in found.scores}
         assert models == {"mapmore", "plane", "quadratic", "cubic", other}
+    assert [one.size for one in moving.held_out] == [90]  # its last samples
     written = mm.run(moving.to_yaml(tmp_path / "moving.yaml"), tmp_path / "runs")
     assert tuple(written.scores) == tuple(moving.scores)
 
@@ -198,7 +200,7 @@ def test_what_is_written_runs_to_the_same_scores(fitted, tmp_path):
     )
 
 
-def test_frames_are_in_memory_and_stay_as_they_are(tmp_path, monkeypatch):
+def test_frames_are_in_memory_and_stay_as_they_are(monkeypatch):
     """Also for a competitor with other settings, which is a run of its own."""
 
     def refused(*_):
@@ -213,9 +215,6 @@ def test_frames_are_in_memory_and_stay_as_they_are(tmp_path, monkeypatch):
         assert all(np.array_equal(frame[name], kept[name]) for name in kept)
     assert {"mapmore", "short"} <= {row["model"] for row in found.scores}
     assert found.spec.data.files == ["recording_1", "recording_2"]
-    monkeypatch.undo()
-    written = mm.run(found.to_yaml(tmp_path / "halves.yaml"), tmp_path / "runs")
-    assert tuple(written.scores) == tuple(found.scores)
     halves[1]["F"] = np.where(np.arange(len(halves[1]["F"])) == 3, np.nan, halves[1]["F"])
     with pytest.raises(DataError, match=r"frame 2, row 3 \(from 0\), column 'F': the value"):
         mm.fit(halves, **SECTIONS)
@@ -269,6 +268,9 @@ def test_a_summary_has_what_a_regression_table_has():
     assert "<table " in summary._repr_html_()
     (equation,) = [note for note in summary.notes if note.startswith("In physical units")]
     assert equation.endswith(model.equations[0].text)
+    by_curve = replace(model.spec.fit, weight="curve")
+    weighed = replace(model, spec=model.spec.model_copy(update={"fit": by_curve}))
+    assert "AIC and BIC are left out" in repr(weighed.summary())
     flat = mm.fit({"x": x, "y": y - 3 * x}, **model.study.document | {"data": {}})
     assert any(
         "Not distinguishable from zero" in note and "x of" in note for note in flat.summary().notes

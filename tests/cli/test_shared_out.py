@@ -9,7 +9,7 @@ import sys
 import common
 import pytest
 
-from mapmore_cli.pipeline.processors import MOST_PROCESSES
+from mapmore_cli.pipeline.processors import MOST_PROCESSES, variables_set
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="forks are made on Linux only")
 
@@ -130,3 +130,11 @@ app.main = run
 main()
 """
     assert python(script, threads="2") == str(PROCESSORS)
+
+
+def test_variables_are_set_for_a_while(monkeypatch):
+    monkeypatch.setenv("MAPMORE_OLD", "before")
+    monkeypatch.delenv("MAPMORE_NEW", raising=False)
+    with variables_set({"MAPMORE_OLD": "1", "MAPMORE_NEW": "2"}):
+        assert (os.environ["MAPMORE_OLD"], os.environ["MAPMORE_NEW"]) == ("1", "2")
+    assert (os.environ["MAPMORE_OLD"], "MAPMORE_NEW" in os.environ) == ("before", False)

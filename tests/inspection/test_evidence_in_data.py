@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mapmore_cli.checking.evidence import (
@@ -51,13 +51,11 @@ def smooth_signals(draw):
     return np.round(noisy / resolution) * resolution if resolution else np.asarray(noisy)
 
 
-@settings(max_examples=300, deadline=None)
 @given(smooth_signals())
 def test_noise_has_no_spikes(values):
     assert not spikes(values).size
 
 
-@settings(deadline=None)
 @given(st.integers(30, 2000), st.integers(0, 2**32 - 1), st.sampled_from(["two", "many", "steps"]))
 def test_commands_and_steps_have_no_spikes(n, seed, kind):
     rng = np.random.default_rng(seed)

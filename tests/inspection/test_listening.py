@@ -95,7 +95,7 @@ def save(folder, truth):
 
 
 @settings(
-    deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    deadline=None, max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(truth=truths())
 def test_no_role_that_no_title_unit_or_person_gave(tmp_path_factory, truth):

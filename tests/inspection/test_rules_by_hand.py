@@ -9,7 +9,7 @@ import pytest
 from common import curve_of, dataset_of
 
 from mapmore_cli.checking.evidence import Unequal, spikes, unequal
-from mapmore_cli.checking.rules import Subject, curves, odd_values, pairs, samples, signs
+from mapmore_cli.checking.rules import Subject, curves, odd_values, pairs, samples, signs, units
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.study.experiment import ExperimentSpec
 
@@ -130,7 +130,7 @@ CYCLES = {"cycles": {"over": "strain"}}
 )
 def test_cycles_of_what_is_held(spans, issue):
     """Two recordings about 0 and about 1, which move by so much; None is noise."""
-    ramp, noise = np.linspace(0, 1, 40), np.tile([0.0, 0.9], 20)
+    ramp, noise = np.linspace(0, 1, 40), np.tile(np.repeat([0.0, 0.9], 3), 7)
     recordings = [
         {"strain": place + (noise if span is None else span * ramp)}
         for place, span in zip((0, 1 - (spans[1] or 0.9)), spans, strict=True)
@@ -152,12 +152,13 @@ def test_a_copied_file_is_an_error_where_one_is_held_out():
 def test_a_curve_has_five_samples():
     made = dataset_of({"u": np.arange(5.0)}, {"u": np.arange(4.0)}, {"u": np.zeros(1)}, output="u")
     issues = [*curves.few_samples(subject_of(made=made))]
-    assert [issue.message for issue in issues] == ["b has 4 samples", "c has 1 sample"]
+    told = [("few-samples", "b has 4 samples"), ("few-samples", "c has 1 sample")]
+    assert [(issue.id, issue.message) for issue in issues] == told
 
 
 @pytest.mark.parametrize(
     ("values", "told"),
-    [([0.5, 1.009], False), ([0.5, 1.011], True), ([-0.009], False), ([-0.011, 0.5], True)],
+    [([0.5, 1.009], False), ([0.5] * 30 + [1.011], True), ([-0.009], False), ([-0.011, 0.5], True)],
 )
 def test_held_out_values_within_the_training_range(values, told):
     """A hundredth of the range from 0 to 1 may be chance."""
@@ -196,6 +197,16 @@ def test_no_gauge_shows_less_than_a_vacuum():
     subject = subject_of({"pressure": [0.0, -500.0]}, every=2)
     (issue,) = odd_values.below_vacuum(subject)
     assert issue.message.startswith("r0: sample 2: pressure")
+
+
+@pytest.mark.parametrize(("unit", "whole"), [("1", 1.0), ("%", 100.0)])
+@pytest.mark.parametrize(
+    ("share", "told"), [(0.99, []), (1.01, ["strain reaches 1.01, which is 101 %"])]
+)
+def test_a_muscle_contracts_by_less_than_its_length(unit, whole, share, told):
+    subject = subject_of({"strain": [0.0, share * whole]}, units={**UNITS, "strain": unit})
+    messages = [issue.message for issue in units.strain_in_per_cent(subject)]
+    assert [message[:35] for message in messages] == told
 
 
 @pytest.mark.parametrize(("error", "told"), [(0.9e-4, True), (1.1e-4, False)])

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mapmore_cli.annexes.drafting.answers import Hold
+from mapmore_cli.annexes.drafting.draft import Draft
 from mapmore_cli.annexes.drafting.experiment import find_held, goes_in_cycles
-from mapmore_cli.annexes.drafting.held_out import inner
+from mapmore_cli.annexes.drafting.held_out import inner, with_split
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.recording import Recording
 
@@ -87,10 +90,26 @@ def test_nothing_was_held_where_both_move_or_only_one_level_was():
     assert find_held(strokes([100, 100]), BOTH, None, {}) is None
 
 
-@settings(deadline=None)
 @given(st.lists(st.floats(0, 1e3), unique=True, max_size=20).map(sorted))
 def test_held_out_levels_are_inner_ones(levels):
     some = inner(levels)
     assert set(some) <= set(levels[1:-1])
     assert bool(some) == (len(levels) >= 3)
     assert len(levels) - len(some) >= min(len(levels), 2)
+
+
+@pytest.mark.parametrize(
+    ("course", "held_out"),
+    [
+        (np.append(np.arange(51), np.arange(49)[::-1]), {"last": 0.3}),
+        (np.append(np.arange(85), np.full(15, 60)), {"last": 0.3}),  # half of the last 30 goes on
+        (np.append(np.arange(86), np.full(14, 60)), {"fraction": 0.2, "seed": 1}),
+        (np.repeat([0, 1, 2, 3], 25), {"strain": [2]}),  # most of the last 30 have a new value
+    ],
+)
+def test_the_last_samples_are_held_out_unless_most_lie_beyond_the_others(course, held_out):
+    done = SimpleNamespace(
+        recordings=[recording(pressure=np.zeros(100), strain=course)],
+        inputs=("strain",), conditions={}, apart=(),
+    )  # fmt: skip
+    assert with_split(Draft({"data": {}}), done, None).data["split"] == {"validate": held_out}

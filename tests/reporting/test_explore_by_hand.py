@@ -9,7 +9,7 @@ import pytest
 from common import curve_of
 from report_builder import build
 
-from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.recording import Quantity, Signal
 from mapmore_cli.modelling.validation.intervals import left_out_summary
 from mapmore_cli.reporting import explore_data as data
 
@@ -49,6 +49,13 @@ def test_spans_and_texts_of_quantities():
     assert first == {"name": "a_b", "title": "a b", "unit": "N", "label": "A b (N)"}
     assert data._quantity(Quantity("c", "1"), labels)["unit"] == ""
     assert data._quantity(Quantity("c", "1"), labels)["label"] == "c"
+
+
+def test_rates_are_per_second_of_the_clock_of_the_model(inputs):
+    """Of a clock in ms, with rates in half the unit per second."""
+    rate = Signal("strain_rate", "rate", "strain", 0.1, 2, factor=2.0, seconds=1e-3)
+    study = data.study_of(replace(inputs, model=replace(inputs.model, signals=(rate,))), "a")
+    assert study["signals"] == {"strain_rate": {"kind": "rate", "of": "strain", "factor": 0.002}}
 
 
 def spans_of(study):

@@ -138,6 +138,13 @@ def test_a_model_predicts_tables_of_the_columns_that_it_was_fitted_to():
     assert model.score(X, y + 1) == pytest.approx(worse)
 
 
+@pytest.mark.parametrize(("samples", "most"), [(4, 3), (9, 4), (10, 5)])
+def test_a_model_has_three_terms_or_half_as_many_as_samples(samples, most):
+    rng = np.random.default_rng(samples)
+    noise = rng.normal(size=(samples, 4))
+    assert len(mm.FROLS(order=2, tolerance=0.0).fit(noise[:, :3], noise[:, 3]).terms_) == most
+
+
 def test_settings_are_shown_where_they_are_not_the_usual_ones():
     model = mm.FROLS(tolerance=0.5, constant=False)
     assert repr(model) == "FROLS(tolerance=0.5, constant=False)"
