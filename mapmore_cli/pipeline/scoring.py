@@ -14,7 +14,7 @@ from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.results import Forecast, Validation
-from mapmore_cli.domain.scores import EFFECTS_SEEN, OWN, REPEATABILITY, STRUCTURE_SEEN, Score
+from mapmore_cli.domain.scores import OWN, REPEATABILITY, STRUCTURE_SEEN, Score
 from mapmore_cli.fitting.competitors import Contest, Forecasts, Rival
 from mapmore_cli.fitting.kinds.choices import ModelChoices
 from mapmore_cli.fitting.left_out import Said, left_out, trained_on, was_searched
@@ -80,16 +80,9 @@ def _scored(part: ScoresSlice, workspace: Workspace, measured: Dataset, model: M
     }
     warnings = alarms(model, dataset, predictions[OWN], scores)
     searched_again = part.folds and was_searched(workspace.run_dir)
-    seen = {
-        STRUCTURE_SEEN: "" if searched_again else part.structure_seen,
-        EFFECTS_SEEN: part.effects_seen,
-    }
-    with_all = [
-        f"{what}{of}, so that errors on new ones are probably larger"
-        for what, of in seen.items()
-        if of
-    ]
-    warnings = (*with_all, *warnings)
+    if part.structure_seen and not searched_again:
+        chosen = f"{STRUCTURE_SEEN}{part.structure_seen}"
+        warnings = (f"{chosen}, so that errors on new ones are probably larger", *warnings)
     far = () if part.robust is None else outliers(dataset, forecasts[OWN], part.robust)
     if far:
         worst = f"the farthest is {far[0].file}:{far[0].place}"
