@@ -22,7 +22,8 @@ from mapmore_cli.annexes.search.bench import Slice
 from mapmore_cli.annexes.search.searching import search
 from mapmore_cli.annexes.search.trying import choices_of
 from mapmore_cli.domain.arrays import Array, BoolArray
-from mapmore_cli.domain.recording import Curve, Dataset, Quantity
+from mapmore_cli.domain.recording import Curve, Dataset, Grouping, Quantity
+from mapmore_cli.fitting.groups import regrouped
 from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.reporting.table import Table
@@ -73,6 +74,19 @@ def records() -> Dataset:
         columns["z"] = columns["y"] ** 2
         curves.append(_curve(name, None, columns))
     return _dataset("y", None, curves)
+
+
+def _of_two_sessions(dataset: Dataset) -> Dataset:
+    """Return the dataset with every second sample from another session, whose forces differ by a
+    factor and an offset.
+    """
+    curves = []
+    for curve in dataset.curves:
+        session: Array = (np.arange(curve.size) % 2).astype(float)
+        force: Array = (1 + 0.1 * session) * curve.columns["force"] + 5 * session
+        curves.append(replace(curve, columns={**curve.columns, "session": session, "force": force}))
+    grouping = Grouping("force", "session", offset=True, gain=True)
+    return replace(dataset, curves=tuple(curves), grouping=grouping)
 
 
 def _half(curve: Curve, held: bool) -> BoolArray:
@@ -140,6 +154,7 @@ KINDS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     ),
     "pieces, backbone: auto": ("map", {**PIECES, "model": {"backbone": "auto"}}),
     "pieces, backbone: sarosi": ("map", {**PIECES, "model": {"backbone": "sarosi"}}),
+    "pieces, offset and gain of groups": ("map", PIECES),
     "one surface": (
         "map",
         {
@@ -201,6 +216,8 @@ def cell(kind: str, split: str) -> str:
     whole = force_map() if name == "map" else records()
     if kind == "two outputs":
         whole = replace(whole, also=("z",))
+    if "groups" in kind:
+        whole = _of_two_sessions(whole)
     outputs = (whole.target, *whole.also)
     found = []
     for turned in (False, True):
@@ -212,7 +229,7 @@ def cell(kind: str, split: str) -> str:
                 values[out] = 2 * values[out][::-1] + 1 if turned else values[out]
                 columns[output] = values
             curves.append(replace(curve, columns=columns, held_out=out))
-        found.append(made(kind, replace(whole, curves=tuple(curves))))
+        found.append(made(kind, regrouped(replace(whole, curves=tuple(curves)))))
     return SAME if found[0] == found[1] else SEEN
 
 

@@ -23,6 +23,7 @@ NOTES_OF_MODELS = (
     "modelling/pieces/cross_validation.py: choose_backbone with_trusted_residual",
     "modelling/shape/violations.py: with_shape",
     "modelling/memory/shaped.py: _warnings_of_zero_gain",
+    "modelling/memory/model.py: outliers_fed_back",
     "modelling/validation/residuals.py: explained_by_inputs",
 )
 IN_FILES = (
@@ -39,7 +40,7 @@ IN_ALERTS = (
     "reporting/alerts.py: unconfirmed_sentence",
     "modelling/validation/residuals.py: alarms _of_scores _bare",
     "pipeline/scoring.py: _scored",
-    "domain/scores.py: STRUCTURE_SEEN EFFECTS_SEEN",
+    "domain/scores.py: STRUCTURE_SEEN",
 )
 
 KINDS = "reporting/alerts.py: _of_residuals _of_held_out _of_competitors"

@@ -147,6 +147,9 @@ class Curve:
         "range of each quantity over the training recordings, if samples are means of branches",
         "[*]",
     ] = field(default_factory=dict)
+    raw_target: Annotated[
+        Array | None, "(n) target before the effects of groups were removed", "[target]"
+    ] = None
 
     @property
     def size(self) -> int:
@@ -173,7 +176,14 @@ class Curve:
             recordings=recordings,
             at_rest=None if self.at_rest is None else self.at_rest[rows],
             origin=origin,
+            raw_target=None if self.raw_target is None else picked(self.raw_target, rows),
         )
+
+    def raw(self, target: str) -> Curve:
+        """Return the curve with the target as it was before the effects of groups were removed."""
+        if self.raw_target is None:
+            return self
+        return replace(self, columns={**self.columns, target: self.raw_target}, raw_target=None)
 
     def limits(self, name: str) -> Ends:
         """Return the smallest and the largest value of a quantity over the training samples. If the
@@ -218,6 +228,18 @@ def united(ranges: Iterable[Ranges]) -> dict[str, Ends]:
 
 
 @dataclass(frozen=True)
+class Grouping:
+    """The groups of samples, and what is removed from the target of each: an offset, a gain or
+    both.
+    """
+
+    target: Annotated[QuantityName, "the quantity from which the effects are removed"]
+    of: Annotated[QuantityName, "the quantity that distinguishes the groups"]
+    offset: Annotated[bool, "whether offsets are subtracted"] = False
+    gain: Annotated[bool, "whether the target is divided by gains"] = False
+
+
+@dataclass(frozen=True)
 class Dataset:
     """Recordings as read, and the curves made from them."""
 
@@ -230,6 +252,16 @@ class Dataset:
     also: Annotated[
         tuple[QuantityName, ...], "further modelled columns, of a model of several outputs"
     ] = ()
+    grouping: Annotated[Grouping | None, "effects of groups that are removed from the target"] = (
+        None
+    )
+
+    @property
+    def raw_curves(self) -> tuple[Curve, ...]:
+        """The curves with the effects of groups in the target, as it was measured."""
+        if self.grouping is None:
+            return self.curves
+        return tuple(curve.raw(self.grouping.target) for curve in self.curves)
 
     @property
     def each(self) -> tuple[Dataset, ...]:

@@ -311,11 +311,7 @@ class Alert:
 
 
 STRUCTURE_SEEN = "the structure was chosen with all "
-EFFECTS_SEEN = "gains and offsets of groups were estimated with all "
-SEEN = (STRUCTURE_SEEN, EFFECTS_SEEN)
-"""First words of a warning and of a verdict if a structure was chosen, or effects of groups were
-estimated, with held-out data.
-"""
+"""First words of a warning and of a verdict if a structure was chosen with held-out data."""
 
 
 def deciding(scores: Iterable[Score]) -> list[Score]:

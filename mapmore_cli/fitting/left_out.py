@@ -20,6 +20,7 @@ from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import OWN
 from mapmore_cli.fitting.competitors import Contest, Forecasts
+from mapmore_cli.fitting.groups import regrouped
 from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
 from mapmore_cli.fitting.refitting import FEWEST, Masks, folds_by_value, left_out_of, without
@@ -63,12 +64,13 @@ def choices_by_fold(
         return lambda _number: choices
 
     @cache
-    def found(first: int) -> ModelChoices:
+    def searched(first: int) -> ModelChoices:
         outs = zip(*folds[first::MOST_SEARCHES], strict=True)
         rest = without(dataset, [np.logical_or.reduce(every) for every in outs])
-        return replace(again(rest), name=choices.name, signals=choices.signals)
+        found = again(regrouped(rest))
+        return replace(found, name=choices.name, signals=choices.signals)
 
-    return lambda number: found(number % MOST_SEARCHES)
+    return lambda number: searched(number % MOST_SEARCHES)
 
 
 def was_searched(run_dir: Path) -> bool:
@@ -99,36 +101,37 @@ def left_out(
     each curve by models that were fitted to the other levels, and warnings.
 
     With `group`, the quantity that distinguishes groups, each group is left out instead of a level.
-    Every step is repeated without the left-out level or group: the structure search if there is
-    one, cuts, terms, backbone, the weight of the residual, and every competitor. The run's own
-    model predicts the quantity `fitted_to`; if this is not the scored quantity, the model is
-    inverted. A model whose fit fails without one of the levels is left out of the comparison.
+    Every step is repeated without the left-out level or group: the effects of groups, the structure
+    search if there is one, cuts, terms, backbone, the weight of the residual, and every competitor.
+    A sample is scored without the effects that its group has in the fold that leaves it out. The
+    run's own model predicts the quantity `fitted_to`; if this is not the scored quantity, the model
+    is inverted. A model whose fit fails without one of the levels is left out of the comparison.
     """
     refuse_over_time(choices)
     dataset = contest.dataset
     folds = folds_by_value(dataset, group)
-    parts, warnings = list[Said](), list[str]()
+    datasets, parts, warnings = list[Dataset](), list[Said](), list[str]()
     own_data = replace(dataset, target=fitted_to)
     made_by = choices_by_fold(workspace.run_dir, choices, own_data, folds)
     for number, outs in enumerate(folds):
-        fold, own_choices = _held_out(dataset, outs), made_by(number)
+        fold, own_choices = regrouped(_held_out(dataset, outs)), made_by(number)
         refuse_over_time(own_choices)
         model = refit(own_choices, replace(fold, target=fitted_to))
         outputs, fold_warnings = compare(
             replace(contest, dataset=fold, model=model, refit=refit_run)
         )
         forecasts = tuple(forecast(model, curve, fold.target) for curve in fold.curves)
+        datasets.append(fold)
         parts.append({OWN: forecasts, **outputs})
         warnings += fold_warnings
         what = f"{'levels' if group is None else 'groups'} left out"
         workspace.progress(what, len(parts), len(folds))
-    everywhere = [np.ones(curve.size, dtype=np.bool_) for curve in dataset.curves]
     pooled = {
         name: _by_fold([outputs[name] for outputs in parts], folds)
         for name in parts[0]
         if all(name in outputs for outputs in parts)
     }
-    return _held_out(dataset, everywhere), pooled, warnings
+    return _scored(dataset, datasets, folds), pooled, warnings
 
 
 def _held_out(dataset: Dataset, outs: Sequence[BoolArray]) -> Dataset:
@@ -137,6 +140,22 @@ def _held_out(dataset: Dataset, outs: Sequence[BoolArray]) -> Dataset:
     """
     curves = zip(dataset.curves, outs, strict=True)
     return replace(dataset, curves=tuple(replace(curve, held_out=out) for curve, out in curves))
+
+
+def _scored(dataset: Dataset, datasets: Sequence[Dataset], folds: Sequence[Masks]) -> Dataset:
+    """Return the dataset with every sample held out, and with the target that each sample has in
+    the fold that leaves it out.
+    """
+    everywhere = [np.ones(curve.size, dtype=np.bool_) for curve in dataset.curves]
+    whole = _held_out(dataset, everywhere)
+    if dataset.grouping is None:
+        return whole
+    target, curves = dataset.grouping.target, list[Curve]()
+    for number, curve in enumerate(whole.curves):
+        outs = [masks[number] for masks in folds]
+        of_folds = [fold.curves[number].columns[target] for fold in datasets]
+        curves.append(replace(curve, columns={**curve.columns, target: np.select(outs, of_folds)}))
+    return replace(whole, curves=tuple(curves))
 
 
 def _by_fold(parts: Sequence[Forecasts], folds: Sequence[Masks]) -> Forecasts:
@@ -185,8 +204,8 @@ def trained_on(run_dir: Path, dataset: Dataset) -> bool:
     Two samples count as the same if all their numbers are equal. Rows that are also training rows
     of the dataset are ignored, and a few rows may agree by chance.
     """
-    other = RunFiles(run_dir).dataset()
-    names = [name for name in dataset.curves[0].columns if name in other.curves[0].columns]
+    curves, of_run = dataset.raw_curves, RunFiles(run_dir).dataset().raw_curves
+    names = [name for name in curves[0].columns if name in of_run[0].columns]
 
     def rows(curves: Sequence[Curve], held_out: bool) -> list[bytes]:
         parts = [
@@ -196,8 +215,8 @@ def trained_on(run_dir: Path, dataset: Dataset) -> bool:
         ]
         return [row.tobytes() for row in np.concatenate(parts)]
 
-    held = rows(dataset.curves, True)
-    seen = {*rows(other.curves, False)} - {*rows(dataset.curves, False)}
+    held = rows(curves, True)
+    seen = {*rows(of_run, False)} - {*rows(curves, False)}
     return sum(row in seen for row in held) > MUCH * len(held)
 
 
@@ -365,7 +384,7 @@ def _summand_without(run_dir: Path, dataset: Dataset) -> Model:
         np.ones(curve.size, dtype=np.bool_) if _level_or_id(curve) in out else curve.held_out
         for curve in of_summand.curves
     ]
-    rest = _held_out(of_summand, masks)
+    rest = regrouped(_held_out(of_summand, masks))
     again = _searching_again(run_dir)
     return refit(again(rest) if again else choices, rest)
 

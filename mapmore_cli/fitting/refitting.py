@@ -14,6 +14,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.results import Forecast
+from mapmore_cli.fitting.groups import regrouped
 from mapmore_cli.modelling.forecast import forecast
 
 FEWEST = 3
@@ -64,11 +65,11 @@ def missed_by(model: Model, dataset: Dataset, masks: Sequence[BoolArray]) -> lis
 def left_out_of(
     dataset: Dataset, masks: Sequence[BoolArray], remade: Callable[[Dataset], Model]
 ) -> list[Missed]:
-    """Fit a model without the samples in `masks` by calling `remade`. Return every curve that has
-    left-out samples, with these samples and the model's forecast. Raises the same errors as the
-    fit.
+    """Estimate the effects of groups, and fit a model by calling `remade`, without the samples in
+    `masks`. Return every curve that has left-out samples, with these samples and the model's
+    forecast. Raises the same errors as the fit.
     """
-    rest = without(dataset, masks)
+    rest = regrouped(without(dataset, masks))
     return missed_by(remade(rest), rest, masks)
 
 

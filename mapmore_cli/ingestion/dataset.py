@@ -16,9 +16,11 @@ from mapmore_cli.domain.recording import (
     DAMPING,
     STATIC_FORCE,
     Dataset,
+    Grouping,
     Quantity,
     Recording,
 )
+from mapmore_cli.fitting.groups import without_effects
 from mapmore_cli.fitting.stage import Progress
 from mapmore_cli.ingestion.clock import clocked, with_joined
 from mapmore_cli.ingestion.curves import (
@@ -42,7 +44,6 @@ from mapmore_cli.ingestion.files import (
     find_sources,
     is_file_named,
 )
-from mapmore_cli.ingestion.groups import group_effects
 from mapmore_cli.ingestion.samples import (
     Samples,
     derived,
@@ -134,13 +135,14 @@ def build_dataset(
         target = "hysteresis" if slice_.component == "hysteresis" else target
     masks = held_out(parts, data.split.hold_out, levels, spec_dir)
     curves = joined_curves(parts, masks, levels)
+    curves = with_uncertainty(curves, data, units, slice_.measured, target)
     notes += [levels.describe()] if levels else []
     notes += meant_levels(data.split.hold_out, levels)
-    if data.groups is not None and data.groups.has_effects:
-        effects = group_effects(curves, data.groups, target)
-        curves = tuple(effects.taken_off(curve, target) for curve in curves)
+    grouping = None
+    if (groups := data.groups) is not None and groups.has_effects:
+        grouping = Grouping(target, groups.of, groups.offset, groups.gain)
+        curves, effects = without_effects(curves, grouping)
         notes += effects.describe(target, units[target])
-    curves = with_uncertainty(curves, data, units, slice_.measured, target)
     return Dataset(
         target=target,
         level=levels.of if levels else None,
@@ -149,6 +151,7 @@ def build_dataset(
         curves=curves,
         notes=tuple(notes),
         also=slice_.also,
+        grouping=grouping,
     )
 
 

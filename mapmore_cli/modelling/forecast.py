@@ -7,13 +7,27 @@ from functools import partial
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import ROWS, Array, by_blocks, columns_at, joined, row_by_row
+from mapmore_cli.domain.arrays import (
+    ROWS,
+    Array,
+    BoolArray,
+    by_blocks,
+    columns_at,
+    joined,
+    row_by_row,
+)
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.modelling.inverse import solve_for_input
-from mapmore_cli.modelling.kinds import one_step_ahead, predict, runs_over_time, simulate
+from mapmore_cli.modelling.kinds import (
+    one_step_ahead,
+    outside_range,
+    predict,
+    runs_over_time,
+    simulate,
+)
 from mapmore_cli.modelling.memory.records import AtSample
 
 
@@ -67,3 +81,17 @@ def forecast(model: Model, curve: Curve, target: str | None = None) -> Forecast:
             ) from error
     one_step, values = map(curve.together, zip(*runs, strict=True))
     return Forecast(values, by_blocks(np.isfinite, one_step), one_step)
+
+
+def outside(model: Model, curve: Curve) -> BoolArray:
+    """Return True for each sample of a curve at which an input lies outside its training range,
+    (n,). A model that runs along recordings is tested recording by recording, because a sample may
+    depend on earlier ones; any other model in blocks.
+    """
+    of = partial(outside_range, model)
+    if not runs_over_time(model):
+        return np.asarray(row_by_row(of, curve.columns))
+    found = np.zeros(curve.size, dtype=np.bool_)
+    for rows in curve.stretches:
+        found[rows] = of(columns_at(curve.columns, rows))
+    return found

@@ -19,8 +19,7 @@ class ScoresSlice:
     `lengths` are the muscle's dimensions in m, `cycles_of` is the quantity whose cycles are held
     out, `robust` is the section `fit` if its loss is robust, and `folds` holds the settings of the
     models if every level is left out once (cross-validation). `structure_seen` names the data with
-    which the structure was chosen, and `effects_seen` the data with which gains and offsets of
-    groups were estimated; both only if these data are held out now.
+    which the structure was chosen, if these data are held out now.
     """
 
     target: str
@@ -35,7 +34,6 @@ class ScoresSlice:
     groups: str | None
     without_groups: bool
     structure_seen: str
-    effects_seen: str
     robust: Fit | None
 
 
@@ -60,6 +58,5 @@ def scores_slice(spec: ExperimentSpec) -> ScoresSlice:
         groups=groups.of if groups is not None else None,
         without_groups=split.leave_one_group_out,
         structure_seen=every if split.structure_seen else "",
-        effects_seen=every if split.leaves_out and groups and groups.has_effects else "",
         robust=None if spec.fit.loss == "squares" else spec.fit,
     )

@@ -16,13 +16,13 @@ from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.results import Forecast, Validation
-from mapmore_cli.domain.scores import EFFECTS_SEEN, OWN, REPEATABILITY, STRUCTURE_SEEN, Score
+from mapmore_cli.domain.scores import OWN, REPEATABILITY, STRUCTURE_SEEN, Score
 from mapmore_cli.fitting.competitors import Contest, Forecasts, Rival
 from mapmore_cli.fitting.kinds.choices import ModelChoices
 from mapmore_cli.fitting.left_out import Said, left_out, trained_on, was_searched
 from mapmore_cli.fitting.stage import Progress, Workspace
-from mapmore_cli.modelling.forecast import forecast_each
-from mapmore_cli.modelling.kinds import outside_range, parameters
+from mapmore_cli.modelling.forecast import forecast_each, outside
+from mapmore_cli.modelling.kinds import parameters
 from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths_of
 from mapmore_cli.modelling.validation.metrics import divisor, on_common_rows, score_rows
 from mapmore_cli.modelling.validation.outliers import outliers
@@ -82,16 +82,9 @@ def _scored(part: ScoresSlice, workspace: Workspace, measured: Dataset, model: M
     }
     warnings = alarms(model, dataset, predictions[OWN], scores)
     searched_again = part.folds and was_searched(workspace.run_dir)
-    seen = {
-        STRUCTURE_SEEN: "" if searched_again else part.structure_seen,
-        EFFECTS_SEEN: part.effects_seen,
-    }
-    with_all = [
-        f"{what}{of}, so that errors on new ones are probably larger"
-        for what, of in seen.items()
-        if of
-    ]
-    warnings = (*with_all, *warnings)
+    if part.structure_seen and not searched_again:
+        chosen = f"{STRUCTURE_SEEN}{part.structure_seen}"
+        warnings = (f"{chosen}, so that errors on new ones are probably larger", *warnings)
     far = () if part.robust is None else outliers(dataset, forecasts[OWN], part.robust)
     if far:
         worst = f"the farthest is {far[0].file}:{far[0].place}"
@@ -169,14 +162,13 @@ def _with_interval(model: Model, curve: Curve, output: Forecast) -> Forecast:
     """Add the half widths of the intervals to the forecast of the held-out samples of a curve."""
 
     def half(columns: Columns) -> Array:
-        widths = half_widths_of(model, columns, INTERVAL)
-        return np.where(outside_range(model, columns), np.nan, widths)
+        return half_widths_of(model, columns, INTERVAL)
 
-    def known(values: Array, where: BoolArray) -> Array:
-        return np.where(where, values, np.nan)
+    def known(widths: Array, held_out: BoolArray, beyond: BoolArray) -> Array:
+        return np.where(held_out & ~beyond, widths, np.nan)
 
-    widths = row_by_row(half, curve.columns)
-    return replace(output, half=by_blocks(known, widths, curve.held_out))
+    widths, beyond = row_by_row(half, curve.columns), outside(model, curve)
+    return replace(output, half=by_blocks(known, widths, curve.held_out, beyond))
 
 
 def _diverged(name: str, curve: Curve, row: int, dataset: Dataset) -> str:

@@ -68,7 +68,7 @@ def static_run(spec: ExperimentSpec) -> list[Need]:
 
 INGEST = Stage(
     name="ingest",
-    revision=9,
+    revision=10,
     outputs=(DATASET,),
     reads=slice_of,
     run=ingest,
@@ -152,7 +152,7 @@ def fit(part: ModelChoices, workspace: Workspace) -> None:
     write_fit(workspace.out / FIT, result, units_of(dataset))
 
 
-FITTING = Stage(name="fit", revision=16, outputs=(FIT,), reads=fit_choices, run=fit)
+FITTING = Stage(name="fit", revision=17, outputs=(FIT,), reads=fit_choices, run=fit)
 
 
 # Fuse: `model.h5`
@@ -215,7 +215,7 @@ def _finished(part: ModelChoices, model: Model, dataset: Dataset) -> Model:
 
 FUSE = Stage(
     name="fuse",
-    revision=14,
+    revision=15,
     outputs=(MODEL,),
     reads=model_choices,
     run=fuse,

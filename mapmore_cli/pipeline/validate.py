@@ -82,7 +82,7 @@ def frozen_models(spec: ExperimentSpec, folder: Path) -> list[Path]:
 
 STAGE = Stage(
     name="validate",
-    revision=14,
+    revision=15,
     outputs=(VALIDATION, "scores.csv", "scores.json"),
     reads=scores_slice,
     run=score,

@@ -12,7 +12,7 @@ import numpy as np
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import AUTOCORRELATION, ResidualTest, Search, Validation
-from mapmore_cli.domain.scores import OWN, REPEATABILITY, SEEN, Alert, Score, deciding
+from mapmore_cli.domain.scores import OWN, REPEATABILITY, STRUCTURE_SEEN, Alert, Score, deciding
 from mapmore_cli.modelling.validation.coverage import new_combinations, share_outside
 from mapmore_cli.reporting.score_tables import EQUAL_WITHIN
 from mapmore_cli.reporting.table import title_of
@@ -86,7 +86,7 @@ def unconfirmed_sentence(count: int) -> str:
 def _of_output(dataset: Dataset, model: Model, validation: Validation) -> Iterator[tuple[str, str]]:
     """Yield the kind and the sentence of each alert of one output."""
     for warning in validation.warnings:
-        yield "structure" if warning.startswith(SEEN) else "warning", warning
+        yield "structure" if warning.startswith(STRUCTURE_SEEN) else "warning", warning
     yield from _of_competitors(validation.scores, next(iter(validation.units.values()), ""))
     for test in validation.residual_tests:
         if test.fails:

@@ -15,7 +15,8 @@ from mapmore_cli.domain.models import Equation, LeftOut, Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult, Search, Validation
 from mapmore_cli.domain.scores import REPEATABILITY, Alert, Published, deciding
-from mapmore_cli.modelling.kinds import outside_range, rules, runs_over_time
+from mapmore_cli.modelling.forecast import outside
+from mapmore_cli.modelling.kinds import rules, runs_over_time
 from mapmore_cli.modelling.shape.violations import Violation
 from mapmore_cli.modelling.simple import SIMPLE
 from mapmore_cli.modelling.validation.intervals import INTERVAL, ends, half_widths_of
@@ -272,11 +273,9 @@ class ReportInputs:
         """
         if self.left_out is None:
             return None
-        columns = self.dataset.curves[number].columns
-        half = half_widths_of(self.model, columns, INTERVAL)
-        return ends(
-            self.validation.predictions[self.own][number], outside_range(self.model, columns), half
-        )
+        curve = self.dataset.curves[number]
+        half = half_widths_of(self.model, curve.columns, INTERVAL)
+        return ends(self.validation.predictions[self.own][number], outside(self.model, curve), half)
 
     @property
     def fits(self) -> dict[str, Fit | None]:

@@ -10,7 +10,7 @@ from mapmore_cli.domain.results import Search
 from mapmore_cli.domain.scores import (
     MEASURES,
     REPEATABILITY,
-    SEEN,
+    STRUCTURE_SEEN,
     Published,
     Score,
     ScoreTable,
@@ -165,7 +165,9 @@ def verdict_sentence(
     if seen:
         trained = "were trained on held-out samples, and are" if seen[1:] else TRAINED
         comparison += f"; {', '.join(seen)} {trained} not compared"
-    chosen = [f"{warning.split(':')[0]}; " for warning in warnings if warning.startswith(SEEN)]
+    chosen = [
+        f"{warning.split(':')[0]}; " for warning in warnings if warning.startswith(STRUCTURE_SEEN)
+    ]
     predicts = f"{own} predicts {target.name} with {errors} {where}; {comparison}"
     return f"{''.join(chosen[:1])}{head}{predicts}{''.join(floors)}."
 

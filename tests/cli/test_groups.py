@@ -9,10 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.recording import Curve
-from mapmore_cli.ingestion.groups import GroupEffects, _require_apart, group_effects
+from mapmore_cli.domain.recording import Curve, Grouping
+from mapmore_cli.fitting.groups import GroupEffects, _require_apart, group_effects
 from mapmore_cli.storage.run_folder import RunFiles
-from mapmore_cli.study.sections.split import Groups
 
 SPEC = """\
 name: specimens
@@ -104,7 +103,7 @@ def effects(y, out=None, group=GROUP, x=None, **asked):
     x = np.random.default_rng(2).uniform(-1, 1, len(y)) if x is None else x
     out = np.zeros(len(y), dtype=bool) if out is None else out
     curve = Curve("all", None, {"x": x, "g": group, "y": y}, out, ("a",))
-    return group_effects([curve], Groups(of="g", **asked), "y")
+    return group_effects([curve], Grouping("y", "g", **asked))
 
 
 def of_groups(noise=0.0, offsets=(1.0, -2.0, 1.0)):
@@ -131,7 +130,7 @@ def test_effects_are_taken_off_and_told():
     columns = {"g": np.array([1.0, 2.0, 5.0]), "y": np.array([5.0, 7.0, 9.0])}
     curve = Curve("all", None, columns, np.zeros(3, dtype=bool), ("a",))
     of = GroupEffects("g", {1.0: 2.0}, {1.0: 3.0, 2.0: -3.0}, (5.0,))
-    assert of.taken_off(curve, "y").columns["y"].tolist() == [1.0, 10.0, 9.0]
+    assert of.removed_from(curve, "y").columns["y"].tolist() == [1.0, 10.0, 9.0]
     assert curve.columns["y"].tolist() == [5.0, 7.0, 9.0]
     assert list(of.describe("y", "N")) == [
         "gains of g, by which y is divided: 1: 2; 5 is held out completely and gets a gain of 1",

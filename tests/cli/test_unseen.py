@@ -8,7 +8,6 @@ import unseen_tables
 from page_tables import DOCS, rows_of
 from unseen_tables import COLUMNS, KINDS, PRESSURES, SAME, cell, force_map, splits_of
 
-from mapmore_cli.domain.scores import EFFECTS_SEEN
 from mapmore_cli.fitting.left_out import left_out
 from mapmore_cli.pipeline import scoring
 from mapmore_cli.storage.run_folder import MODEL, RunFiles
@@ -112,6 +111,7 @@ PAIR = (
     "{as: pair, sum: [{formula: sarosi, inputs: {pressure: pressure, strain: strain}}, "
     "{formula: chou_hannaford, inputs: {pressure: pressure, strain: strain}}]}"
 )
+EFFECTS = "{of: diameter, offset: true, gain: true}"
 GRID = "pressure=100:500:100,strain=0:0.1:0.02"
 LINES = [
     ("predict", "runs/map/model.h5", "--grid", GRID, "--interval", "0.95"),
@@ -125,7 +125,7 @@ def test_held_out_data_have_no_say_in_competitors_intervals_groups_tune_and_plan
     (one, printed), (other, turned) = both(
         *LINES,
         split="{validate: {pressure: [300]}}",
-        groups="{of: diameter, offset: true, gain: true}",
+        groups=EFFECTS,
         intervals="true",
         backbone="sarosi",
         against=f"[polynomial_2, gradient_boosting, {PAIR}]",
@@ -141,13 +141,14 @@ FOLDS = {"split": "{leave_one_level_out: true}", "intervals": "false"}
 
 
 @pytest.mark.parametrize(
-    ("backbone", "against"),
+    ("backbone", "against", "groups"),
     [
-        ("null", "[polynomial_2]"),
-        pytest.param("auto", f"[gradient_boosting, {PAIR}]", marks=pytest.mark.long),
+        ("null", "[polynomial_2]", EFFECTS),
+        pytest.param("auto", f"[gradient_boosting, {PAIR}]", EFFECTS, marks=pytest.mark.long),
+        pytest.param("null", "[polynomial_2]", "{of: diameter}", marks=pytest.mark.long),
     ],
 )
-def test_a_fold_has_not_seen_what_it_is_scored_on(both, monkeypatch, backbone, against):
+def test_a_fold_has_not_seen_what_it_is_scored_on(both, monkeypatch, backbone, against, groups):
     """Every level is left out once: its own forces change nothing of what is said of it."""
     said = []
 
@@ -157,8 +158,7 @@ def test_a_fold_has_not_seen_what_it_is_scored_on(both, monkeypatch, backbone, a
         return found
 
     monkeypatch.setattr(scoring, "left_out", kept)
-    (one, _), _ = both(**FOLDS, groups="{of: diameter}", backbone=backbone, against=against)
-    assert not [text for text in one.validation().warnings if text.startswith(EFFECTS_SEEN)]
+    (one, _), _ = both(**FOLDS, groups=groups, backbone=backbone, against=against)
     curves = one.dataset().curves
     for name, forecasts in said[0].items():
         changed = [
@@ -168,11 +168,3 @@ def test_a_fold_has_not_seen_what_it_is_scored_on(both, monkeypatch, backbone, a
         ]
         assert changed, name
         assert 300 not in changed, name
-
-
-def test_the_verdict_says_that_effects_of_groups_have_seen_the_folds(tmp_path, mapmore):
-    """They are estimated once, before the folds, and are taken off what the folds are scored on."""
-    words = {"groups": "{of: diameter, offset: true}", "backbone": "null", "against": "[]"}
-    spec = measured(tmp_path / "one", False, **FOLDS, **words)
-    run = mapmore("run", spec, "--runs", tmp_path / "runs", "--no-check", code=0)
-    assert "gains and offsets of groups were estimated with all levels" in run.stdout

@@ -8,9 +8,14 @@ import numpy as np
 import pytest
 from common import curve_of, dataset_of
 
+from mapmore_cli.domain.recording import Grouping
+from mapmore_cli.fitting.groups import regrouped
 from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import model_choices
-from mapmore_cli.fitting.left_out import parts_of, residuals, share_beyond
+from mapmore_cli.fitting.left_out import parts_of, residuals, share_beyond, trained_on
+from mapmore_cli.fitting.refitting import left_out_of
+from mapmore_cli.storage.artefacts import write_dataset
+from mapmore_cli.storage.run_folder import DATASET, RunFiles
 from mapmore_cli.study.experiment import ExperimentSpec
 
 SPEC = {
@@ -73,3 +78,56 @@ def test_of_two_recordings_blocks_are_left_out_and_of_levels_those_within():
     kind, count, parts = parts_of(levels, CHOICES)
     assert (kind, count, [*parts]) == ("levels", 3, ["p=2"])
     assert [mask.tolist() for mask in parts["p=2"]] == [[False] * 2, [False] * 2, [True] * 2]
+
+
+def of_groups(*groups, turned=()):
+    """Return a recording of y = 5 + 3 x for each group, of which the second and the third add 4;
+    the outputs of some may be turned round. The effects of the groups are removed.
+    """
+    x, noise = np.linspace(0, 1, 12), np.random.default_rng(0).normal(0, 1e-3, (len(groups), 12))
+    columns = []
+    for number, group in enumerate(groups):
+        y = 5 + 3 * x + 4 * (group > 1) + noise[number]
+        y = 2 * y[::-1] + 1 if number in turned else y
+        columns.append({"x": x, "g": np.full(12, float(group)), "y": y})
+    return regrouped(replace(dataset_of(*columns), grouping=Grouping("y", "g", offset=True)))
+
+
+def fold_of(dataset, number):
+    """Return the samples that a model is fitted to without one recording, as bytes, and the output
+    of this recording with which the model is compared.
+    """
+    trained = []
+
+    def remade(rest):
+        trained.extend(c.columns["y"][c.training].tobytes() for c in rest.curves)
+        return refit(CHOICES, rest)
+
+    masks = [np.full(12, curve == number) for curve in range(len(dataset.curves))]
+    ((curve, _, _),) = left_out_of(dataset, masks, remade)
+    return trained, curve.columns["y"]
+
+
+@pytest.mark.parametrize("number", [0, 1, 2])
+def test_a_fold_has_effects_of_groups_from_its_own_training_samples(number):
+    """All recordings but the left-out one are as they would be if it had never been measured."""
+    groups = (1, 2, 1, 2)
+    trained, of_group = fold_of(of_groups(*groups), number)
+    again, turned = fold_of(of_groups(*groups, turned=[number]), number)
+    assert trained == again
+    assert not np.array_equal(of_group, turned)
+    x = np.linspace(0, 1, 12)
+    assert of_group == pytest.approx(7 + 3 * x, abs=0.02)  # the mean of both groups
+
+
+def test_a_left_out_group_without_training_samples_keeps_its_offset():
+    _, alone = fold_of(of_groups(1, 2, 3), 2)
+    assert alone == pytest.approx(9 + 3 * np.linspace(0, 1, 12), abs=0.02)
+
+
+def test_another_run_has_seen_samples_although_it_removed_other_offsets(tmp_path):
+    other, held = of_groups(1, 2, 1), of_groups(1, 2, 1, turned=[1])
+    write_dataset(tmp_path / DATASET, other)
+    assert RunFiles(tmp_path).dataset().grouping == Grouping("y", "g", offset=True)
+    curves = [replace(c, held_out=np.full(12, k == 2)) for k, c in enumerate(held.curves)]
+    assert trained_on(tmp_path, replace(held, curves=tuple(curves)))

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from common import curve_of, dataset_of, score_of
 
+from mapmore_cli.domain import arrays
 from mapmore_cli.domain.compared import Normaliser
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.results import Forecast
+from mapmore_cli.modelling import forecast as model_forecast
 from mapmore_cli.pipeline import scoring
 from mapmore_cli.pipeline.validate import required_limits
 
@@ -67,7 +69,7 @@ def test_rows_of_models_that_saw_held_out_samples_are_marked(monkeypatch):
 
 def test_intervals_are_those_of_held_out_samples_within_the_range(monkeypatch):
     monkeypatch.setattr(scoring, "half_widths_of", lambda _model, columns, _: 1 + columns["time"])
-    monkeypatch.setattr(scoring, "outside_range", lambda _model, columns: columns["time"] > 2)
+    monkeypatch.setattr(scoring, "outside", lambda _model, curve: curve.columns["time"] > 2)
     output = Forecast.of(np.zeros(6))
     monkeypatch.setattr(scoring, "forecast_each", lambda *_: (output,))
     model, part = SimpleNamespace(left_out=1), SimpleNamespace(seen_as=None)
@@ -79,6 +81,21 @@ def test_intervals_are_those_of_held_out_samples_within_the_range(monkeypatch):
         (SimpleNamespace(left_out=None), part),
     ):
         assert scoring._own_forecasts(of, other, dataset) == (output,)
+
+
+@pytest.mark.parametrize(
+    ("over_time", "beyond"), [(True, [0, 0, 1, 0, 0, 1]), (False, [0, 0, 0, 0, 0, 0])]
+)
+def test_what_depends_on_earlier_samples_is_tested_recording_by_recording(
+    monkeypatch, over_time, beyond
+):
+    """The force behind a tendon, which says how long the muscle is, depends on its rate."""
+    monkeypatch.setattr(arrays, "WIDE", 2)
+    monkeypatch.setattr(model_forecast, "runs_over_time", lambda _: over_time)
+    monkeypatch.setattr(
+        model_forecast, "outside_range", lambda _, columns: np.arange(len(columns["y"])) > 1
+    )
+    assert model_forecast.outside(SimpleNamespace(), PIECES).tolist() == [*map(bool, beyond)]
 
 
 def test_an_input_can_be_scored_instead_of_the_output():

@@ -119,6 +119,8 @@ def test_a_logarithmic_axis_begins_at_the_least_positive_value(values, ends):
         (0.1, [40.0, 40.0], False, (38, 42)),  # a twentieth beside a single value
         (0.1, [-40.0], False, (-42, -38)),
         (0.1, [0.0], False, (-1, 1)),
+        (0.0, [3.0, 5.0], False, (3, 5)),
+        (0.0, [40.0], False, (38, 42)),
         (0.5, [1.0, 100.0], True, (0.1, 1000)),
         (0.1, [7.0], True, (3.5, 14)),
         (0.1, [-7.0, np.nan], True, (1, 10)),

@@ -455,7 +455,7 @@ def test_a_fault_of_a_file_is_named_in_few_words(written):
     """A damaged file may hold a name of any length."""
     path = changed(written["dataset"], put("recordings/0/dropped/" + "x" * 5000, "many"))
     with pytest.raises(
-        DataError, match="is not a valid dataset: recordings/0*/dropped/x+"
+        DataError, match=r"is not a valid dataset: recordings/0*/dropped/x+"
     ) as caught:
         artefacts.read_dataset(path)
     assert len(str(caught.value)) < len(str(path)) + 400

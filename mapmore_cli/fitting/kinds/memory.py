@@ -119,6 +119,8 @@ class MemoryMaker(Maker):
             given.dataset.quantities,
             result.notes,
         )
+        doubts = memory.outliers_fed_back(model, part.fit.loss)
+        model = replace(model, notes=(*model.notes, *doubts))
         if part.fit.shape is None:
             return model
         from mapmore_cli.modelling.memory.shaped import with_signed_gain

@@ -56,11 +56,16 @@ LOSSES: Mapping[str, RobustLoss] = {
 beyond 4.685.
 """
 
+LARGEST_TUNING = max(loss.tuning for loss in LOSSES.values())
 DEPENDENT = 1e-10  # ratio to the largest singular value below which columns are dependent
 FREEDOM, GROSS = 3, 20.0
 """Smallest number of degrees of freedom of the other samples, and the studentised residual, with
 which a sample counts as a gross outlier. With so few degrees of freedom, normal noise has such a
 residual once in 3 700 samples, and with more, less often.
+"""
+SHORT = 200
+"""Largest number of samples of which a single one may have so much leverage that a robust loss
+misses it.
 """
 FEW = 5
 """With fewer curves than this, sums over curves say little, and standard errors from them would be
@@ -81,6 +86,7 @@ class Weighing:
     - `recorded`: rank of each sample in the order of time, (n,), if it is known.
     - `start`: weights of the samples, (n,), with which a robust loss chooses the first terms; equal
       weights if None.
+    - `outlier`: number of a sample that bends a fit to itself and gets no weight.
     """
 
     uncertainty: Array | None = None
@@ -90,6 +96,7 @@ class Weighing:
     alike: bool = False
     recorded: IntArray | None = None
     start: Array | None = None
+    outlier: int | None = None
 
     @cached_property
     def sigma(self) -> Array | None:
@@ -115,6 +122,13 @@ class Weighing:
         """Return the same weighing for a target whose values are divided by `unit`."""
         return self if self.scale is None else replace(self, scale=self.scale / unit)
 
+    def without(self, outlier: int | None, weights: Array) -> Weighing:
+        """Return the weighing that starts with some weights, (n,), and gives an outlier none."""
+        start = weights.copy()
+        if outlier is not None:
+            start[outlier] = LEAST_WEIGHT
+        return replace(self, start=start, outlier=outlier)
+
     def rows(self, blocks: Blocks) -> Blocks:
         """Return the blocks with each row divided by the uncertainty of its sample."""
         return blocks if self.sigma is None else weighted(blocks, self.sigma)
@@ -132,6 +146,8 @@ class Weighing:
             residual = y - P @ np.linalg.lstsq(P * root[:, None], y * root, rcond=None)[0]
             scale = float(self.scale or scale_of(residual, y))
             before, weights = weights, loss_weights(loss, residual / scale)
+            if self.outlier is not None:
+                weights[self.outlier] = LEAST_WEIGHT
             if np.abs(weights - before).max() < SETTLED:
                 break
         sigma = self.by(weights)
@@ -229,29 +245,29 @@ def loss_weights(loss: str, residual: Array) -> Array:
     return LOSSES[loss].weight(np.abs(residual) / LOSSES[loss].tuning)
 
 
-def without_leverage(robust: Array, P: Array, y: Array) -> Array:
-    """Return the given residuals of a robust fit, (n,), in units of their scale. If one gross
-    outlier has pulled this fit towards itself, return the externally studentised residuals of a
-    least-squares fit instead.
+def gross_outlier(P: Array, y: Array) -> tuple[Array, int | None]:
+    """Return the externally studentised residuals of a least-squares fit of the columns `P`, (n,
+    k), and the number of the sample with the largest one if it is a gross outlier.
 
     A robust fit passes close to an outlier with a large leverage h, for example at the end of a
     short segment. To detect such an outlier, each sample is compared with a fit to all other
     samples. Its residual in units of the standard deviation is `t_i = r_i / (s_i sqrt(1 - h_i))`
-    with `s_i^2 = (r'r - r_i^2/(1 - h_i))/(n - k - 1)` (Cook and Weisberg 1982, eq 2.1.15).
+    with `s_i^2 = (r'r - r_i^2/(1 - h_i))/(n - k - 1)` (Cook and Weisberg 1982, eq 2.1.15). The
+    outlier must get no weight at all, because Huber's small weight is enough to bend the fit again.
+
+    The residuals are zero if too few degrees of freedom remain to detect an outlier.
     """
     # columns may be equal, so dependent directions are dropped
     Q, values, _ = np.linalg.svd(P / (np.linalg.norm(P, axis=0) + (P == 0).all(axis=0)), False)
     Q = Q[:, values > DEPENDENT * values[0]]
     n, k = Q.shape
     if n - k - 1 < FREEDOM:
-        return robust
+        return np.zeros(n), None
     r, left = y - Q @ (Q.T @ y), np.maximum(1 - np.sum(Q**2, axis=1), EXACT)
     others = np.maximum((r @ r - r**2 / left) / (n - k - 1), EXACT * (r @ r) / n)
     deleted = r / np.sqrt(others * left) if r.any() else r
-    worst = np.argmax(np.abs(deleted))
-    tuning = max(loss.tuning for loss in LOSSES.values())
-    hidden = abs(deleted[worst]) > GROSS and abs(robust[worst]) < tuning
-    return np.asarray(deleted if hidden else robust)
+    worst = int(np.argmax(np.abs(deleted)))
+    return deleted, worst if abs(deleted[worst]) > GROSS else None
 
 
 def numbered_curves(labels: IntArray | None, terms: int) -> IntArray | None:

@@ -123,12 +123,12 @@ def units_of_parameters(fit: FormulaFit) -> Mapping[str, str]:
 
 
 def _intervals(low: float, high: float) -> Iterator[tuple[float, float]]:
-    """Yield the negative and the positive part of the interval between the bounds, without the
-    values next to zero. They are separate intervals, because the search multiplies values by
+    """Yield the negative and the positive part of the interval between the bounds. If the interval
+    contains zero, the values next to zero are left out, because the search multiplies values by
     factors and so cannot change their sign.
     """
     least = NEAREST * max(abs(low), abs(high))
     if low < 0:
-        yield low, min(high, -least)
+        yield low, high if high < 0 else -least
     if high > 0:
-        yield max(low, least), high
+        yield low if low > 0 else least, high

@@ -237,7 +237,7 @@ def variable_projection(problem: LeastSquares) -> Solution:
         if problem.start is not None:
             return variable_projection(replace(problem, start=None))
         return failure(problem, METHOD)
-    c, touched = onto_bounds(finished[0].x, bounds)
+    c, touched = _onto_bounds_of(problem, finished[0].x, bounds)
     reached = [end for end, _ in ends]
     notes = [agreement(reached, best, STARTS)] * several
     for i in touched:
@@ -272,10 +272,25 @@ def _grids(problem: LeastSquares) -> list[Array]:
     return [np.geomspace(*interval, SCAN_POINTS) for interval in parameter.intervals]
 
 
-def _projected_sse(problem: LeastSquares, c: float) -> float:
-    """Return the sum of squares at a grid point."""
+def _onto_bounds_of(
+    problem: LeastSquares, c: Array, bounds: tuple[Array, Array]
+) -> tuple[Array, list[int]]:
+    """Return coordinates moved onto the bounds that they almost touch, as `onto_bounds` does. They
+    are not moved if the sum of squares is larger there: in a wide interval, a value may be many
+    times a small bound and yet near to it as a fraction of the range.
+    """
+    moved, touched = onto_bounds(c, bounds)
+    if touched:
+        before, after = (_projected_sse(problem, place) for place in (c, moved))
+        if after > (1 + AGREEMENT) * before + ROUNDING * (problem.y @ problem.y):
+            return c, []
+    return moved, touched
+
+
+def _projected_sse(problem: LeastSquares, c: Array) -> float:
+    """Return the sum of squares at some coordinates."""
     try:
-        residual = _projected(problem, np.array([c])).residual
+        residual = _projected(problem, np.atleast_1d(c)).residual
     except (NotFinite, np.linalg.LinAlgError):
         return np.inf
     return float(residual @ residual)

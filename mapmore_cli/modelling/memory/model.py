@@ -67,6 +67,22 @@ def memory_model(
     )
 
 
+def outliers_fed_back(model: Model, loss: str) -> list[str]:
+    """Return a note if a robust loss does not protect the model from outliers, because its past
+    outputs are inputs.
+    """
+    memory = model.body_of(Memory).model
+    if loss == "squares" or not fed_back_states(memory.states, memory.output):
+        return []
+    return [
+        (
+            f"`fit.loss: {loss}` gives a wrong value of {memory.output} less weight, but not the "
+            "later samples that have this value as their past output, so that one gross outlier "
+            "can still change the model"
+        )
+    ]
+
+
 def _base(model: Model, columns: Columns) -> Array:
     body = model.body_of(Memory)
     if body.backbone is None and not model.inputs:

@@ -21,6 +21,7 @@ from mapmore_cli.modelling.frols import Regression, Weighing, frols, frols_toget
 from mapmore_cli.modelling.frols.moments import moments, standard, standardised
 from mapmore_cli.modelling.frols.ridge import Regularised, choose_ridge, prune, ridge_press, select
 from mapmore_cli.modelling.frols.select import PRICES, fewest_terms, in_units, widened
+from mapmore_cli.modelling.frols.weighing import SHORT, gross_outlier
 from mapmore_cli.modelling.memory.records import Record, complete
 from mapmore_cli.modelling.memory.states import evaluate_states
 from mapmore_cli.modelling.selection import MemoryRecipe, Stop
@@ -105,10 +106,13 @@ def problem_of(data: Regressors, recipe: MemoryRecipe, among: IntArray | None = 
     chosen.
     """
     every = np.arange(len(data.terms)) if among is None else among
+    weighing = Weighing(data.uncertainty, recipe.loss, recipe.known_scale)
+    if recipe.loss != "squares" and len(data.y) <= SHORT:
+        P, y = map(np.concatenate, zip(*weighing.rows(partial(data.blocks, every))(), strict=True))
+        _, outlier = gross_outlier(P, y)
+        weighing = weighing.without(outlier, np.ones(len(y)))
     return Regression(
-        partial(data.blocks, every),
-        Weighing(data.uncertainty, recipe.loss, recipe.known_scale),
-        lambda chosen: partial(data.blocks, every[chosen]),
+        partial(data.blocks, every), weighing, lambda chosen: partial(data.blocks, every[chosen])
     )
 
 

@@ -50,10 +50,18 @@ from mapmore_cli.modelling.expressions import (
 )
 from mapmore_cli.modelling.expressions.ranged import placed
 from mapmore_cli.modelling.expressions.syntax import names_in
-from mapmore_cli.modelling.frols import TIE_TOLERANCE, Regression, Weighing
+from mapmore_cli.modelling.frols import TIE_TOLERANCE, Regression
 from mapmore_cli.modelling.frols.engine import choose, choose_together, reads_once
 from mapmore_cli.modelling.frols.select import Stopping
-from mapmore_cli.modelling.frols.weighing import FREEDOM, Choice, loss_weights, without_leverage
+from mapmore_cli.modelling.frols.weighing import (
+    FREEDOM,
+    LARGEST_TUNING,
+    SHORT,
+    Choice,
+    Weighing,
+    gross_outlier,
+    loss_weights,
+)
 from mapmore_cli.modelling.literature.backbone import residual_of
 from mapmore_cli.modelling.pieces.placement import placements, span
 from mapmore_cli.modelling.pieces.recipe import Recipe
@@ -239,8 +247,6 @@ def _best_placement(
 
 # number of samples per term in the fit that finds outliers
 SAMPLES_PER_TERM = 3
-# with more samples than this, no sample has so much leverage that a robust loss misses it
-SHORT = 200
 
 
 @dataclass(frozen=True)
@@ -336,13 +342,16 @@ def _robust(
             chosen = [free[i] for i in selection.chosen]
             blocks = output.weighing.rows(partial(output.blocks, chosen, scaling))()
             left = np.concatenate([y - P @ selection.theta for P, y in blocks]) / selection.scale
+            outlier = None
             if n <= SHORT:
                 every = free if n - len(free) > FREEDOM else chosen
                 ((P, y),) = output.weighing.rows(partial(output.blocks, every, scaling))()
-                left = without_leverage(left, P, y)
-            weights = loss_weights(recipe.fit.loss, left)
-            anchored.append(output.placements(recipe, scaling.variables, weights)[place])
-            starting.append(replace(output, weighing=replace(output.weighing, start=weights)))
+                deleted, outlier = gross_outlier(P, y)
+                if outlier is not None and abs(left[outlier]) < LARGEST_TUNING:
+                    left = deleted
+            weighing = output.weighing.without(outlier, loss_weights(recipe.fit.loss, left))
+            anchored.append(output.placements(recipe, scaling.variables, weighing.start)[place])
+            starting.append(replace(output, weighing=weighing))
         ways += [
             (anchored, _chosen_terms(terms, anchored, some, recipe)) for some in (outputs, starting)
         ]

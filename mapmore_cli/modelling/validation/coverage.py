@@ -6,15 +6,14 @@ training sample has.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 from itertools import combinations
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, row_by_row
+from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset
-from mapmore_cli.modelling.kinds import outside_range, runs_over_time
+from mapmore_cli.modelling.forecast import outside
 from mapmore_cli.modelling.signals.sampling import even_share
 
 MARGIN = 0.1
@@ -75,18 +74,13 @@ def outside_hull(known: Array, asked: Array) -> BoolArray:
 
 
 def _outside(model: Model, dataset: Dataset) -> BoolArray:
-    """Return a mask of the held-out samples at which an input lies outside its training range. A
-    model that is computed along recordings is tested on whole recordings, and any other model in
-    blocks.
-    """
-    of = partial(outside_range, model)
-    test = of if runs_over_time(model) else partial(row_by_row, of)
-    outside = [
-        test(curve.columns)[curve.held_out]
+    """Return True for each held-out sample at which an input lies outside its training range."""
+    found = [
+        outside(model, curve)[curve.held_out]
         for curve in _with_inputs(model, dataset)
         if curve.held_out.any()
     ]
-    return np.concatenate(outside or [np.empty(0, np.bool_)])
+    return np.concatenate(found or [np.empty(0, np.bool_)])
 
 
 def _inputs(model: Model, dataset: Dataset, rows: str) -> dict[str, Array]:

@@ -55,7 +55,8 @@ class Axis:
             return self.least / margin, self.high * margin
         if not self.low <= self.high:
             return 0.0, 1.0
-        margin = self.margin * (self.high - self.low) or 0.05 * abs(self.low) or 1.0
+        span = self.high - self.low
+        margin = self.margin * span if span > 0 else 0.05 * abs(self.low) or 1.0
         return self.low - margin, self.high + margin
 
     def set_ends(self, low: float | None, high: float | None) -> None:

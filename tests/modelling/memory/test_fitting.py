@@ -16,12 +16,14 @@ from memory_samples import (
 )
 
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.equations import summed
 from mapmore_cli.modelling.expressions import evaluate, families
 from mapmore_cli.modelling.expressions.families import lags, operated
 from mapmore_cli.modelling.expressions.operators.play import play
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
 from mapmore_cli.modelling.memory.free_run import Along
+from mapmore_cli.modelling.memory.model import memory_model, outliers_fed_back
 from mapmore_cli.modelling.memory.training import TrainingData
 
 NARX = texts(lags(["y", "x"], [1, 2]), 2)
@@ -54,6 +56,36 @@ def test_gross_errors_of_the_output_do_not_pull_the_pole_down():
     assert pole == pytest.approx(0.9, abs=3 * error)
     assert error < 1e-3
     assert poles["squares"][0] < 0.8
+
+
+@pytest.mark.parametrize("loss", ["huber", "bisquare"])
+def test_one_gross_outlier_of_a_short_record_moves_a_model_of_past_inputs_by_the_noise(loss):
+    rng, noise = np.random.default_rng(20), 0.3
+    x = rng.uniform(0, 1, 20)
+    now, past = x[1:-1], x[:-2]
+    truth = 300 * (0.5 * now + 0.3 * past + 0.4 * now * past)
+    y = np.append([0.0, 0.0], truth + rng.normal(0, noise, 18))
+    terms = ("x[k-1]", "x[k-2]", "x[k-1]*x[k-2]", "x[k-1]^2", "x[k-2]^2")
+    products = np.stack([now, past, now * past, now**2, past**2], axis=1)
+    recipe = recipe_of("y", terms, STEP, max_terms=5, loss=loss)
+
+    def prediction(y):
+        model = fit_with_memory([record(x=x, y=y)], recipe).model
+        return products[:, [terms.index(term) for term in model.terms]] @ model.theta
+
+    whole = prediction(y)
+    for place in (6, 10, 18, 19):
+        assert np.abs(prediction(y + 300.0 * (np.arange(20) == place)) - whole).max() < 2 * noise
+
+
+def test_a_robust_model_of_past_outputs_says_that_an_outlier_can_still_change_it():
+    quantities = {name: Quantity(name, "1") for name in "xy"}
+    for term, count in (("y[k-1]", 1), ("x[k-1]", 0)):
+        recipe = recipe_of("y", (term,), STEP, max_terms=1, loss="huber")
+        model = fit_with_memory(narx_records(count=1), recipe).model
+        built = memory_model("m", model, None, (), quantities)
+        assert len(outliers_fed_back(built, "huber")) == count
+        assert not outliers_fed_back(built, "squares")
 
 
 def test_the_terms_of_a_simulated_record_are_found():

@@ -192,11 +192,23 @@ def test_a_value_that_is_not_finite_is_found_in_any_block():
         fit_together(segment, samples, [*TERMS, parse("log(1.5 - strain)")], [made])
 
 
-@pytest.mark.parametrize("n", [10, pytest.param(14, marks=pytest.mark.long)])
-def test_one_gross_outlier_in_a_short_segment_moves_it_no_more_than_its_absence(n):
+LONG = pytest.mark.long
+
+
+@pytest.mark.parametrize(
+    ("loss", "n", "terms"),
+    [
+        ("bisquare", 10, 3),
+        pytest.param("bisquare", 14, 3, marks=LONG),
+        ("huber", 10, 4),
+        pytest.param("huber", 13, 4, marks=LONG),
+        pytest.param("huber", 40, 4, marks=LONG),
+    ],
+)
+def test_one_gross_outlier_in_a_segment_moves_it_no_more_than_its_absence(loss, n, terms):
     """At an end, a cubic passes through it: a robust loss alone does not see it."""
     x, noise = np.linspace(0, 0.25, n), np.random.default_rng(n).normal(0, 0.3, n)
-    y, how = 300 * (1 - 3 * x) + noise, {"loss": "bisquare", "max_terms": 3, "tolerance": 0.0}
+    y, how = 300 * (1 - 3 * x) + noise, {"loss": loss, "max_terms": terms, "tolerance": 0.0}
     whole = fitted(x, y, **how)
     for place in range(n):
         rest = np.arange(n) != place

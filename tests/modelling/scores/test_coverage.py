@@ -7,6 +7,7 @@ import pytest
 from common import dataset_of
 
 from mapmore_cli.domain.results import Validation
+from mapmore_cli.modelling import forecast
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Recipe
 from mapmore_cli.modelling.signals.sampling import even_share
@@ -95,6 +96,6 @@ def test_a_model_that_runs_along_a_recording_is_asked_about_whole_recordings(mon
         Recipe(target="y", dictionary=("1", "a"), cuts={}),
         dataset.quantities,
     )
-    monkeypatch.setattr(coverage, "outside_range", lambda _model, columns: columns["time"] > 7)
+    monkeypatch.setattr(forecast, "outside_range", lambda _model, columns: columns["time"] > 7)
     assert coverage.share_outside(model, dataset) == 2 / 5
     assert not [*new_combinations(model, dataset)]

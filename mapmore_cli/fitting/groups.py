@@ -10,9 +10,8 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.recording import Curve
+from mapmore_cli.domain.recording import Curve, Dataset, Grouping, uncertainty_of
 from mapmore_cli.modelling.signals.sampling import even_share
-from mapmore_cli.study.sections.split import Groups
 
 ORDER = 3
 """Order of the polynomial of all inputs that all groups share."""
@@ -39,7 +38,7 @@ class GroupEffects:
     offsets: dict[float, float]
     unknown: tuple[float, ...]
 
-    def taken_off(self, curve: Curve, target: str) -> Curve:
+    def removed_from(self, curve: Curve, target: str) -> Curve:
         """Return the curve without the effects of its groups: the target becomes `(y - b_g) /
         gain_g`. Samples of unknown groups are unchanged.
         """
@@ -48,7 +47,8 @@ class GroupEffects:
             rows = curve.columns[self.of] == group
             values[rows] -= self.offsets.get(group, 0.0)
             values[rows] /= self.gains.get(group, 1.0)
-        return replace(curve, columns={**curve.columns, target: values})
+        raw = curve.columns[target]
+        return replace(curve, columns={**curve.columns, target: values}, raw_target=raw)
 
     def describe(self, target: str, unit: str) -> Iterator[str]:
         """Yield the gains and offsets in words, for the page."""
@@ -69,7 +69,31 @@ class GroupEffects:
             )
 
 
-def group_effects(curves: Sequence[Curve], groups: Groups, target: str) -> GroupEffects:
+def without_effects(
+    curves: Sequence[Curve], grouping: Grouping
+) -> tuple[tuple[Curve, ...], GroupEffects]:
+    """Return the curves without the effects of their groups, and these effects, which are estimated
+    on the training samples. Raises DataError as `group_effects` does.
+    """
+    effects = group_effects(curves, grouping)
+    return tuple(effects.removed_from(curve, grouping.target) for curve in curves), effects
+
+
+def regrouped(dataset: Dataset) -> Dataset:
+    """Return a fold of a cross-validation with the effects of groups estimated again, on the
+    training samples of the fold alone. Raises DataError as `group_effects` does.
+    """
+    if dataset.grouping is None:
+        return dataset
+    try:
+        curves, _ = without_effects(dataset.raw_curves, dataset.grouping)
+    except DataError as error:
+        what = f"with a part of the data left out, {error.message}"
+        raise DataError(what, error.remedy) from error
+    return replace(dataset, curves=curves)
+
+
+def group_effects(curves: Sequence[Curve], groups: Grouping) -> GroupEffects:
     """Estimate the gain and the offset of each group on training samples: `y = gain_g p(x) + b_g`,
     with `sum_g b_g = 0` and `sum_g log gain_g = 0`.
 
@@ -87,7 +111,7 @@ def group_effects(curves: Sequence[Curve], groups: Groups, target: str) -> Group
         If inputs and groups are so correlated that an offset cannot be distinguished from the
         effect of the inputs.
     """
-    group, y, inputs = _training(curves, groups.of, target)
+    group, y, inputs = _training(curves, groups.of, groups.target)
     values, member = np.unique(group, return_inverse=True)
     names = [
         name for name in inputs if any(np.ptp(inputs[name][group == value]) > 0 for value in values)
@@ -165,12 +189,14 @@ class _GroupFit:
 def _training(
     curves: Sequence[Curve], of: str, target: str
 ) -> tuple[Array, Array, dict[str, Array]]:
-    """Return groups, target and all other quantities of training samples, (n,) each, evenly
-    thinned.
+    """Return groups, target and all other measured quantities of training samples, (n,) each,
+    evenly thinned.
     """
+    uncertainties = {uncertainty_of(name) for name in curves[0].columns}
     columns = {
         name: even_share(np.concatenate([curve.columns[name][curve.training] for curve in curves]))
         for name in curves[0].columns
+        if name not in uncertainties
     }
     usable = np.logical_and.reduce([np.isfinite(values) for values in columns.values()])
     columns = {name: values[usable] for name, values in columns.items()}
