@@ -212,12 +212,12 @@ def _validated(
 def _further_mistakes(
     error: ValidationError, root: Node, keys_at: KeysAt, model: type[M], check: Check[M]
 ) -> list[Mistake]:
-    """Return the mistakes that `check` finds after misspelt keys were corrected and malformed parts
-    of the spec removed, so that all mistakes appear at once.
+    """Return the mistakes below misspelt keys, and those that `check` finds after these keys were
+    corrected and malformed parts of the spec removed, so that all mistakes appear at once.
     """
     if error.error_count() > MOST_ERRORS:
         return []
-    sections = set[str | int]()
+    sections, below = set[str | int](), list[Mistake]()
     while True:
         # Remove the last items of a list first, so that the indices of the others stay valid.
         parts = sorted(lost(error, root, keys_at), key=_place_among_items, reverse=True)
@@ -227,12 +227,12 @@ def _further_mistakes(
         # a section that lacks its key is complete once the key is spelt correctly
         for loc, meant in () if misspelt else parts:
             if meant is not None and _echoes(meant):
-                return []
+                return below
             root = without(root, loc)
             sections.add(loc[0])
         context, document = Context.of(root, partial=True), written(root)
         try:
-            return [
+            return below + [
                 locate(finding, root)
                 for finding in check(model.model_validate(document, context=context))
                 if not ("dictionary" in sections and finding.loc[0] == "fit")
@@ -240,6 +240,7 @@ def _further_mistakes(
         # A required part was removed, so its section is removed next.
         except ValidationError as still:
             error, keys_at = still, partial(context.keys_at, document)
+            below += explain(error, root, keys_at) if misspelt else []
 
 
 def _echoes(loc: Loc) -> bool:

@@ -120,6 +120,14 @@ def test_a_misspelt_key_hides_no_mistake_of_another_kind(tmp_path, section):
     assert message.count("spec.yaml:") == 2
 
 
+def test_a_misspelt_section_hides_no_mistake_in_it(tmp_path):
+    text = STATIC.replace("max_terms: 1", "max_terms: none").replace("\nfit:", "\nfitt:")
+    message = refusal(tmp_path, text.replace("scaling: unit_square", "scalling: unit_square"))
+    for said in ("unknown key `fitt`", "unknown key `scalling` in `fit`", "`fit.max_terms` should"):
+        assert said in message
+    assert message.count("spec.yaml:") == 3
+
+
 def test_a_message_shows_the_line_with_a_caret_under_the_mistake(tmp_path):
     lines = refusal(tmp_path, STATIC.replace("max_terms", "max_term")).splitlines()
     assert lines[0] == "spec.yaml:21:30: unknown key `max_term` in `fit`"

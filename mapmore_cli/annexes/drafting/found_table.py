@@ -14,7 +14,7 @@ from mapmore_cli.annexes.drafting.first_lines import COMMENT
 from mapmore_cli.annexes.drafting.layout import Layout
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.storage.tables import Top
-from mapmore_cli.storage.tables.below import MAP_COLUMNS, is_label
+from mapmore_cli.storage.tables.below import MAP_COLUMNS, names_its_line
 from mapmore_cli.storage.tables.cells import stamp_of
 from mapmore_cli.study.units import check_unit
 
@@ -228,7 +228,7 @@ def _labelled_lines(rows: Sequence[Row], wide: int, top: Top) -> list[Row]:
     firsts = nonempty([row[0] for row in rows[len(rows) // 2 :] if len(row) == wide])
     filled = [row for row in rows if nonempty(row)]
     if firsts and all(map(top.is_number, firsts)):
-        return [row for row in filled if len(row) == wide and is_label(row[0])]
+        return [row for row in filled if len(row) == wide and names_its_line(row[0])]
     labelled = [*takewhile(lambda row: nonempty(row[:1]) and len(row) == wide, filled)]
     return labelled if len(labelled) > 2 and not firsts else []
 

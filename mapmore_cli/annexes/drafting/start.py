@@ -14,6 +14,7 @@ from pathlib import Path
 
 from mapmore_cli.annexes.drafting.answers import Answers
 from mapmore_cli.annexes.drafting.by_titles import known_by_titles
+from mapmore_cli.annexes.drafting.channels import command_for_one_table
 from mapmore_cli.annexes.drafting.checked import checked
 from mapmore_cli.annexes.drafting.cleaning import cleaned
 from mapmore_cli.annexes.drafting.columns import Table, find
@@ -286,6 +287,12 @@ def start(
             remarks.append(f"{label} ({study}): {fault.message.splitlines()[0]}")
     if drafts:
         return Start(tuple(drafts), tuple(remarks))
+    if (command := command_for_one_table(path)) is not None:
+        raise DataError(
+            f"{path}: each file holds one channel, and a recording needs all of them in one table",
+            f"make a table of them, for example with: {command}\n  "
+            "then call `mapmore init` with this table",
+        )
     endings = sorted({suffix for reader in READERS.values() for suffix in reader.suffixes})
     reasons = "\n  ".join(remarks) or f"give files with one of the endings {' '.join(endings)}"
     raise refusal or DataError(f"{path}: no usable recording was found", reasons)

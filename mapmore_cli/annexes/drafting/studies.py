@@ -20,6 +20,7 @@ from mapmore_cli.checking.names import read_label
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.ingestion.files import relative_name
 from mapmore_cli.storage.readers import READERS, reader_of
+from mapmore_cli.storage.run_record import holds_results
 from mapmore_cli.study.loader import SCHEMA
 from mapmore_cli.study.units import CANONICAL
 
@@ -240,7 +241,7 @@ def _is_own(file: Path, folder: Path) -> bool:
     results of runs, and the schema that `init` writes for editors; return True for any other file.
     """
     inside = file.relative_to(folder)
-    ours = any((folder / parent / "run.json").is_file() for parent in inside.parents)
+    ours = any(holds_results(folder / parent) for parent in inside.parents)
     hidden = any(part.startswith((".", "~$")) for part in inside.parts)
     return not (ours or hidden or file.name.casefold() in ("thumbs.db", "desktop.ini", SCHEMA))
 

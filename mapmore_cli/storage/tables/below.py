@@ -67,7 +67,7 @@ def tables_below(rows: Iterable[Row], header: int, is_number: Callable[[Any], bo
         filled = [cell for cell in cells if _text(cell)]
         count = sum(map(is_number, filled))
         has_numbers = count > 1 or 0 < count == len(filled)
-        if body and is_label(body[0][1][0]) and is_number(cells[0]):
+        if body and names_its_line(body[0][1][0]) and is_number(cells[0]):
             words += body  # the rows so far were header lines with numbers, such as `Maximum:;1;2`
             body = []
         if body:
@@ -91,7 +91,7 @@ def _without_head(tables: Sequence[Below]) -> list[Below]:
     return [replace(one, above=one.above[-lines:]) for one in tables] if lines else [*tables]
 
 
-def is_label(cell: Any) -> bool:
+def names_its_line(cell: Any) -> bool:
     """Return True if a cell labels the other cells of its line, for example `Unit:`."""
     return _text(cell)[1:].endswith((":", "="))
 

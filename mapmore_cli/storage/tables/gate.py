@@ -115,8 +115,9 @@ def _without_cut_rows(table: RawTable, request: TableRequest) -> RawTable:
 def _cut_in(end: OpenEnd, rows: Rows) -> Cut | None:
     """Return the evidence that the last line, which has no line end, is incomplete. There are two
     kinds of evidence: the line has fewer cells than every line before it, or its last cell has
-    fewer digits than the same cell has in all lines before (254.126 was cut to 2). Return None
-    without evidence, or if the line is not among the `rows` of the table.
+    fewer digits than the same cell has in all lines before (254.126 was cut to 2), or alone none
+    behind its decimal point. Return None without evidence, or if the line is not among the `rows`
+    of the table.
     """
     # in a map, one line holds several samples
     samples = len([*takewhile(lambda row: row == end.row, reversed(rows))])
@@ -125,15 +126,19 @@ def _cut_in(end: OpenEnd, rows: Rows) -> Cut | None:
     lines = end.rows[-int(end.row - rows[0] + 1) :]
     *before, last = [line for line in lines if any(map(str.strip, line))] or [[""]]
     column = [row[len(last) - 1] for row in before if len(row) >= len(last)]
+    number = last[-1].strip()
     digits = {len(cell.strip().partition(end.decimal)[2]) for cell in column}
+
+    def is_pointed(cell: str) -> bool:
+        return cell.strip().endswith(end.decimal)
+
     if len(last) < min(map(_filled, before), default=0):
         why = f"only {len(last)} fields, fewer than the lines before it"
-    elif (
-        len(column) >= FEWEST_ROWS
-        and len(digits) == 1
-        and len(last[-1].strip().partition(end.decimal)[2]) < max(digits)
+    elif len(column) >= FEWEST_ROWS and (
+        (len(digits) == 1 and len(number.partition(end.decimal)[2]) < max(digits))
+        or (number.endswith(end.decimal) and not any(map(is_pointed, column)))
     ):
-        cell = shortened(last[-1].strip()) or "which is empty"
+        cell = shortened(number) or "which is empty"
         why = f"fewer digits in its last cell, {cell}, than the lines before it"
     else:
         return None

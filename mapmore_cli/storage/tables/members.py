@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, NoReturn
 
 import numpy as np
@@ -71,10 +73,16 @@ class Member:
         """Return True for an array, which holds values instead of members."""
         return not self.names and self.count is None
 
+    @cached_property
+    def _namesakes(self) -> set[str]:
+        """Names of several members; blanks around a name are ignored."""
+        return {name for name, times in Counter(map(str.strip, self.names)).items() if times > 1}
+
     def named(self, name: str) -> Member:
         """Return the member with this name. Raises DataError if several members have it."""
-        remedy = "Give each a name of its own in the program that wrote the file."
-        refuse_namesakes(name, self.names, f"'{name}'", self.kind, remedy)
+        if name.strip() in self._namesakes:
+            remedy = "Give each a name of its own in the program that wrote the file."
+            refuse_namesakes(name, self.names, f"'{name}'", self.kind, remedy)
         return self.member(name)
 
 
@@ -207,13 +215,20 @@ def _steps_to(column: SourceColumn, base: Member) -> tuple[str | Selection, ...]
     if isinstance(column, int):
         return ((slice(None), column),)
     steps, end = list[str](), 0
-    while begun := [
-        name for name in base.names if re.match(rf"[./]?{re.escape(name)}($|[./\[])", column[end:])
-    ]:
+    while begun := [name for name in base.names if _begins_with(column[end:], name)]:
         steps.append(max(begun, key=len))
         base = base.named(steps[-1])
         end = column.index(steps[-1], end) + len(steps[-1])
     return (*steps, *parse_address(column, end))
+
+
+def _begins_with(address: str, name: str) -> bool:
+    """Return True if the first step of an address is this name, behind a separator or without."""
+    begins = (0, 1) if address[:1] in ("/", ".") else (0,)
+    return any(
+        address.startswith(name, at) and address[at + len(name) :][:1] in ("", ".", "/", "[")
+        for at in begins
+    )
 
 
 def _has_some(element: Member, request: TableRequest) -> bool:

@@ -126,3 +126,20 @@ def test_durations_are_seconds_in_the_column_of_the_time(tmp_path):
         np.testing.assert_array_equal(table.columns["t"], [0, 2000, np.nan])
     with refused("'t': a duration, not a number"):
         table_of("parquet", tmp_path / "a", "t")
+
+
+@pytest.mark.parametrize("mark", [".", ","])
+def test_a_last_number_that_alone_ends_with_its_decimal_point_was_cut(tmp_path, mark):
+    """The number of digits varies, so that it is no evidence by itself."""
+    rows = "t;F\n" + "".join(f"{i};{1.25 * i}\n" for i in range(20)).replace(".", mark)
+
+    def table(text, **request):
+        return csv_table(
+            *(tmp_path / "a", text.encode(), "F"), delimiter=";", decimal=mark, **request
+        )
+
+    with refused("fewer digits in its last number, 31", "it was cut off"):
+        table(f"{rows}25;31{mark}")
+    assert table(f"{rows}25;31{mark}", incomplete=True).size == 20
+    assert table(f"{rows}25;31").size == 21
+    assert table(f"{rows}24;7{mark}\n25;31{mark}").size == 22

@@ -1,0 +1,84 @@
+"""Recognise a folder in which every file holds one channel, and write the command that makes one
+table of these files.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from shlex import quote
+
+from mapmore_cli.annexes.drafting.names import stem_of
+from mapmore_cli.storage.readers import READERS, reader_of
+from mapmore_cli.storage.tables.cells import holds_number
+
+LARGEST = 50_000_000
+"""Largest size in bytes of a file that is examined."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A text with one column of numbers, or with a clock and one column.
+
+    - `has_title`: True if the first line holds titles instead of numbers.
+    - `delimiter`: the mark between the clock and the column; empty if there is no clock.
+    - `clock`: the cells of the clock; as many empty texts if there is none.
+    """
+
+    path: Path
+    has_title: bool
+    delimiter: str
+    clock: tuple[str, ...]
+
+
+def command_for_one_table(folder: Path) -> str | None:
+    """Return the shell command that writes the channels of a folder side by side into one table;
+    None unless there are at least two files, and all hold one channel with equal rows.
+    """
+    if not folder.is_dir():
+        return None
+    texts = [file for file in sorted(folder.iterdir()) if reader_of(file) is READERS["csv"]]
+    channels = [one for file in texts if (one := _channel_in(file)) is not None]
+    alike = {(one.has_title, one.delimiter, one.clock) for one in channels}
+    if len(channels) < max(2, len(texts)) or len(alike) != 1:
+        return None
+    ((has_title, delimiter, _),) = alike
+    if delimiter and not has_title:
+        return None
+    return _pasted(channels, f"{folder.resolve().name}.csv")
+
+
+def _channel_in(file: Path) -> Channel | None:
+    if file.stat().st_size > LARGEST:
+        return None
+    lines = [line for line in file.read_text("latin-1").splitlines() if line.strip()]
+    delimiter = next((mark for mark in "\t;," if mark in lines[-1]), "") if lines else ""
+    rows = [line.split(delimiter) if delimiter else [line] for line in lines]
+    title = [cell for cell in rows[0] if not holds_number(cell)] if rows else []
+    wide = 2 if delimiter else 1
+    numbers = rows[1:] if title else rows
+    if len(numbers) < 2 or any(len(row) != wide for row in rows):
+        return None
+    if not all(holds_number(cell) for row in numbers for cell in row):
+        return None
+    return Channel(file, bool(title), delimiter, tuple(row[0] if delimiter else "" for row in rows))
+
+
+def _pasted(channels: Sequence[Channel], table: str) -> str:
+    """Return the command that pastes the channels; only the first keeps its clock."""
+    first, *others = channels
+    parts = [quote(str(first.path))]
+    if first.delimiter:
+        cut = "cut -f2" if first.delimiter == "\t" else f"cut -d{quote(first.delimiter)} -f2"
+        parts += [f"<({cut} {quote(str(one.path))})" for one in others]
+    else:
+        parts += [quote(str(one.path)) for one in others]
+    mark = f" -d{quote(first.delimiter)}" if first.delimiter else ""
+    pasted = f"paste{mark} {' '.join(parts)}"
+    if not first.has_title:
+        titles = "\\t".join(stem_of(one.path.name) for one in channels)
+        pasted = f"(printf '%b\\n' {quote(titles)}; {pasted})"
+    if any(b"\r" in one.path.read_bytes()[:1000] for one in channels):
+        pasted = f"{pasted} | tr -d '\\r'"
+    return f"{pasted} > {quote(table)}"
