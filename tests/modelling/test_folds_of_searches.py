@@ -157,12 +157,12 @@ def outcome(family, parameters, *errors, failure=""):
     return tried, [(np.full(3, error), np.ones(3, dtype=bool)) for error in errors]
 
 
-def chosen_of(*outcomes, most=None, ends=False):
+def chosen_of(*outcomes, most=None):
     """What is chosen where the last fold does not decide, and the target has a range of ten."""
     found = SimpleNamespace(
         dataset=dataset_of({"x": np.zeros(3), "y": np.array([0.0, 10, 5])}, output="y"),
         weights=np.array([0.5, 0.5, 0.0]),
-        **{"blocks": 2, "left_out": "stretch", "parts_left_out": "level", "ends": ends},
+        **{"blocks": 2, "left_out": "stretch", "parts_left_out": "level"},
     )
     return choose_structure(outcomes, found, most)
 
@@ -195,10 +195,9 @@ def test_a_plain_structure_is_preferred_if_it_is_as_good(family, parameters, err
 
 def test_the_fewest_parameters_decide_where_they_are_limited():
     long, short = outcome("longer", 20, 1.0, 1.1, 1.0), outcome("tables", 4, 1.05, 1.05, 1.0)
-    search = chosen_of(long, short, most=20, ends=True)
+    search = chosen_of(long, short, most=20)
     assert (search.best, search.chosen) == (0, 1)
     assert "fewest parameters" in search.rule
-    assert "at an end of an input have 100% of the weight" in search.rule
     assert chosen_of(long, short, most=19).best == 1
     with pytest.raises(FitError, match=r"no structure could be fitted .*: singular"):
         chosen_of(BOX, FAILED, long, most=19)

@@ -56,9 +56,9 @@ class Bench:
 
     Each fold, (n,), covers all samples, curve after curve. The first `blocks` folds leave out
     stretches of curves, the others whole levels, recordings or their ends. Their `weights`, (f,),
-    count relative to each other. `ends` is the weight of the folds that leave out an end of an
-    input. `asks_parts` is True if most held-out samples are whole levels, recordings or ends. The
-    `study` holds evenly thinned samples, including held-out ones, whose outputs are not used.
+    count relative to each other. `asks_parts` is True if most held-out samples are whole levels,
+    recordings or ends. The `study` holds evenly thinned samples, including held-out ones, whose
+    outputs are not used.
     """
 
     dataset: Dataset
@@ -71,7 +71,6 @@ class Bench:
     parts_left_out: str
     part: Slice
     asks_parts: bool
-    ends: float
 
     @classmethod
     def of(cls, training: Dataset, situation: Situation, part: Slice, study: Dataset) -> Bench:
@@ -101,10 +100,12 @@ class Bench:
             len(blocks),
             np.repeat(weights, counts),
             left_out,
-            " and ".join(f"each of {len(kind.folds)} {kind.words}" for kind in kinds),
+            " and ".join(
+                f"each of {len(kind.folds)} {kind.words} ({kind.weight:.0%} of the weight)"
+                for kind in kinds
+            ),
             part,
             sum(kind.share for kind in kinds) > 1 / 2,
-            sum(kind.weight for kind in kinds if kind.is_end),
         )
 
     @property

@@ -26,11 +26,6 @@ BY_MEDIAN = (
     "parameters was added, or a plain model within 2 % of it"
 )
 
-BY_ENDS = (
-    "; folds (left-out parts) at an end of an input have {:.0%} of the weight, the share of the "
-    "held-out samples that lie beyond such an end"
-)
-
 PLAIN = ("simple", "formula")
 """Kinds that are preferred if they are as good as any other."""
 
@@ -81,7 +76,7 @@ def choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: int | None
         tuple(tried),
         usable[rank.best],
         usable[chosen],
-        f"{BY_MEDIAN if over_time else BY_MEAN}{BY_ENDS.format(bench.ends) if bench.ends else ''}",
+        BY_MEDIAN if over_time else BY_MEAN,
     )
 
 

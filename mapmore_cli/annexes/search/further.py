@@ -82,10 +82,10 @@ def _least(result: Search, number: int) -> int:
     parameters than one of the structures: this one itself, if no other one dominates it.
     """
     ranked = [
-        (one.excess, other != number, other)
-        for other, one in enumerate(result.tried)
-        if not one.failure and one.family not in SHOWN
-        if one.parameters <= result.tried[number].parameters
+        (rival.excess, place != number, place)
+        for place, rival in enumerate(result.tried)
+        if not rival.failure and rival.family not in SHOWN
+        if rival.parameters <= result.tried[number].parameters
     ]
     return min(ranked)[-1]
 

@@ -47,15 +47,13 @@ stretches together have the rest.
 
 class Parts(NamedTuple):
     """Folds, (n,) each, that leave out parts of one kind, in words; the `share` of the held-out
-    samples of the study that are of this kind; and the weight of all these folds together. `is_end`
-    is True for ends of an input.
+    samples of the study that are of this kind; and the weight of all these folds together.
     """
 
     words: str
     folds: Sequence[BoolArray]
     share: float
     weight: float
-    is_end: bool = False
 
 
 def parts_of(dataset: Dataset, situation: Situation, study: Dataset, by_level: bool) -> list[Parts]:
@@ -73,26 +71,26 @@ def parts_of(dataset: Dataset, situation: Situation, study: Dataset, by_level: b
     """
     samples, every = pooled_samples(dataset), pooled_samples(study)
     whole = np.concatenate([np.full(curve.size, curve.held_out.all()) for curve in study.curves])
-    of = _standing(situation.inputs, study, whole)
+    standing = _standing(situation.inputs, study, whole)
     words, folds, end_folds, at_end = "recordings", _fair(samples), list[BoolArray](), whole
-    if of is not None:
-        words, (folds, end_folds, at_end) = "levels", _neighbours(dataset, study, whole, of)
-    folds, end_folds = (_taught(some, samples, situation.inputs) for some in (folds, end_folds))
+    if standing is not None:
+        words, (folds, end_folds, at_end) = "levels", _neighbours(dataset, study, whole, standing)
+    folds, end_folds = (_taught(each, samples, situation.inputs) for each in (folds, end_folds))
     end_words = "groups of outermost levels"
     if not end_folds:
         end_words = "ends of an input, as the study holds one out"
         end_folds, at_end = _beyond(dataset, situation, study)
     behind, whole = _behind(every), whole | by_level
-    if situation.timed and of is None and len(samples.logs) == 1:
+    if situation.timed and standing is None and len(samples.logs) == 1:
         behind |= whole  # a run along the end of the only recording starts free as well
     ends, drift, parts, rest = _shares([at_end, behind, whole], every.held_out | by_level)
     asked, other = (ALONE, ALONE) if len(folds) == 1 else (ASKED, OTHERWISE[situation.timed])
-    found = (
-        Parts(end_words, end_folds, ends, ends, True),
+    kinds = (
+        Parts(end_words, end_folds, ends, ends),
         Parts("ends of recordings", _ends(samples), drift, ASKED * drift),
         Parts(words, folds, parts, asked * parts + other * rest),
     )
-    return [one for one in found if one.weight and one.folds]
+    return [kind for kind in kinds if kind.weight and kind.folds]
 
 
 def _shares(kinds: Sequence[BoolArray], held: BoolArray) -> list[float]:
@@ -154,20 +152,16 @@ def _standing(inputs: Sequence[str], study: Dataset, whole: BoolArray) -> str | 
     return None
 
 
-def _values(dataset: Dataset, of: str) -> Array:
+def _values(dataset: Dataset, name: str) -> Array:
     """Return the value at which the curve of each sample is constant, (n,), without rounding
     errors.
     """
-    return np.concatenate(
-        [
-            np.full(c.size, c.columns[of][0] if c.level is None else c.level, np.float32)
-            for c in dataset.curves
-        ]
-    )
+    values = [c.columns[name][0] if c.level is None else c.level for c in dataset.curves]
+    return np.repeat(np.array(values, np.float32), [curve.size for curve in dataset.curves])
 
 
 def _neighbours(
-    dataset: Dataset, study: Dataset, whole: BoolArray, of: str
+    dataset: Dataset, study: Dataset, whole: BoolArray, name: str
 ) -> tuple[list[BoolArray], list[BoolArray], BoolArray]:
     """Return folds, (n,), that leave out inner neighbouring values: as many as the study holds out
     in a row, or a single value. Also return folds that leave out outermost values, and a mask of
@@ -175,7 +169,7 @@ def _neighbours(
     out, one fold leaves out as many values as the study does. Another fold leaves out one value
     more, because a choice by a single fold is uncertain. At least two values remain.
     """
-    at, every = _values(dataset, of), _values(study, of)
+    at, every = _values(dataset, name), _values(study, name)
     values, known, trained = np.unique(every), np.unique(every[~whole]), np.unique(at)
     most = len(trained) - 2
     if most < 1:
@@ -187,9 +181,9 @@ def _neighbours(
         if held
         for count in sorted({min(held, most), min(held + 1, most)})
     ]
-    row = np.diff(np.searchsorted(values, known)).max() - 1
-    inner = sliding_window_view(trained[1:-1], int(np.clip(row, 1, most)))
-    folds, ends = ([np.isin(at, some) for some in each] for each in (inner, outer))
+    longest = np.diff(np.searchsorted(values, known)).max() - 1
+    inner = sliding_window_view(trained[1:-1], int(np.clip(longest, 1, most)))
+    folds, ends = ([np.isin(at, row) for row in rows] for rows in (inner, outer))
     return folds, ends, np.isin(every, values[below | above])
 
 
@@ -207,9 +201,9 @@ def _beyond(
     for of_each in () if situation.timed else (False, True):
         for name in () if folds else situation.inputs:
             values = samples.columns[name]
-            outside, _ = _from_ends(study, name, of_each)
-            above, widths = _from_ends(dataset, name, of_each)
-            for far, over in zip(outside, above, strict=True):
+            outside, inside = (_from_ends(data, name, of_each) for data in (study, dataset))
+            widths = -inside.sum(axis=0)
+            for far, over in zip(outside, inside, strict=True):
                 reach = np.minimum(np.max(far[held], initial=0.0), WIDEST * widths)
                 fold = training & (over >= -reach) & (reach > 0)
                 is_held = fold.any() and np.sum(far[held] > 0) >= SOME * held.sum()
@@ -222,21 +216,19 @@ def _beyond(
     return folds, beyond
 
 
-def _from_ends(dataset: Dataset, name: str, of_each: bool) -> tuple[Array, Array]:
+def _from_ends(dataset: Dataset, name: str, of_each: bool) -> Array:
     """Return the distances of all samples below the lower end and above the upper end of the
-    training range, (2, n), and the width of this range, (n,). Distances inside the range are
-    negative. With `of_each`, each curve has its own range, which is unlimited for a curve without
-    training samples. Otherwise, all curves together have one range.
+    training range, (2, n). Distances inside the range are negative, so that both add up to the
+    negative width of the range. With `of_each`, each curve has its own range, which is unlimited
+    for a curve without training samples. Otherwise, all curves together have one range.
     """
     trained = [curve.columns[name][curve.training] for curve in dataset.curves]
-    whole = extremes(np.concatenate(trained))
-    far, widths = list[Array](), list[Array]()
+    whole, far = extremes(np.concatenate(trained)), list[Array]()
     for curve, values in zip(dataset.curves, trained, strict=True):
-        own = extremes(values) if len(values) else (-np.inf, np.inf)
-        low, high = own if of_each else whole
+        limits = extremes(values) if len(values) else (-np.inf, np.inf)
+        low, high = limits if of_each else whole
         far.append(np.array([low - curve.columns[name], curve.columns[name] - high]))
-        widths.append(np.full(curve.size, high - low))
-    return np.concatenate(far, axis=1), np.concatenate(widths)
+    return np.concatenate(far, axis=1)
 
 
 def _fair(samples: Curve) -> list[BoolArray]:
