@@ -13,8 +13,8 @@ _READ: ContextVar[set[Path] | None] = ContextVar("_READ", default=None)
 
 @contextmanager
 def files_read() -> Iterator[set[Path]]:
-    """Collect the paths of the files that are read within the context. If the context is inside
-    another one of this kind, both collect the paths.
+    """Collect the paths of the files that are read within the context. A context around it collects
+    them too.
     """
     around, paths = _READ.get(), set[Path]()
     token = _READ.set(paths)
@@ -27,18 +27,16 @@ def files_read() -> Iterator[set[Path]]:
 
 
 def note_read(paths: Iterable[Path]) -> None:
-    """Add paths to the set that `files_read` collects. Outside of the context of `files_read`, do
-    nothing.
-    """
+    """Add paths to those that `files_read` collects; outside of its context, do nothing."""
     if (known := _READ.get()) is not None:
         known.update(paths)
 
 
 def is_read(path: Path) -> bool:
-    """Return True if an existing file was read before, under any name."""
+    """Return True if an existing file is one of those that were read, under any name."""
     state = path.stat()
     for other in _READ.get() or ():
-        with suppress(OSError):  # the file may have been removed since
+        with suppress(OSError):  # a file that was read may be gone
             if os.path.samestat(state, other.stat()):
                 return True
     return False

@@ -34,8 +34,8 @@ on.
 
 
 def gated(reader: Reader) -> Reader:
-    """Return a reader whose function `read` passes its results through the gate. The function that
-    returns the first rows is added if the reader lacks one.
+    """Return the reader with a `read` whose results the gate has checked, and with a function that
+    returns the first rows.
     """
     read = partial(_judged_tables, reader.read, f"file for the reader `{reader.name}`")
     return replace(reader, read=read, peek=reader.peek or partial(_first_rows, read))
