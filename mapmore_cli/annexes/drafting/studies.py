@@ -178,8 +178,8 @@ def _copies(files: Iterable[Path]) -> dict[Path, Path]:
 
 
 def _with_comments(layout: Layout, files: Sequence[Path]) -> Layout:
-    """Return the layout with the mark of comment lines, if a text has such lines between its
-    rows.
+    """Return the layout. If a text has comment lines between its rows, the beginning of these lines
+    is added.
     """
     if "comment" not in READERS[layout.reader].keys or layout.tables:
         return layout

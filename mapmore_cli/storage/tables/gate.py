@@ -24,7 +24,7 @@ from mapmore_cli.storage.tables import (
 )
 from mapmore_cli.storage.tables.cells import shortened
 
-# at least so many rows must have equal numbers of digits before a shorter last one is suspicious
+# after so many rows with equal numbers of digits, a last row with fewer digits is suspicious
 FEWEST_ROWS = 10
 
 DAMAGE = (OSError, EOFError, ValueError)
