@@ -20,7 +20,8 @@ from mapmore_cli.study.units import convert
 FEWEST = 30  # smallest number of samples; with fewer, a finding may be due to chance
 # at most so many recordings are compared with each other; they are spread evenly over all
 COMPARED = 200
-# columns are one signal if they differ by less than this fraction of their range
+# Columns are one signal if they differ by less than this fraction of their range.
+# They are one signal, too, if their correlation differs from 1 by less than this.
 ROUNDING = 1e-4
 LITTLE = 0.01  # below this fraction of the samples or of a range, a finding may be due to chance
 SOME = 0.05  # above this fraction of the samples or of a range, a finding is worth a warning

@@ -94,7 +94,7 @@ used.
 
 @dataclass(frozen=True)
 class Kept:
-    """Contents of the findings file: the findings, and a mark of everything on which they
+    """Contents of the findings file: the findings, and a hash (`mark`) of everything on which they
     depend.
     """
 
@@ -106,14 +106,16 @@ _KEPT = TypeAdapter(Kept)
 
 
 def mark_of(loaded: LoadedSpec, ingested: str) -> str:
-    """Return a text of everything on which findings depend: the rules, the spec, and the
+    """Return a hash of everything on which findings depend: the rules, the spec, and the
     fingerprint of the ingested data.
     """
     return hashlib.sha256(f"{REVISION} {ingested} {loaded.resolved}".encode()).hexdigest()
 
 
 def kept(run_dir: Path, mark: str | None = None) -> tuple[Issue, ...] | None:
-    """Return the findings of a run; None if it has none with this `mark`."""
+    """Return the stored findings of a run; None if they were stored with another `mark`, because
+    something on which they depend has changed.
+    """
     with suppress(OSError, ValueError):
         stored = _KEPT.validate_json(content_of(run_dir / FINDINGS))
         if mark in (None, stored.mark):

@@ -349,8 +349,8 @@ def _memory_tables(memory: MemoryModel) -> list[Table]:
 
 
 def _of_model(model: Model) -> View:
-    """Return the inputs, the part that its kind shows, and the equations; weights, limits and
-    equations are in physical units.
+    """Return the inputs of a model, the view that the kind of the model defines, and the equations.
+    Weights, limits and equations are in physical units.
     """
     from mapmore_cli.modelling.kinds import equations, rules
 

@@ -59,7 +59,7 @@ from mapmore_cli.study.sections.logs import FileEntry
 from mapmore_cli.study.sections.split import Between, Holdout
 
 BAD = "is left out as a bad file"
-FEW = 10  # warn if a recording has fewer remaining samples
+FEW = 10  # warn if a recording has fewer samples left than this
 MUCH = 0.5  # warn if a recording loses more than this fraction of its samples
 
 

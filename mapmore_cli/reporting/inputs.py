@@ -184,7 +184,7 @@ class ReportInputs:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """The models whose lines figures draw."""
+        """The models that figures draw as lines."""
         return self.best(MOST_LINES)
 
     def best(self, most: int) -> tuple[str, ...]:

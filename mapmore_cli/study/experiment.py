@@ -1,7 +1,7 @@
 """Define the experiment spec as a pydantic model: its sections, and the rules between them.
 
 Units: every number is in the unit of the model. The loader converts `250 kPa` into a number before
-validation (see `study.fields`); the mark of the field names the unit.
+validation (see `study.fields`); the annotation of the field names the unit.
 """
 
 # ruff: noqa: RUF012 (pydantic copies the default of a field for every instance)

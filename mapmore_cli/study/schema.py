@@ -45,7 +45,7 @@ class _Documented(GenerateJsonSchema):
         return _told(super().model_schema(schema), schema["cls"])
 
     def dataclass_schema(self, schema: DataclassSchema) -> JsonSchemaValue:
-        """Return the schema of a dataclass that the mathematics declares."""
+        """Return the schema of a dataclass that a module of the mathematics declares."""
         return _told(super().dataclass_schema(schema), schema["cls"])
 
 

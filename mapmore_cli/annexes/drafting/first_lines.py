@@ -69,9 +69,9 @@ def kinds_of_lines(path: Path) -> tuple[bytes, ...]:
 
 
 def comment_among(path: Path, layout: Layout) -> str | None:
-    """Return the mark of comment lines between the rows of a text; None if there are none. If the
-    line of titles begins with the mark too, return None as well, because the titles would be
-    skipped as a comment.
+    """Return the characters with which comment lines between the rows of a text begin; None if
+    there are no such lines. If the line of titles begins with these characters, too, return None as
+    well, because the titles would be skipped as a comment.
     """
     titled = layout.settings.get("skip_rows", 0)
     with path.open("rb") as lines:

@@ -128,9 +128,9 @@ class FoundTable:
         They are as wide as the rows of numbers, and no cell to the right of these is filled.
 
         Blank lines may stand below titles and above a line of units. A cell that contains only the
-        mark of a remark counts as empty. Remarks of another form are passed over. A line with
-        numbers is left out, unless its cell above an empty column says what the numbers are, for
-        example `Count:`.
+        beginning of a remark, for example `#`, counts as empty. Remarks of another form are passed
+        over. A line with numbers is left out, unless its cell above an empty column says what the
+        numbers are, for example `Count:`.
         """
         lines: dict[int, list[str]] = {}
         last = max(place for place, cells in enumerate(self.columns) if cells)

@@ -1,5 +1,5 @@
-"""Write the page of a draft, which shows the course of every column and the quantity that it is
-assumed to be.
+"""Write the page of a draft. For every column, the page shows a drawing of its values and the
+quantity that it is assumed to be.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ POINTS, WIDTH, HEIGHT = 600, 400, 200
 
 
 def draft_page(draft: Draft) -> str:
-    """Return the page of a draft as HTML: every column with its course, its role, and the open
-    questions. All texts are escaped.
+    """Return the page of a draft as HTML: every column with a drawing of its values, its role, and
+    the open questions. All texts are escaped.
     """
     from mapmore_cli.reporting.table import environment
 

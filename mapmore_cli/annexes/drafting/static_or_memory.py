@@ -85,8 +85,8 @@ def _is_at_rest(done: Experiment) -> bool:
 
 
 def _with_static_samples(draft: Draft, recordings: Sequence[Recording], held: Held) -> Draft:
-    """Return the draft with the samples at which steps of the pressure have settled, or with loops
-    split into branches.
+    """Return the draft for a static study: it keeps only samples at which steps of the pressure
+    have settled, or splits loops into branches.
     """
     is_timed = held.swept == "pressure" and "time" in recordings[0].columns
     settled = settling(recordings) if is_timed else None

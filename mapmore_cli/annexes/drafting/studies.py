@@ -148,7 +148,7 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
             left_out.append(fault.message)
             bad[file] = "holds no table that could be read"
             continue
-        if not layout.tables:  # files with several tables are not taken for alike
+        if not layout.tables:  # with several tables, equal first lines prove nothing
             seen[like] = layout
         above[file] = layout.above
         layouts.setdefault(repr(layout), (layout, []))[1].append(file)
@@ -179,8 +179,8 @@ def _copies(files: Iterable[Path]) -> dict[Path, Path]:
 
 
 def _with_comments(layout: Layout, files: Sequence[Path]) -> Layout:
-    """Return the layout with the mark of comment lines, if a text has such lines between its
-    rows.
+    """Return the layout. If a text has comment lines between its rows, the beginning of these lines
+    is added.
     """
     if "comment" not in READERS[layout.reader].keys or layout.tables:
         return layout

@@ -134,7 +134,7 @@ def _driven(section: MotionSection, drives: list[Expression]) -> Expression:
 
 
 class MotionVerbs(Verbs):
-    """Operations of a model of motion."""
+    """Operations of a model of motion, for example its prediction and its equations."""
 
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
         """Return the output along one recording, (n,), from rest. The output is NaN at rows with an

@@ -115,7 +115,7 @@ def _own(part: Part, names: Iterable[str]) -> frozenset[str]:
 
 
 class SumVerbs(Verbs):
-    """Operations of a sum of models."""
+    """Operations of a sum of models, for example its prediction and its equations."""
 
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
         """Return the sum at every row, (n,), and the rows at which any part diverges."""

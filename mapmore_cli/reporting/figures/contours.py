@@ -24,7 +24,7 @@ def outlines_above(x: Array, heights: Array, z: Array, level: float) -> list[Out
     regions: list[Outline] = [([], []) for _ in rows[0]]
     for number, (intervals, height) in enumerate(zip(rows, heights.tolist(), strict=True)):
         before = rows[number - 1] if number else intervals
-        if len(intervals) != len(before):  # regions begin and end between two rows
+        if len(intervals) != len(before):  # regions begin and end half-way between two rows
             middle = (heights[number - 1] + height) / 2
             _go_on(regions, before, middle)
             outlines += [_closed(region) for region in regions]

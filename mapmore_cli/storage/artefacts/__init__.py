@@ -285,7 +285,7 @@ def _keep(mark: tuple[int, ...], record: object) -> None:
 
 
 def _mark(path: Path) -> tuple[int, ...]:
-    """Return a mark that changes if a file is replaced or written to."""
+    """Return numbers that change if a file is replaced or written to."""
     state = path.stat()
     return state.st_dev, state.st_ino, state.st_mtime_ns, state.st_size
 

@@ -199,8 +199,8 @@ def _compare_lengths(path: str, shape: tuple[int, ...], letters: Letters, sizes:
 
 
 def wrong_with(value: object, check: object) -> str:
-    """Return the fault of a value according to a mark in its type hint; an empty text if there is
-    none.
+    """Return the fault of a value according to an annotation in its type hint; an empty text if
+    there is none.
     """
     if isinstance(check, Interval):
         low, high = (

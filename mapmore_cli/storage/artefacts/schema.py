@@ -1,10 +1,10 @@
 """Use the type hints of a dataclass to write, read, check and describe it in files.
 
-The first text in the `Annotated` of a field is its description, the second its unit; other marks
-check its value when a file is read (`domain.declared`). Letters in brackets before a description
-name dimensions: all arrays with the dimension `(k)` in an object, and in the objects inside it,
-have the same length. `(k, M)` is a table, and `(k or 0)` may also be empty. If a field has its
-default value, it is not written; when a file is read, a missing field gets the default.
+The first text in the `Annotated` of a field is its description, the second its unit; other
+annotations check its value when a file is read (`domain.declared`). Letters in brackets before a
+description name dimensions: all arrays with the dimension `(k)` in an object, and in the objects
+inside it, have the same length. `(k, M)` is a table, and `(k or 0)` may also be empty. If a field
+has its default value, it is not written; when a file is read, a missing field gets the default.
 
 A unit in brackets is the unit of another quantity: `[target]` of the modelled quantity,
 `[variables.0]` of the first segmented variable, and `[*]` of the quantity whose name is the key of
@@ -100,8 +100,8 @@ class Hint(NamedTuple):
     """A type hint split into its parts.
 
     - `kind`: the type without its brackets; Union for several types.
-    - `inner`: the contents of the brackets; for an array, the type of its numbers.
-    - `checks`, `letters`, `description`, `unit`: the marks of the hint.
+    - `inner`: the contents of the brackets; for an array, the type of its numbers. - `checks`,
+      `letters`, `description`, `unit`: the annotations of the hint.
     """
 
     kind: Any

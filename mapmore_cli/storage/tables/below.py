@@ -92,7 +92,7 @@ def _without_head(tables: Sequence[Below]) -> list[Below]:
 
 
 def names_its_line(cell: Any) -> bool:
-    """Return True if a cell labels the other cells of its line, for example `Unit:`."""
+    """Return True if a cell says what the other cells of its line hold, for example `Unit:`."""
     return _text(cell)[1:].endswith((":", "="))
 
 

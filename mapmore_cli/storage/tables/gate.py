@@ -26,7 +26,7 @@ from mapmore_cli.storage.tables import (
 from mapmore_cli.storage.tables.beginnings import refuse_other_format
 from mapmore_cli.storage.tables.cells import shortened
 
-# at least so many rows must have equal numbers of digits before a shorter last one is suspicious
+# after so many rows with equal numbers of digits, a last row with fewer digits is suspicious
 FEWEST_ROWS = 10
 
 DAMAGE = (OSError, EOFError, ValueError)
@@ -36,8 +36,8 @@ on.
 
 
 def gated(reader: Reader, readers: Collection[Reader] = ()) -> Reader:
-    """Return a reader whose function `read` passes its results through the gate. The function that
-    returns the first rows is added if the reader lacks one. If a file cannot be read, the error
+    """Return the reader with a `read` whose results the gate has checked, and with a function that
+    returns the first rows. If a file cannot be read, the error
     names the one of the `readers` that fits.
     """
     read = partial(_judged_tables, reader, readers)

@@ -294,7 +294,7 @@ def refuse_other_clocks(noted: Mapping[SourceColumn, Noted], label: str) -> None
     timed = [(column, told) for column, told in noted.items() if told.step]
     for column, told in timed[1:]:
         name, first = timed[0]
-        later = round(told.start - first.start, 6)  # rounded to the precision of seconds since 1970
+        later = round(told.start - first.start, 6)  # a float of seconds since 1970 is exact to 1e-6
         if not math.isclose(first.step, told.step, rel_tol=1e-6):
             what = (
                 f"'{name}' was sampled every {first.step:.6g} s, '{column}' every {told.step:.6g} s"

@@ -30,7 +30,9 @@ IN_STREAM = 0xFFFFFFF0  # smallest sector number with a special meaning
 
 
 def facts_of(content: bytes, title: str) -> list[Fact]:
-    """Return the facts about the cells of a sheet; empty if they cannot be extracted."""
+    """Return facts about the cells of a sheet, for example errors and hidden rows; empty if they
+    cannot be extracted.
+    """
     with suppress(error, IndexError, ValueError):
         if content.startswith(BEGINS):
             return list(_facts_of_records(_stream(content), title))

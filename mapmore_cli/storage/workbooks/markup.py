@@ -37,7 +37,7 @@ ERROR = re.compile(r"#\w[\w/]*[!?]?|Err:\d+")
 
 
 def facts_of(archive: zipfile.ZipFile, title: str) -> Iterator[Fact]:
-    """Yield the facts about the cells of a sheet."""
+    """Yield facts about the cells of a sheet, for example errors and hidden rows."""
     names = archive.namelist()
     if BOOK in names:
         content = archive.read(

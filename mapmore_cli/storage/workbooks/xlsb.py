@@ -31,7 +31,9 @@ FORMULA_TEXT, FORMULA_NUMBER, FORMULA_FLAG, FORMULA_ERROR = 8, 9, 10, 11
 
 
 def facts_of(archive: zipfile.ZipFile, title: str) -> Iterator[Fact]:
-    """Yield the facts about the cells of a sheet. Raises struct.error if a record is incomplete."""
+    """Yield facts about the cells of a sheet, for example errors and hidden rows. Raises
+    struct.error if a record is incomplete.
+    """
     content = archive.read(part_of_sheet(archive, BOOK, _key_of_sheet(archive.read(BOOK), title)))
     percent, row, empty, computed = _percent_styles(archive), 0, list[tuple[int, int]](), False
     for kind, record in _records(content):

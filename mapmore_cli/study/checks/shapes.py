@@ -12,8 +12,8 @@ from mapmore_cli.study.tree import Loc
 
 
 def shapes(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check that shapes concern quantities of the study and models that can keep them, and that the
-    fit can identify every term whose coefficient has bounds.
+    """Check that every shape names a quantity of the study, that the kind of model can keep a
+    shape, and that the fit can identify every term whose coefficient has bounds.
     """
     fit, target = spec.fit, spec.target_quantity
     is_other = spec.model.type not in ("mapmore", "literature")
