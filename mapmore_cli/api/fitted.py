@@ -224,8 +224,9 @@ class Fitted(LoadedModel):
     """A model with its scores and the spec that made it. Call it with the inputs, in the model's
     units.
 
-    If you ask for intervals (also in a plot), the model is fitted again without each curve. This is
-    not necessary if the spec has `validate: {intervals: true}`.
+    If you ask for intervals, also in a plot, the model is fitted again without each curve, which
+    takes time. These fits are made together with the model if the spec has `validate: {intervals:
+    true}`.
 
     Attributes
     ----------
@@ -242,7 +243,7 @@ class Fitted(LoadedModel):
         All warnings that the command would print. A warning that makes the model useless is also
         a Python warning.
     doubts
-        The warnings of the rules of `mapmore check`. They are Python warnings, too.
+        The warnings of the rules of `mapmore check`. These warnings are also Python warnings.
     """
 
     scores: Scores

@@ -161,9 +161,9 @@ class Selection(ChosenTerms):
         )
 
     def table(self) -> list[dict[str, Any]]:
-        """Return a row for each term in the order of selection: `{"term", "coefficient",
-        "standard_error", "t", "err"}`; t is the coefficient divided by its standard error.
-        `errors_note` states the assumption about residuals.
+        """Return a row for each term in the order of selection, with the keys `term`,
+        `coefficient`, `standard_error`, `t` and `err`; t is the coefficient divided by its
+        standard error. `errors_note` states the assumption about residuals.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             t = self.theta / self.theta_error
@@ -238,8 +238,8 @@ class SegmentFit(GridCell):
 
 @dataclass(frozen=True)
 class Optimum:
-    """Another local minimum of a formula's error. It explains the training data nearly as well as
-    the best fit.
+    """Another local minimum of a formula's error, at which the formula fits the training data
+    nearly as well as at the best fit.
     """
 
     parameters: Annotated[Mapping[QuantityName, float], "its parameters", "those of the formula"]
@@ -359,7 +359,7 @@ class StateSet:
 
 @dataclass(frozen=True)
 class MemoryModel:
-    """Model with memory: `output[k] = constant + sum_j theta_j D_j(states[k])`.
+    """Model with memory. Its output at sample k is `constant + sum_j theta_j D_j(states[k])`.
 
     A free run begins with measured outputs. It has diverged if an output lies outside `limits` by
     more than a hundred times their range.
@@ -403,7 +403,7 @@ class MemoryModel:
 
 @dataclass(frozen=True)
 class Identified:
-    """Parameters of operators that training estimated.
+    """Parameters of operators that were estimated in training.
 
     If the search for a parameter ended at one of its bounds (`held`), the data do not determine
     this parameter.

@@ -27,8 +27,8 @@ class PiecesFit(Fit):
 
 @dataclass(frozen=True)
 class Outlier:
-    """A training sample that lies far from the fit. It has a smaller weight in the fit, but is not
-    removed.
+    """A training sample that lies far from the fit, and therefore has a smaller weight. It is not
+    removed from the data.
     """
 
     file: Annotated[str, "file that it comes from"]
@@ -40,7 +40,7 @@ class Outlier:
 
 @dataclass(frozen=True)
 class FitResult:
-    """Result of a fit. It includes every step of the term selection.
+    """Result of a fit, including every step of the term selection.
 
     `body` has the type of its kind (`modelling.kinds`). It is fitted to the residual of `backbone`
     if there is one.
@@ -107,9 +107,9 @@ RARE = 0.01
 
 @dataclass(frozen=True)
 class ResidualTest:
-    """Result of a test that shows whether the errors contain more than noise: correlations of the
-    errors with themselves or with an input at some lags, or means of the errors in parts of an
-    input's range.
+    """Result of a test that shows whether the errors contain more than noise. The tested values are
+    correlations of the errors with themselves or with an input at some lags, or means of the errors
+    in parts of the range of an input.
 
     The correlation of a residual with itself, which is one, is not tested.
     """

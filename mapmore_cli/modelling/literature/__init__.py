@@ -103,7 +103,7 @@ def _formula_section(formula: Formula) -> str:
     expression = getattr(formula, "expression", None)
     lines = [f"### {formula.name}\n", f"{formula.about}\n"]
     if expression is not None:
-        lines.append(f"As one expression:\n\n    {to_text(expression)}\n")
+        lines.append(f"As one expression:\n\n```text\n{to_text(expression)}\n```\n")
     lines.append(f"- source: {formula.reference}")
     lines.append(f"- inputs: {', '.join(formula.inputs) or 'none'}")
     if formula.dimensions:
@@ -113,6 +113,7 @@ def _formula_section(formula: Formula) -> str:
         )
     if formula.fitted_to == LOAD_CYCLES:
         lines.append(
-            "- needs: a static study (`needs: {static: ...}`), whose load cycles it is fitted to"
+            "- needs: a static study (`needs: {static: ...}`), to whose load cycles the formula is "
+            "fitted"
         )
     return "\n".join(lines) + "\n"

@@ -32,8 +32,8 @@ of `lo`, the slope of the foot with the pressure, and the logarithm of the width
 """
 
 
-# Constants of the fit, each with its reason. Halving or doubling one changes the errors little:
-# `docs/formula_tables.py RUNS hinge` shows the errors between strain levels.
+# Constants of the fit, each with its reason.
+# `docs/formula_tables.py RUNS hinge` shows the errors if one of them is halved or doubled.
 
 # starting values of a3, from a steep decay to a curve that bends upwards
 STARTS = (-8.0, -4.0, -2.0, -0.7, 1.5)

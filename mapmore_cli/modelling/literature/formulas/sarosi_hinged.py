@@ -7,16 +7,19 @@ Sárosi's formula is fitted to such data, its terms are spent on this corner ins
 data. Here, `hi` (Sárosi's formula with a1 to a6) and the foot `lo = b0 + b1 P + b2 strain` are
 joined by a hinge of width w:
 
-    F = share F_hinged + (1 - share) F_plain
-    F_hinged = lo + w ln(1 + exp((hi - lo)/w)),   F_plain: Sárosi's formula with s1 to s6
+```text
+F        = share F_hinged + (1 - share) F_plain
+F_hinged = lo + w ln(1 + exp((hi - lo)/w))
+```
 
-F_plain is fitted to the same data as F_hinged. `share` is the weight of F_hinged. Both weights are
-proportional to `(r^2 + 0.01^2)^-2`, in which r is the training RMSE of this part divided by max|F|.
-If the data have no foot, both parts are about equally good and have about equal weights. F_plain
-gets no weight if its exponent s3 is at a bound or not determined by the data. Its term exp(s3
-strain) could then be so large outside the measured strains that even a very small weight would
-spoil the force. The strain must be a fraction, because the prior of a3 is a decay over a strain of
-1/33.
+F_plain is Sárosi's formula with the parameters s1 to s6, which is fitted to the same data as
+F_hinged. `share` is the weight of F_hinged. The weight of each of the two parts is proportional to
+`(r^2 + 0.01^2)^-2`, in which r is the training RMSE of the part divided by max|F|. If the data have
+no foot, both parts are about equally good and have about equal weights. F_plain gets no weight if
+its exponent s3 is at a bound or is not determined by the data. In this case, the term exp(s3
+strain) of F_plain could be so large outside the measured strains that even a very small weight
+would spoil the force. The strain must be a fraction, because the prior of a3 is a decay over a
+strain of 1/33.
 """
 
 from __future__ import annotations

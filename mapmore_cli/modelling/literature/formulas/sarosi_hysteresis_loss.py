@@ -233,7 +233,7 @@ FORMULAS = (
 damping `2 sqrt(|k_t| m)` and by the muscle's velocity.
 
 M2 eq 19 multiplies by the strain rate, although k_t is per metre (eq 20), so that the result has
-the unit N/m. With the length as a further factor, it is a force.""",
+the unit N/m. Here, the result is also multiplied by the length, so that it is a force.""",
     ),
     _loss(
         "sarosi_hysteresis_loss_printed",
@@ -242,7 +242,7 @@ the unit N/m. With the length as a further factor, it is a force.""",
         "-2*zeta*sqrt(abs(stiffness)*load/9.81)*strain_rate",
         (
             "Sárosi's hysteresis loss as M2 eq 19-20 print it, without the length of the muscle. "
-            "It is `sarosi_hysteresis_loss` divided by the length."
+            "The result is that of `sarosi_hysteresis_loss` divided by the length."
         ),
     ),
 )
