@@ -29,8 +29,8 @@ from mapmore_cli.pipeline.frames import Door, labels_of
 
 TOLERANCE = 1e-4  # default tolerance with `stop: tolerance`
 FEWEST = 3  # a model may have this many terms, however few samples there are
-# Rounding may remove this fraction of the differences between the powers of a column.
-# If it would remove more, the mean of the column is subtracted first.
+# If rounding would remove more than this fraction of the differences between the powers of
+# a column, the mean of the column is subtracted first.
 LOST = 1e-10
 # A coefficient is a sum of contributions.
 # A sum that is below this fraction of the sum of their magnitudes counts as zero.

@@ -80,7 +80,7 @@ def parts(
                 if not isinstance(part.value, form):
                     raise TypeError(f"{type(part.value).__name__} is no {form.__name__}")
                 check = getattr(part.value, "checked", None)
-                if check and type(part.value) is form:  # tests check other parts
+                if check and type(part.value) is form:  # tests check mapmore's own parts
                     check()
                 added.append(Added(part.name, part.value, part.source))
         # a plugin may raise any exception, and the other parts must still work

@@ -47,8 +47,8 @@ class LoadedModel:
     `time` is given, rates and directions may be left out.
 
     A model with memory takes one recording: its `time` in s, and the measured output if the model
-    feeds its output back. A model of several outputs returns a mapping by their names; `of` returns
-    the model of one output.
+    feeds its output back. A model of several outputs returns a mapping from the names of the
+    outputs to their values; `of` returns the model of one output.
 
     Examples
     --------

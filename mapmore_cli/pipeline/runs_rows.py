@@ -1,4 +1,6 @@
-"""Represent the rows of the page of all runs, which the page itself contains."""
+"""Define the rows of the page of all runs. The page contains its rows as data, from which they are
+read again.
+"""
 
 from __future__ import annotations
 

@@ -164,11 +164,11 @@ def plan_stages(
     rehash: bool,
     force: bool = False,
 ) -> Iterator[StagePlan]:
-    """Yield the plan of every stage up to `until`, in order, from the files as they are now.
-    `stages` replace those of the `pipeline`, unless they are None.
+    """Yield the plan of every stage up to `until`, in order, from the files as they are now. If
+    `stages` is not None, it replaces the stages of the `pipeline`.
 
-    After a search, later stages use the structure that it found. If the search has no result yet,
-    the plans of later stages are unknown, and the plan of the search is the last.
+    After a search, later stages use the structure that the search found. If the search has no
+    result yet, the plans of later stages are unknown, and the plan of the search is the last.
 
     Raises DataError if a source is missing or cannot be read.
     """

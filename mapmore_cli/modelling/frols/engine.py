@@ -40,8 +40,8 @@ from mapmore_cli.modelling.frols.weighing import Choice, Weighing, reweighted
 # if a downdated `q'q` is below this fraction of `p'p`, it has lost too many digits
 # Any value from 1e-4 to 1e-10 would do.
 PIVOT_TOLERANCE = 1e-6
-# The residual sum of squares is downdated in each step.
-# Below this fraction of its last explicit value, it has lost too many digits.
+# A downdated residual sum of squares below this fraction of its last explicit value
+# has lost too many digits.
 RESIDUAL_TOLERANCE = 1e-9
 
 # error of a product `p'y` as a fraction of `|p| |y|`, for any n

@@ -64,7 +64,7 @@ DECAY_WEIGHT = 0.002
 # prior of w, as a fraction of the largest target
 PRIOR_W = 0.03
 # largest total weight of the data relative to the priors, as a number of samples
-# Neighbouring samples are nearly equal; if every one counted, priors would have no effect.
+# Without this limit, priors would have no effect if there are many nearly equal samples.
 INDEPENDENT = 300
 # with at most this many strain levels, any curvature fits; this affects only the text of a note
 FEW_LEVELS = 3

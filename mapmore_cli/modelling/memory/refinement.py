@@ -28,8 +28,7 @@ from mapmore_cli.modelling.memory.simulation import ReadyPiece, Trajectory
 
 # number of samples of the shortest horizon, and the factor from one horizon to the next
 FIRST, GROWTH = 16, 8
-# If a run over the next horizon diverges, a horizon between the last and the next one is tried.
-# It must be at least this multiple of the last horizon.
+# smallest ratio of two horizons, if runs over a horizon that is FIRST times GROWTH long diverge
 LEAST_GROWTH = 1.2
 # Levenberg-Marquardt factor at the start, and largest factor, at which the search ends
 DAMPING, MOST_DAMPING = 1e-3, 1e8

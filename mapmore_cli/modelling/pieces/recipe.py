@@ -167,7 +167,7 @@ class Fuse(Joining):
 
 @dataclass(frozen=True, kw_only=True)
 class Recipe:
-    """Settings of a MAPMORE model of one `target` (M2 section 4.4 lists those of the paper).
+    """Settings of a MAPMORE model of one `target` (M2 section 4.4 lists the settings of the paper).
 
     - `dictionary`: candidate terms as text, in scaled coordinates.
     - `cuts`: segmentation of each segmented variable.

@@ -36,8 +36,8 @@ ROUNDING = 1e-11
 RIDGE = 1e-11
 # number of coefficients whose derivatives are computed together, to limit the memory
 TOGETHER = 16
-# If the places of an inequality are very close, it consists of rounding errors only.
-# It is ignored if it is below this many rounding errors.
+# Inequalities between very close places may consist of rounding errors only.
+# An inequality that is smaller than this many rounding errors is ignored.
 ROUNDING_ERRORS = 1000
 
 

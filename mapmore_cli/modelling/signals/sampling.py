@@ -110,8 +110,7 @@ def find_gaps(time: Array, longer_than: float) -> Gaps:
     return Gaps(after, lengths, missing)
 
 
-# The time step of a long record is estimated from some evenly spread parts.
-# These are the number of parts and the number of samples in each.
+# number of parts of a long record, and number of samples per part, for estimating the time step
 PARTS, PART = (
     8,
     1 << 17,

@@ -21,14 +21,14 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.signals.sampling import typical_step
 
 WIDTHS = (1, 2, 4, 8, 16, 32, 64)  # numbers w of samples that are averaged on each side of a change
-# smallest overlap as a fraction of the shorter record; in a smaller one, chance may correlate
+# smallest overlap of both records, as a fraction of the shorter record
 LEAST_OVERLAP = 0.5
 # smallest fraction of the squared changes of each record that must lie in the overlap
 # With less, almost nothing changes in the overlap.
 LEAST_EVENTS = 0.3
 RATIO = 1.15  # smallest ratio of the best peak to the second best peak
 # smallest Fisher's z of the best peak, in standard deviations of noise
-# It is large, because thousands of lags are tried.
+# This limit is high, because thousands of lags are tried.
 SIGMAS = 7.0
 MOST = 2_000_000  # largest number of grid points of the longer record
 FEWEST = 8  # smallest number of samples of a record

@@ -114,15 +114,15 @@ class TermChange:
 class Comparison:
     """Comparison of two models of one muscle.
 
-    `ratio` is the least-squares factor from the earlier output to the later one over all curves:
-    the mean of the factors of the curves, weighted by the squares of the output. `interval` is its
-    t-interval with K - 1 degrees of freedom for K curves. `p` is the p-value of the hypothesis that
-    the factor is one; `p_permutation` is that of a permutation test over all signs of the curves'
-    changes, None if K is too small for it. `narrow` is the interval at the level `EQUIVALENCE`.
-    `resolution` is the smallest relative change that these curves can detect: half of the interval,
-    and at least the uncertainty of models that are interpolated to a level of the other. `settings`
-    holds the keys of the spec that differ, with both values. If `same_recordings` is True, only the
-    settings can differ.
+    `ratio` is the least-squares factor from the output of the earlier model to the output of the
+    later model, over all curves. It is the mean of the factors of the curves, weighted by the
+    squares of the output. `interval` is its t-interval with K - 1 degrees of freedom for K curves.
+    `p` is the p-value of the hypothesis that the factor is one; `p_permutation` is that of a
+    permutation test over all signs of the curves' changes, None if K is too small for it. `narrow`
+    is the interval at the level `EQUIVALENCE`. `resolution` is the smallest relative change that
+    these curves can detect: half of the interval, and at least the uncertainty of models that are
+    interpolated to a level of the other. `settings` holds the keys of the spec that differ, with
+    both values. If `same_recordings` is True, only the settings can differ.
     """
 
     before: str

@@ -17,8 +17,8 @@ def position(setting: Setting) -> Recursion:
     """Return the rule `y[k] = 2 q cos(th) y[k-1] - q^2 y[k-2] + gain x[k]` of an oscillator with
     unit gain.
 
-    `q = exp(-damping w step)`, `th = w step sqrt(1 - damping^2)`, `w = 2 pi frequency`, with the
-    frequency in Hz and a damping ratio below one.
+    Here, `w = 2 pi frequency` with the frequency in Hz, `q = exp(-damping w step)`, and `th = w
+    step sqrt(1 - damping^2)`. The damping ratio is below one.
     """
     past, gain, _ = _oscillator(setting)
     return linear(past, [gain])

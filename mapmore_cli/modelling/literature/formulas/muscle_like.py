@@ -16,8 +16,7 @@ from mapmore_cli.modelling.literature.formula import Formula, LinearForm
 from mapmore_cli.modelling.literature.problem import Nonlinear
 
 # At the largest velocity, b0 may change the active force by up to ten times its size.
-# b0 is negative for every muscle in H's table I.
-# Both signs are allowed, because on a joint the user chooses the sign of the velocity.
+# b0 may have both signs, because on a joint the user chooses the sign of the velocity.
 DAMPING = Nonlinear("b0", per="velocity", intervals=((-10.0, -1e-4), (1e-4, 10.0)))
 
 FORMULA = Formula(
