@@ -38,7 +38,7 @@ ROUNDING = 1e-13
 
 
 class NotFitted(ValueError, AttributeError):
-    """Error of a method that needs a fit: `fit` has not been called yet."""
+    """Error for calling a method that needs a fit before `fit` was called."""
 
 
 @dataclass(eq=False, repr=False)
@@ -263,7 +263,9 @@ class FROLS:
 
 
 def _names_of_frame(X: object) -> list[str] | None:
-    """Return the names of a frame's columns; None if there are none, or if not all are texts."""
+    """Return the names of the columns of a frame; None if it has no names, or if a name is not a
+    text.
+    """
     labels = labels_of(X) or ()
     names = [label for label in labels if isinstance(label, str)]
     if len(set(names)) < len(names):
@@ -308,8 +310,8 @@ def _target(y: object, rows: int) -> Array:
 
 
 def _of_sklearn(name: str, otherwise: type) -> Any:
-    """Return the class that scikit-learn uses for an error if scikit-learn is loaded, and
-    `otherwise` if not.
+    """Return the error class that scikit-learn uses, if scikit-learn is loaded. If it is not
+    loaded, return `otherwise`.
     """
     return getattr(sys.modules.get("sklearn.exceptions"), name, otherwise)
 

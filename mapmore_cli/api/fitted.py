@@ -1,4 +1,6 @@
-"""Return the result of a fit in Python: the model, its scores, and how it was made."""
+"""Provide the result of a fit in Python. It consists of the model, its scores, and the spec from
+which it was made.
+"""
 
 from __future__ import annotations
 
@@ -89,8 +91,8 @@ class Scores(tuple[Mapping[str, Any], ...]):
     def of_model(
         self, model: str = "mapmore", split: str = "validate", target: str | None = None
     ) -> Mapping[str, Any]:
-        """Return the pooled row of a model. Without `target`, it is the row of the first target.
-        Raises `KeyError` if there is no such row.
+        """Return the row of a model in which all curves are pooled. Without `target`, it is the row
+        of the first target. Raises `KeyError` if there is no such row.
         """
         for row in self:
             row_key = (row["model"], row["split"], row["curve"])
@@ -177,8 +179,8 @@ class _Bar:
     """Progress bar of a fit on stderr or in a notebook, shown after `PATIENCE` seconds; use it as a
     context manager.
 
-    `is_wanted` is True to show it at once, even if stderr is a file; None to show it only in a
-    terminal or a notebook; False never to show it.
+    If `is_wanted` is True, the bar is shown at once, even if stderr is a file. If it is None, the
+    bar is shown only in a terminal or a notebook. If it is False, the bar is never shown.
     """
 
     def __init__(self, is_wanted: bool | None) -> None:

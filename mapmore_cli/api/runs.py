@@ -80,12 +80,13 @@ def run(
     """Run all stages of a spec, as `mapmore run` does, with results in the folder `runs`.
 
     `settings` replaces values of the spec, as `--set` does, for example `{"fit.max_terms": 2}`.
-    With `check=False`, the run goes on although `mapmore check` finds errors.
+    With `check=False`, the run continues even if `mapmore check` finds errors.
 
     Raises
     ------
     MapmoreError
-        The error that the command would print. Missed limits raise nothing: see `Run.missed`.
+        The error that the command would print. If scores miss limits, no error is raised: see
+        `Run.missed`.
     """
     overrides = tuple(as_overrides(plain_values(dict(settings or {}))))
     finished = run_one(Job(Path(config), Path(runs), overrides, Options(force, check=check)))

@@ -70,7 +70,7 @@ class Scaling:
 
 @dataclass(frozen=True)
 class ChosenTerms:
-    """Results of FROLS for the k chosen terms (M2 eq 2-7), in scaled coordinates."""
+    """Results of FROLS for only the k chosen terms (M2 eq 2-7), in scaled coordinates."""
 
     theta: Annotated[Array, "(k) coefficients of the terms, A theta = g"]
     theta_error: Annotated[Array, "(k) standard errors of theta; NaN without a degree of freedom"]
@@ -142,7 +142,9 @@ class Selection(ChosenTerms):
 
     @property
     def errors_note(self) -> str:
-        """Assumption about residuals on which the standard errors are based, in a sentence."""
+        """Sentence that states the assumption about residuals on which the standard errors are
+        based.
+        """
         if self.curves:
             return BY_CURVE
         return LOWER_BOUND if math.isnan(self.worth) else BY_RECORDING
@@ -205,7 +207,7 @@ class Segment(GridCell):
 
 @dataclass(frozen=True)
 class CutCurve(CurveRange):
-    """Range of a training curve, and the places at which it is cut."""
+    """Range of a training curve, and the places at which the curve is cut into segments."""
 
     boundaries: Annotated[
         tuple[Boundaries, ...],
@@ -224,7 +226,9 @@ class SegmentedCurve(CutCurve):
 
 @dataclass(frozen=True)
 class SegmentFit(GridCell):
-    """A segment function: the chosen terms with their scaling, and how they were found."""
+    """A segment function: the chosen terms with their scaling, and the results of their
+    selection.
+    """
 
     candidates: Annotated[tuple[TermName, ...], "(M) names of all M dictionary terms"]
     scaling: Annotated[Scaling, "scaling of the segment"]
@@ -348,7 +352,9 @@ class StateSet:
 
     @property
     def longest_step(self) -> float:
-        """Longest time between two samples, s, across which the memory continues."""
+        """Longest time between two samples, in s, over which the memory continues. A longer time
+        counts as a gap.
+        """
         return math.inf if self.ordered else self.step
 
     @property
@@ -416,7 +422,7 @@ class Identified:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """One note for each parameter at a bound."""
+        """One note for each parameter that ended at a bound of the search."""
         note = (
             "lies at a bound of its search, because the training data call for a value beyond it, "
             "or do not determine it"

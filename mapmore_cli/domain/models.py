@@ -316,7 +316,7 @@ class Model:
 
     @property
     def each(self) -> tuple[Model, ...]:
-        """The model of each output; with one output, the model itself."""
+        """The model of each output. If there is only one output, it is the model itself."""
         return self.body.models if isinstance(self.body, Outputs) else (self,)
 
     @property
@@ -332,12 +332,12 @@ class Model:
 
     @property
     def pieces(self) -> Pieces | None:
-        """The body of the model if it consists of pieces."""
+        """The body of the model if the model consists of pieces; None otherwise."""
         return self.body if isinstance(self.body, Pieces) else None
 
     @property
     def level(self) -> str | None:
-        """The input that is constant within a training curve, or None."""
+        """The input that is constant within each training curve; None if there is no such input."""
         return getattr(self.body, "level", None)
 
     @property

@@ -69,7 +69,7 @@ class FitResult:
 
     @property
     def memory(self) -> MemoryFit | None:
-        """The fit of a model with memory, or None."""
+        """The fit of a model with memory; None for any other model."""
         return self.body if isinstance(self.body, MemoryFit) else None
 
     @property
@@ -208,7 +208,7 @@ class Validation:
 
     @property
     def table(self) -> ScoreTable:
-        """The scores and findings of all outputs, without the predictions."""
+        """Score table of all outputs, with the findings of the residual tests."""
         failed = [
             name
             for output in self.each
@@ -247,7 +247,7 @@ class Forecast:
     # If the prediction of such a sample is NaN, the run has diverged.
     ready: BoolArray
     one_step: Array | None = (
-        None  # prediction of every sample from the measured past; None for a model without memory
+        None  # one-step-ahead prediction of every sample; None for a model without memory
     )
     half: Array | None = (
         # half the width of the prediction interval, NaN for a sample without one
@@ -278,7 +278,7 @@ class Tried:
     family: str  # kind of the structure
     words: str  # name of the structure
     sections: Mapping[str, Any]  # sections of the spec that define the structure, by name
-    parameters: int = 0  # free parameters of the model that is fitted to all training data
+    parameters: int = 0  # number of free parameters of the model, fitted to all training data
     errors: tuple[
         float, ...
         # RMSE on each left-out fold, divided by `Search.scale`; empty if a fit failed
@@ -295,7 +295,9 @@ class Tried:
 
 @dataclass(frozen=True)
 class Search:
-    """All structures that a search tried, in the order in which it tried them, and its choice."""
+    """Result of a search: all structures in the order in which they were tried, and the chosen
+    structure.
+    """
 
     name: str
     target: str

@@ -62,13 +62,15 @@ class LoadedModel:
     held_out: tuple[Curve, ...] = field(default=(), kw_only=True)
 
     def __repr__(self) -> str:
-        """Return a line with the predicted quantity and the inputs."""
+        """Return a text with the names of the model, of its outputs and of its inputs."""
         inputs = ", ".join(quantity.label for quantity in self.inputs) or "its own past"
         outputs = ", ".join(output.label for output in self.model.outputs)
         return f"<model {self.model.name}: {outputs} of {inputs}>"
 
     def of(self, output: str) -> Self:
-        """Return the model of one of several outputs. Raises TypeError for an unknown output."""
+        """Return the model of the output `output`. Raises TypeError if the model has no such
+        output.
+        """
         if output not in (names := [output.name for output in self.model.outputs]):
             raise TypeError(f"this model has the outputs {', '.join(names)}; got {output!r}")
         return replace(self, model=self.model.of(output))
@@ -85,7 +87,9 @@ class LoadedModel:
 
     @property
     def output(self) -> Quantity:
-        """Name and unit of the predicted quantity; with several outputs, of the first."""
+        """Name and unit of the predicted quantity. If there are several outputs, they are those of
+        the first output.
+        """
         return self.model.output
 
     @property
@@ -192,13 +196,14 @@ class LoadedModel:
         return outside_range(self.model, flat).reshape(shape)
 
     def interval(self, level: float = 0.95, **columns: ArrayLike) -> tuple[Array, Array]:
-        """Return the lower and the upper end of an interval. Both have the shape of the output. A
-        sample of a new curve lies in the interval with the probability `level`.
+        """Return the lower and the upper end of an interval. Both ends have the shape of the
+        output. A sample of a new curve lies in the interval with the probability `level`. Outside
+        the training range, both ends are NaN.
 
-        Both are NaN outside the training range. An interval is computed from fits without each part
-        of the training data. With `validate: {intervals: true}` in the spec, these fits are made
-        together with the model. Without this key, a model from `fit` makes them when this method is
-        called, which takes time. A model from a file cannot make them, so `DataError` is raised.
+        An interval is computed from fits without each part of the training data. With `validate:
+        {intervals: true}` in the spec, these fits are made together with the model. Without this
+        key, a model from `fit` makes these fits when `interval` is called, which takes time. A
+        model from a file cannot make these fits, so `DataError` is raised.
         """
         flat, shape = self._flattened(columns)
         low, high = interval(self._with_intervals, flat, level)

@@ -166,7 +166,7 @@ class Sheet:
         )
 
     def empty(self) -> DataError:
-        """Return the error for a table without rows."""
+        """Return the error that is raised for a table without rows."""
         return DataError(
             f"{self.label}: the table is empty", f"its first line must name {self.expected}"
         )

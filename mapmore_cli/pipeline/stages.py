@@ -61,7 +61,9 @@ def recordings(spec: ExperimentSpec, folder: Path) -> list[Path]:
 
 
 def static_run(spec: ExperimentSpec) -> list[Need]:
-    """Return the static run, whose model is subtracted to obtain the damping force."""
+    """Return the static run if the study models the damping force, which is the force minus the
+    prediction of the static model.
+    """
     static = spec.needs.static
     return [Need(static)] if spec.target == "damping" and static is not None else []
 

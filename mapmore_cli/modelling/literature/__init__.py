@@ -78,7 +78,7 @@ def is_known(fit: FormulaFit) -> bool:
 
 
 def of(fit: FormulaFit) -> Formula:
-    """Return the formula to which a fit belongs."""
+    """Return the formula of a fit."""
     return get(fit.formula)
 
 

@@ -41,15 +41,15 @@ STARTS = (-8.0, -4.0, -2.0, -0.7, 1.5)
 FIRST = 100
 # starting value of w: a sharp hinge, which the search can widen
 START_W = 0.02
-# normalised targets above this value determine the starting values of `hi`
+# starting values of `hi` are fitted to normalised targets above this value
 UPPER = 0.12
-# normalised targets below this value determine the starting values of `lo`
+# starting values of `lo` are fitted to normalised targets below this value
 FOOT = 0.06
 # largest |a3|; data cannot distinguish steeper decays
 LARGEST_A3 = 15.0
-# smallest w; a sharper hinge is a kink, which has no slope
+# smallest w; a sharper hinge would be a kink, which has no derivative
 LEAST_W = 0.004
-# largest w; a wider hinge bends the whole curve, so it is no hinge
+# largest w; a wider hinge would bend the whole curve
 LARGEST_W = 0.3
 # weight of the prior of each parameter
 # The weights are so small that a prior matters only if data do not determine its parameter.
@@ -93,8 +93,8 @@ def linearised(q: Array, p: Array, x: Array) -> tuple[Array, Array]:
 
 
 class _Problem(NamedTuple):
-    """Normalised rows with the square roots of their weights, shape (n,) each, and the centres and
-    weights of the priors, shape (10,).
+    """Least-squares problem with normalised rows: `p`, `x` and `f`, the square roots of the weights
+    of the rows, shape (n,) each, and the centres and weights of the priors, shape (10,) each.
     """
 
     p: Array

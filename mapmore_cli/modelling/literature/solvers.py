@@ -193,7 +193,7 @@ def drawn_starts(nonlinear: tuple[Nonlinear, ...]) -> Iterator[Array]:
 
 
 METHOD = "variable projection"
-SCAN_POINTS = 24  # number of points in each interval of the coordinate
+SCAN_POINTS = 24  # number of grid points in each interval of the coordinate
 # over the grid, a smaller relative change of the sum of squares counts as none
 FLAT = 1e-10
 ROUNDING = 1e-24  # a sum of squares below this fraction of y'y is only rounding error

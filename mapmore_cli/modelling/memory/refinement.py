@@ -103,9 +103,9 @@ class FreeRunProblem:
     """Simulation error of one set of terms on training samples.
 
     - `pieces`: function that returns the pieces for the operators' parameters, (m,).
-    - `counted`: for each piece, (n,), True for the samples that count.
+    - `counted`: a mask, (n,), for each piece, of the samples whose errors count.
     - `bounds`: smallest and largest output of a run.
-    - `ridge`: penalty of each squared coefficient, (k,).
+    - `ridge`: factor of each squared coefficient in the penalty, (k,).
     - `free_constant`: True if the model has a constant of its own.
     - `between`: lower and upper bounds of the vector (coefficients, constant and operators'
       parameters), (2, k + 1 + m).
@@ -154,7 +154,7 @@ class FreeRunProblem:
 
     def downhill(self, point: Point, slopes: Array) -> Array:
         """Return half of the negative gradient of the error at a point. `slopes` are the
-        derivatives of the outputs there.
+        derivatives of the outputs at this point.
         """
         theta, _, _ = self.split(point.vector)
         with np.errstate(over="ignore", invalid="ignore"):

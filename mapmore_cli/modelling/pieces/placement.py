@@ -82,8 +82,8 @@ def _anchored(
 
 
 def span(width: ArrayLike) -> Array:
-    """Return the widths by which variables are divided in scaling. The width of a constant variable
-    is one.
+    """Return the widths of the ranges of variables, by which they are divided in scaling. For a
+    constant variable, the width is set to one.
     """
     return np.where(np.asarray(width) > 0, width, 1.0)
 

@@ -62,13 +62,13 @@ class Cuts(Settings):
 
     @property
     def segments(self) -> int:
-        """The value of `count`, for the methods that need it."""
+        """The value of `count`. It must not be None, because the method needs it."""
         assert self.count is not None
         return self.count
 
     @property
     def least(self) -> int:
-        """Smallest number of samples that each segment must hold."""
+        """Number of samples that each segment must contain at least."""
         return self.min_samples or (10 if self.method == "optimal" else 0)
 
     @property

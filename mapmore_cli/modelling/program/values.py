@@ -170,7 +170,7 @@ class _Compiler:
 
 
 class _SampleCompiler(_Compiler):
-    """Compiler for one sample at a time: only the branch that applies is computed, and operators
+    """Compiler for functions of one sample. Only the branch that applies is computed, and operators
     are called as functions.
     """
 

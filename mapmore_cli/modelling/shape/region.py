@@ -133,7 +133,7 @@ class Region:
         return [word for word in asked if word.word == "positive" or word.quantity in self.names]
 
     def nodes_along(self, nodes: int) -> int:
-        """Return the number of evenly spaced nodes along each input, for a grid with this many
+        """Return the number of evenly spaced nodes along each input, if the grid has `nodes`
         nodes.
         """
         return int(np.clip(round(nodes ** (1 / len(self.names))), 3, MOST))

@@ -141,15 +141,15 @@ def _last(mask: BoolArray) -> int:
 
 
 def without_steady_state(component: Array, plateau: BoolArray) -> Array:
-    """Return `F_d = F_d' - F_d,ssv`: a component of the force minus its mean over the plateau. This
-    removes the error that the static model has at rest (M2 eq 1).
+    """Return a component of the force minus its mean over the plateau, `F_d = F_d' - F_d,ssv` (M2
+    eq 1). The subtraction removes the error that the static model has at rest.
     """
     return component - float(component[plateau].mean())
 
 
 def damping_component(rest: Array, curve: Curve) -> Array:
-    """Return `F_d = F_d' - F_d,ssv` (M2 eq 1), shape (n,): the residual of a static model minus its
-    mean over the plateau of each recording of the curve.
+    """Return the residual of a static model minus its mean over the plateau of each recording of
+    the curve, shape (n,). This is `F_d = F_d' - F_d,ssv` (M2 eq 1).
     """
     if curve.at_rest is None:
         return rest

@@ -26,8 +26,8 @@ T = TypeVar("T", bound=np.ndarray[Any, Any])
 
 
 def correlation(first: Array, second: Array) -> float:
-    """Return the correlation of two signals, (n,) each, of any magnitude (squares of 1e-300 would
-    underflow); 0 if one of them is constant.
+    """Return the correlation of two signals, (n,) each; 0 if one of them is constant. The signals
+    are scaled first, because squares of values such as 1e-300 would underflow.
     """
     ranges = np.ptp(first), np.ptp(second)
     if not all(ranges):

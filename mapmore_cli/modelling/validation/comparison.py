@@ -422,7 +422,9 @@ def term_changes(before: Model, after: Model) -> tuple[TermChange, ...]:
 
 
 def _coefficients(segment: SegmentFunction) -> dict[str, tuple[float, float]]:
-    """Return the coefficient of every term and its standard error, in the unit of the output."""
+    """Return the coefficient of every term of a segment and its standard error, in the unit of the
+    output.
+    """
     scale = segment.scaling.y_slope
     pairs = zip(
         (segment.theta * scale).tolist(), (segment.theta_error * abs(scale)).tolist(), strict=True

@@ -115,8 +115,8 @@ def left_out_summary(
     """Summarise the residuals (measured minus predicted) of each left-out part, so that intervals
     can be computed from them. `curves` is the number of curves used for training.
 
-    Raises FitError if a model has no prediction for a part that was left out, for example because
-    its free run diverges.
+    Raises FitError if a model cannot predict the part that was left out of its fit, for example
+    because its free run diverges.
     """
     pooled = {part: np.concatenate(list(arrays)) for part, arrays in residuals.items()}
     for part, values in pooled.items():

@@ -1,5 +1,5 @@
-"""Define operators without memory: the smooth sign of a velocity (Coulomb friction), and
-saturation.
+"""Define two operators without memory: a smooth version of the sign of a velocity (Coulomb
+friction), and saturation.
 """
 
 from __future__ import annotations

@@ -35,8 +35,8 @@ def velocity(setting: Setting) -> Recursion:
 
 
 def _oscillator(setting: Setting) -> tuple[tuple[float, float], float, float]:
-    """Return the weights of the past values, the gain, and the angular frequency times the time
-    between samples.
+    """Return the numbers of an oscillator: the weights of its two past values, its gain, and its
+    angular frequency times the time between samples.
     """
     frequency, damping = setting.numbers
     w = 2 * math.pi * frequency
