@@ -29,11 +29,10 @@ from mapmore_cli.pipeline.frames import Door, labels_of
 
 TOLERANCE = 1e-4  # default tolerance with `stop: tolerance`
 FEWEST = 3  # a model may have this many terms, however few samples there are
-# If rounding would remove more than this fraction of the differences between the powers of
-# a column, the mean of the column is subtracted first.
+# largest rounding error of the differences between powers of a column that is not centred
 LOST = 1e-10
-# A coefficient is a sum of contributions.
-# A sum that is below this fraction of the sum of their magnitudes counts as zero.
+# A coefficient is a sum of contributions, which may cancel.
+# It counts as zero if it is below this fraction of the sum of the magnitudes of all contributions.
 ROUNDING = 1e-13
 
 

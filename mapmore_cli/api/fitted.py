@@ -134,8 +134,8 @@ class Study:
         return load_text(text, HERE, self.folder, as_overrides(changes), tables)
 
     def written(self, place: Path) -> str:
-        """Write the frames to a folder beside the file `place`, and return the text of a spec for
-        this file that reads them.
+        """Write the frames to a folder beside the file `place`. Return the text of the spec for
+        this file, which reads the frames from that folder.
         """
         loaded = self.loaded()
         if loaded.tables:

@@ -96,8 +96,8 @@ def run(
 
 
 def load_model(path: str | Path, *, unverified: bool = False) -> LoadedModel:
-    """Read a `model.h5` as a function of keyword arguments, for example for
-    `load_model("model.h5")(pressure=[100, 200], strain=0.1)`.
+    """Read a model file, and return the model as a function of keyword arguments. For example,
+    `load_model("model.h5")(pressure=[100, 200], strain=0.1)` returns two forces.
 
     Warns (UserWarning) if the file has no checksum, because a change of the file could then not be
     noticed.

@@ -70,7 +70,7 @@ class Compared:
             return float(sum(float(np.sum(of(block))) for block in self.blocks()))
 
     def spread(self, of: Callable[[SampleBlock], Array]) -> float:
-        """Return the sum of squared deviations of a function of the samples from its mean."""
+        """Return the sum of squares of `function(block)` minus its mean, over all samples."""
         mean = self.total(of) / max(self.total(lambda block: np.ones(len(of(block)))), 1)
         return self.total(lambda block: (of(block) - mean) ** 2)
 

@@ -32,7 +32,7 @@ class Handler(Protocol):
     """Type of the function with which pydantic makes the schema of a type."""
 
     def __call__(self, source: object, /) -> dict[str, object]:
-        """Return the schema that pydantic would make for the type without our hook."""
+        """Return the schema that pydantic makes for the type by default."""
 
     def generate_schema(self, source: object, /) -> dict[str, object]:
         """Return the schema of any type, not only of the type that pydantic is handling."""

@@ -50,8 +50,8 @@ class Fit:
 
 @dataclass(frozen=True)
 class Scaling:
-    """Elementwise linear scaling `z_j = slope_j x_j + intercept_j`, `y = y_slope y_scaled +
-    y_intercept` (M2 eq 8).
+    """Linear scaling of the inputs, `z_j = slope_j x_j + intercept_j`, and of the output, `y =
+    y_slope y_scaled + y_intercept` (M2 eq 8).
 
     `placement` says for each variable at which end of its range the scaled origin lies, for example
     `left,right`; it is `-` if the scaling rule places no origin.

@@ -361,8 +361,8 @@ class Equation:
     """Equation of one piece of a model, in physical units.
 
     - `id`: id of a segment, or name of a formula.
-    - `text`: one line that can be copied and computed; `latex`, `mathml`: the same for typesetting,
-      `mathml` in parts between which a line may break.
+    - `text`: the equation as one line that can be copied and computed. `latex`, `mathml`: the
+      equation for typesetting; `mathml` consists of parts between which a line may break.
     - `weight`: range of the inputs in which the weight of the piece is not zero, and the places
       outside which its output is constant; empty if the piece is used everywhere.
     """

@@ -284,7 +284,7 @@ class Tried:
         # RMSE on each left-out fold, divided by `Search.scale`; empty if a fit failed
     ] = ()
     error: float = math.nan  # root mean square of the errors in `errors`
-    # the same for folds that leave out whole levels or recordings; NaN if there are too few
+    # `error` for folds that leave out whole levels or recordings; NaN if there are too few
     parts: float = math.nan
     # mean over all folds of log(error / error of the best structure)
     excess: float = math.nan
@@ -306,7 +306,7 @@ class Search:
     scale: float  # divisor of errors, in the unit of the target
     tried: tuple[Tried, ...]
     best: int  # index of the structure with the smallest error
-    chosen: int  # index of the chosen structure, the simplest one whose error is as small
+    chosen: int  # index of the chosen structure
     rule: str = ""  # rule by which the structure was chosen
     cut: int = 0  # number of structures that were not tried because of the time limit
     # index of the choice before structures with more terms were tried; None if none were tried

@@ -23,8 +23,8 @@ class Need:
     - `key`: path of the spec of this run. With `overrides`, it is the name of a variation of the
       study, and the run is called `<name of the study>.<key>`.
     - `overrides`: settings of a variation, in the form of `--set`.
-    - `compared`: True if the model is only compared with. An existing model is then used unchanged,
-      and the run is made only if it has no model yet.
+    - `compared`: True if the study is only compared with this run. An existing model of the run is
+      then used unchanged, and the run is made only if it has no model yet.
     """
 
     key: str

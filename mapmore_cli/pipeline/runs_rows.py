@@ -61,8 +61,8 @@ class Row:
 
 
 def rows_of(place: Path) -> list[Row] | None:
-    """Return the rows of a page. If there is no page yet, there are no rows; None for a page that
-    mapmore did not write.
+    """Return the rows of a page. If there is no page yet, the result is empty. For a page that
+    mapmore did not write, the result is None.
     """
     if not place.exists() and not place.is_symlink():
         return []

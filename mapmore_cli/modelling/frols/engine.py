@@ -37,11 +37,9 @@ from mapmore_cli.modelling.frols.select import (
 from mapmore_cli.modelling.frols.together import Together, chosen_together
 from mapmore_cli.modelling.frols.weighing import Choice, Weighing, reweighted
 
-# if a downdated `q'q` is below this fraction of `p'p`, it has lost too many digits
-# Any value from 1e-4 to 1e-10 would do.
+# a downdated `q'q` below this fraction of `p'p` has lost too many digits (1e-4 to 1e-10 would do)
 PIVOT_TOLERANCE = 1e-6
-# A downdated residual sum of squares below this fraction of its last explicit value
-# has lost too many digits.
+# below this fraction of its last explicit value, the residual sum of squares is recomputed
 RESIDUAL_TOLERANCE = 1e-9
 
 # rounding error of an inner product `p'y`, relative to `|p| |y|`, for any number of samples

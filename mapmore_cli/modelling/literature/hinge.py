@@ -68,7 +68,7 @@ PRIOR_W = 0.03
 INDEPENDENT = 300
 # with at most this many strain levels, any curvature fits; this affects only the text of a note
 FEW_LEVELS = 3
-# two strain levels closer than this fraction of max|strain| count as one, also in a note only
+# in this note, strain levels closer than this fraction of max|strain| count as one level
 APART = 0.05
 
 

@@ -215,8 +215,8 @@ class TrainingData:
     """One set of training samples, together with the `numbers` (parameters) of the operators for
     which the recipe's dictionary has none.
 
-    Raises DataError if a quantity is missing, too few samples have a history, or a state cannot be
-    fed back.
+    Raises DataError if a quantity is missing, too few samples have enough earlier samples, or a
+    state cannot be fed back.
     """
 
     def __init__(

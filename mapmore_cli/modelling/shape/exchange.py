@@ -196,7 +196,7 @@ class Exchange:
 
 def _widened(axes: Mapping[str, Array], inside: BoolArray) -> BoolArray:
     """Return a mask of the nodes `inside` a region and of their neighbours, shape (n,). Together,
-    they enclose the whole region, as far as a finer grid could show.
+    they enclose all nodes of a finer grid that lie in the region.
     """
     from scipy.ndimage import binary_dilation
 

@@ -42,8 +42,8 @@ def least_squares_under(R: Array, f: Array, D: Array, d: Array) -> Constrained:
     (0, ..., 0, 1)`. With the residual r of the dual, the solution is `z = -r[:-1] / r[-1]`. If r is
     zero, no z satisfies all inequalities.
 
-    `R` is upper triangular and regular, (k, k); `f` (k,), `D` (m, k) without rows of zeros, `d`
-    (m,).
+    R, (k, k), is upper triangular and regular, and D, (m, k), has no rows of zeros. The shapes of f
+    and d are (k,) and (m,).
     """
     from scipy.linalg import solve_triangular
     from scipy.optimize import nnls

@@ -33,7 +33,7 @@ BESIDE = 1e-6
 class Region:
     """Region in which a model must keep a shape: the training range of each curve, extended by the
     fraction `beyond`. Places at which the training output lies in the lowest part of its range (the
-    fraction `slack`) do not belong to it.
+    fraction `slack`) do not belong to the region.
 
     Training samples are averaged in small cells, so that hysteresis and noise are averaged too.
     `places`, (c, inputs), and `values`, (c,), are the means of the inputs and of the output in each

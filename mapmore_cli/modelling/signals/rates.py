@@ -103,7 +103,8 @@ def _slopes(
     power = (places < stop[:, None]).astype(float)  # t^0, which is set to zero outside the window
     places = np.minimum(places, len(time) - 1)
     t = (time[places] - at[:, None]) / window
-    y = values[places] - values[start][:, None]  # large values lose digits
+    # an offset is subtracted, because large values would lose digits
+    y = values[places] - values[start][:, None]
     sums, moments = [], []
     for degree in range(2 * order + 1):
         sums.append(power.sum(axis=1))

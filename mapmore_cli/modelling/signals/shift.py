@@ -24,7 +24,6 @@ WIDTHS = (1, 2, 4, 8, 16, 32, 64)  # numbers w of samples that are averaged on e
 # smallest overlap of both records, as a fraction of the shorter record
 LEAST_OVERLAP = 0.5
 # smallest fraction of the squared changes of each record that must lie in the overlap
-# With less, almost nothing changes in the overlap.
 LEAST_EVENTS = 0.3
 RATIO = 1.15  # smallest ratio of the best peak to the second best peak
 # smallest Fisher's z of the best peak, in standard deviations of noise

@@ -34,8 +34,8 @@ class Mean:
 
 
 def weighted_mean(x: Array, weights: Array, confidence: float) -> Mean:
-    """Return `m = sum(w x)/sum(w)` with the interval `m ± t(K - 1) s`, `s^2 = K/(K - 1) sum(w^2 (x
-    - m)^2)/sum(w)^2`.
+    """Return the weighted mean `m = sum(w x)/sum(w)` of K numbers x with its interval `m ± t(K - 1)
+    s`, in which `s^2 = K/(K - 1) sum(w^2 (x - m)^2)/sum(w)^2`.
 
     With equal weights, this is Student's interval. The interval follows from the scatter between
     the numbers, whatever causes this scatter. If one number has nearly all the weight, the interval

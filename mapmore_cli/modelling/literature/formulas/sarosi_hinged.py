@@ -38,10 +38,10 @@ from mapmore_cli.modelling.literature.formulas.sarosi import DECAY, sarosi
 # below this training RMSE (fraction of max|F|), a part hardly gains weight by a smaller RMSE
 GOOD_ENOUGH = 0.01
 
-PLAIN = sarosi("s", (*DECAY, (1e-3, 50.0)))  # positive exponents are allowed too
+PLAIN = sarosi("s", (*DECAY, (1e-3, 50.0)))  # exponents may also be positive
 HIGH, LOW = sarosi("a").text, "b0 + b1*pressure + b2*strain"
 PRINTED = f"share*({LOW} + w*log(1 + exp(({HIGH} - ({LOW}))/w))) + (1 - share)*({PLAIN.text})"
-# cannot overflow, because it uses ln(1 + exp(z)) = (z + |z|)/2 + ln(1 + exp(-|z|))
+# This form cannot overflow, because ln(1 + exp(z)) = (z + |z|)/2 + ln(1 + exp(-|z|)).
 COMPUTED = (
     f"share*(({HIGH} + {LOW} + abs({HIGH} - ({LOW})))/2 + w*log(1 + exp(-abs({HIGH} - "
     f"({LOW}))/w))) + (1 - share)*({PLAIN.text})"
