@@ -92,7 +92,7 @@ class Scores(tuple[Mapping[str, Any], ...]):
         self, model: str = "mapmore", split: str = "validate", target: str | None = None
     ) -> Mapping[str, Any]:
         """Return the row of a model in which all curves are pooled. Without `target`, it is the row
-        of the first target. Raises `KeyError` if there is no such row.
+        of the first target. Raises `KeyError` if the table has no such row.
         """
         for row in self:
             row_key = (row["model"], row["split"], row["curve"])
@@ -223,8 +223,8 @@ class _Bar:
 
 @dataclass(frozen=True, repr=False)
 class Fitted(LoadedModel):
-    """A model with its scores and the spec that made it. Call it with the inputs, in the model's
-    units.
+    """A model with its scores and the spec that made it. Call the model with its inputs, in the
+    units of the model.
 
     If you ask for intervals, also in a plot, the model is fitted again without each curve, which
     takes time. These fits are made together with the model if the spec has `validate: {intervals:

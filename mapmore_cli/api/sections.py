@@ -84,7 +84,7 @@ def fit(
         Kind of the model, and the formula to which the segment functions are added, for example
         `{"backbone": "sarosi"}`.
     fit
-        How terms are chosen, and how many, for example `{"max_terms": 2}`.
+        How terms are chosen, and how many terms, for example `{"max_terms": 2}`.
     fuse
         How the segment functions are joined, and what the model does outside the measured range,
         for example `{"transition": "linear", "z_s": 0.25}`.
@@ -220,8 +220,9 @@ def _reader_of(path: object) -> str:
 def example() -> list[dict[str, Array]]:
     """Return four load cycles of a simulated Peano muscle, as `mapmore example` writes them.
 
-    Each cycle is a recording at one pressure (80, 200, 350 or 500 kPa). It has the columns `time`
-    in s, `pressure` in kPa, `strain` (without a unit) and `force` in N, shape (n,) each.
+    Each cycle is a recording at one pressure (80, 200, 350 or 500 kPa). Each
+    recording has the columns `time` in s, `pressure` in kPa, `strain` (without a unit) and `force`
+    in N, shape (n,) each.
 
     Examples
     --------

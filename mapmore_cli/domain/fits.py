@@ -365,7 +365,7 @@ class StateSet:
 
 @dataclass(frozen=True)
 class MemoryModel:
-    """Model with memory. Its output at sample k is `constant + sum_j theta_j D_j(states[k])`.
+    """Model with memory, whose output at sample k is `constant + sum_j theta_j D_j(states[k])`.
 
     A free run begins with measured outputs. It has diverged if an output lies outside `limits` by
     more than a hundred times their range.

@@ -84,7 +84,7 @@ B = TypeVar("B", bound=Body)
 
 @dataclass(frozen=True, eq=False)  # compared by identity, because arrays have no hash
 class Pieces(Body):
-    """Model of pieces (MAPMORE). Its output is `backbone + sum_i f_i prod_j w_ij` (M2 eq 9).
+    """Model of pieces (MAPMORE), with the output `backbone + sum_i f_i prod_j w_ij` (M2 eq 9).
 
     `level` is None if all curves are pooled. Curves have no segments if cross-validation showed
     that segments do not improve the backbone; the model is then the backbone alone.
@@ -180,7 +180,7 @@ LeftOutKind = Literal["levels", "recordings", "blocks", "specimens"]
 @dataclass(frozen=True)
 class LeftOut:
     """Errors of predictions of left-out parts of the training data, from which intervals are
-    computed. Each part is predicted by a model that was fitted without this part.
+    computed. Each left-out part is predicted by a model that was fitted without this part.
 
     If the parts are levels, the lowest and the highest level are not left out.
     """
@@ -287,8 +287,8 @@ class Shape:
 
 @dataclass(frozen=True)
 class Model:
-    """A model that predicts without any other file. It consists of fields that are common to all
-    kinds of models, and of a body that depends on the kind.
+    """A model that predicts without any other file. A model consists of fields that are common to
+    all kinds of models, and of a body that depends on the kind.
     """
 
     name: Annotated[Label, "name of the run"]

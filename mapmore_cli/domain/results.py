@@ -27,8 +27,8 @@ class PiecesFit(Fit):
 
 @dataclass(frozen=True)
 class Outlier:
-    """A training sample that lies far from the fit, and therefore has a smaller weight. It is not
-    removed from the data.
+    """A training sample that lies far from the fit, and therefore has a smaller weight in the
+    fit.
     """
 
     file: Annotated[str, "file that it comes from"]

@@ -165,9 +165,9 @@ class LoadedModel:
     def plot(self, ax: Axes | None = None, interval: float | None = None) -> Axes:
         """Draw the model over its training range, on `ax` or on a new figure.
 
-        Each training curve is a line. Held-out samples are dots, with the model as a dashed line.
-        With `interval=0.95`, bands are drawn that contain a sample of a new curve with a
-        probability of 95 %. If the spec has `validate: {intervals: true}`, they are always drawn.
+        Each training curve is drawn as a line, and held-out samples as dots, with the model as a
+        dashed line. With `interval=0.95`, bands are drawn that contain a sample of a new curve with
+        a probability of 95 %. If the spec has `validate: {intervals: true}`, they are always drawn.
         Raises `TypeError` for a model with memory (call it with a recording and draw the result),
         and `DataError` as `interval` does.
         """
@@ -196,9 +196,9 @@ class LoadedModel:
         return outside_range(self.model, flat).reshape(shape)
 
     def interval(self, level: float = 0.95, **columns: ArrayLike) -> tuple[Array, Array]:
-        """Return the lower and the upper end of an interval. Both ends have the shape of the
-        output. A sample of a new curve lies in the interval with the probability `level`. Outside
-        the training range, both ends are NaN.
+        """Return the lower and the upper end of an interval, both in the shape of the output. A
+        sample of a new curve lies in the interval with the probability `level`. Outside the
+        training range, both ends are NaN.
 
         An interval is computed from fits without each part of the training data. With `validate:
         {intervals: true}` in the spec, these fits are made together with the model. Without this

@@ -6,7 +6,7 @@ The equations are H eq 1-3. The force is `F_CE = A F_max f_l(l) f_v(v)` with the
 unit of pressure.
 
 The velocity v is positive in shortening, as in `muscle_like`; in H eq 3, v has the opposite sign,
-and v_max is negative. The force-velocity factor is
+and v_max is negative. The force-velocity factor has two branches:
 
 ```text
 f_v = (v_max - v)/(v_max + kappa v)                        in shortening

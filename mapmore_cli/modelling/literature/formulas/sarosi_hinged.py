@@ -116,7 +116,7 @@ class SarosiHinged(Formula):
 FORMULA = SarosiHinged(
     name="sarosi_hinged",
     title="Sárosi, hinged",
-    reference="ours, on M1 eq 1",
+    reference="mapmore, based on M1 eq 1",
     inputs=("pressure", "strain"),
     parameters=(*hinge.NAMES, "share", *PLAIN.parameters),
     text=COMPUTED,

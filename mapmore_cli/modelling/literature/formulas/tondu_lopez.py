@@ -99,10 +99,10 @@ c1 = 3 L0^2/(4 pi n^2),     c2 = b^2/(4 pi n^2)
 n = L0 sqrt(3/(4 pi c1)),   b = L0 sqrt(3 c2/c1)
 ```
 
-So no dimension of the muscle is needed. In kPa and N, both parameters are in 1e-3 m^2. A real braid
-has c1 > 0 and c2 > c1/3 (b > L0), but the fit of `chou_hannaford` also allows other values of c1
-and c2. `tondu_lopez` is the same formula with other parameters, and its fit allows real braids
-only.""",
+So no dimension of the muscle is needed. With the pressure in kPa and the force in N, the unit of
+c1 and c2 is 1e-3 m^2. A real braid has c1 > 0 and c2 > c1/3 (b > L0), but the fit of
+`chou_hannaford` also allows other values of c1 and c2. `tondu_lopez` is the same formula with
+other parameters, and its fit allows real braids only.""",
     ),
     braided(
         "tondu_lopez",
@@ -114,9 +114,10 @@ only.""",
 
 W eq 4 takes the area pi D^2/4 from the muscle's nominal diameter and fits only the angle. Here,
 both the angle and the area are fitted. The diameter of the bladder need not be known, and the
-training error cannot be larger than with a fixed area. In kPa and N, the area is in 1e-3 m^2. With
-a fitted area, the formula is W eq 3 with other parameters. `tondu_lopez` gives the same forces as
-`chou_hannaford` if the fitted parameters of `chou_hannaford` describe a real braid.""",
+training error cannot be larger than with a fixed area. With the pressure in kPa and the force in
+N, the unit of the area is 1e-3 m^2. With a fitted area, the formula is W eq 3 with other
+parameters. `tondu_lopez` gives the same forces as `chou_hannaford` if the fitted parameters of
+`chou_hannaford` describe a real braid.""",
     ),
     braided(
         "tondu_lopez_fixed_area",
@@ -169,7 +170,8 @@ on the strain and another on the force.
 
 The factor on the force is `mu = a_e exp(-40 strain) - b_e` (W eq 11, with the strain as a
 fraction). Here, a_e and b_e are W's parameters multiplied by the area pi D^2/4, because the data
-cannot separate the area from this factor. So the number of parameters is the same as in W. In kPa
-and N, a_e and b_e are in 1e-3 m^2. The pressure must be in kPa (W eq 10).""",
+cannot separate the area from this factor. So the number of parameters is the same as in W. With
+the pressure in kPa and the force in N, the unit of a_e and b_e is 1e-3 m^2. The pressure must be
+in kPa (W eq 10).""",
     ),
 )
