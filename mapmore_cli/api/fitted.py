@@ -239,8 +239,8 @@ class Fitted(LoadedModel):
     fit
         The result of the fit, with every step of the selection of terms.
     held_out
-        The held-out samples, curve by curve. Of a long recording, it contains only the samples
-        that the figures show.
+        The held-out samples, curve by curve. If a recording is long, only the samples that the
+        figures show are included.
     warnings
         All warnings that the command would print. A warning that makes the model useless is also
         a Python warning.
@@ -286,9 +286,10 @@ class Fitted(LoadedModel):
     def summary(self) -> Table:
         """Return a table of all coefficients with standard error, t value and ERR.
 
-        Its notes have the model in physical units, the number of samples and of parameters, AIC and
-        BIC (if all samples have the same weight), and the coefficients that the training data do
-        not determine. The property `records` of the table has its rows as mappings.
+        The notes of the table contain the model in physical units, the number of samples and of
+        parameters, AIC and BIC (if all samples have the same weight), and the coefficients that the
+        training data do not determine. The property `records` of the table has the rows as
+        mappings.
         """
         fit = self.spec.fit
         weighed = bool(self.spec.data.uncertainty) or fit.loss != "squares"

@@ -41,7 +41,7 @@ FORMULAS = (
         """Kinetic friction that changes from B0 at rest to B1 at high speed (Tondu).
 
 Table 1 of M2 prints `exp(-strain_rate/B2)`, which grows without bound when the muscle extends.
-Here, the exponent has the magnitude of the rate, as in M2 eq 24.""",
+Here, the exponent contains `|strain_rate|` instead of `strain_rate`, as in M2 eq 24.""",
     ),
     friction(
         "peternel",

@@ -112,12 +112,12 @@ other parameters, and its fit allows real braids only.""",
         (),
         """Tondu and Lopez' static force of a braided cylinder, from virtual work.
 
-W eq 4 takes the area pi D^2/4 from the muscle's nominal diameter and fits only the angle. Here,
-both the angle and the area are fitted. The diameter of the bladder need not be known, and the
-training error cannot be larger than with a fixed area. With the pressure in kPa and the force in
-N, the unit of the area is 1e-3 m^2. With a fitted area, the formula is W eq 3 with other
-parameters. `tondu_lopez` gives the same forces as `chou_hannaford` if the fitted parameters of
-`chou_hannaford` describe a real braid.""",
+W eq 4 takes the area pi D^2/4 from the muscle's nominal diameter and fits only the angle. In
+`tondu_lopez`, both the angle and the area are fitted. The diameter of the bladder need not be
+known, and the training error cannot be larger than with a fixed area. With the pressure in kPa
+and the force in N, the unit of the area is 1e-3 m^2. With a fitted area, the formula is W eq 3
+with other parameters. `tondu_lopez` gives the same forces as `chou_hannaford` if the fitted
+parameters of `chou_hannaford` describe a real braid.""",
     ),
     braided(
         "tondu_lopez_fixed_area",
