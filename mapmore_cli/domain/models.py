@@ -136,7 +136,7 @@ class Formula(Body):
 
     @property
     def backbone(self) -> FormulaFit:
-        """The formula itself."""
+        """The fitted formula itself."""
         return self.fit
 
 

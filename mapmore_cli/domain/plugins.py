@@ -149,7 +149,9 @@ def _is_ours(point: EntryPoint) -> bool:
     return point.module.partition(".")[0] == OUR_MODULE and _owner(point) == OURS
 
 
-@cache  # because reading the list of installed packages takes most of the time at the start
+# The result is cached, because reading the list of installed packages takes most of the time at
+# the start.
+@cache
 def _installed() -> tuple[EntryPoint, ...]:
     """Return the entry points of mapmore itself, and the entry points that other packages provide
     for it. A package whose list of entry points cannot be read is left out.

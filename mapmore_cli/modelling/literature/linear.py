@@ -88,7 +88,7 @@ def _lengths(columns: Array) -> Array:
     """
     largest = np.abs(columns).max(axis=0)
     largest[largest == 0.0] = 1.0
-    # scaled first, because squares may overflow or underflow
+    # The columns are scaled first, because the squares of their values may overflow or underflow.
     lengths = largest * np.linalg.norm(columns / largest, axis=0)
     lengths[lengths == 0.0] = 1.0
     return np.asarray(lengths)
