@@ -34,8 +34,8 @@ THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "VECLIB
 
 
 def __getattr__(name: str) -> Any:
-    """Load the interface when a part of it is first needed, so that the command line starts without
-    NumPy.
+    """Load the Python interface only when one of its names is first used, so that the command line
+    starts without NumPy.
     """
     if name not in __all__:
         raise AttributeError(f"module 'mapmore_cli' has no attribute '{name}'")
@@ -43,5 +43,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """Return the names in the interface, whether or not they are loaded yet."""
+    """Return all names of the Python interface, including those that are not loaded yet."""
     return __all__

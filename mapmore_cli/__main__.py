@@ -37,8 +37,9 @@ def main() -> None:
 
 
 def _hold_standard_streams() -> None:
-    """Open a placeholder for each closed standard stream, because the next file would otherwise get
-    its number. Reading stdin and writing stdout then fail, and messages on stderr are lost.
+    """Open a placeholder for each standard stream that is closed. Without it, the next file that is
+    opened would get the number of this stream. Reading stdin and writing stdout then fail, and
+    messages on stderr are lost.
     """
     for number, name, way in (
         (0, "stdin", os.O_WRONLY),

@@ -29,16 +29,15 @@ from mapmore_cli.pipeline.frames import Door, labels_of
 
 TOLERANCE = 1e-4  # default tolerance with `stop: tolerance`
 FEWEST = 3  # a model may have this many terms, however few samples there are
-# Rounding may remove this fraction of the differences between the powers of a column.
-# If it would remove more, the mean of the column is subtracted first.
+# largest rounding error of the differences between powers of a column that is not centred
 LOST = 1e-10
-# A coefficient is a sum of contributions.
-# A sum that is below this fraction of the sum of their magnitudes counts as zero.
+# A coefficient is a sum of contributions, which may cancel.
+# It counts as zero if it is below this fraction of the sum of the magnitudes of all contributions.
 ROUNDING = 1e-13
 
 
 class NotFitted(ValueError, AttributeError):
-    """Error of a method that needs a fit: `fit` has not been called yet."""
+    """Error for calling a method that needs a fit before `fit` was called."""
 
 
 @dataclass(eq=False, repr=False)
@@ -52,17 +51,18 @@ class FROLS:
       criterion (`ebic`) chooses the number of terms, up to half of the number of samples, so that
       noise is left unexplained.
 
-    `X` and `y` may be arrays and frames of any kind. Units, and values that are missing or masked,
-    are refused.
+    `X` and `y` may be arrays and frames of any kind. Arrays with units, and missing or masked
+    values, are refused.
 
-    After `fit`, `terms_`, `coef_` and `err_` are the terms, their coefficients and error reduction
-    ratios, (k,). Monomials of a column of `X` that is far from zero, for example `1e6 + x`, differ
-    only by rounding errors. The mean of such a column is subtracted before terms are selected;
-    `selection_` and `table_` contain terms of the column minus its mean, and `predict` uses these
-    terms.
-    `terms_` and `coef_` describe the same model with the column as it was passed in `X`. For this,
-    powers are multiplied out. This can add terms that were not selected; their error reduction
-    ratio is zero.
+    After `fit`, the attributes `terms_`, `coef_` and `err_`, (k,) each, hold the terms, their
+    coefficients and their error reduction ratios.
+
+    If a column of `X` is far from zero, for example `1e6 + x`, its monomials differ only by
+    rounding errors. The mean of such a column is subtracted before terms are selected. `predict`
+    uses terms of the column minus its mean, and `selection_` and `table_` contain these terms.
+    `terms_` and `coef_` describe the same model by terms of the original column. For this, powers
+    of (column - mean) are expanded, which can add terms that were not selected. The error reduction
+    ratio of an added term is zero.
 
     >>> x = np.linspace(0, 1, 50)
     >>> model = FROLS(order=2, max_terms=2).fit(np.column_stack([x, np.cos(9 * x)]), 3 * x**2 - 1)
@@ -80,7 +80,8 @@ class FROLS:
     def fit(self, X: ArrayLike, y: ArrayLike) -> Self:
         """Select terms for the target `y`, (n,), among monomials of the columns of `X`, (n, m).
 
-        Raises ValueError for tables of another form, or values that are not finite.
+        Raises ValueError if `X` is no table of numbers, if `y` is no column of numbers, or if a
+        value is not finite.
         """
         names, values = _names_of_frame(X), _numeric_table(X)
         target = _target(y, len(values))
@@ -192,23 +193,23 @@ class FROLS:
 
     @property
     def table_(self) -> list[dict[str, Any]]:
-        """One row for each term, in the order of selection: `{"term", "coefficient",
-        "standard_error", "t", "err"}`.
+        """One row for each term, in the order of selection, with the keys `term`, `coefficient`,
+        `standard_error`, `t` and `err`.
         """
         self._check_fitted()
         return self.selection_.table()
 
     @property
     def errors_note_(self) -> str:
-        """Sentence that says how far the standard errors can be trusted. They are lower bounds if
-        neighbouring samples have similar errors.
+        """Sentence that says how far the standard errors can be trusted. If neighbouring samples
+        have similar errors, the standard errors are lower bounds.
         """
         self._check_fitted()
         return self.selection_.errors_note
 
     @property
     def equations_(self) -> tuple[str, ...]:
-        """The model as text, with six digits."""
+        """The model as text, with coefficients rounded to six digits."""
         self._check_fitted()
         parts = [
             f"{c:.6g}" if t == "1" else f"{c:.6g}*{t}"
@@ -261,7 +262,9 @@ class FROLS:
 
 
 def _names_of_frame(X: object) -> list[str] | None:
-    """Return the names of a frame's columns; None if there are none, or if not all are texts."""
+    """Return the names of the columns of a frame; None if it has no names, or if a name is not a
+    text.
+    """
     labels = labels_of(X) or ()
     names = [label for label in labels if isinstance(label, str)]
     if len(set(names)) < len(names):
@@ -306,8 +309,8 @@ def _target(y: object, rows: int) -> Array:
 
 
 def _of_sklearn(name: str, otherwise: type) -> Any:
-    """Return the class that scikit-learn uses for an error if scikit-learn is loaded, and
-    `otherwise` if not.
+    """Return the error class that scikit-learn uses, if scikit-learn is loaded. If it is not
+    loaded, return `otherwise`.
     """
     return getattr(sys.modules.get("sklearn.exceptions"), name, otherwise)
 

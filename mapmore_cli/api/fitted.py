@@ -1,4 +1,6 @@
-"""Return the result of a fit in Python: the model, its scores, and how it was made."""
+"""Provide the result of a fit in Python. It consists of the model, its scores, and the spec from
+which it was made.
+"""
 
 from __future__ import annotations
 
@@ -89,8 +91,8 @@ class Scores(tuple[Mapping[str, Any], ...]):
     def of_model(
         self, model: str = "mapmore", split: str = "validate", target: str | None = None
     ) -> Mapping[str, Any]:
-        """Return the pooled row of a model. Without `target`, it is the row of the first target.
-        Raises `KeyError` if there is no such row.
+        """Return the row of a model in which all curves are pooled. Without `target`, it is the row
+        of the first target. Raises `KeyError` if the table has no such row.
         """
         for row in self:
             row_key = (row["model"], row["split"], row["curve"])
@@ -132,8 +134,8 @@ class Study:
         return load_text(text, HERE, self.folder, as_overrides(changes), tables)
 
     def written(self, place: Path) -> str:
-        """Write the frames to a folder beside the file `place`, and return the text of a spec for
-        this file that reads them.
+        """Write the frames to a folder beside the file `place`. Return the text of the spec for
+        this file, which reads the frames from that folder.
         """
         loaded = self.loaded()
         if loaded.tables:
@@ -177,8 +179,8 @@ class _Bar:
     """Progress bar of a fit on stderr or in a notebook, shown after `PATIENCE` seconds; use it as a
     context manager.
 
-    `is_wanted` is True to show it at once, even if stderr is a file; None to show it only in a
-    terminal or a notebook; False never to show it.
+    If `is_wanted` is True, the bar is shown at once, even if stderr is a file. If it is None, the
+    bar is shown only in a terminal or a notebook. If it is False, the bar is never shown.
     """
 
     def __init__(self, is_wanted: bool | None) -> None:
@@ -221,11 +223,12 @@ class _Bar:
 
 @dataclass(frozen=True, repr=False)
 class Fitted(LoadedModel):
-    """A model with its scores and the spec that made it. Call it with the inputs, in the model's
-    units.
+    """A model with its scores and the spec that made it. Call the model with its inputs, in the
+    units of the model.
 
-    If you ask for intervals (also in a plot), the model is fitted again without each curve. This is
-    not necessary if the spec has `validate: {intervals: true}`.
+    If you ask for intervals, also in a plot, the model is fitted again without each curve, which
+    takes time. These fits are made together with the model if the spec has `validate: {intervals:
+    true}`.
 
     Attributes
     ----------
@@ -236,13 +239,13 @@ class Fitted(LoadedModel):
     fit
         The result of the fit, with every step of the selection of terms.
     held_out
-        The held-out samples, curve by curve. Of a long recording, it contains only the samples
-        that the figures show.
+        The held-out samples, curve by curve. If a recording is long, only the samples that the
+        figures show are included.
     warnings
         All warnings that the command would print. A warning that makes the model useless is also
         a Python warning.
     doubts
-        The warnings of the rules of `mapmore check`. They are Python warnings, too.
+        The warnings of the rules of `mapmore check`. These warnings are also Python warnings.
     """
 
     scores: Scores
@@ -283,9 +286,10 @@ class Fitted(LoadedModel):
     def summary(self) -> Table:
         """Return a table of all coefficients with standard error, t value and ERR.
 
-        Its notes have the model in physical units, the number of samples and of parameters, AIC and
-        BIC (if all samples have the same weight), and the coefficients that the training data do
-        not determine. The property `records` of the table has its rows as mappings.
+        The notes of the table contain the model in physical units, the number of samples and of
+        parameters, AIC and BIC (if all samples have the same weight), and the coefficients that the
+        training data do not determine. The property `records` of the table has the rows as
+        mappings.
         """
         fit = self.spec.fit
         weighed = bool(self.spec.data.uncertainty) or fit.loss != "squares"

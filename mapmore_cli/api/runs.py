@@ -80,12 +80,13 @@ def run(
     """Run all stages of a spec, as `mapmore run` does, with results in the folder `runs`.
 
     `settings` replaces values of the spec, as `--set` does, for example `{"fit.max_terms": 2}`.
-    With `check=False`, the run goes on although `mapmore check` finds errors.
+    With `check=False`, the run continues even if `mapmore check` finds errors.
 
     Raises
     ------
     MapmoreError
-        The error that the command would print. Missed limits raise nothing: see `Run.missed`.
+        The error that the command would print. If scores miss limits, no error is raised: see
+        `Run.missed`.
     """
     overrides = tuple(as_overrides(plain_values(dict(settings or {}))))
     finished = run_one(Job(Path(config), Path(runs), overrides, Options(force, check=check)))
@@ -95,10 +96,11 @@ def run(
 
 
 def load_model(path: str | Path, *, unverified: bool = False) -> LoadedModel:
-    """Read a `model.h5` as a function of keyword arrays: `load_model("model.h5")(pressure=[100,
-    200], strain=0.1)`.
+    """Read a model file, and return the model as a function of keyword arguments. For example,
+    `load_model("model.h5")(pressure=[100, 200], strain=0.1)` returns two forces.
 
-    Warns (UserWarning) if the file has no checksum, so that a change cannot be noticed.
+    Warns (UserWarning) if the file has no checksum, because a change of the file could then not be
+    noticed.
 
     Raises
     ------

@@ -60,11 +60,11 @@ def fit(
         with the label 2, or the third column if no label is a number. The index of a data frame is
         ignored. Masked values, None and `pd.NA` are missing values. Arrays with units (pint,
         astropy, xarray) are converted. `time` may contain dates or durations. Texts, truth values
-        and complex numbers are refused. The same rules hold for the inputs of a fitted model.
+        and complex numbers are refused. All of this also applies to the inputs of a fitted model.
     columns
-        Which column contains which quantity. Columns that are called `time`, `pressure`, `strain`,
-        `force` or like another known quantity need no entry. If `columns` is left out and
-        `target` is the label of a column, all quantities have the labels of their columns.
+        Which column contains which quantity. A column needs no entry if its label is the name of a
+        known quantity, for example `time`, `pressure`, `strain` or `force`. If `columns` is left
+        out and `target` is the label of a column, every column is a quantity with its label.
     target
         What the model predicts: the `static`, `hysteresis`, `damping` or `dynamic` force, a
         quantity, or several quantities that share segments and terms.
@@ -72,49 +72,52 @@ def fit(
         The quantity that is constant within a curve, for example `{"of": "pressure", "at":
         "auto"}`.
     split
-        Which data are held out of training, for example `{"validate": {"pressure": [250]}}`.
+        Which data are held out of training, for example `dict(validate=dict(pressure=[250]))`.
     segment
         How the range of each variable is cut into segments, for example `{"strain": {"method":
-        "even", "count": 4}}`. `none` uses the curves of all levels together.
+        "even", "count": 4}}`. For the level quantity, the value `none` pools the curves of all
+        levels into one.
     dictionary
-        Kinds of candidate terms, for example `[{"polynomial": {"of": ["strain"], "order": 4}}]`.
+        Kinds of candidate terms, for example `[dict(polynomial=dict(of=["strain"],
+        order=4))]`.
     model
         Kind of the model, and the formula to which the segment functions are added, for example
         `{"backbone": "sarosi"}`.
     fit
-        How terms are chosen, and how many, for example `{"max_terms": 2}`.
+        How terms are chosen, and how many terms, for example `{"max_terms": 2}`.
     fuse
         How the segment functions are joined, and what the model does outside the measured range,
         for example `{"transition": "linear", "z_s": 0.25}`.
     validate
-        Competitors of the model, and limits for its scores, for example `{"against": ["sarosi"],
-        "require": {"nrmse": 0.05}}`.
+        Competitors of the model, and limits for its scores, for example `dict(against=["sarosi"],
+        require=dict(nrmse=0.05))`.
     formulas
-        Formulas of your own, each as a file or as a mapping, for example `["my_formula.yaml"]`.
+        Formulas that you define yourself, each as a file or as a mapping, for example
+        `["my_formula.yaml"]`.
     muscle
         The muscle that was measured, for example `{"length": "88 mm", "diameter": "20 mm"}`.
     units
         Units of quantities in the model and on pages, for example `{"pressure": "bar"}`.
     needs
-        Specs of other runs on which this one builds, for example `{"static": "static.yaml"}`.
+        Specs of other runs on which this study builds, for example `{"static": "static.yaml"}`.
     report
-        Figures and files of the report, for example `{"formats": ["html", "pdf"]}`.
+        Figures and files of the report, for example `dict(formats=["html", "pdf"])`.
     name
         Name of the model.
     check
         With `check=False`, an error of `mapmore check` becomes a warning, and the fit goes on.
     progress
-        Whether a bar shows how far the work has come: True shows it at once, False never. By
-        default, a terminal or a notebook shows one after two seconds.
+        Whether a progress bar is shown. True shows a bar at once, and False never shows one. By
+        default, a terminal or a notebook shows a bar after two seconds.
     of_data
         Other keys of the section `data`, for example `cycles`, `resample` or `derive`.
 
     Raises
     ------
     SpecError
-        If a section of the spec is wrong.
+        If a section of the spec has a mistake.
     DataError, FitError
-        If the data are wrong, or if a fit failed.
+        If the data have a mistake, or if a fit failed.
 
     Examples
     --------
@@ -217,8 +220,9 @@ def _reader_of(path: object) -> str:
 def example() -> list[dict[str, Array]]:
     """Return four load cycles of a simulated Peano muscle, as `mapmore example` writes them.
 
-    Each is a recording at one pressure (80, 200, 350, 500 kPa): `time` s, `pressure` kPa, `strain`
-    1, `force` N, (n,) each.
+    Each cycle is a recording at one pressure (80, 200, 350 or 500 kPa). Each
+    recording has the columns `time` in s, `pressure` in kPa, `strain` (without a unit) and `force`
+    in N, shape (n,) each.
 
     Examples
     --------

@@ -1,4 +1,6 @@
-"""Define the samples that belong to one row of the score table, and sums over them."""
+"""Define the samples that belong to one row of the score table, and compute sums over these
+samples.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,7 @@ class SampleBlock(NamedTuple):
     predicted: Array
     one_step: Array  # one-step-ahead predictions, from measured outputs
     half: Array  # half the width of the prediction interval
-    sigma: Array  # uncertainty of the measured values
+    sigma: Array  # standard deviation of the measured values
 
     @property
     def error(self) -> Array:
@@ -63,12 +65,12 @@ class Compared:
     free: int = 0
 
     def total(self, of: Callable[[SampleBlock], Array | BoolArray]) -> float:
-        """Return the sum of a function of the samples."""
+        """Return the sum of `function(block)` over all samples."""
         with np.errstate(over="ignore", invalid="ignore"):
             return float(sum(float(np.sum(of(block))) for block in self.blocks()))
 
     def spread(self, of: Callable[[SampleBlock], Array]) -> float:
-        """Return the sum of squared deviations of a function of the samples from its mean."""
+        """Return the sum of squares of `function(block)` minus its mean, over all samples."""
         mean = self.total(of) / max(self.total(lambda block: np.ones(len(of(block)))), 1)
         return self.total(lambda block: (of(block) - mean) ** 2)
 
@@ -110,7 +112,9 @@ class Compared:
 
     @cached_property
     def chi2(self) -> float:
-        """Sum of squares of the errors divided by their uncertainty; NaN without uncertainty."""
+        """Sum of squares of (error divided by uncertainty of the sample); NaN if the uncertainties
+        are unknown.
+        """
         return self.total(lambda block: (block.error / block.sigma) ** 2)
 
     @property

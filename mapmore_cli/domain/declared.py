@@ -1,4 +1,4 @@
-"""Declare each setting once, as a field of a frozen dataclass beside the mathematics that uses it.
+"""Declare each setting once, as a field of a frozen dataclass in the module that uses it.
 
     z_s: Annotated[float, Interval(ge=0, le=0.5)] = 0.25
 
@@ -29,10 +29,10 @@ def prose(docstring: str | None) -> str:
 
 
 class Handler(Protocol):
-    """Function of pydantic that makes the schema of a type."""
+    """Type of the function with which pydantic makes the schema of a type."""
 
     def __call__(self, source: object, /) -> dict[str, object]:
-        """Return the schema that pydantic would make for the type without our hook."""
+        """Return the schema that pydantic makes for the type by default."""
 
     def generate_schema(self, source: object, /) -> dict[str, object]:
         """Return the schema of any type, not only of the type that pydantic is handling."""
@@ -70,8 +70,8 @@ class Settings:
 
     @classmethod
     def _noted(cls, value: object, info: Info) -> object:
-        """Report to the loader which keys this mapping may have, for messages about unknown
-        keys.
+        """Report the keys that this mapping may have to the loader, which names them in messages
+        about unknown keys.
         """
         if info.context is not None and isinstance(value, Mapping):
             info.context.note(value, [key.name for key in fields(cls)])
@@ -113,7 +113,7 @@ def from_fields(of: type[S], settings: object, **own: object) -> S:
     return of(**{**shared, **own})
 
 
-# Either of several forms
+# Values that may have several forms
 # --------------------------------------------------------------------------------------------------
 
 
@@ -202,7 +202,7 @@ class Matching:
     pattern: str
 
     def __get_pydantic_core_schema__(self, source: object, handler: Handler) -> object:
-        """Return the schema of the text with its pattern added."""
+        """Return the schema of a text that must match the pattern."""
         return {**handler(source), "pattern": self.pattern}
 
 
@@ -305,12 +305,14 @@ class Difference(InUnit):
 
 
 def always_in(unit: str) -> InUnit:
-    """Mark a number whose unit is always the same."""
+    """Return the mark of a number that always has the same unit."""
     return InUnit(lambda _: unit, unit)
 
 
 def of_sibling(name: str, mark: type[InUnit] = InUnit) -> InUnit:
-    """Mark a number in the unit of the quantity that another key of the section names."""
+    """Return the mark of a number whose unit is that of a quantity, which another key of the
+    section names.
+    """
     return mark(lambda place: place.unit_of(place.siblings.get(name)), f"that of `{name}`")
 
 

@@ -1,8 +1,8 @@
 """Define the errors that end a command, one class for each exit code, and warnings about other
 runs.
 
-Scripts rely on the codes (docs/messages.md, "Exit codes"). The command line turns a `MapmoreError`
-into its message and its code, and any other exception into an internal fault.
+Scripts rely on the codes (docs/messages.md, "Exit codes"). For a `MapmoreError`, the command line
+prints the message and ends with the code. Any other exception is reported as an internal fault.
 """
 
 from __future__ import annotations

@@ -50,8 +50,8 @@ class Fit:
 
 @dataclass(frozen=True)
 class Scaling:
-    """Elementwise linear scaling `z_j = slope_j x_j + intercept_j`, `y = y_slope y_scaled +
-    y_intercept` (M2 eq 8).
+    """Linear scaling of the inputs, `z_j = slope_j x_j + intercept_j`, and of the output, `y =
+    y_slope y_scaled + y_intercept` (M2 eq 8).
 
     `placement` says for each variable at which end of its range the scaled origin lies, for example
     `left,right`; it is `-` if the scaling rule places no origin.
@@ -70,7 +70,7 @@ class Scaling:
 
 @dataclass(frozen=True)
 class ChosenTerms:
-    """Results of FROLS for the k chosen terms (M2 eq 2-7), in scaled coordinates."""
+    """Results of FROLS for only the k chosen terms (M2 eq 2-7), in scaled coordinates."""
 
     theta: Annotated[Array, "(k) coefficients of the terms, A theta = g"]
     theta_error: Annotated[Array, "(k) standard errors of theta; NaN without a degree of freedom"]
@@ -142,7 +142,9 @@ class Selection(ChosenTerms):
 
     @property
     def errors_note(self) -> str:
-        """Assumption about residuals on which the standard errors are based, in a sentence."""
+        """Sentence that states the assumption about residuals on which the standard errors are
+        based.
+        """
         if self.curves:
             return BY_CURVE
         return LOWER_BOUND if math.isnan(self.worth) else BY_RECORDING
@@ -161,9 +163,9 @@ class Selection(ChosenTerms):
         )
 
     def table(self) -> list[dict[str, Any]]:
-        """Return a row for each term in the order of selection: `{"term", "coefficient",
-        "standard_error", "t", "err"}`; t is the coefficient divided by its standard error.
-        `errors_note` states the assumption about residuals.
+        """Return a row for each term in the order of selection, with the keys `term`,
+        `coefficient`, `standard_error`, `t` and `err`; t is the coefficient divided by its
+        standard error. `errors_note` states the assumption about residuals.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             t = self.theta / self.theta_error
@@ -205,7 +207,7 @@ class Segment(GridCell):
 
 @dataclass(frozen=True)
 class CutCurve(CurveRange):
-    """Range of a training curve, and the places at which it is cut."""
+    """Range of a training curve, and the places at which the curve is cut into segments."""
 
     boundaries: Annotated[
         tuple[Boundaries, ...],
@@ -224,7 +226,9 @@ class SegmentedCurve(CutCurve):
 
 @dataclass(frozen=True)
 class SegmentFit(GridCell):
-    """A segment function: the chosen terms with their scaling, and how they were found."""
+    """A segment function: the chosen terms with their scaling, and the results of their
+    selection.
+    """
 
     candidates: Annotated[tuple[TermName, ...], "(M) names of all M dictionary terms"]
     scaling: Annotated[Scaling, "scaling of the segment"]
@@ -238,8 +242,8 @@ class SegmentFit(GridCell):
 
 @dataclass(frozen=True)
 class Optimum:
-    """Another local minimum of a formula's error. It explains the training data nearly as well as
-    the best fit.
+    """Another local minimum of a formula's error, at which the formula fits the training data
+    nearly as well as at the best fit.
     """
 
     parameters: Annotated[Mapping[QuantityName, float], "its parameters", "those of the formula"]
@@ -348,7 +352,9 @@ class StateSet:
 
     @property
     def longest_step(self) -> float:
-        """Longest time between two samples, s, across which the memory continues."""
+        """Longest time between two samples, in s, over which the memory continues. A longer time
+        counts as a gap.
+        """
         return math.inf if self.ordered else self.step
 
     @property
@@ -359,7 +365,7 @@ class StateSet:
 
 @dataclass(frozen=True)
 class MemoryModel:
-    """Model with memory: `output[k] = constant + sum_j theta_j D_j(states[k])`.
+    """Model with memory, whose output at sample k is `constant + sum_j theta_j D_j(states[k])`.
 
     A free run begins with measured outputs. It has diverged if an output lies outside `limits` by
     more than a hundred times their range.
@@ -403,7 +409,7 @@ class MemoryModel:
 
 @dataclass(frozen=True)
 class Identified:
-    """Parameters of operators that training estimated.
+    """Parameters of operators that were estimated in training.
 
     If the search for a parameter ended at one of its bounds (`held`), the data do not determine
     this parameter.
@@ -416,7 +422,7 @@ class Identified:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """One note for each parameter at a bound."""
+        """One note for each parameter that ended at a bound of the search."""
         note = (
             "lies at a bound of its search, because the training data call for a value beyond it, "
             "or do not determine it"

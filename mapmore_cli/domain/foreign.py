@@ -50,8 +50,8 @@ def csv_cell(text: str) -> str:
 
 
 def plain(text: str) -> str:
-    """Return the text in the alphabet `PLAIN`, on one line. Any other character becomes its number
-    in braces, for example `{2A}`.
+    """Return the text on one line, with only characters of the alphabet `PLAIN`. Any other
+    character is replaced by its number in braces, for example `{2A}`.
     """
     return "".join(char if char in PLAIN else f"{{{ord(char):X}}}" for char in text)
 

@@ -79,9 +79,9 @@ class Joining(Settings):
 class Fusion(Joining):
     """Rules for joining the pieces (M2 eq 9-12).
 
-    With `hold: samples`, a segment function goes on outside its samples for `z_s` times the width
-    of their range, and is constant beyond, if transition zones reach that far. With `none`, it goes
-    on without a limit (exactly M2 eq 9-11).
+    With `hold: samples`, a segment function continues outside the range of its samples by `z_s`
+    times the width of this range. Farther outside, it is constant. With `none`, it continues
+    without a limit, exactly as in M2 eq 9-11.
 
     `shrink` is the factor g by which pieces on a backbone are multiplied midway between two levels.
     At the fraction t of the distance between the levels, the factor is `g + (1 - g)(1 - 2t)^2`.

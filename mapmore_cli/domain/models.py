@@ -84,7 +84,7 @@ B = TypeVar("B", bound=Body)
 
 @dataclass(frozen=True, eq=False)  # compared by identity, because arrays have no hash
 class Pieces(Body):
-    """Model of pieces (MAPMORE): `output = backbone + sum_i f_i prod_j w_ij` (M2 eq 9).
+    """Model of pieces (MAPMORE), with the output `backbone + sum_i f_i prod_j w_ij` (M2 eq 9).
 
     `level` is None if all curves are pooled. Curves have no segments if cross-validation showed
     that segments do not improve the backbone; the model is then the backbone alone.
@@ -136,7 +136,7 @@ class Formula(Body):
 
     @property
     def backbone(self) -> FormulaFit:
-        """The formula itself."""
+        """The fitted formula itself."""
         return self.fit
 
 
@@ -179,8 +179,8 @@ LeftOutKind = Literal["levels", "recordings", "blocks", "specimens"]
 
 @dataclass(frozen=True)
 class LeftOut:
-    """Errors of models on each part of the training data that was left out of their fits, from
-    which intervals are computed.
+    """Errors of predictions of left-out parts of the training data, from which intervals are
+    computed. Each left-out part is predicted by a model that was fitted without this part.
 
     If the parts are levels, the lowest and the highest level are not left out.
     """
@@ -225,8 +225,8 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class KeptShape:
-    """Required shape of the output along one input. It also says where the shape changes the
-    coefficients, and how far a fit without the shape would violate it.
+    """Required shape of the output along one input, with the ranges in which the shape changes the
+    coefficients, and with the amount by which a fit without the shape would violate it.
     """
 
     quantity: Annotated[QuantityName, "the input; for `positive`, the output itself"]
@@ -246,8 +246,8 @@ class KeptShape:
 @dataclass(frozen=True)
 class Shape:
     """Shape that a model keeps over its training range, extended on each side by the fraction
-    `beyond` of this range. It need not hold where the training output is small, that is, in the
-    lowest fraction `slack` of its range.
+    `beyond` of this range. The shape is not required at places at which the training output is
+    small, that is, in the lowest fraction `slack` of its range.
 
     The errors are root mean square errors of a fit with the shape and of a fit without it.
     """
@@ -287,8 +287,8 @@ class Shape:
 
 @dataclass(frozen=True)
 class Model:
-    """A model that predicts without any other file. It has the fields that are common to all kinds
-    of models, and a body that depends on the kind.
+    """A model that predicts without any other file. A model consists of fields that are common to
+    all kinds of models, and of a body that depends on the kind.
     """
 
     name: Annotated[Label, "name of the run"]
@@ -316,7 +316,7 @@ class Model:
 
     @property
     def each(self) -> tuple[Model, ...]:
-        """The model of each output; with one output, the model itself."""
+        """The model of each output. If there is only one output, it is the model itself."""
         return self.body.models if isinstance(self.body, Outputs) else (self,)
 
     @property
@@ -332,12 +332,12 @@ class Model:
 
     @property
     def pieces(self) -> Pieces | None:
-        """The body of the model if it consists of pieces."""
+        """The body of the model if the model consists of pieces; None otherwise."""
         return self.body if isinstance(self.body, Pieces) else None
 
     @property
     def level(self) -> str | None:
-        """The input that is constant within a training curve, or None."""
+        """The input that is constant within each training curve; None if there is no such input."""
         return getattr(self.body, "level", None)
 
     @property
@@ -361,8 +361,8 @@ class Equation:
     """Equation of one piece of a model, in physical units.
 
     - `id`: id of a segment, or name of a formula.
-    - `text`: one line that can be copied and computed; `latex`, `mathml`: the same for typesetting,
-      `mathml` in parts between which a line may break.
+    - `text`: the equation as one line that can be copied and computed. `latex`, `mathml`: the
+      equation for typesetting; `mathml` consists of parts between which a line may break.
     - `weight`: range of the inputs in which the weight of the piece is not zero, and the places
       outside which its output is constant; empty if the piece is used everywhere.
     """

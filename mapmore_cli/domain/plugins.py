@@ -80,10 +80,10 @@ def parts(
                 if not isinstance(part.value, form):
                     raise TypeError(f"{type(part.value).__name__} is no {form.__name__}")
                 check = getattr(part.value, "checked", None)
-                if check and type(part.value) is form:  # tests check other parts
+                if check and type(part.value) is form:  # tests check mapmore's own parts
                     check()
                 added.append(Added(part.name, part.value, part.source))
-        # a plugin may raise any exception, and the other parts must still work
+        # a plug-in may raise any exception, but all other plug-ins must still work
         except Exception as fault:
             leave_plugin_out(group, name, fault.__cause__ or fault)
             continue
@@ -136,7 +136,7 @@ NONE_OF_OTHERS = "MAPMORE_NO_PLUGINS"
 
 
 def leave_out_others() -> None:
-    """Leave out the plugins of all other packages, in this process and in its child processes."""
+    """Use no plug-ins of other packages, in this process and in its child processes."""
     os.environ[NONE_OF_OTHERS] = "1"
     for remembered in (_installed, entry_points):
         remembered.cache_clear()
@@ -149,7 +149,9 @@ def _is_ours(point: EntryPoint) -> bool:
     return point.module.partition(".")[0] == OUR_MODULE and _owner(point) == OURS
 
 
-@cache  # because reading the list of installed packages takes most of the time at the start
+# The result is cached, because reading the list of installed packages takes most of the time at
+# the start.
+@cache
 def _installed() -> tuple[EntryPoint, ...]:
     """Return the entry points of mapmore itself, and the entry points that other packages provide
     for it. A package whose list of entry points cannot be read is left out.
@@ -168,7 +170,7 @@ def _installed() -> tuple[EntryPoint, ...]:
             if identity not in packages and (is_ours or not only_ours):
                 packages.add(identity)
                 points += found
-        # a package may raise any exception, and the other packages must still work
+        # a package may raise any exception, but all other packages must still work
         except Exception as fault:
             left_out = f"the plug-ins of {_name_of(package)} are left out"
             why = f"its entry_points.txt cannot be read ({type(fault).__name__}: {fault})"

@@ -1,4 +1,6 @@
-"""Define measurements: recordings as read, and the curves made from them."""
+"""Define measurements: recordings as they were read, and the curves that are made from
+recordings.
+"""
 
 from __future__ import annotations
 
@@ -158,7 +160,9 @@ class Curve:
 
     @property
     def training(self) -> BoolArray:
-        """Return True for training samples, (n,): those that are neither held out nor at rest."""
+        """Return a mask, (n,), of the training samples. These are the samples that are neither held
+        out nor at rest.
+        """
         return ~self.held_out if self.at_rest is None else ~(self.held_out | self.at_rest)
 
     def at(self, rows: IntArray | BoolArray) -> Curve:
@@ -241,7 +245,7 @@ class Grouping:
 
 @dataclass(frozen=True)
 class Dataset:
-    """Recordings as read, and the curves made from them."""
+    """Recordings as they were read, and the curves that were made from them."""
 
     target: Annotated[QuantityName, "the modelled column of the curves"]
     level: Annotated[QuantityName | None, "the quantity that is constant within a curve"]
@@ -265,8 +269,8 @@ class Dataset:
 
     @property
     def each(self) -> tuple[Dataset, ...]:
-        """The dataset of each single output. The other outputs are left out, so that they cannot be
-        inputs.
+        """A dataset for each output. Each contains only one of the outputs, so that the other
+        outputs cannot be inputs.
         """
         return tuple(replace(self, target=name, also=()) for name in (self.target, *self.also))
 

@@ -27,8 +27,8 @@ class PiecesFit(Fit):
 
 @dataclass(frozen=True)
 class Outlier:
-    """A training sample that lies far from the fit. It has a smaller weight in the fit, but is not
-    removed.
+    """A training sample that lies far from the fit, and therefore has a smaller weight in the
+    fit.
     """
 
     file: Annotated[str, "file that it comes from"]
@@ -40,7 +40,7 @@ class Outlier:
 
 @dataclass(frozen=True)
 class FitResult:
-    """Result of a fit. It includes every step of the term selection.
+    """Result of a fit, including every step of the term selection.
 
     `body` has the type of its kind (`modelling.kinds`). It is fitted to the residual of `backbone`
     if there is one.
@@ -69,7 +69,7 @@ class FitResult:
 
     @property
     def memory(self) -> MemoryFit | None:
-        """The fit of a model with memory, or None."""
+        """The fit of a model with memory; None for any other model."""
         return self.body if isinstance(self.body, MemoryFit) else None
 
     @property
@@ -107,9 +107,9 @@ RARE = 0.01
 
 @dataclass(frozen=True)
 class ResidualTest:
-    """Result of a test that shows whether the errors contain more than noise: correlations of the
-    errors with themselves or with an input at some lags, or means of the errors in parts of an
-    input's range.
+    """Result of a test that shows whether the errors contain more than noise. The tested values are
+    correlations of the errors with themselves or with an input at some lags, or means of the errors
+    in parts of the range of an input.
 
     The correlation of a residual with itself, which is one, is not tested.
     """
@@ -208,7 +208,7 @@ class Validation:
 
     @property
     def table(self) -> ScoreTable:
-        """The scores and findings of all outputs, without the predictions."""
+        """Score table of all outputs, with the findings of the residual tests."""
         failed = [
             name
             for output in self.each
@@ -247,7 +247,7 @@ class Forecast:
     # If the prediction of such a sample is NaN, the run has diverged.
     ready: BoolArray
     one_step: Array | None = (
-        None  # prediction of every sample from the measured past; None for a model without memory
+        None  # one-step-ahead prediction of every sample; None for a model without memory
     )
     half: Array | None = (
         # half the width of the prediction interval, NaN for a sample without one
@@ -278,13 +278,13 @@ class Tried:
     family: str  # kind of the structure
     words: str  # name of the structure
     sections: Mapping[str, Any]  # sections of the spec that define the structure, by name
-    parameters: int = 0  # free parameters of the model that is fitted to all training data
+    parameters: int = 0  # number of free parameters of the model, fitted to all training data
     errors: tuple[
         float, ...
         # RMSE on each left-out fold, divided by `Search.scale`; empty if a fit failed
     ] = ()
     error: float = math.nan  # root mean square of the errors in `errors`
-    # the same for folds that leave out whole levels or recordings; NaN if there are too few
+    # `error` for folds that leave out whole levels or recordings; NaN if there are too few
     parts: float = math.nan
     # mean over all folds of log(error / error of the best structure)
     excess: float = math.nan
@@ -295,7 +295,9 @@ class Tried:
 
 @dataclass(frozen=True)
 class Search:
-    """All structures that a search tried, in the order in which it tried them, and its choice."""
+    """Result of a search: all structures in the order in which they were tried, and the chosen
+    structure.
+    """
 
     name: str
     target: str
@@ -304,7 +306,7 @@ class Search:
     scale: float  # divisor of errors, in the unit of the target
     tried: tuple[Tried, ...]
     best: int  # index of the structure with the smallest error
-    chosen: int  # index of the chosen structure, the simplest one whose error is as small
+    chosen: int  # index of the chosen structure
     rule: str = ""  # rule by which the structure was chosen
     cut: int = 0  # number of structures that were not tried because of the time limit
     # index of the choice before structures with more terms were tried; None if none were tried

@@ -275,12 +275,12 @@ class ScoreTable:
 
     @property
     def alert(self) -> str:
-        """Findings of the residual tests of all targets, in words; empty if all tests pass."""
+        """Sentence with the failed residual tests of all targets; empty if all tests pass."""
         return "; ".join(self.alerts.values())
 
     @property
     def each(self) -> tuple[ScoreTable, ...]:
-        """The table of each target; with one target, the table itself."""
+        """The score table of each target. If there is only one target, it is the table itself."""
         targets = dict.fromkeys(score.target for score in self.scores)
         if len(targets) < 2:
             return (self,)

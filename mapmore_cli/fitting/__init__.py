@@ -1,1 +1,3 @@
-"""Make models, competitors and folds from the sections of a spec."""
+"""Fit models and competitors, and make the folds of cross-validations, from the sections of a
+spec.
+"""

@@ -76,8 +76,8 @@ def features(curve: Curve, names: Sequence[str], delays: Sequence[int]) -> Array
 
 
 def _width(values: Array) -> Array:
-    """Return the standard deviation of each column; 1 for constant columns, so that division by it
-    is possible.
+    """Return the standard deviation of each column. For a constant column, return 1, so that the
+    column can be divided by it.
     """
     deviation = values.std(axis=0)
     return np.where(deviation > 0, deviation, 1.0)

@@ -154,8 +154,8 @@ class Contest:
         return [np.full(curve.size, np.nan) for curve in curves], None
 
     def _as_model(self, name: str, body: Computed | None) -> Model | None:
-        """Return a model of the scored quantity with this body and the training ranges of the
-        contest; None without a body.
+        """Return a model of the scored quantity that consists of `body` and the training ranges of
+        the inputs; None if `body` is None.
         """
         if body is None:
             return None
@@ -180,8 +180,8 @@ class Contest:
 
     @property
     def _inputs(self) -> list[str]:
-        """Inputs from which the scored quantity is predicted. If the model is inverted, its output
-        is one of them and the scored quantity is not.
+        """Inputs from which the scored quantity is predicted. If the model is inverted, the output
+        of the model is one of these inputs, instead of the scored quantity.
         """
         return [
             q.name for q in (self.model.output, *self.model.inputs) if q.name != self.dataset.target
@@ -189,7 +189,9 @@ class Contest:
 
     @property
     def _backbone(self) -> FormulaFit | None:
-        """The backbone of the model, if the model predicts the scored quantity."""
+        """The backbone of the model; None if the model must be inverted to predict the scored
+        quantity.
+        """
         fit: FormulaFit | None = getattr(self.model.body, "backbone", None)
         return fit if self.model.output.name == self.dataset.target else None
 
@@ -285,7 +287,9 @@ class Contest:
 
 
 def _at_levels(dataset: Dataset) -> list[Curve]:
-    """Return the curves with the level quantity of all samples replaced by its nominal value."""
+    """Return the curves, in which the level quantity has the nominal value of the level at all
+    samples.
+    """
     name = dataset.level
     return [
         replace(curve, columns={**curve.columns, name: np.full(curve.size, curve.level)})

@@ -278,8 +278,8 @@ def residuals(
 
 
 def share_beyond(predictions: Array, targets: Array) -> float:
-    """Return the largest distance of the predictions, (n,), from the range of the training targets,
-    (m,), as a share of this range; zero for a constant target.
+    """Return the largest distance by which predictions, (n,), lie outside the range of the training
+    targets, (m,), as a fraction of this range; zero for a constant target.
     """
     low, high = extremes(targets)
     farthest = np.max(np.maximum(low - predictions, predictions - high), initial=0.0)

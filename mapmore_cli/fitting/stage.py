@@ -23,8 +23,8 @@ class Need:
     - `key`: path of the spec of this run. With `overrides`, it is the name of a variation of the
       study, and the run is called `<name of the study>.<key>`.
     - `overrides`: settings of a variation, in the form of `--set`.
-    - `compared`: True if the model is only compared with. An existing model is then used unchanged,
-      and the run is made only if it has no model yet.
+    - `compared`: True if the study is only compared with this run. An existing model of the run is
+      then used unchanged, and the run is made only if it has no model yet.
     """
 
     key: str
@@ -37,11 +37,12 @@ class Workspace:
     """Folders, files and messages with which a stage works.
 
     `run_dir` holds the committed outputs of the earlier stages. A stage writes its own outputs into
-    `out` under their final names, and the runner moves them into place all at once. `spec_dir` is
-    the folder of the spec, relative to which recordings are found. `needed` holds the folders of
-    the runs that the stage needs, by their path in the spec or the name of a variation. `spec_text`
-    is the spec with its defaults, as the report shows it; `searched` is True if its structure was
-    found by a search. `tables` holds recordings in memory, by their names in `data.files`.
+    the folder `out` under their final names, and the runner then moves all of them into place
+    together. `spec_dir` is the folder of the spec; paths of recordings are relative to it. `needed`
+    holds the folders of the runs that the stage needs, by their path in the spec or the name of a
+    variation. `spec_text` is the spec with its defaults, as the report shows it; `searched` is True
+    if its structure was found by a search. `tables` holds recordings in memory, by their names in
+    `data.files`.
     """
 
     run_dir: Path

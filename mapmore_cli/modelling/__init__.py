@@ -1,1 +1,1 @@
-"""Implement the method and its competitors on arrays, without files."""
+"""Implement MAPMORE and its competitors for arrays, without reading or writing files."""

@@ -104,7 +104,9 @@ def as_equation(
     where: Mapping[str, Expression] = MappingProxyType({}),
     weight: str = "",
 ) -> Equation:
-    """Return an equation with `digits` significant digits; `where` explains the short names."""
+    """Return an equation whose numbers have `digits` significant digits. `where` holds the meaning
+    of the short names in it.
+    """
     text, latex, mathml = to_text(whole, digits), to_latex(whole, digits), to_mathml(whole, digits)
     for number, (short, line) in enumerate(where.items()):
         text += f"{',' if number else ', where'} {short} = {to_text(line, digits)}"

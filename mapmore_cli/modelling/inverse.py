@@ -184,8 +184,8 @@ def parts_between(knots: Array) -> int:
 @dataclass(frozen=True)
 class _Line:
     """The output of a model as a function of one input, at each of n rows with given values of the
-    other inputs. In the methods, x holds values of the input, shape (m,), and `rows` the row of
-    each.
+    other inputs. The arguments of the methods are values x of the input, shape (m,), and the row to
+    which each of them belongs (`rows`).
     """
 
     value: Callable[[Columns], list[Array]]
@@ -335,7 +335,7 @@ def _bisected(f: Callable[[Array, IntArray], Array], low: Array, high: Array) ->
 
 
 def _picked(values: Array, rows: IntArray, n: int, rule: str) -> Array:
-    """Return one of the solutions for each row, chosen by the `rule`; NaN for a row without a
+    """Return, for each row, the solution that the `rule` selects; NaN for a row without a
     solution.
     """
     values_of_rows, before = np.full(n, np.nan), np.nan

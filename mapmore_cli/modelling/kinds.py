@@ -41,7 +41,7 @@ class Verbs(Protocol):
     @abstractmethod
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
         """Return the output at every row, shape (n,); NaN for a row if one of its inputs is NaN, or
-        if the model needs more earlier rows.
+        if the model needs more earlier rows than there are.
         """
 
     @abstractmethod

@@ -23,10 +23,10 @@ class Regressor(Protocol):
     """
 
     def fit(self, x: Array, y: Array, /) -> object:
-        """Fit the regressor to samples."""
+        """Fit the regressor to inputs, (n, m), and outputs, (n,)."""
 
     def predict(self, x: Array, /) -> Array:
-        """Predict the outputs at inputs, (m,)."""
+        """Return the predicted outputs, (n,), for inputs, (n, m)."""
 
 
 @dataclass(frozen=True)

@@ -238,8 +238,8 @@ def _powers(inputs: int, degree: int) -> list[tuple[int, ...]]:
 
 
 def _one_step_fit(dataset: Dataset, names: Sequence[str], order: int) -> Array | None:
-    """Fit an ARX of this order one step ahead. Return its coefficients: the constant, `order`
-    coefficients of the output, then `order + 1` of each input.
+    """Fit an ARX of the given order one step ahead. Return its coefficients: the constant, then
+    `order` coefficients of past outputs, then `order + 1` coefficients of each input.
     """
     every, tables, outputs = _thinning(dataset), [], []
     for curve in dataset.curves:

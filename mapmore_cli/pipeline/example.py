@@ -1,4 +1,4 @@
-"""Provide the small example study of the package, as files or as arrays."""
+"""Provide the small example study of mapmore, as files or as arrays."""
 
 from __future__ import annotations
 
@@ -43,7 +43,9 @@ def write_example(folder: Path) -> list[Path]:
 
 
 def example_recordings() -> list[dict[str, Array]]:
-    """Return the recordings of the study in s, kPa, 1 and N, each quantity of shape (n,)."""
+    """Return the recordings of the study. Time is in s, pressure in kPa and force in N, strain has
+    no unit, and each quantity has the shape (n,).
+    """
     tables = [each.read_text(encoding="utf-8").splitlines() for each in _recordings(SHIPPED)]
     return [
         dict(zip(QUANTITIES, np.loadtxt(lines, delimiter=",", skiprows=1).T, strict=True))

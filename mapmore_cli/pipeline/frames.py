@@ -102,8 +102,8 @@ class Door:
 
 
 def in_unit(values: object) -> tuple[str | None, Any]:
-    """Return the unit of an array (None for a plain one) and its numbers. Units of pint, astropy
-    and unyt, and `attrs` of xarray are known.
+    """Return the unit of an array (None for an array without unit) and its numbers. Units of pint,
+    astropy and unyt are recognised, and the unit in the `attrs` of xarray.
     """
     for unit, bare in (("units", "magnitude"), ("unit", "value"), ("units", "value")):
         if hasattr(type(values), unit) and hasattr(type(values), bare):

@@ -1,4 +1,4 @@
-"""Implement `mapmore check`: apply all rules to a study before a model is computed."""
+"""Implement `mapmore check`, which applies all rules to a study before a model is computed."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Finished:
-    """A completed run, the `seconds` that it took, and the `limits` for its scores."""
+    """A completed run, with its duration in `seconds`, and the `limits` for its scores."""
 
     name: str
     run_dir: Path
@@ -85,7 +85,7 @@ class Finished:
 
     @property
     def missed(self) -> tuple[str, ...]:
-        """The limits that the run misses, each as a sentence."""
+        """One sentence for each limit that the scores of the run miss."""
         return tuple(limit.sentence for limit in self.limits if not limit.kept)
 
 

@@ -47,8 +47,8 @@ class LoadedModel:
     `time` is given, rates and directions may be left out.
 
     A model with memory takes one recording: its `time` in s, and the measured output if the model
-    feeds its output back. A model of several outputs returns a mapping by their names; `of` returns
-    the model of one output.
+    feeds its output back. A model of several outputs returns a mapping from the names of the
+    outputs to their values; `of` returns the model of one output.
 
     Examples
     --------
@@ -62,13 +62,15 @@ class LoadedModel:
     held_out: tuple[Curve, ...] = field(default=(), kw_only=True)
 
     def __repr__(self) -> str:
-        """Return a line with the predicted quantity and the inputs."""
+        """Return a text with the names of the model, of its outputs and of its inputs."""
         inputs = ", ".join(quantity.label for quantity in self.inputs) or "its own past"
         outputs = ", ".join(output.label for output in self.model.outputs)
         return f"<model {self.model.name}: {outputs} of {inputs}>"
 
     def of(self, output: str) -> Self:
-        """Return the model of one of several outputs. Raises TypeError for an unknown output."""
+        """Return the model of the output `output`. Raises TypeError if the model has no such
+        output.
+        """
         if output not in (names := [output.name for output in self.model.outputs]):
             raise TypeError(f"this model has the outputs {', '.join(names)}; got {output!r}")
         return replace(self, model=self.model.of(output))
@@ -85,7 +87,9 @@ class LoadedModel:
 
     @property
     def output(self) -> Quantity:
-        """Name and unit of the predicted quantity; with several outputs, of the first."""
+        """Name and unit of the predicted quantity. If there are several outputs, they are those of
+        the first output.
+        """
         return self.model.output
 
     @property
@@ -161,9 +165,9 @@ class LoadedModel:
     def plot(self, ax: Axes | None = None, interval: float | None = None) -> Axes:
         """Draw the model over its training range, on `ax` or on a new figure.
 
-        Each training curve is a line. Held-out samples are dots, with the model as a dashed line.
-        With `interval=0.95`, bands are drawn that contain a sample of a new curve with a
-        probability of 95 %. If the spec has `validate: {intervals: true}`, they are always drawn.
+        Each training curve is drawn as a line, and held-out samples as dots, with the model as a
+        dashed line. With `interval=0.95`, bands are drawn that contain a sample of a new curve with
+        a probability of 95 %. If the spec has `validate: {intervals: true}`, they are always drawn.
         Raises `TypeError` for a model with memory (call it with a recording and draw the result),
         and `DataError` as `interval` does.
         """
@@ -192,13 +196,14 @@ class LoadedModel:
         return outside_range(self.model, flat).reshape(shape)
 
     def interval(self, level: float = 0.95, **columns: ArrayLike) -> tuple[Array, Array]:
-        """Return the lower and the upper end of an interval. Both have the shape of the output. A
-        sample of a new curve lies in the interval with the probability `level`.
+        """Return the lower and the upper end of an interval, both in the shape of the output. A
+        sample of a new curve lies in the interval with the probability `level`. Outside the
+        training range, both ends are NaN.
 
-        Both are NaN outside the training range. An interval is computed from fits without each part
-        of the training data. With `validate: {intervals: true}` in the spec, these fits are made
-        together with the model. Without this key, a model from `fit` makes them when this method is
-        called, which takes time. A model from a file cannot make them, so `DataError` is raised.
+        An interval is computed from fits without each part of the training data. With `validate:
+        {intervals: true}` in the spec, these fits are made together with the model. Without this
+        key, a model from `fit` makes these fits when `interval` is called, which takes time. A
+        model from a file cannot make these fits, so `DataError` is raised.
         """
         flat, shape = self._flattened(columns)
         low, high = interval(self._with_intervals, flat, level)

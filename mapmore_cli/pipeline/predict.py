@@ -77,9 +77,9 @@ class Predictor:
     def numbers(
         self, columns: Columns, rows: IntArray, runs: Sequence[Callable[[Columns], SimulatedRun]]
     ) -> tuple[Array, BoolArray, list[int]]:
-        """Return three results for complete rows: the added columns except the flags, (n, m - 1);
-        the flags, (n,), which are True for rows outside the training range; and the rows at which a
-        free run diverges.
+        """Return three results for complete rows. They are the added columns without the flags, (n,
+        m - 1); the flags, (n,), which are True for rows outside the training range; and the rows at
+        which a free run diverges.
 
         If signals are computed from other columns, the parts of a recording between its gaps are
         processed separately. `rows` are the row numbers for messages.
@@ -291,7 +291,7 @@ def _digits(value: float) -> str:
 
 
 def names_of_points(model: Model) -> tuple[str, str, str]:
-    """Return the columns of the points to which a family's model is adapted."""
+    """Read the points to which the model of a family is adapted, and return their columns."""
     return "pressure", "strain", model.output.name
 
 

@@ -60,7 +60,7 @@ def _thread_pools(_with_scipy: bool) -> ThreadpoolController:
 
 @contextmanager
 def variables_set(variables: Mapping[str, str]) -> Iterator[None]:
-    """Set environment variables within the context."""
+    """Set environment variables within the context, and restore them afterwards."""
     before = {name: os.environ.get(name) for name in variables}
     os.environ.update(variables)
     try:
@@ -113,7 +113,7 @@ def _begin(parent: int, work: object) -> None:
     _shared = work
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    warnings.simplefilter("ignore", PluginLeftOut)  # the parent process has reported these
+    warnings.simplefilter("ignore", PluginLeftOut)  # the parent process warns
     if sys.platform == "linux":
         import ctypes
 
@@ -158,7 +158,7 @@ def free_processors() -> int:
     forks are used only on Linux, and only by a process with one thread. A worker process starts no
     further processes.
     """
-    threads = "/proc/self/task"  # missing if /proc is not mounted
+    threads = "/proc/self/task"  # this folder is missing without /proc
     if sys.platform != "linux" or not os.access(threads, os.R_OK):
         return 1
     if sum(1 for _ in os.scandir(threads)) != 1:

@@ -93,7 +93,7 @@ class Reading:
 
 
 def reading_of(model: Model, columns_there: Collection[str]) -> Reading:
-    """Return the quantities that must be read from a table. They are the inputs; but a signal that
+    """Return the quantities that must be read from a table. They are the inputs, but a signal that
     is not among `columns_there` is computed from its source, which is then read. `time` is read if
     there are such signals, or if the model has memory.
     """
@@ -166,7 +166,7 @@ class Sheet:
         )
 
     def empty(self) -> DataError:
-        """Return the error for a table without rows."""
+        """Return the error that is raised for a table without rows."""
         return DataError(
             f"{self.label}: the table is empty", f"its first line must name {self.expected}"
         )

@@ -58,8 +58,8 @@ def report_slice(spec: ExperimentSpec) -> ReportSlice:
 
 
 def write_pages(part: ReportSlice, workspace: Workspace) -> None:
-    """Collect the results of the run and write its page. If the structure was searched, the page
-    also shows the structures that were tried.
+    """Collect the results of the run and write its page. If there was a structure search, the page
+    also shows all structures that were tried.
     """
     from mapmore_cli.reporting.report import write_report
 
@@ -106,8 +106,8 @@ MOST_HASHES = 40
 
 
 def collected(part: ReportSlice, run_dir: Path, spec_text: str = "") -> tuple[ReportInputs, ...]:
-    """Return the results of the earlier stages, with the report settings of the spec, for each
-    output.
+    """Return, for each output, the results of the earlier stages together with the report settings
+    of the spec.
     """
     files = RunFiles(run_dir)
     results = (files.dataset(), files.model(), files.fit(), files.validation())

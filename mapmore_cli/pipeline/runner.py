@@ -307,7 +307,9 @@ class _Run:
         self.written.clear()
 
     def write(self, name: str, text: str) -> None:
-        """Write a further file of the run, unless it already contains this text."""
+        """Write a further file of the run. If the file already contains this text, it is not
+        written.
+        """
         path = self.run_dir / name
         if not holds(path, text.encode()):
             self.tell_taken(make_way(self.run_dir, name, written_files(self.run_dir)))
@@ -333,8 +335,8 @@ class _Run:
         return plan_stages(self.stages, until, self.loaded, *how)
 
     def make(self, plan: StagePlan, needed: Mapping[str, Path]) -> StageRecord:
-        """Run one stage and move its outputs into place; return the entry that commits them.
-        `needed` holds the folders of the runs whose models it needs.
+        """Run one stage, move its outputs into place, and return the entry that commits them.
+        `needed` holds the folders of the runs whose models the stage needs.
         """
         started, stage = time.perf_counter(), plan.stage
         with refusals_told(self.run_dir), stage_folder(self.run_dir, stage.name) as out:
@@ -358,8 +360,8 @@ class _Run:
         return replace(plan.now, outputs=outputs, tools=tool_versions(), seconds=seconds, why=why)
 
     def checks(self, plan: StagePlan, until: str) -> bool:
-        """Return True if the rules are applied after this stage: only after ingest, and not if
-        ingest is the last stage that was requested.
+        """Return True if the rules are applied after this stage. They are applied only after
+        ingest, and only if a later stage was requested too.
         """
         return plan.stage is pipeline()[0] and plan.stage.name != until
 
@@ -412,7 +414,7 @@ class _Run:
 
     def bring(self, other: Needed) -> Path:
         """Bring another run up to date in the same folder of runs, and return its folder. If
-        another process is writing it, wait.
+        another process is writing this run, wait until it has finished.
         """
         name, runs = other.loaded.spec.name, self.run_dir.parent
         current = self.is_current(other)

@@ -1,4 +1,6 @@
-"""Represent the rows of the page of all runs, which the page itself contains."""
+"""Define the rows of the page of all runs. The page contains its rows as data, from which they are
+read again.
+"""
 
 from __future__ import annotations
 
@@ -59,8 +61,8 @@ class Row:
 
 
 def rows_of(place: Path) -> list[Row] | None:
-    """Return the rows of a page. If there is no page yet, there are no rows; None for a page that
-    mapmore did not write.
+    """Return the rows of a page. If there is no page yet, the result is empty. For a page that
+    mapmore did not write, the result is None.
     """
     if not place.exists() and not place.is_symlink():
         return []

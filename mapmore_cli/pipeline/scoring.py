@@ -38,8 +38,8 @@ from mapmore_cli.storage.run_record import write_scores
 
 
 def score(part: ScoresSlice, workspace: Workspace) -> None:
-    """Fit the competitors to the same training data, predict every sample with all models, and
-    compute the scores. This is done for each output.
+    """Fit the competitors to the training data of the model, predict every sample with all models,
+    and compute the scores. This is done for each output.
     """
     dataset, model = workspace.files.dataset(), workspace.files.model()
     validations = [
@@ -150,7 +150,9 @@ def _warn_of_fits(
 
 
 def _own_forecasts(part: ScoresSlice, model: Model, dataset: Dataset) -> Forecasts:
-    """Return the forecast of every curve by the run's own model, with intervals if it has any."""
+    """Return the forecast of every curve by the run's own model. If the model has intervals, they
+    are included.
+    """
     every = forecast_each(model, dataset.curves, dataset.target)
     if model.left_out is None or part.seen_as is not None:
         return every

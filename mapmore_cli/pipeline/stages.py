@@ -61,7 +61,9 @@ def recordings(spec: ExperimentSpec, folder: Path) -> list[Path]:
 
 
 def static_run(spec: ExperimentSpec) -> list[Need]:
-    """Return the static run, whose model is subtracted to obtain the damping force."""
+    """Return the static run if the study models the damping force, which is the force minus the
+    prediction of the static model.
+    """
     static = spec.needs.static
     return [Need(static)] if spec.target == "damping" and static is not None else []
 
@@ -189,7 +191,7 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
         if (why := interval_limits(left_out)) is not None:
             workspace.warn(f"validate.intervals: {why}")
         model = replace(model, left_out=left_out)
-    # for readers who have only the model file
+    # origin of the model, for readers who have only the model file
     provenance = {**tool_versions(), "spec": to_json(part, indent=1).decode()}
     write_model(workspace.out / MODEL, model, provenance)
 

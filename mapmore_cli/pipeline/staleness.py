@@ -113,8 +113,8 @@ def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
 
 
 def _varied(loaded: LoadedSpec, variation: Need) -> LoadedSpec:
-    """Return the spec of a variation: with other settings and without competitors. The variation is
-    itself a competitor, and the competitors of the spec may not suit it.
+    """Return the spec of a variation, which has other settings and no competitors. The variation is
+    itself a competitor, and the competitors of the original spec may not suit it.
     """
     overrides = {
         "name": f"{loaded.spec.name}.{variation.key}",
@@ -164,11 +164,11 @@ def plan_stages(
     rehash: bool,
     force: bool = False,
 ) -> Iterator[StagePlan]:
-    """Yield the plan of every stage up to `until`, in order, from the files as they are now.
-    `stages` replace those of the `pipeline`, unless they are None.
+    """Yield the plan of every stage up to `until`, in order, from the files as they are now. If
+    `stages` is not None, it replaces the stages of the `pipeline`.
 
-    After a search, later stages use the structure that it found. If the search has no result yet,
-    the plans of later stages are unknown, and the plan of the search is the last.
+    After a search, later stages use the structure that the search found. If the search has no
+    result yet, the plans of later stages are unknown, and the plan of the search is the last.
 
     Raises DataError if a source is missing or cannot be read.
     """
@@ -234,8 +234,8 @@ def _model_mark(run: Needed, stages: Sequence[Stage] | None, runs: Path, rehash:
 
 
 def _reasons(stage: Stage, known: StageRecord | None, now: StageRecord, previous: str) -> list[str]:
-    """Return the differences between a stage's committed entry and the entry that it would have
-    now.
+    """Return the differences between the entry of a stage that is committed and the entry that the
+    stage would have now.
     """
     if known is None:
         return ["first time"]

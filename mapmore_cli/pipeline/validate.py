@@ -64,9 +64,9 @@ def needs(spec: ExperimentSpec) -> list[Need]:
 
 
 def frozen_models(spec: ExperimentSpec, folder: Path) -> list[Path]:
-    """Return the frozen models with which the model of this run is compared.
+    """Return the paths of the frozen models with which the model of this run is compared.
 
-    Raises SpecError if such a file is missing.
+    Raises SpecError if one of these files is missing.
     """
     frozen = [c for c in spec.validation.against if isinstance(c, Competitor) and c.is_file]
     paths = [folder / str(competitor.model) for competitor in frozen]

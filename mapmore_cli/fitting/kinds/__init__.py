@@ -65,7 +65,9 @@ class Maker(Protocol):
         part: ModelChoices,
         given: Given,  # noqa: ARG002
     ) -> tuple[FitResult, ...]:
-        """Return a fit for each output, for a kind whose outputs may share their terms."""
+        """Fit all outputs with common terms, and return a fit for each output. Only some kinds of
+        models can do this.
+        """
         raise SpecError(f"a model of type {part.kind} has one output only", "name one target")
 
 
@@ -112,8 +114,8 @@ def maker_of(name: str) -> Maker:
 
 
 def fit(part: ModelChoices, given: Given) -> FitResult:
-    """Fit a model of any kind: every segment, one model with memory, or a formula. Nothing is
-    fitted if the models of other runs are added.
+    """Fit a model of any kind: every segment, one model with memory, or a formula. If the model is
+    a sum of the models of other runs, nothing is fitted.
     """
     maker = maker_of(part.kind)
     if not given.dataset.also:

@@ -44,7 +44,7 @@ class ModelChoices:
 
     @property
     def kind(self) -> str:
-        """Name of the kind of model: `model.type`, unless the kind follows from other settings."""
+        """Name of the kind of model. It is `model.type`, or it follows from other settings."""
         if self.model.type == "mapmore":
             return "memory" if remembers(self.dictionary) else "pieces"
         return "formula" if self.model.type == "literature" else self.model.type
@@ -99,7 +99,7 @@ def with_definitions(spec: ExperimentSpec) -> ExperimentSpec:
 
 
 def metres_of(unit: str) -> float:
-    """Return the number of metres in one unit of length; 1 for other units."""
+    """Return the number of metres in one unit; 1 if the unit is no unit of length."""
     base = base_units(unit)
     return base.factor if base is not None and dict(base.powers) == {"m": 1} else 1.0
 

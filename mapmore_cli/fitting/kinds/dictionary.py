@@ -28,7 +28,7 @@ from mapmore_cli.study.units import convert, default_unit
 
 
 def signal_of(name: str, rule: Rate | Direction, units: Mapping[str, str]) -> Signal:
-    """Return the signal that a rule derives, in the model's `units`."""
+    """Return the signal of a derived quantity (a rate or a direction), in the model's `units`."""
     if isinstance(rule, Direction):
         return Signal(name, "direction", rule.direction_of, dead_band=rule.dead_band)
     return Signal(

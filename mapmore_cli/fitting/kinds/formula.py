@@ -1,4 +1,4 @@
-"""Fit a formula of the literature as the model, or as the backbone of another model."""
+"""Fit a formula of the literature, which is the model itself or the backbone of a model."""
 
 from __future__ import annotations
 

@@ -78,8 +78,8 @@ class MemoryMaker(Maker):
         """Fit one model to all recordings, or to the residual of the backbone if there is a
         backbone, and return the fit.
 
-        Raises DataError if recordings have different time steps, or if too few samples have a
-        history; FitError if the fit of the backbone failed.
+        Raises DataError if recordings have different time steps, or if too few samples have enough
+        earlier samples; FitError if the fit of the backbone failed.
         """
         dataset = given.dataset
         backbone = (
@@ -107,7 +107,7 @@ class MemoryMaker(Maker):
         return tuple(FitResult(fit) for fit in fit_outputs(records, recipes))
 
     def build(self, part: ModelChoices, given: Given, result: FitResult) -> Model:
-        """Return the model with the training range of its inputs. If the spec asks for a sign of
+        """Return the model, with the training range of its inputs. If the spec requires a sign of
         the static gain, the coefficients are fitted again so that the gain has this sign.
         """
         assert result.memory is not None

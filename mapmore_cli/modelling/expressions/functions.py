@@ -47,8 +47,8 @@ class ScalarFunction(NamedTuple):
     texts: Mapping[str, str]
 
     def is_in_library(self, language: str) -> bool:
-        """Return True if the language's library has the function. If not, an export defines the
-        function itself, under the name `HELPER`.
+        """Return True if the library of the language has the function. Otherwise, exported code
+        defines the function under the name `HELPER`.
         """
         return NAME.fullmatch(self.texts[language]) is not None
 

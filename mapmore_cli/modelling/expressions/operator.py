@@ -42,7 +42,8 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Setting:
-    """Numbers that determine a state of an operator, together with its source.
+    """Numbers that determine a state of an operator. Together with the values of its source, they
+    determine the values of the state.
 
     - `numbers`: numbers from the name of the state, or estimated in training.
     - `step`: time between samples, s.
@@ -77,7 +78,9 @@ class Arithmetic:
     """
 
     def where(self, condition: Amount, then: Amount, otherwise: Amount) -> Amount:
-        """Return `then` where the condition holds, and `otherwise` elsewhere."""
+        """Return the values of `then` in rows in which the condition is true, and the values of
+        `otherwise` in all other rows.
+        """
         return np.where(
             condition, *(side() if callable(side) else side for side in (then, otherwise))
         )
@@ -92,7 +95,7 @@ class Arithmetic:
 
 
 class _Floats(Arithmetic):
-    """Operations on single numbers. Only the branch that applies is computed."""
+    """Operations on single numbers. Of a branch, only the side that applies is computed."""
 
     def where(self, condition: Amount, then: Amount, otherwise: Amount) -> Amount:
         chosen = then if condition else otherwise
@@ -243,7 +246,9 @@ def _latest(values: Array, count: int) -> list[float]:
 
 
 def from_rest(rule: Recursion, x: Array) -> Array:
-    """Return the values of a recursion along x, shape (n,), as if x had always been x[0] before."""
+    """Return the values of a recursion along x, shape (n,), if x was constantly x[0] before the
+    first sample.
+    """
     first = float(x[0])
     if rule.own == 0:
         return run_recursion(rule, x, [], [first] * rule.source)
@@ -253,10 +258,10 @@ def from_rest(rule: Recursion, x: Array) -> Array:
 
 def run_recursion(rule: Recursion, x: Array, own: list[float], past: list[float]) -> Array:
     """Return the values of a recursion along x, shape (n,). `own` holds the last values of the
-    state and `past` those of x, the latest first.
+    state, and `past` holds the last values of x, the latest first.
 
-    A linear recursion is computed as a filter, a recursion without memory for all samples at once,
-    and any other sample by sample.
+    A linear recursion is computed as a filter, and a recursion without memory for all samples at
+    once. Any other recursion is computed sample by sample.
     """
     if rule.own == 0:
         whole, n = np.concatenate([past[::-1], x]), len(past)

@@ -1,5 +1,5 @@
-"""Insert the training range into candidate terms that depend on it. `unit(x)` stands for x scaled
-so that it runs from 0 to 1 over its training range.
+"""Insert the training range of a quantity into candidate terms that contain `unit`. `unit(x)`
+stands for x scaled so that it runs from 0 to 1 over its training range.
 
 For example, if the strain runs from 10 to 840 in training, `abs(unit(strain - 0.1))^3` becomes
 `abs((strain - 93)/830)^3`.

@@ -74,7 +74,7 @@ class _State:
 
 @dataclass(frozen=True)
 class Measured(_State):
-    """A quantity at the present sample."""
+    """The state that is the value of a quantity at the present sample."""
 
     name: str
 
@@ -94,7 +94,9 @@ class Lagged(_State):
 
 @dataclass(frozen=True)
 class Operated(_State):
-    """An operator of `OPERATORS` applied to the history of `source`."""
+    """The state that results if an operator of `OPERATORS` is applied to the present and past
+    values of `source`.
+    """
 
     operator: str
     source: State
@@ -125,8 +127,8 @@ class Token(NamedTuple):
 
 
 class Tokens:
-    """Tokens of a text, read one after the other; `next` is the token to be read. Raises
-    ExpressionError if the text continues with no valid token.
+    """Tokens of a text, which are read one after the other. `next` is the token that is read next.
+    Raises ExpressionError if the text continues with no valid token.
     """
 
     def __init__(self, text: str) -> None:
@@ -167,8 +169,8 @@ def state(text: str) -> State:
 
 
 def opens_state(name: Token, mark: Token) -> bool:
-    """Return True if the identifier `name`, followed by `mark`, begins the name of a state with
-    memory.
+    """Return True if the name of a state with memory begins with the identifier `name`, followed by
+    the symbol `mark`.
     """
     return mark.kind == "[" or (mark.kind == "(" and name.text in OPERATORS)
 
@@ -198,7 +200,7 @@ def read_state(tokens: Tokens, name: Token, depth: int = 0) -> State:
 
 
 def _operated(tokens: Tokens, name: Token, depth: int) -> Operated:
-    """Return the operator `name` applied to the contents of its bracket."""
+    """Read the bracket after the operator `name`, and return the state that results."""
     operator = OPERATORS.get(name.text)
     if operator is None:
         raise ExpressionError(

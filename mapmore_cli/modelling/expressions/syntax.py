@@ -46,8 +46,8 @@ def _node(cls: Class) -> Class:
 
 def _both_ways(made: Callable[[Expression, Expression], Expression]) -> tuple[Operation, Operation]:
     """Return the two methods of a binary operator of Python, for example `__sub__` and `__rsub__`.
-    The other operand, an expression or a number, is on the right in the first method and on the
-    left in the second.
+    `self` is the left operand in the first method, and the right operand in the second. The other
+    operand is an expression or a number.
     """
     return lambda left, right: made(left, expression(right)), lambda right, left: made(
         expression(left), right
@@ -101,7 +101,7 @@ class Expression:
 
 @_node
 class Number(Expression):
-    """A finite constant."""
+    """A finite number."""
 
     value: float
     names = frozenset[str]()
@@ -109,7 +109,7 @@ class Number(Expression):
     def __post_init__(self) -> None:
         if not math.isfinite(self.value):
             raise ExpressionError(f"{self.value} is not a finite number")
-        # there is only one zero, because the text cannot keep the sign of -0.0
+        # -0.0 becomes 0.0, because the text of an expression cannot show the sign of zero
         object.__setattr__(self, "value", self.value + 0.0)
 
 
@@ -194,7 +194,7 @@ ZERO, ONE = Number(0.0), Number(1.0)
 
 
 def expression(value: Operand) -> Expression:
-    """Return an expression as it is, or turn a number into an expression."""
+    """Return an expression unchanged, or convert a number to an expression."""
     return value if isinstance(value, Expression) else Number(float(value))
 
 

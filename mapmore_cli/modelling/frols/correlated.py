@@ -138,7 +138,7 @@ class _Records:
 
     @cached_property
     def pairs(self) -> Array:
-        """Number of pairs of samples at each lag."""
+        """For each lag, the number of pairs of samples at this distance."""
         return np.array([sum(max(one - lag, 0) for one in self.lengths) for lag in self.lags])
 
     @cached_property
@@ -191,8 +191,8 @@ def _together(columns: Array, lengths: Sequence[int], kept: float) -> Array:
 
 
 def _shifted(columns: Array, lengths: Sequence[int], lag: int) -> Array:
-    """Return the mean of the columns shifted forwards and backwards by a lag within a recording,
-    shape (n, k).
+    """Return the mean of the columns shifted forwards and the columns shifted backwards by a lag,
+    within each recording, shape (n, k).
     """
     moved = np.zeros_like(columns)
     for rows in _rows(lengths):

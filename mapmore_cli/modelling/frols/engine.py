@@ -37,14 +37,12 @@ from mapmore_cli.modelling.frols.select import (
 from mapmore_cli.modelling.frols.together import Together, chosen_together
 from mapmore_cli.modelling.frols.weighing import Choice, Weighing, reweighted
 
-# if a downdated `q'q` is below this fraction of `p'p`, it has lost too many digits
-# Any value from 1e-4 to 1e-10 would do.
+# a downdated `q'q` below this fraction of `p'p` has lost too many digits (1e-4 to 1e-10 would do)
 PIVOT_TOLERANCE = 1e-6
-# The residual sum of squares is downdated in each step.
-# Below this fraction of its last explicit value, it has lost too many digits.
+# below this fraction of its last explicit value, the residual sum of squares is recomputed
 RESIDUAL_TOLERANCE = 1e-9
 
-# error of a product `p'y` as a fraction of `|p| |y|`, for any n
+# rounding error of an inner product `p'y`, relative to `|p| |y|`, for any number of samples
 ROUNDING = 8 * float(np.finfo(np.float64).eps)
 LEAST_DIGITS = 1e-6  # required relative accuracy of a reported ERR
 # largest difference between the sum of ERR and 1 - (residual sum of squares)/(y'y)
@@ -94,7 +92,7 @@ class GramRemainders(Remainders):
         )
 
     def choose(self, pick: int) -> Array:
-        """Choose a candidate (see `Remainders`)."""
+        """Choose a candidate, as the method of `Remainders` does."""
         length = np.sqrt(self.squares[pick])
         row: Array = (
             np.append(self.gram[pick] - self.rows[:, pick] @ self.rows[:, :-1], self.products[pick])
@@ -161,7 +159,7 @@ class BasisRemainders(Remainders):
         self.remainders = np.empty((len(y), 0))
 
     def choose(self, pick: int) -> Array:
-        """Choose a candidate (see `Remainders`)."""
+        """Choose a candidate, as the method of `Remainders` does."""
         held = self.explicit == pick
         unit = self._cleared(
             self._cleared(self.remainders[:, held][:, 0] if held.any() else self.P[:, pick])

@@ -79,7 +79,7 @@ def power_of_two(positive: Array) -> Array:
 
 
 def _largest_values(blocks: Blocks, columns: IntArray) -> Array:
-    """Return the largest absolute value of some columns of `Z`, shape (columns,)."""
+    """Return the largest absolute value in each of the given `columns` of `Z`."""
     largest, start = np.zeros(len(columns)), 0
     for P, y in blocks():
         values = np.abs(np.column_stack([P, y])[:, columns])
@@ -120,7 +120,7 @@ def _sum_of_products(blocks: Blocks) -> tuple[Array, int]:
         M = P.shape[1]
         if not samples:
             total = np.zeros((M + 1, M + 1))
-        # if values overflow, `safe_scale` finds the cause
+        # values that are not finite are reported by `safe_scale`
         with np.errstate(over="ignore", invalid="ignore"):
             # NumPy recognises the transpose and calls the fast BLAS function syrk without a copy
             total[:M, :M] += P.T @ P
@@ -201,7 +201,7 @@ def _mean_and_variance(blocks: Blocks) -> tuple[Array, Array, Array]:
     would lose the digits of a small variance.
     """
     origin, sums, squares, samples = np.zeros(0), np.zeros(1), np.zeros(1), 0
-    # if values overflow, `safe_scale` finds the cause
+    # values that are not finite are reported by `safe_scale`
     with np.errstate(over="ignore", invalid="ignore"):
         for P, y in blocks():
             Z = np.column_stack([P, y])

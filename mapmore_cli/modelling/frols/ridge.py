@@ -48,8 +48,8 @@ class Regularised:
         return cho_solve(cho_factor(self.gram[np.ix_(chosen, chosen)]), self.products[chosen])
 
     def unexplained(self, chosen: IntArray, theta: Array) -> float:
-        """Return `SSE / y'y` of the chosen terms on the samples, without the penalty of the
-        ridge.
+        """Return the unexplained fraction `SSE / y'y` of the chosen terms, without the penalty of
+        the ridge.
         """
         explained = theta @ (
             2 * self.products[chosen] - self.covariance[np.ix_(chosen, chosen)] @ theta

@@ -20,8 +20,7 @@ from mapmore_cli.modelling.frols.moments import Blocks, divided, standard, weigh
 TIE_TOLERANCE = 1e-9
 # square of the rounding error; an ERR or an unexplained fraction below this counts as zero
 NO_GAIN = 1e-28
-# A regressor is linearly dependent if `q'q <= RANK_TOLERANCE p'p`.
-# Its remainder q then consists of rounding errors only.
+# a regressor p with the remainder q is linearly dependent if `q'q <= RANK_TOLERANCE p'p`
 RANK_TOLERANCE = 1e-24
 
 Price = Callable[[IntArray, int, int], Array]

@@ -136,8 +136,9 @@ class Weighing:
     def settled(
         self, loss: str, chosen: Blocks, weights: Array | None
     ) -> tuple[Array, float, Array]:
-        """Return the converged weights for the chosen columns, the scale of their residuals, and
-        the uncertainty that includes these weights.
+        """Compute robust weights for a fit with the chosen columns. Return the weights after
+        convergence, the scale of the residuals, and the numbers by which rows are divided if the
+        weights are included.
         """
         P, y = map(np.concatenate, zip(*self.rows(chosen)(), strict=True))
         weights = np.ones(len(y)) if weights is None else weights

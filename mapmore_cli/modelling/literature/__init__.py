@@ -78,7 +78,7 @@ def is_known(fit: FormulaFit) -> bool:
 
 
 def of(fit: FormulaFit) -> Formula:
-    """Return the formula to which a fit belongs."""
+    """Return the formula of a fit."""
     return get(fit.formula)
 
 
@@ -103,16 +103,17 @@ def _formula_section(formula: Formula) -> str:
     expression = getattr(formula, "expression", None)
     lines = [f"### {formula.name}\n", f"{formula.about}\n"]
     if expression is not None:
-        lines.append(f"As one expression:\n\n    {to_text(expression)}\n")
-    lines.append(f"- source: {formula.reference}")
-    lines.append(f"- inputs: {', '.join(formula.inputs) or 'none'}")
+        lines.append(f"As one expression:\n\n```text\n{to_text(expression)}\n```\n")
+    lines.append(f"- The source of the formula is {formula.reference}.")
+    lines.append(f"- The inputs of the formula are: {', '.join(formula.inputs) or 'none'}.")
     if formula.dimensions:
         lines.append(
-            f"- needs: the {' and the '.join(formula.dimensions)} of the muscle (`muscle: "
-            f"{{{formula.dimensions[0]}: ...}}`)"
+            f"- The formula needs the {' and the '.join(formula.dimensions)} of the muscle "
+            f"(`muscle: {{{formula.dimensions[0]}: ...}}`)."
         )
     if formula.fitted_to == LOAD_CYCLES:
         lines.append(
-            "- needs: a static study (`needs: {static: ...}`), whose load cycles it is fitted to"
+            "- The formula needs a static study (`needs: {static: ...}`), to whose load cycles "
+            "it is fitted."
         )
     return "\n".join(lines) + "\n"

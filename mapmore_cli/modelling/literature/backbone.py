@@ -20,7 +20,7 @@ from mapmore_cli.modelling import literature
 
 
 def pooled(parts: Sequence[tuple[Curve, BoolArray]]) -> dict[str, Array]:
-    """Return the columns of the chosen samples of all curves together."""
+    """Return each column as one array that has the chosen samples of all curves."""
     return {
         name: np.concatenate([curve.columns[name][rows] for curve, rows in parts])
         for name in parts[0][0].columns
@@ -28,7 +28,7 @@ def pooled(parts: Sequence[tuple[Curve, BoolArray]]) -> dict[str, Array]:
 
 
 def pooled_training(curves: Sequence[Curve]) -> dict[str, Array]:
-    """Return the columns of all training samples of all curves together."""
+    """Return each column as one array that has the training samples of all curves."""
     return pooled([(curve, curve.training) for curve in curves])
 
 

@@ -209,7 +209,7 @@ def adapted(
     )
     formula, n = formula_of(made), len(target)
     columns = columns or dict.fromkeys(("pressure", "strain"), target)  # without rows
-    # samples of one strain have a common error
+    # samples at the same strain have a common error
     span = float(np.ptp(columns["strain"])) or 1.0 if n else 1.0
     strains = np.round(columns["strain"] / span, 2)
     _, number, counts = np.unique(strains, return_inverse=True, return_counts=True)

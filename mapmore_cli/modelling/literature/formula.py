@@ -134,10 +134,10 @@ class Formula:
         return self
 
     def starting_from(self, start: str) -> Formula:
-        """Return the formula with the given starting values for its fit: published ones, or
-        `random`.
+        """Return the formula with the given starting values for its fit. `start` is the name of
+        published values, or `random`.
 
-        Raises SpecError if no such starting values are published.
+        Raises SpecError if no starting values of this name are published.
         """
         known = (RANDOM, *self.published_starts)
         if start not in known:
@@ -203,14 +203,14 @@ class Formula:
         return evaluate(self.expression, values, row_count(columns))
 
     def equations(self, fit: FormulaFit) -> dict[str, Expression]:
-        """Return the equations of a fit by name: the formula itself, and for some formulas also
-        their parts.
+        """Return the equations of a fit by their names. For most formulas, this is one equation;
+        for some, the parts of the formula follow.
         """
         return {self.name: self.equation(fit)}
 
     def equation(self, fit: FormulaFit) -> Expression:
-        """Return the formula with the numbers of a fit, in physical units. The fit must not have
-        failed.
+        """Return the formula with the fitted parameters as numbers, in physical units. The fit must
+        have succeeded.
         """
         return with_numbers(self.expression, fit.parameters)
 

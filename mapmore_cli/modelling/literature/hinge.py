@@ -32,8 +32,8 @@ of `lo`, the slope of the foot with the pressure, and the logarithm of the width
 """
 
 
-# Constants of the fit, each with its reason. Halving or doubling one changes the errors little:
-# `docs/formula_tables.py RUNS hinge` shows the errors between strain levels.
+# Constants of the fit, each with its reason.
+# `docs/formula_tables.py RUNS hinge` shows the errors if one of them is halved or doubled.
 
 # starting values of a3, from a steep decay to a curve that bends upwards
 STARTS = (-8.0, -4.0, -2.0, -0.7, 1.5)
@@ -41,15 +41,15 @@ STARTS = (-8.0, -4.0, -2.0, -0.7, 1.5)
 FIRST = 100
 # starting value of w: a sharp hinge, which the search can widen
 START_W = 0.02
-# normalised targets above this value determine the starting values of `hi`
+# starting values of `hi` are fitted to normalised targets above this value
 UPPER = 0.12
-# normalised targets below this value determine the starting values of `lo`
+# starting values of `lo` are fitted to normalised targets below this value
 FOOT = 0.06
 # largest |a3|; data cannot distinguish steeper decays
 LARGEST_A3 = 15.0
-# smallest w; a sharper hinge is a kink, which has no slope
+# smallest w; a sharper hinge would be a kink, which has no derivative
 LEAST_W = 0.004
-# largest w; a wider hinge bends the whole curve, so it is no hinge
+# largest w; a wider hinge would bend the whole curve
 LARGEST_W = 0.3
 # weight of the prior of each parameter
 # The weights are so small that a prior matters only if data do not determine its parameter.
@@ -64,11 +64,11 @@ DECAY_WEIGHT = 0.002
 # prior of w, as a fraction of the largest target
 PRIOR_W = 0.03
 # largest total weight of the data relative to the priors, as a number of samples
-# Neighbouring samples are nearly equal; if every one counted, priors would have no effect.
+# Without this limit, priors would have no effect if there are many nearly equal samples.
 INDEPENDENT = 300
 # with at most this many strain levels, any curvature fits; this affects only the text of a note
 FEW_LEVELS = 3
-# two strain levels closer than this fraction of max|strain| count as one, also in a note only
+# in this note, strain levels closer than this fraction of max|strain| count as one level
 APART = 0.05
 
 
@@ -93,8 +93,8 @@ def linearised(q: Array, p: Array, x: Array) -> tuple[Array, Array]:
 
 
 class _Problem(NamedTuple):
-    """Normalised rows with the square roots of their weights, shape (n,) each, and the centres and
-    weights of the priors, shape (10,).
+    """Least-squares problem with normalised rows: `p`, `x` and `f`, the square roots of the weights
+    of the rows, shape (n,) each, and the centres and weights of the priors, shape (10,) each.
     """
 
     p: Array

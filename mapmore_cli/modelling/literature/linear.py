@@ -55,12 +55,11 @@ def solve_linear(phi: Array, y: Array) -> LinearFit:
 
 
 def parameter_errors(jacobian: Array, variance: float) -> tuple[Array, int, float]:
-    """Return standard errors, shape (p,), rank and condition from a Jacobian at the solution, shape
-    (n, p).
+    """Return standard errors, shape (p,), rank and condition number from the Jacobian J at the
+    solution, shape (n, p). The covariance matrix is `variance (J'J)^-1`.
 
-    `cov = variance (J'J)^-1`. If the rank is deficient, the errors of parameters that the data
-    cannot distinguish are NaN. The condition number is computed without the singular values that
-    count as zero.
+    If the rank is deficient, the errors of parameters that the data cannot distinguish are NaN. The
+    condition number is computed without the singular values that count as zero.
     """
     lengths = _lengths(jacobian)
     _, s, vt = np.linalg.svd(jacobian / lengths, full_matrices=False)
@@ -89,7 +88,7 @@ def _lengths(columns: Array) -> Array:
     """
     largest = np.abs(columns).max(axis=0)
     largest[largest == 0.0] = 1.0
-    # scaled first, because squares may overflow or underflow
+    # The columns are scaled first, because the squares of their values may overflow or underflow.
     lengths = largest * np.linalg.norm(columns / largest, axis=0)
     lengths[lengths == 0.0] = 1.0
     return np.asarray(lengths)

@@ -117,7 +117,9 @@ class FormulaVerbs(Verbs):
     """Operations of a model that consists of a formula only."""
 
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
-        """Return the formula at every row, shape (n,); NaN if an input is NaN."""
+        """Return the output of the formula at every row, shape (n,); NaN in rows in which an input
+        is NaN.
+        """
         fit = model.body_of(Formula).fit
         return SimulatedRun(
             where_finite(model.inputs, columns, lambda inputs, n: backbone_values(fit, inputs, n))

@@ -114,8 +114,8 @@ def formula_of(text: str) -> Formula:
 
 
 def units_of_parameters(fit: FormulaFit) -> Mapping[str, str]:
-    """Return the units that a spec gives to the parameters of its own formula; empty for a formula
-    of the literature.
+    """Return the units of the parameters of a formula that the spec defines. For a formula of the
+    literature, the result is empty.
     """
     return (
         formula_of(fit.definition).units if fit.definition and not is_family(fit.definition) else {}

@@ -33,7 +33,7 @@ class Nonlinear:
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Smallest and largest value of the coordinate."""
+        """Smallest and largest allowed value of the coordinate."""
         return self.intervals[0][0], self.intervals[-1][1]
 
     def span(self, columns: Columns) -> float:
@@ -115,7 +115,7 @@ class LeastSquares:
         return self.slopes(self.linear, nothing, c), target
 
     def values(self, beta: Array, c: Array) -> dict[str, Array]:
-        """Return the parameters by name, in the units of the data, shape () each."""
+        """Return the parameters by name, as numbers in the units of the data."""
         spans = np.array([*self.spans.values()])
         return dict(zip(self.gradient, map(np.asarray, (*beta, *(c / spans))), strict=True))
 
@@ -185,7 +185,7 @@ def condensed(columns: Columns, y: Array) -> tuple[Columns, Array, Array]:
     """
     if len(y) <= LIMIT:
         return columns, y, np.ones(len(y))
-    # coordinates of the rows, scaled to 0 to 1 over the range of each input
+    # inputs of the rows, scaled so that the range of each input is 0 to 1
     places = [
         (column - column.min()) / (float(np.ptp(column)) or 1.0) for column in columns.values()
     ]
@@ -234,8 +234,8 @@ def nominal(column: Array) -> Array:
 
 
 def dependence(rank: int, count: int, inputs: Columns, choice: str) -> str:
-    """Return the note that the data do not determine all parameters. `choice` is the part of the
-    note that says which solution was taken.
+    """Return a note which says that the data do not determine all parameters. `choice` is the end
+    of the note, which says which of the equally good solutions is used.
     """
     distinct = ", ".join(f"{len(np.unique(column))} of {name}" for name, column in inputs.items())
     return (
@@ -245,8 +245,8 @@ def dependence(rank: int, count: int, inputs: Columns, choice: str) -> str:
 
 
 def finite(name: str, columns: Columns) -> Array:
-    """Return the column `name`. Raises DataError if it is missing, or with the first row at which
-    it is not finite.
+    """Return the column `name`. Raises DataError if the column is missing, or if a value is not
+    finite; the message then names the first such row.
     """
     if name not in columns:
         raise DataError(

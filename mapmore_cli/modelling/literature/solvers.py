@@ -131,7 +131,7 @@ def descend(
 
 
 # A coordinate within this fraction of its range from a bound counts as being at the bound.
-# If the range is infinite, this is the distance itself.
+# For an infinite range, `TOUCHING` is the distance itself.
 TOUCHING = 1e-6
 
 
@@ -147,7 +147,7 @@ def onto_bounds(x: Array, bounds: tuple[Array, Array]) -> tuple[Array, list[int]
 
 
 AGREEMENT = 1e-6  # sums of squares with a smaller relative difference count as equal
-# other minima up to this multiple of the smallest sum of squares (1.12 times its RMSE) are noted
+# other minima with up to this multiple of the smallest sum of squares are reported
 RIVAL = 1.25
 DISTINCT = 1e-3  # minima with a larger relative difference of sums of squares count as different
 
@@ -193,8 +193,8 @@ def drawn_starts(nonlinear: tuple[Nonlinear, ...]) -> Iterator[Array]:
 
 
 METHOD = "variable projection"
-SCAN_POINTS = 24  # number of points in each interval of the coordinate
-# over the grid, a smaller relative change of the sum of squares counts as none
+SCAN_POINTS = 24  # number of grid points in each interval of the coordinate
+# a sum of squares that changes by less than this fraction over the grid counts as constant
 FLAT = 1e-10
 ROUNDING = 1e-24  # a sum of squares below this fraction of y'y is only rounding error
 

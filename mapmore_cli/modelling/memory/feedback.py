@@ -56,8 +56,8 @@ class StateWriter:
         self.rules: dict[str, Callable[..., Any]] = {}
 
     def scaled(self, name: str) -> Expression:
-        """Write a state in the scaled form in which terms use it, as `states.evaluate_states`
-        computes it.
+        """Write the statements that compute the scaled value of a state, which terms use.
+        `states.evaluate_states` computes the same value for whole columns.
         """
         states, value = self.states, self.value(state(name))
         if not states.scaled:

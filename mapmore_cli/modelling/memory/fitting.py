@@ -46,8 +46,8 @@ def fit_with_memory(
     of all sizes. `near` is None or a fit to these and further samples. If it is given, the search
     begins at its parameters and coefficients.
 
-    Raises DataError if a quantity is missing, no sample has enough history, a state cannot be fed
-    back, the dictionary needs more memory than there is, or no model has a finite free run.
+    Raises DataError if a quantity is missing, no sample has enough earlier samples, a state cannot
+    be fed back, the dictionary needs more memory than there is, or no model has a finite free run.
     """
     numbers = left_open(records, recipe.dictionary, recipe.step)
     if numbers.states and recipe.loss != "squares":

@@ -250,7 +250,7 @@ class MemoryVerbs(Verbs):
         return coefficients + (0 if body.backbone is None else len(body.backbone.parameters))
 
     def fed_back(self, model: Model) -> tuple[str, ...]:
-        """Return the name of the output if the model is fed back, otherwise nothing."""
+        """Return the name of the output if it is fed back; otherwise, the result is empty."""
         memory = model.body_of(Memory).model
         return (memory.output,) if fed_back_states(memory.states, memory.output) else ()
 

@@ -28,8 +28,7 @@ from mapmore_cli.modelling.memory.simulation import ReadyPiece, Trajectory
 
 # number of samples of the shortest horizon, and the factor from one horizon to the next
 FIRST, GROWTH = 16, 8
-# If a run over the next horizon diverges, a horizon between the last and the next one is tried.
-# It must be at least this multiple of the last horizon.
+# smallest ratio of two horizons, if runs over a horizon that is FIRST times GROWTH long diverge
 LEAST_GROWTH = 1.2
 # Levenberg-Marquardt factor at the start, and largest factor, at which the search ends
 DAMPING, MOST_DAMPING = 1e-3, 1e8
@@ -104,9 +103,9 @@ class FreeRunProblem:
     """Simulation error of one set of terms on training samples.
 
     - `pieces`: function that returns the pieces for the operators' parameters, (m,).
-    - `counted`: for each piece, (n,), True for the samples that count.
+    - `counted`: a mask, (n,), for each piece, of the samples whose errors count.
     - `bounds`: smallest and largest output of a run.
-    - `ridge`: penalty of each squared coefficient, (k,).
+    - `ridge`: factor of each squared coefficient in the penalty, (k,).
     - `free_constant`: True if the model has a constant of its own.
     - `between`: lower and upper bounds of the vector (coefficients, constant and operators'
       parameters), (2, k + 1 + m).
@@ -155,7 +154,7 @@ class FreeRunProblem:
 
     def downhill(self, point: Point, slopes: Array) -> Array:
         """Return half of the negative gradient of the error at a point. `slopes` are the
-        derivatives of the outputs there.
+        derivatives of the outputs at this point.
         """
         theta, _, _ = self.split(point.vector)
         with np.errstate(over="ignore", invalid="ignore"):

@@ -29,8 +29,8 @@ from mapmore_cli.modelling.selection import MemoryRecipe, Stop
 
 @dataclass(frozen=True)
 class Regressors:
-    """States and output of the n training samples that have a history, shape (n,) each, one
-    recording after the other.
+    """States and output of the n training samples that have enough earlier samples, shape (n,)
+    each, one recording after the other.
 
     `uncertainty`, shape (n,), is the standard deviation of each measured output, or None. `lengths`
     holds the number of samples of each recording.

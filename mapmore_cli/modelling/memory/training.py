@@ -215,8 +215,8 @@ class TrainingData:
     """One set of training samples, together with the `numbers` (parameters) of the operators for
     which the recipe's dictionary has none.
 
-    Raises DataError if a quantity is missing, too few samples have a history, or a state cannot be
-    fed back.
+    Raises DataError if a quantity is missing, too few samples have enough earlier samples, or a
+    state cannot be fed back.
     """
 
     def __init__(
@@ -242,10 +242,10 @@ class TrainingData:
         self.selector = selector(self.data, recipe)
 
     def fit(self, choice: TermChoice, vector: Array | None = None) -> MemoryFit:
-        """Return the fitted model of a choice of terms. Without `vector`, the model has the
+        """Return the fitted model with the terms in `choice`. Without `vector`, the model has the
         coefficients of the one-step-ahead fit. With `vector`, it has the coefficients in this
-        vector, which a search in free run has found, and their standard errors. The coefficients
-        are in the order of the choice.
+        vector, which were found by a search in free run, and their standard errors. The
+        coefficients are in the order of the choice.
         """
         selection, constant, identified = choice.selection, choice.constant, None
         chosen = selection.chosen
@@ -359,7 +359,7 @@ class TrainingData:
         )
 
     def _states_of(self, chosen: IntArray) -> StateSet:
-        """Return the states that some candidates need, with their parameters."""
+        """Return the states that occur in the chosen candidates, with their parameters."""
         states, used = self.states, names_in(self.terms[i] for i in chosen)
         places = [place for place, name in enumerate(states.names) if name in used]
         kept = replace(states, names=tuple(states.names[place] for place in places))

@@ -1,5 +1,5 @@
-"""Model several outputs that share their segments and terms: one model for each, combined in
-one.
+"""Model several outputs that share their segments and terms. There is one model for each output,
+and one model that contains them.
 """
 
 from mapmore_cli.domain.models import Outputs

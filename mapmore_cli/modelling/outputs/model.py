@@ -40,16 +40,16 @@ def _structure(model: Model) -> tuple[object, ...]:
 
 
 class OutputsVerbs(Verbs):
-    """Operations of a model of several outputs. Operations that predict or write one output raise
+    """Operations of a model of several outputs. An operation for a single output raises
     UsageError.
     """
 
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
-        """Predict the only output. Raises UsageError if there are several outputs."""
+        """Raise UsageError if there are several outputs; otherwise, predict the only output."""
         return kinds.simulate(kinds.alone(model), columns)
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
-        """Write the only output. Raises UsageError if there are several outputs."""
+        """Raise UsageError if there are several outputs; otherwise, write the only output."""
         return kinds.verbs_of(model).write(m, kinds.alone(model), inputs)
 
     def outside_range(self, model: Model, columns: Columns) -> BoolArray:
@@ -70,7 +70,9 @@ class OutputsVerbs(Verbs):
         )
 
     def rules(self, model: Model) -> tuple[str, ...]:
-        """Return how the equations are combined; it is the same for all outputs."""
+        """Return sentences that say how the equations are combined. They are the same for all
+        outputs.
+        """
         return tuple(dict.fromkeys(rule for part in model.each for rule in kinds.rules(part)))
 
     def parameters(self, model: Model) -> int:
@@ -78,7 +80,7 @@ class OutputsVerbs(Verbs):
         return sum(map(kinds.parameters, model.each))
 
     def faults(self, model: Model) -> Iterator[str]:
-        """Yield the faults for which a stored model is refused."""
+        """Yield the faults of a stored model, because of which it is refused."""
         each = model.each
         names = [part.output.name for part in each]
         if len(names) < 2 or len({*names}) < len(names) or model.output != each[0].output:

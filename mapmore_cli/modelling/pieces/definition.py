@@ -358,8 +358,8 @@ def zones_of(curve: CurveFunction, body: Pieces) -> dict[str, tuple[Array, Array
 def _side_conditions(
     x: Expression, limits: Ends, sides: tuple[Side, Side]
 ) -> tuple[tuple[Condition, Side, float], ...]:
-    """Return, for each of the two sides, the condition that an input lies outside its limit, the
-    extrapolation on this side, and the limit.
+    """Return three values for the lower and for the upper side of an input: the condition that the
+    input lies outside the limit, the extrapolation, and the limit.
     """
     return ((x < limits[0], sides[0], limits[0]), (x > limits[1], sides[1], limits[1]))
 
@@ -434,7 +434,7 @@ def held_between(
 
 
 def pieces_program(body: Pieces, names: Sequence[str]) -> Program:
-    """Return the pieces without their backbone as a program of the named inputs."""
+    """Return the pieces, without their backbone, as a program whose inputs have the given names."""
     m = Writer()
     value = pieces_value(m, body, {name: Name(f"{INPUT}{name}") for name in names})
     return m.program(names, value)

@@ -20,10 +20,9 @@ from mapmore_cli.modelling.signals.sampling import even_share
 END_FRACTION, FEWEST = 0.05, 3
 # with more variables, only two of the `2^v` corners are tried as origins: all left and all right
 EVERY_CORNER_UP_TO = 3
-# A direction is ignored if samples near the anchor vary little along it:
-# by less than this fraction of their variation along the main direction.
+# smallest variation near the anchor, as a fraction of the largest, of a direction that counts
 FLAT = 1e-3
-# relative difference below which weights count as equal, and samples to add if they differ
+# relative difference below which weights count as equal, and samples to add for other weights
 ALIKE, EXTRA = 1e-12, 1
 ROUNDING = 1e-9  # relative rounding error of a sum of weights
 
@@ -82,8 +81,8 @@ def _anchored(
 
 
 def span(width: ArrayLike) -> Array:
-    """Return the widths by which variables are divided in scaling. The width of a constant variable
-    is one.
+    """Return the widths of the ranges of variables, by which they are divided in scaling. For a
+    constant variable, the width is set to one.
     """
     return np.where(np.asarray(width) > 0, width, 1.0)
 

@@ -64,13 +64,13 @@ class Cuts(Settings):
 
     @property
     def segments(self) -> int:
-        """The value of `count`, for the methods that need it."""
+        """The value of `count`. It must not be None, because the method needs it."""
         assert self.count is not None
         return self.count
 
     @property
     def least(self) -> int:
-        """Smallest number of samples that each segment must hold."""
+        """Number of samples that each segment must contain at least."""
         return self.min_samples or (10 if self.method == "optimal" else 0)
 
     @property
@@ -169,7 +169,7 @@ class Fuse(Joining):
 
 @dataclass(frozen=True, kw_only=True)
 class Recipe:
-    """Settings of a MAPMORE model of one `target` (M2 section 4.4 lists those of the paper).
+    """Settings of a MAPMORE model of one `target` (M2 section 4.4 lists the settings of the paper).
 
     - `dictionary`: candidate terms as text, in scaled coordinates.
     - `cuts`: segmentation of each segmented variable.

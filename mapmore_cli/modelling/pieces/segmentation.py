@@ -34,8 +34,7 @@ from mapmore_cli.modelling.signals.rates import STEPS, running_median
 WINDOW = 0.1
 # tolerance of the smallest distance of two bends, as a fraction of it, for rounding errors
 ROUNDING = 1e-9
-# smallest number of samples in a segment
-# Without it, a bend of the line through a gap in a curve could get a segment of its own.
+# smallest number of samples in a segment, so that a gap in a curve gets no segment of its own
 FEWEST_SAMPLES = 5
 
 
@@ -317,7 +316,7 @@ def cut_by_course(
 
 
 def segment_id(curve: str, variables: Sequence[str], cell: Sequence[int]) -> str:
-    """Return the name of a segment: for example `<curve>/strain:2`. Several variables are separated
+    """Return the name of a segment, for example `<curve>/strain:2`. Several variables are separated
     by `;`. With directions, it is `<curve>;direction=rise/...`, and without any cut `<curve>/all`.
     """
     places = dict(zip(variables, cell, strict=True))

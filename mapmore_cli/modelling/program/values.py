@@ -170,7 +170,7 @@ class _Compiler:
 
 
 class _SampleCompiler(_Compiler):
-    """Compiler for one sample at a time: only the branch that applies is computed, and operators
+    """Compiler for functions of one sample. Only the branch that applies is computed, and operators
     are called as functions.
     """
 
@@ -271,9 +271,9 @@ def _places_along(choice: Choose, known: Known) -> Places | None:
 def _first_that_holds(
     comparison: str, places: IntArray, numbers: Array
 ) -> Callable[[Array], IntArray]:
-    """Return a function of values x, shape (n,). For each x, it returns the first of the ascending
-    `places` for whose number the comparison with x is true. If it is true for none of the
-    `numbers`, it returns their count.
+    """Return a function of values x, shape (n,). For each x, it returns the first of the `places`
+    (in ascending order) whose number satisfies the comparison with x. If no number satisfies it,
+    the function returns the count of `numbers`.
     """
     ends, numbers = np.append(places, len(numbers)), numbers[places]
     if comparison == "==":

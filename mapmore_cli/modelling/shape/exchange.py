@@ -36,8 +36,8 @@ ROUNDING = 1e-11
 RIDGE = 1e-11
 # number of coefficients whose derivatives are computed together, to limit the memory
 TOGETHER = 16
-# If the places of an inequality are very close, it consists of rounding errors only.
-# It is ignored if it is below this many rounding errors.
+# Inequalities between very close places may consist of rounding errors only.
+# An inequality that is smaller than this many rounding errors is ignored.
 ROUNDING_ERRORS = 1000
 
 
@@ -196,7 +196,7 @@ class Exchange:
 
 def _widened(axes: Mapping[str, Array], inside: BoolArray) -> BoolArray:
     """Return a mask of the nodes `inside` a region and of their neighbours, shape (n,). Together,
-    they enclose the whole region, as far as a finer grid could show.
+    they enclose all nodes of a finer grid that lie in the region.
     """
     from scipy.ndimage import binary_dilation
 

@@ -42,8 +42,8 @@ def least_squares_under(R: Array, f: Array, D: Array, d: Array) -> Constrained:
     (0, ..., 0, 1)`. With the residual r of the dual, the solution is `z = -r[:-1] / r[-1]`. If r is
     zero, no z satisfies all inequalities.
 
-    `R` is upper triangular and regular, (k, k); `f` (k,), `D` (m, k) without rows of zeros, `d`
-    (m,).
+    R, (k, k), is upper triangular and regular, and D, (m, k), has no rows of zeros. The shapes of f
+    and d are (k,) and (m,).
     """
     from scipy.linalg import solve_triangular
     from scipy.optimize import nnls
@@ -51,7 +51,7 @@ def least_squares_under(R: Array, f: Array, D: Array, d: Array) -> Constrained:
     H = solve_triangular(R, D.T, trans="T").T
     length = np.linalg.norm(H, axis=1)
     H, h = H / length[:, None], (d - H @ f) / length
-    # unit of length; the solution is at least this far from the origin
+    # smallest possible distance of the solution from the origin, used as the unit of length
     reach = float(h.max(initial=0.0))
     if reach <= 0.0:
         return Constrained(solve_triangular(R, f), np.zeros(len(D)))

@@ -33,7 +33,7 @@ BESIDE = 1e-6
 class Region:
     """Region in which a model must keep a shape: the training range of each curve, extended by the
     fraction `beyond`. Places at which the training output lies in the lowest part of its range (the
-    fraction `slack`) do not belong to it.
+    fraction `slack`) do not belong to the region.
 
     Training samples are averaged in small cells, so that hysteresis and noise are averaged too.
     `places`, (c, inputs), and `values`, (c,), are the means of the inputs and of the output in each
@@ -133,7 +133,7 @@ class Region:
         return [word for word in asked if word.word == "positive" or word.quantity in self.names]
 
     def nodes_along(self, nodes: int) -> int:
-        """Return the number of evenly spaced nodes along each input, for a grid with this many
+        """Return the number of evenly spaced nodes along each input, if the grid has `nodes`
         nodes.
         """
         return int(np.clip(round(nodes ** (1 / len(self.names))), 3, MOST))

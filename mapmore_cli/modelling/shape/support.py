@@ -47,7 +47,7 @@ LEVEL = 0.01
 # A contradiction of fewer standard errors is too weak to need a simulation.
 RUNS, UNLIKELY = 199, 2.0
 CONFIRMED = 3.0  # number of standard errors by which a fitted surface must contradict a sign
-# for each width of the means, this many of the largest contradictions are tested by a surface
+# number of contradictions per width of the means that are tested with a fitted surface
 TRIED = 32
 # The noise of a cell is the mean over at least `LOCAL` cells around it.
 # For d inputs, a plane is fitted to `2 d + ABOUT - 1` neighbours of a cell.

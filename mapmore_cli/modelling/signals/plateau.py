@@ -30,7 +30,7 @@ def find_levels(values: Array) -> Array:
     The result is empty if the quantity never dwells, for example in a steady sweep.
     """
     low, high = np.quantile(values, [0.001, 0.999], method="closest_observation")
-    # also for a range so small that the bins would have no width
+    # one level; this includes ranges that are so small that the bins would have no width
     if high - low <= max(0.05 * max(abs(low), abs(high)), BINS * np.finfo(float).tiny):
         return np.array([_representative(values)])
     counts, edges = np.histogram(values, bins=BINS, range=(low, high))
@@ -47,7 +47,7 @@ def find_levels(values: Array) -> Array:
 
 def _representative(group: Array) -> float:
     spread, middle = float(np.std(group)), float(np.median(group))
-    # equal values, whose mean has a rounding error
+    # all values are equal, apart from rounding errors
     if spread <= 1e-12 * abs(middle):
         return middle
     return round(middle, -math.floor(math.log10(spread)))
@@ -141,15 +141,15 @@ def _last(mask: BoolArray) -> int:
 
 
 def without_steady_state(component: Array, plateau: BoolArray) -> Array:
-    """Return `F_d = F_d' - F_d,ssv`: a component of the force minus its mean over the plateau. This
-    removes the error that the static model has at rest (M2 eq 1).
+    """Return a component of the force minus its mean over the plateau, `F_d = F_d' - F_d,ssv` (M2
+    eq 1). The subtraction removes the error that the static model has at rest.
     """
     return component - float(component[plateau].mean())
 
 
 def damping_component(rest: Array, curve: Curve) -> Array:
-    """Return `F_d = F_d' - F_d,ssv` (M2 eq 1), shape (n,): the residual of a static model minus its
-    mean over the plateau of each recording of the curve.
+    """Return the residual of a static model minus its mean over the plateau of each recording of
+    the curve, shape (n,). This is `F_d = F_d' - F_d,ssv` (M2 eq 1).
     """
     if curve.at_rest is None:
         return rest

@@ -100,10 +100,11 @@ def _slopes(
     + 1` different sums are needed.
     """
     places = start[:, None] + np.arange((stop - start).max())
-    power = (places < stop[:, None]).astype(float)  # t^0: one inside the window, and zero outside
+    power = (places < stop[:, None]).astype(float)  # t^0, which is set to zero outside the window
     places = np.minimum(places, len(time) - 1)
     t = (time[places] - at[:, None]) / window
-    y = values[places] - values[start][:, None]  # large values lose digits
+    # an offset is subtracted, because large values would lose digits
+    y = values[places] - values[start][:, None]
     sums, moments = [], []
     for degree in range(2 * order + 1):
         sums.append(power.sum(axis=1))
@@ -143,7 +144,7 @@ def signal_values(signal: Signal, columns: Columns) -> Array:
     """Return a signal over one recording, shape (n,), computed from its source quantity and, for a
     rate, from the `time`.
 
-    Raises DataError if the window of a rate holds too few samples.
+    Raises DataError if the window of a rate contains too few samples.
     """
     source = columns[signal.of]
     if signal.kind == "direction":

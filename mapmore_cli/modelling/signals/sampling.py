@@ -26,8 +26,8 @@ T = TypeVar("T", bound=np.ndarray[Any, Any])
 
 
 def correlation(first: Array, second: Array) -> float:
-    """Return the correlation of two signals, (n,) each, of any magnitude (squares of 1e-300 would
-    underflow); 0 if one of them is constant.
+    """Return the correlation of two signals, (n,) each; 0 if one of them is constant. The signals
+    are scaled first, because squares of values such as 1e-300 would underflow.
     """
     ranges = np.ptp(first), np.ptp(second)
     if not all(ranges):
@@ -110,8 +110,7 @@ def find_gaps(time: Array, longer_than: float) -> Gaps:
     return Gaps(after, lengths, missing)
 
 
-# The time step of a long record is estimated from some evenly spread parts.
-# These are the number of parts and the number of samples in each.
+# number of parts of a long record, and number of samples per part, for estimating the time step
 PARTS, PART = (
     8,
     1 << 17,

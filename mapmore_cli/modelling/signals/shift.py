@@ -21,14 +21,13 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.signals.sampling import typical_step
 
 WIDTHS = (1, 2, 4, 8, 16, 32, 64)  # numbers w of samples that are averaged on each side of a change
-# smallest overlap as a fraction of the shorter record; in a smaller one, chance may correlate
+# smallest overlap of both records, as a fraction of the shorter record
 LEAST_OVERLAP = 0.5
 # smallest fraction of the squared changes of each record that must lie in the overlap
-# With less, almost nothing changes in the overlap.
 LEAST_EVENTS = 0.3
 RATIO = 1.15  # smallest ratio of the best peak to the second best peak
 # smallest Fisher's z of the best peak, in standard deviations of noise
-# It is large, because thousands of lags are tried.
+# This limit is high, because thousands of lags are tried.
 SIGMAS = 7.0
 MOST = 2_000_000  # largest number of grid points of the longer record
 FEWEST = 8  # smallest number of samples of a record
@@ -175,11 +174,11 @@ def correlation_by_lag(u: Array, v: Array) -> tuple[Array, Array, Array]:
     r is set to zero if the overlap is too short, or if it contains too small a part of the changes
     of a record.
     """
-    # imported here because it loads slowly, and few specs need it
+    # imported here, because it loads slowly and few studies need it
     from scipy.signal import correlate
 
     n, m = len(u), len(v)
-    # `sum_i a[i + lag] b[i]` for the lags -(m - 1) .. n - 1
+    # computes `sum_i a[i + lag] b[i]` for the lags -(m - 1) to n - 1
     sums = partial(correlate, method="fft")
     ones_u, ones_v = np.ones(n), np.ones(m)
     count = np.rint(sums(ones_u, ones_v))
@@ -211,7 +210,7 @@ def _vertex(size: Array, top: int) -> float:
 
 def _half_width(u: Array, v: Array, lag: int) -> float:
     """Return half the width of the 95 % interval of the best lag between the changes `u` and `v`,
-    in steps of the grid; infinite if their slopes do not agree.
+    in steps of the grid; infinite if the slopes of `u` and `v` do not agree.
 
     After both are scaled to the same spread, s is their mean and e their difference, so that they
     are `s + e/2` and `s - e/2`. The error of the lag is `sum s'[i] e[i] / sum u'[i] v'[i]`.
@@ -220,7 +219,7 @@ def _half_width(u: Array, v: Array, lag: int) -> float:
     frequency domain, this is a sum of products, of which a few may dominate. Their effective number
     is used as the degrees of freedom of Student's t.
     """
-    # imported here because it loads slowly, and few specs need it
+    # imported here, because it loads slowly and few studies need it
     from scipy.fft import next_fast_len, rfft
     from scipy.special import stdtrit
 

@@ -14,8 +14,8 @@ from mapmore_cli.modelling.kinds import Kind, Verbs
 
 @dataclass(frozen=True)
 class Tendon(Body):
-    """A model of a muscle in series with a tendon. Its inputs `length` and `velocity` are the
-    length and the velocity of muscle and tendon together.
+    """A model of a muscle in series with a tendon. The inputs `length` and `velocity` of the model
+    are the length and the velocity of muscle and tendon together.
     """
 
     muscle: Annotated[Model, "the muscle alone"]

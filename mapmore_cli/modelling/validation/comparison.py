@@ -41,7 +41,8 @@ GRID, COARSE_GRID = (
     41,
     11,
 )
-SAME_LEVEL = 0.05  # closer levels, as a fraction of the distance to the next level, are equal
+# levels count as equal if they are closer than this fraction of the distance to the next level
+SAME_LEVEL = 0.05
 
 FEWEST_CURVES, MOST_POINTS = 2, 6
 
@@ -114,15 +115,15 @@ class TermChange:
 class Comparison:
     """Comparison of two models of one muscle.
 
-    `ratio` is the least-squares factor from the earlier output to the later one over all curves:
-    the mean of the factors of the curves, weighted by the squares of the output. `interval` is its
-    t-interval with K - 1 degrees of freedom for K curves. `p` is the p-value of the hypothesis that
-    the factor is one; `p_permutation` is that of a permutation test over all signs of the curves'
-    changes, None if K is too small for it. `narrow` is the interval at the level `EQUIVALENCE`.
-    `resolution` is the smallest relative change that these curves can detect: half of the interval,
-    and at least the uncertainty of models that are interpolated to a level of the other. `settings`
-    holds the keys of the spec that differ, with both values. If `same_recordings` is True, only the
-    settings can differ.
+    `ratio` is the least-squares factor from the output of the earlier model to the output of the
+    later model, over all curves. It is the mean of the factors of the curves, weighted by the
+    squares of the output. `interval` is its t-interval with K - 1 degrees of freedom for K curves.
+    `p` is the p-value of the hypothesis that the factor is one; `p_permutation` is the p-value of a
+    permutation test over all signs of the curves' changes, None if K is too small for it. `narrow`
+    is the interval at the level `EQUIVALENCE`. `resolution` is the smallest relative change that
+    these curves can detect: half of the interval, and at least the uncertainty of models that are
+    interpolated to a level of the other. `settings` holds the keys of the spec that differ, with
+    both values. If `same_recordings` is True, only the settings can differ.
     """
 
     before: str
@@ -166,7 +167,7 @@ class Comparison:
         if self.same_recordings:
             return OF_SETTINGS
         low, high = self.narrow
-        # otherwise, the interpolation between levels may hide a change
+        # an uncertain interpolation between levels may hide a change
         sure = self.resolution <= max(np.ptp(self.interval) / 2, self.margin)
         return SAME if sure and 1 - self.margin < low <= high < 1 + self.margin else UNCLEAR
 
@@ -422,7 +423,9 @@ def term_changes(before: Model, after: Model) -> tuple[TermChange, ...]:
 
 
 def _coefficients(segment: SegmentFunction) -> dict[str, tuple[float, float]]:
-    """Return the coefficient of every term and its standard error, in the unit of the output."""
+    """Return the coefficient of every term of a segment and its standard error, in the unit of the
+    output.
+    """
     scale = segment.scaling.y_slope
     pairs = zip(
         (segment.theta * scale).tolist(), (segment.theta_error * abs(scale)).tolist(), strict=True

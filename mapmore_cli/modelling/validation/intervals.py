@@ -76,7 +76,7 @@ five.
 LEAST = 1e-3  # smaller errors, as a fraction of the largest |target|, are replaced by this
 # quantile of the normal distribution for which the constants in `FEW` were computed
 NORMAL = 1.959964
-# a sample within this fraction of the gap between levels from a level counts as at the level
+# a sample counts as at a level if it is closer than this fraction of the gap between levels
 AT_LEVEL = 0.02
 
 MANY = 7  # smallest number of levels for which the rule for few levels is not needed
@@ -115,8 +115,8 @@ def left_out_summary(
     """Summarise the residuals (measured minus predicted) of each left-out part, so that intervals
     can be computed from them. `curves` is the number of curves used for training.
 
-    Raises FitError if a model has no prediction for a part that was left out, for example because
-    its free run diverges.
+    Raises FitError if a model cannot predict the part that was left out of its fit, for example
+    because its free run diverges.
     """
     pooled = {part: np.concatenate(list(arrays)) for part, arrays in residuals.items()}
     for part, values in pooled.items():
@@ -141,8 +141,8 @@ def left_out_summary(
 def with_levels(
     left_out: LeftOut, training: Mapping[float | None, Sequence[Array]], parameters: int
 ) -> LeftOut:
-    """Return the summary with statistics of the training residuals added. `residuals` holds those
-    of each recording, by level (None without levels).
+    """Return the summary with statistics of the training residuals added. `residuals` holds the
+    training residuals of each recording, by level (None without levels).
 
     The root mean square of the training residuals is multiplied by `sqrt((n + p)/(n - p))` for n
     samples and p parameters, if n is larger than p. The result is the error to be expected on n new

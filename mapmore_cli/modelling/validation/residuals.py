@@ -51,8 +51,8 @@ def residual_tests(
     are equal.
 
     `predicted` has an array for each curve. With `order_by`, samples are in the order of that
-    quantity, and the mean residual is tested in parts of each input's range. With None, samples are
-    in the order of time, and the residuals are correlated with each input.
+    quantity, and the mean residual is tested in parts of each input's range. Without `order_by`,
+    samples are in the order of time, and the residuals are correlated with each input.
     """
     residuals: list[Array] = []
     columns: dict[str, list[Array]] = {quantity.name: [] for quantity in model.inputs}
@@ -239,7 +239,7 @@ def _of_scores(row: Score) -> Iterator[str]:
     if not np.isfinite(row.rmse):
         yield f"the model has no finite error on the {where}, so that it is useless"
         return
-    r2 = round(row.r2, 9) + 0.0  # a zero may have a rounding error
+    r2 = round(row.r2, 9) + 0.0  # rounded, so that zero is recognised
     if r2 <= 0:
         comparison = "no better than" if r2 == 0 else "worse than"
         yield (

@@ -1,4 +1,6 @@
-"""Judge the mean of a few independent numbers, by Student's t and by permutation of their signs."""
+"""Test whether the mean of a few independent numbers differs from zero, by Student's t test and by
+permutation of their signs.
+"""
 
 from __future__ import annotations
 
@@ -32,14 +34,14 @@ class Mean:
 
 
 def weighted_mean(x: Array, weights: Array, confidence: float) -> Mean:
-    """Return `m = sum(w x)/sum(w)` with the interval `m ± t(K - 1) s`, `s^2 = K/(K - 1) sum(w^2 (x
-    - m)^2)/sum(w)^2`.
+    """Return the weighted mean `m = sum(w x)/sum(w)` of K numbers x with its interval `m ± t(K - 1)
+    s`, in which `s^2 = K/(K - 1) sum(w^2 (x - m)^2)/sum(w)^2`.
 
     With equal weights, this is Student's interval. The interval follows from the scatter between
     the numbers, whatever causes this scatter. If one number has nearly all the weight, the interval
     describes little more than that number. For a single number, the interval is infinite.
     """
-    # imported here because loading it takes a third of a run that is up to date
+    # imported here, because the import is slow and most runs do not need it
     from scipy.special import stdtr, stdtrit
 
     n, share = len(x), weights / weights.sum()
@@ -173,7 +175,7 @@ def _total(values: Array) -> Array:
 
 
 def _median(values: Array, share: Array) -> float:
-    """Return the weighted median, below which half of the weight lies."""
+    """Return the weighted median: the values below it have half of the total weight."""
     order = np.argsort(values)
     weight = share[order]
     return float(np.interp(0.5, np.cumsum(weight) - weight / 2, values[order]))

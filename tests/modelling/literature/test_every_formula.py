@@ -150,4 +150,4 @@ def test_every_formula_is_on_the_page_and_in_the_reference():
     for name in names():
         assert f"`{name}`" in page
         assert f"### {name}\n" in text
-        assert f"- source: {get(name).reference}\n" in text
+        assert f"- The source of the formula is {get(name).reference}.\n" in text

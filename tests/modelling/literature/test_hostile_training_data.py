@@ -157,9 +157,9 @@ def test_a_formula_that_overflows_everywhere_has_failed(method):
     ("text", "nonlinear", "message"),
     [
         ("a*x + c", (), "must be exactly its inputs"),
-        ("a*x*b", (), "not linear in a parameter"),
+        ("a*x*b", (), "in which the formula is not linear"),
         ("a*x + b*x + x", (), "no linear parameter"),
-        ("a*exp(b*x)", (), "not linear in a parameter"),
+        ("a*exp(b*x)", (), "in which the formula is not linear"),
     ],
 )
 def test_a_formula_that_is_not_what_it_declares_cannot_be_made(text, nonlinear, message):

@@ -1,5 +1,5 @@
-"""Define operators without memory: the smooth sign of a velocity (Coulomb friction), and
-saturation.
+"""Define two operators without memory: a smooth version of the sign of a velocity (Coulomb
+friction), and saturation.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from mapmore_cli.modelling.expressions.operator import (
 
 # values of v at which the search begins, as fractions of the training range of x
 WIDTHS = (0.001, 0.004, 0.016, 0.064, 0.25)
-# limits of v in the search: the rule is almost a jump at the first, almost linear at the second
+# limits of the velocity v: with the first, tanh(x/v) is almost a jump; with the second, a line
 FINEST, COARSEST = 1e-4, 4.0
 
 

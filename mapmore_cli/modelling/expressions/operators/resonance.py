@@ -17,8 +17,8 @@ def position(setting: Setting) -> Recursion:
     """Return the rule `y[k] = 2 q cos(th) y[k-1] - q^2 y[k-2] + gain x[k]` of an oscillator with
     unit gain.
 
-    `q = exp(-damping w step)`, `th = w step sqrt(1 - damping^2)`, `w = 2 pi frequency`, with the
-    frequency in Hz and a damping ratio below one.
+    Here, `w = 2 pi frequency` with the frequency in Hz, `q = exp(-damping w step)`, and `th = w
+    step sqrt(1 - damping^2)`. The damping ratio is below one.
     """
     past, gain, _ = _oscillator(setting)
     return linear(past, [gain])
@@ -35,8 +35,8 @@ def velocity(setting: Setting) -> Recursion:
 
 
 def _oscillator(setting: Setting) -> tuple[tuple[float, float], float, float]:
-    """Return the weights of the past values, the gain, and the angular frequency times the time
-    between samples.
+    """Return the numbers of an oscillator: the weights of its two past values, its gain, and its
+    angular frequency times the time between samples.
     """
     frequency, damping = setting.numbers
     w = 2 * math.pi * frequency

@@ -26,7 +26,8 @@ def published(diameter: int, largest: str, c0: float, c1: float, c2: float) -> F
         reference=f"{SOURCE}; constants of {diameter} mm muscles",
         about=(
             f"Bolen's static force of a {diameter} mm muscle with the published constants. Only "
-            "`e620`, the largest strain at 620 kPa, is fitted. The formula is in kPa and N."
+            "`e620`, the largest strain at 620 kPa, is fitted. The pressure must be in kPa, and "
+            "the force is in N."
         ),
         inputs=("pressure", "strain"),
         parameters=("length", "e620"),

@@ -35,13 +35,13 @@ FORMULAS = (
     friction(
         "tondu_kinetic_friction",
         "Tondu, kinetic friction",
-        "M2 table 1, with |strain_rate|",
+        "M2 table 1, but with |strain_rate| in the exponent",
         ("B0", "B1", "B2"),
         "(B0 - B1)*exp(-abs(strain_rate)/B2) + B1",
         """Kinetic friction that changes from B0 at rest to B1 at high speed (Tondu).
 
 Table 1 of M2 prints `exp(-strain_rate/B2)`, which grows without bound when the muscle extends.
-Here, the exponent has the magnitude of the rate, as in M2 eq 24.""",
+Here, the exponent contains `|strain_rate|` instead of `strain_rate`, as in M2 eq 24.""",
     ),
     friction(
         "peternel",
@@ -53,12 +53,12 @@ Here, the exponent has the magnitude of the rate, as in M2 eq 24.""",
 (Peternel et al.).
 
 The term of B1 is therefore `B1*|strain_rate|`: it has the same sign whether the muscle contracts or
-extends, while all other terms oppose the motion.""",
+extends, whereas all other terms oppose the motion.""",
     ),
     friction(
         "peternel_absolute",
         "Peternel, absolute",
-        "M2 eq 24, with |strain_rate|^k",
+        "M2 eq 24, but with |strain_rate|^k",
         ("B0", "B1", "B2", "B3", "B4"),
         "B0 + B1*abs(strain_rate) + B2*strain_rate^2 + B3*exp(-abs(strain_rate)/B4)",
         (

@@ -1,11 +1,11 @@
 """Muscle-like force: the pressure as activation, multiplied by a force-length and a force-velocity
 factor, with a passive spring in parallel.
 
-H eq 4-5: `F_PAM = P F f_la(l) f_v(v) + F f_lp(l)` with `f_la = 1 + a0 l + a1 l^2 + a2 l^3`, `f_v =
-1 + b0 v` and `f_lp = c0 + c1 l`. The units are those of H's table I: the pressure P in kPa, the
-elongation l in m, the velocity v in m/s, F in N/kPa, c0 in kPa, c1 in kPa/m. The elongation is
-measured from the rest length of each muscle. The velocity is *positive when the muscle shortens*.
-If b0 is negative, a shortening muscle pulls less, as a damper does.
+The force is `F_PAM = P F f_la(l) f_v(v) + F f_lp(l)` (H eq 4-5) with `f_la = 1 + a0 l + a1 l^2 + a2
+l^3`, `f_v = 1 + b0 v` and `f_lp = c0 + c1 l`. The units are those of H's table I: P is in kPa, l in
+m, v in m/s, F in N/kPa, c0 in kPa and c1 in kPa/m. The elongation l is measured from the rest
+length of each muscle. The velocity v is *positive when the muscle shortens*. If b0 is negative, a
+shortening muscle pulls less, as a damper does.
 
 If F and the products of F with the other constants are taken as parameters, the formula is linear
 in all of them except b0. A search for b0 alone is therefore enough (variable projection). H
@@ -16,8 +16,7 @@ from mapmore_cli.modelling.literature.formula import Formula, LinearForm
 from mapmore_cli.modelling.literature.problem import Nonlinear
 
 # At the largest velocity, b0 may change the active force by up to ten times its size.
-# b0 is negative for every muscle in H's table I.
-# Both signs are allowed, because on a joint the user chooses the sign of the velocity.
+# b0 may have both signs, because on a joint the user chooses the sign of the velocity.
 DAMPING = Nonlinear("b0", per="velocity", intervals=((-10.0, -1e-4), (1e-4, 10.0)))
 
 FORMULA = Formula(

@@ -55,8 +55,8 @@ FORMULAS = (
         """Third-order polynomial of pressure, length and velocity. `a210` multiplies
 `pressure^2*length^1*velocity^0`.
 
-This is the dynamic model of Sharbafi et al., with which H compares itself (its reference 19). The
-quantities are those of `muscle_like`.""",
+This polynomial is the dynamic model of Sharbafi et al. (reference 19 of H), with which H compares
+its model. The quantities are those of `muscle_like`.""",
         "dynamic",
     ),
     polynomial_formula(
@@ -67,10 +67,11 @@ quantities are those of `muscle_like`.""",
         """Fifth-order polynomial of pressure and strain (Tothova et al., as used in M1).
 `a21` multiplies `strain^2*pressure^1`.
 
-It is fitted by plain least squares at the measured pressures. With k training pressures, the data
-determine only powers of the pressure up to k - 1. Of the 21 coefficients, they determine 15 if k is
-3, 18 if k is 4, 20 if k is 5, and all if k is 6 or more. Scatter of the measured pressures can
-raise this number, which is the rank of the fit; a note then says so. The missing powers are the
-reason for the poor prediction between few training pressures (M1 section IV).""",
+The polynomial is fitted by plain least squares at the measured pressures. With k training
+pressures, the data determine only powers of the pressure up to k - 1. Of the 21 coefficients,
+the data determine 15 if k is 3, 18 if k is 4, 20 if k is 5, and all if k is 6 or more. The
+number of coefficients that the data determine is the rank of the fit. Scatter of the measured
+pressures can raise the rank; a note then says so. Because of the missing powers, the polynomial
+predicts poorly between few training pressures (M1 section IV).""",
     ),
 )

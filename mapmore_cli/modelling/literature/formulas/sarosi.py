@@ -6,9 +6,9 @@ from mapmore_cli.modelling.literature.formula import Formula
 from mapmore_cli.modelling.literature.problem import Intervals, Nonlinear
 
 # Bounds of a3*max|strain|. In every publication, the exponent a3 is negative (about -8 in W).
-# A positive exponent may fit training data better, but outside them the force falls steeply.
-# At the first bound, the force decays within 1/50 of the largest strain.
-# Beyond the second bound, the exponential could not be distinguished from the linear terms.
+# With a positive exponent, the force would fall steeply outside the training data.
+# At the bound -50, the force decays within 1/50 of the largest strain.
+# Nearer to zero than -1e-3, the exponential is almost a straight line, as the linear terms are.
 DECAY = ((-50.0, -1e-3),)
 
 STARTS = {

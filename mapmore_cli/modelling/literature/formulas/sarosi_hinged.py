@@ -1,22 +1,25 @@
 """Sárosi's formula with an additional plane for the slack muscle (the foot), blended with the
-original (plain) formula. It was made for mapmore, because the outlook of M1 suggests physics-based
-terms.
+original (plain) formula. `sarosi_hinged` was made for mapmore, because the outlook of M1 suggests
+physics-based terms.
 
 Measured muscles give almost no force below a threshold pressure, which rises with the strain. If
-Sárosi's formula is fitted to such data, its terms are spent on this corner instead of the other
-data. Here, `hi` (Sárosi's formula with a1 to a6) and the foot `lo = b0 + b1 P + b2 strain` are
-joined by a hinge of width w:
+Sárosi's formula is fitted to data of such a muscle, its terms describe the forces below the
+threshold instead of the larger forces. Here, `hi` (Sárosi's formula with a1 to a6) and the foot
+`lo = b0 + b1 P + b2 strain` are joined by a hinge of width w:
 
-    F = share F_hinged + (1 - share) F_plain
-    F_hinged = lo + w ln(1 + exp((hi - lo)/w)),   F_plain: Sárosi's formula with s1 to s6
+```text
+F        = share F_hinged + (1 - share) F_plain
+F_hinged = lo + w ln(1 + exp((hi - lo)/w))
+```
 
-F_plain is fitted to the same data as F_hinged. `share` is the weight of F_hinged. Both weights are
-proportional to `(r^2 + 0.01^2)^-2`, in which r is the training RMSE of this part divided by max|F|.
-If the data have no foot, both parts are about equally good and have about equal weights. F_plain
-gets no weight if its exponent s3 is at a bound or not determined by the data. Its term exp(s3
-strain) could then be so large outside the measured strains that even a very small weight would
-spoil the force. The strain must be a fraction, because the prior of a3 is a decay over a strain of
-1/33.
+F_plain is Sárosi's formula with the parameters s1 to s6, which is fitted to the same data as
+F_hinged. `share` is the weight of F_hinged. The weight of each of the two parts is proportional to
+`(r^2 + 0.01^2)^-2`, in which r is the training RMSE of the part divided by max|F|. If the data have
+no foot, both parts are about equally good and have about equal weights. F_plain gets no weight if
+its exponent s3 is at a bound or is not determined by the data. In this case, the term exp(s3
+strain) of F_plain could be so large outside the measured strains that even a very small weight
+would spoil the force. The strain must be a fraction, because the prior of a3 is a decay over a
+strain of 1/33.
 """
 
 from __future__ import annotations
@@ -35,10 +38,10 @@ from mapmore_cli.modelling.literature.formulas.sarosi import DECAY, sarosi
 # below this training RMSE (fraction of max|F|), a part hardly gains weight by a smaller RMSE
 GOOD_ENOUGH = 0.01
 
-PLAIN = sarosi("s", (*DECAY, (1e-3, 50.0)))  # positive exponents are allowed too
+PLAIN = sarosi("s", (*DECAY, (1e-3, 50.0)))  # exponents may also be positive
 HIGH, LOW = sarosi("a").text, "b0 + b1*pressure + b2*strain"
 PRINTED = f"share*({LOW} + w*log(1 + exp(({HIGH} - ({LOW}))/w))) + (1 - share)*({PLAIN.text})"
-# cannot overflow, because it uses ln(1 + exp(z)) = (z + |z|)/2 + ln(1 + exp(-|z|))
+# This form cannot overflow, because ln(1 + exp(z)) = (z + |z|)/2 + ln(1 + exp(-|z|)).
 COMPUTED = (
     f"share*(({HIGH} + {LOW} + abs({HIGH} - ({LOW})))/2 + w*log(1 + exp(-abs({HIGH} - "
     f"({LOW}))/w))) + (1 - share)*({PLAIN.text})"
@@ -113,7 +116,7 @@ class SarosiHinged(Formula):
 FORMULA = SarosiHinged(
     name="sarosi_hinged",
     title="Sárosi, hinged",
-    reference="ours, on M1 eq 1",
+    reference="mapmore, based on M1 eq 1",
     inputs=("pressure", "strain"),
     parameters=(*hinge.NAMES, "share", *PLAIN.parameters),
     text=COMPUTED,

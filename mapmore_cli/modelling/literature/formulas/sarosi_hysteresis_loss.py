@@ -44,7 +44,7 @@ class ForceCurve(NamedTuple):
     c: float
 
     def __call__(self, strain: Array) -> Array:
-        """Return the force at one strain for each pressure, shape (n,)."""
+        """Return the force at the given strain for each of the n pressures, shape (n,)."""
         return self.A * np.exp(self.c * strain) + self.B * strain + self.C
 
     def mean(self, start: float, end: Array) -> Array:
@@ -121,10 +121,10 @@ class HysteresisLoss(Formula):
           `hysteresis` (N, half the distance between the branches), shape (n,) each.
         - `length`: length of the muscle at rest, m.
 
-        The status is the worse one of the two branches, and the condition is the larger one. Ranks
-        and sums of squares are added. A note gives the pressures at which zeta had to be limited.
-        The length and the smallest strain are given, not fitted, so that they have no standard
-        error.
+        The result combines both branches: it has the worse status and the larger condition number,
+        and ranks and sums of squares are added. A note gives the pressures at which zeta had to be
+        limited. The length and the smallest strain are given, not fitted, so that they have no
+        standard error.
 
         Raises DataError for a missing or non-finite column, too few samples, or a length that is
         not positive.
@@ -182,7 +182,7 @@ class HysteresisLoss(Formula):
 
     @cached_property
     def expression(self) -> Expression:
-        """`text` as an expression, with the expression of the stiffness inserted."""
+        """Expression of `text`, in which the stiffness is replaced by its expression."""
         stiffness = derivative(UPPER.expression, "strain")
         return substitute(parse(self.text), {"stiffness": stiffness / Name("length")})
 
@@ -233,7 +233,7 @@ FORMULAS = (
 damping `2 sqrt(|k_t| m)` and by the muscle's velocity.
 
 M2 eq 19 multiplies by the strain rate, although k_t is per metre (eq 20), so that the result has
-the unit N/m. With the length as a further factor, it is a force.""",
+the unit N/m. Here, the result is also multiplied by the length, so that it is a force.""",
     ),
     _loss(
         "sarosi_hysteresis_loss_printed",
@@ -242,7 +242,7 @@ the unit N/m. With the length as a further factor, it is a force.""",
         "-2*zeta*sqrt(abs(stiffness)*load/9.81)*strain_rate",
         (
             "Sárosi's hysteresis loss as M2 eq 19-20 print it, without the length of the muscle. "
-            "It is `sarosi_hysteresis_loss` divided by the length."
+            "The result is that of `sarosi_hysteresis_loss` divided by the length."
         ),
     ),
 )

@@ -91,16 +91,18 @@ FORMULAS = (
 of energy.
 
 W eq 3 is `F = P b^2 (3 L^2/b^2 - 1)/(4 pi n^2)` with the thread length b, the number n of turns of
-a thread, and the length L = L0 (1 - strain). Here, the formula has one lumped parameter for each
-power of L and is linear in them:
+a thread, and the length L = L0 (1 - strain). Here, b and n are replaced by one lumped parameter for
+each power of L, so that the formula is linear in its parameters:
 
-    c1 = 3 L0^2/(4 pi n^2),   c2 = b^2/(4 pi n^2)
+```text
+c1 = 3 L0^2/(4 pi n^2),     c2 = b^2/(4 pi n^2)
+n = L0 sqrt(3/(4 pi c1)),   b = L0 sqrt(3 c2/c1)
+```
 
-    n = L0 sqrt(3/(4 pi c1)),   b = L0 sqrt(3 c2/c1)
-
-So the force needs no dimension of the muscle. In kPa and N, both parameters are in 1e-3 m^2. A real
-braid has c1 > 0 and c2 > c1/3 (b > L0). The fit of this formula allows other values too. The fit of
-`tondu_lopez`, which is the same formula with other parameters, allows real braids only.""",
+So no dimension of the muscle is needed. With the pressure in kPa and the force in N, the unit of
+c1 and c2 is 1e-3 m^2. A real braid has c1 > 0 and c2 > c1/3 (b > L0), but the fit of
+`chou_hannaford` also allows other values of c1 and c2. `tondu_lopez` is the same formula with
+other parameters, and its fit allows real braids only.""",
     ),
     braided(
         "tondu_lopez",
@@ -110,11 +112,12 @@ braid has c1 > 0 and c2 > c1/3 (b > L0). The fit of this formula allows other va
         (),
         """Tondu and Lopez' static force of a braided cylinder, from virtual work.
 
-W eq 4 takes the area pi D^2/4 from the muscle's nominal diameter and fits only the angle. Here, the
-area is fitted too, so the diameter of the bladder need not be known, and the training error cannot
-become larger. In kPa and N, the area is in 1e-3 m^2. With a fitted area, the formula is W eq 3 with
-other parameters. It gives the same forces as `chou_hannaford` if the fitted parameters of
-`chou_hannaford` describe a real braid.""",
+W eq 4 takes the area pi D^2/4 from the muscle's nominal diameter and fits only the angle. In
+`tondu_lopez`, both the angle and the area are fitted. The diameter of the bladder need not be
+known, and the training error cannot be larger than with a fixed area. With the pressure in kPa
+and the force in N, the unit of the area is 1e-3 m^2. With a fitted area, the formula is W eq 3
+with other parameters. `tondu_lopez` gives the same forces as `chou_hannaford` if the fitted
+parameters of `chou_hannaford` describe a real braid.""",
     ),
     braided(
         "tondu_lopez_fixed_area",
@@ -125,8 +128,8 @@ other parameters. It gives the same forces as `chou_hannaford` if the fitted par
         """Tondu and Lopez' static force as W prints it: the area is that of the muscle's
 nominal diameter, and only the angle is fitted.
 
-The equations are W eq 4 with eq 6-7. In `tondu_lopez`, the area is fitted as well as the angle;
-that model can describe the same forces as `chou_hannaford`.""",
+The equations are W eq 4 with eq 6-7. In `tondu_lopez`, both the area and the angle are fitted, so
+that `tondu_lopez` can describe the same forces as `chou_hannaford`.""",
         of_diameter=True,
     ),
     braided(
@@ -138,8 +141,8 @@ that model can describe the same forces as `chou_hannaford`.""",
         """Tondu and Lopez' static force with a factor on the strain, because the ends of
 the muscle do not stay cylindrical.
 
-The factor depends on the pressure, which must be in kPa. As in `tondu_lopez`, the area pi D^2/4 is
-fitted; W fits only theta, a_k and b_k.""",
+The factor on the strain depends on the pressure, which must be in kPa. As in `tondu_lopez`, the
+area pi D^2/4 is fitted, whereas W fits only theta, a_k and b_k.""",
     ),
     braided(
         "tondu_lopez_corrected_fixed_area",
@@ -150,8 +153,8 @@ fitted; W fits only theta, a_k and b_k.""",
         """Tondu and Lopez' static force with a factor on the strain, as W prints it: with
 the area of the muscle's nominal diameter.
 
-The equations are W eq 8 with eq 10, in which theta, a_k and b_k are fitted. `tondu_lopez_corrected`
-is the same with the area fitted too.""",
+The equations are W eq 8 with eq 10, in which theta, a_k and b_k are fitted. In the formula
+`tondu_lopez_corrected`, the area is fitted as well.""",
         of_diameter=True,
     ),
     Formula(
@@ -167,7 +170,8 @@ on the strain and another on the force.
 
 The factor on the force is `mu = a_e exp(-40 strain) - b_e` (W eq 11, with the strain as a
 fraction). Here, a_e and b_e are W's parameters multiplied by the area pi D^2/4, because the data
-cannot separate the area from this factor. So there are as many parameters as in W. In kPa and N,
-a_e and b_e are in 1e-3 m^2. The pressure must be in kPa (W eq 10).""",
+cannot separate the area from this factor. So the number of parameters is the same as in W. With
+the pressure in kPa and the force in N, the unit of a_e and b_e is 1e-3 m^2. The pressure must be
+in kPa (W eq 10).""",
     ),
 )

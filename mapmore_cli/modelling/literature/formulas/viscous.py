@@ -72,7 +72,7 @@ FORMULAS = (
         parameters=(),
         text="0",
         component="damping",
-        about="No damping force. Every damping model should have a smaller error than this one.",
+        about="No damping force. Every damping model should have a smaller error than `none`.",
     ),
     viscous(
         "linear_viscous",
