@@ -95,7 +95,7 @@ operators  o      ZeroDivisionError
 operators  wrong  no Operator
 operators  zz     there is already a `washout`
 formulas   f      ZeroDivisionError
-formulas   bent   not linear in a parameter that `nonlinear` does not list
+formulas   bent   `nonlinear` lacks a parameter in which the formula is not linear
 readers    r      ZeroDivisionError
 readers    odd    Odd
 readers    stops  KeyboardInterrupt

@@ -312,7 +312,7 @@ class Search:
     # index of the choice before structures with more terms were tried; None if none were tried
     short: int | None = None
     notes: tuple[str, ...] = ()  # notes for the user
-    outdone: str = ""  # note that a black box has a clearly smaller error; otherwise empty
+    outdone: str = ""  # message if a black box has a clearly smaller error; else empty
 
     @property
     def found(self) -> Tried:

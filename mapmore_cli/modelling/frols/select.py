@@ -163,8 +163,8 @@ def greedy(
     """Choose the candidate of the highest ERR (M2 eq 5) until the error is within the tolerance (eq
     6) or `limit` terms are chosen (eq 7).
 
-    `whole()` returns the sum of squares to which the tolerance is relative, at most `y'y`. It is
-    called only if its value can change the result.
+    The function `whole` returns the sum of squares to which the tolerance is relative, at most
+    `y'y`. The function is called only if its value can change the result.
 
     Returns the steps and the reason why they ended: `tolerance`, `max_terms`, `no_gain` (no
     candidate explains anything), or `rank` (every candidate depends linearly on the chosen ones).

@@ -68,10 +68,10 @@ its model. The quantities are those of `muscle_like`.""",
 `a21` multiplies `strain^2*pressure^1`.
 
 The polynomial is fitted by plain least squares at the measured pressures. With k training
-pressures, the data determine only powers of the pressure up to k - 1. Of the 21 coefficients,
-the data determine 15 if k is 3, 18 if k is 4, 20 if k is 5, and all if k is 6 or more. The
-number of coefficients that the data determine is the rank of the fit. Scatter of the measured
-pressures can raise the rank; a note then says so. Because of the missing powers, the polynomial
+pressures, the data determine only powers of the pressure up to k - 1. Of the 21 coefficients, the
+data determine 15 if k is 3, 18 if k is 4, 20 if k is 5, and all if k is 6 or more. The number of
+coefficients that the data determine is the rank of the fit. Scatter of the measured pressures can
+raise the rank of the fit; a note then says so. Because of the missing powers, the polynomial
 predicts poorly between few training pressures (M1 section IV).""",
     ),
 )

@@ -99,10 +99,10 @@ c1 = 3 L0^2/(4 pi n^2),     c2 = b^2/(4 pi n^2)
 n = L0 sqrt(3/(4 pi c1)),   b = L0 sqrt(3 c2/c1)
 ```
 
-So no dimension of the muscle is needed. With the pressure in kPa and the force in N, the unit of
-c1 and c2 is 1e-3 m^2. A real braid has c1 > 0 and c2 > c1/3 (b > L0), but the fit of
-`chou_hannaford` also allows other values of c1 and c2. `tondu_lopez` is the same formula with
-other parameters, and its fit allows real braids only.""",
+No dimension of the muscle is therefore needed for the fit. With the pressure in kPa and the force
+in N, the unit of c1 and c2 is 1e-3 m^2. A real braid has c1 > 0 and c2 > c1/3 (b > L0), but the
+fit of `chou_hannaford` also allows other values of c1 and c2. `tondu_lopez` is the same formula
+with other parameters, and its fit allows real braids only.""",
     ),
     braided(
         "tondu_lopez",
