@@ -3,6 +3,7 @@ one that helps.
 """
 
 import csv
+from pathlib import Path
 
 import pytest
 
@@ -72,6 +73,15 @@ def test_the_remedy_is_an_option(text, remedy, options, tmp_path, model_file, ma
     (tmp_path / "t.csv").write_text(text)
     call = ("predict", model_file, tmp_path / "t.csv", *options.split())
     assert "spec" not in mapmore(*call, code=4, says=remedy).stderr
+
+
+def test_a_binary_file_is_called_so_by_every_command(tmp_path, model_file, mapmore, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("t.csv").write_bytes(bytes(range(256)) * 9)
+    columns = "columns: {pressure: {column: p, unit: kPa}, force: {column: F, unit: N}}"
+    Path("s.yaml").write_text(f"name: s\ntarget: force\ndata: {{files: [t.csv], {columns}}}")
+    for line in (f"predict {model_file} t.csv", "init t.csv", "check s.yaml", "run s.yaml"):
+        mapmore(*line.split(), code=4, says="t.csv: is no text file, but a binary file")
 
 
 def test_workbooks_parquet_and_utf16_are_read_as_they_are(tmp_path, model_file, mapmore):
