@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from mapmore_cli.cli.table_options import BY_OPTIONS
+
 EXPECTED = "pressure,strain,force_predicted,outside_range\n150.0,0.05,127.5,false\n"
 COLUMNS = ("--columns", "pressure=P [bar]", "--columns", "strain=eps [%]")
 BAR = ("--units", "pressure=bar,strain=%")
@@ -55,24 +57,24 @@ def test_texts_in_the_column_recording_are_carried_through(tmp_path, model_file,
 @pytest.mark.parametrize(
     ("text", "remedy", "options"),
     [
-        ("pressure;strain\n150;0,05\n", '`--delimiter ";"`', ""),
-        ('pressure,strain\n"150,0",0.05\n', '`--decimal ","`', ""),
-        ("P [bar],strain\n1.5,0.05\n", "`--columns pressure='", ""),
-        ("pressure [bar],strain\n1.5,0.05\n", "--columns pressure='pressure [bar]' --units", ""),
-        ("pressure,strain\n150 kPa,0.05\n", "`--units pressure=kPa`", ""),
-        ("pressure,strain,pressure\n150,0.05,7\n", "`--columns pressure=0`", ""),
-        ("pressure;strain\nfoo;0\n", "\n  correct the cell; column names belong", "--delimiter ;"),
+        ("pressure;strain\n150;0,05\n", '`delimiter: ";"`', ""),
+        ('pressure,strain\n"150,0",0.05\n', '`decimal: ","`', ""),
+        ("P [bar],strain\n1.5,0.05\n", "P [bar], strain", ""),
+        ("pressure [bar],strain\n1.5,0.05\n", "Did you mean 'pressure [bar]'?", ""),
+        ("pressure,strain\n150 kPa,0.05\n", "`unit: kPa`", ""),
+        ("pressure,strain,pressure\n150,0.05,7\n", "Give its 0-based index", ""),
+        ("pressure;strain\nfoo;0\n", "\n  correct the cell, or list it", "--delimiter ;"),
         (
             "pressure;strain\n950;0\n1.050;0\n",
-            'write `--thousands "."` and `--decimal ","`; if it is the decimal point',
+            'write `thousands: "."` at the column',
             "--delimiter ;",
         ),
     ],
 )
-def test_the_remedy_is_an_option(text, remedy, options, tmp_path, model_file, mapmore):
+def test_the_remedy_names_the_options(text, remedy, options, tmp_path, model_file, mapmore):
     (tmp_path / "t.csv").write_text(text)
     call = ("predict", model_file, tmp_path / "t.csv", *options.split())
-    assert "spec" not in mapmore(*call, code=4, says=remedy).stderr
+    mapmore(*call, code=4, says=(remedy, BY_OPTIONS))
 
 
 def test_a_binary_file_is_called_so_by_every_command(tmp_path, model_file, mapmore, monkeypatch):
@@ -94,7 +96,7 @@ def test_workbooks_parquet_and_utf16_are_read_as_they_are(tmp_path, model_file, 
     titles = ("--columns", "pressure=P [bar]", "--columns", "strain=eps")
     options = (*titles, "--units", "pressure=bar")
     assert mapmore("predict", model_file, tmp_path / "t.xlsx", *options, code=0).stdout == EXPECTED
-    says = "its title says bar\n  write `--units pressure=bar`"
+    says = "its title says bar\n  write `unit: bar`"
     mapmore("predict", model_file, tmp_path / "t.xlsx", *titles, code=4, says=says)
     percent = (*options, "--units", "strain=%")
     says = "'eps' is shown in per cent"
