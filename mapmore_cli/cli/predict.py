@@ -149,7 +149,7 @@ def predict(
             "leave out --grid, --derivatives and --interval",
         )
     options = table_options(delimiter, decimal, thousands, sheet, columns, units)
-    with Reporter(quiet) as reporter, remedies_by_options(options):
+    with Reporter(quiet) as reporter:
         model = read_model(model_file, reporter.warn, unverified)
         constants = _constants_of(model, given)
         if grid is not None:
@@ -179,7 +179,8 @@ def predict(
             turned_for=turned_for,
             constants=constants,
         )
-        _write_lines(added, output)
+        with remedies_by_options() if table is not None else nullcontext():
+            _write_lines(added, output)
 
 
 def _lines_of(
@@ -310,10 +311,11 @@ def invert(
     from mapmore_cli.storage.artefacts import read_model
 
     options = table_options(delimiter, decimal, thousands, sheet, columns, units)
-    with Reporter(quiet) as reporter, remedies_by_options(options):
+    with Reporter(quiet) as reporter:
         model = read_model(model_file, reporter.warn)
-        lines, label = _lines_of(table, model, columns_of(model, name), options, reporter)
-        _write_lines(inverted_lines(model, lines, label, name, rule), output)
+        with remedies_by_options():
+            lines, label = _lines_of(table, model, columns_of(model, name), options, reporter)
+            _write_lines(inverted_lines(model, lines, label, name, rule), output)
 
 
 ADAPTED = Path("adapted.h5")
@@ -378,7 +380,7 @@ def adapt(
         refuse_foreign_file(ADAPTED)
         refuse_early(ADAPTED)
     options = table_options(delimiter, decimal, thousands, sheet, columns, units)
-    with Reporter(quiet) as reporter, remedies_by_options(options):
+    with Reporter(quiet) as reporter:
         family = read_model(model_file, reporter.warn)
         dimension_of(family)
         lines, label = None, ""
@@ -386,7 +388,8 @@ def adapt(
             note_read([table])
             ways = [names_of_points(family)]
             lines, label = _lines_of(table, family, ways, options, reporter)
-        model = adapt(family, lines, label, _constants_of(family, given))
+        with remedies_by_options() if table is not None else nullcontext():
+            model = adapt(family, lines, label, _constants_of(family, given))
     chosen, output = output is None, output or ADAPTED
     refuse_needed(output)
     write_model(output, model)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated, Any
@@ -80,48 +79,17 @@ def _pairs(option: str, texts: Sequence[str]) -> Iterator[tuple[str, str]]:
         yield name, value
 
 
-CLAUSE = "(?:`[^`]*`|[^.;`])*"
-"""Text to the end of a clause. Points within backquotes belong to a key, and end no clause."""
-
-AS_OPTIONS = (
-    (", or list it in `missing: [^`]*`", ""),
-    (
-        "`(thousands: [^`]*)` at the column, or, [^`]*`(decimal: [^`]*)` and `[^`]*` in `data`",
-        r"`\1` and `\2`",
-    ),
-    (r"`(delimiter|decimal|thousands|sheet): ([^`]+)`", r"`--\1 \2`"),
-    (r"name the sheet to read with `sheet`", "name the sheet to read with `--sheet TITLE`"),
-    (r"Give its 0-based index instead", "Give its 0-based index, for example `--columns NAME=0`"),
-    (r"name it in `columns`, for example `unit: (\w+)`", r"name it with `--units NAME=\1`"),
-    (r"`unit: ([^`]+)`", r"`--units NAME=\1`"),
-    (rf"{CLAUSE}`(?:columns|(?:missing|header|scale|encoding)[^`]*)`{CLAUSE}(?:[.;]|$) ?", ""),
+BY_OPTIONS = (
+    "Keys are options here: `--delimiter`, `--decimal`, `--thousands` and `--sheet` with the same "
+    "values, `--columns NAME=TITLE` (or an index) and `--units NAME=UNIT`."
 )
-"""Parts of remedies for a spec, and their replacements for a table that is read by options."""
 
 
 @contextmanager
-def remedies_by_options(options: TableOptions) -> Iterator[None]:
-    """Let the remedies of errors in a table name options instead of keys of a spec."""
+def remedies_by_options() -> Iterator[None]:
+    """Add to the remedies of errors in a table by which options the keys of a spec are given."""
     try:
         yield
     except DataError as error:
-        remedy = error.remedy or ""
-        for pattern, by_option in AS_OPTIONS:
-            remedy = re.sub(pattern, by_option, remedy)
-        found = re.search(r"read as (\w+)|column '?(\w+)'?", error.message)
-        titled = (
-            name
-            for name, title in options.columns.items()
-            if f"column {title}" in error.message or f"'{title}'" in error.message
-        )
-        name = next(titled, (found[1] or found[2]) if found is not None else "NAME")
-        if "there is no column" in error.message and "--" not in remedy:
-            near = re.search("Did you mean '([^']*)'", remedy)
-            title = near[1] if near is not None else "TITLE"
-            remedy += (
-                f" Name the right column, for example with `--columns NAME='{title}' "
-                "--units NAME=UNIT`."
-            )
-        remedy = remedy.replace("NAME", name)
-        error.remedy = remedy.strip() or "correct the table"
+        error.remedy = "\n  ".join([*filter(None, [error.remedy]), BY_OPTIONS])
         raise

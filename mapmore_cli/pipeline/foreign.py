@@ -17,7 +17,8 @@ from mapmore_cli.ingestion.files import Log, Meter
 from mapmore_cli.ingestion.samples import Samples, read_tables
 from mapmore_cli.pipeline.records import RECORDING, reading_of
 from mapmore_cli.storage.readers import READERS, reader_of
-from mapmore_cli.storage.tables.lines import guess_encoding
+from mapmore_cli.storage.tables.beginnings import is_binary
+from mapmore_cli.storage.tables.lines import encoding_of, guess_encoding, head_of
 from mapmore_cli.study.sections.data import Data
 from mapmore_cli.study.units import default_unit, is_same, unit_of
 
@@ -49,7 +50,9 @@ def is_foreign(path: Path, options: TableOptions) -> bool:
         return False
     reader = reader_of(path)
     is_text = reader is None or reader is READERS["csv"]
-    return not is_text or guess_encoding(path).startswith("utf-16")
+    head = head_of(path)
+    # the reader of texts says what is wrong with a binary file
+    return not is_text or is_binary(head) or encoding_of(head).startswith("utf-16")
 
 
 def columns_of(model: Model, solved_for: str | None = None) -> Sequence[Sequence[str]]:

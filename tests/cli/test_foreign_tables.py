@@ -3,9 +3,11 @@ one that helps.
 """
 
 import csv
+from pathlib import Path
 
 import pytest
 
+from mapmore_cli.cli.table_options import BY_OPTIONS
 from mapmore_cli.pipeline import foreign
 from mapmore_cli.pipeline.foreign import TableOptions
 
@@ -57,24 +59,33 @@ def test_texts_in_the_column_recording_are_carried_through(tmp_path, model_file,
 @pytest.mark.parametrize(
     ("text", "remedy", "options"),
     [
-        ("pressure;strain\n150;0,05\n", '`--delimiter ";"`', ""),
-        ('pressure,strain\n"150,0",0.05\n', '`--decimal ","`', ""),
-        ("P [bar],strain\n1.5,0.05\n", "`--columns pressure='", ""),
-        ("pressure [bar],strain\n1.5,0.05\n", "--columns pressure='pressure [bar]' --units", ""),
-        ("pressure,strain\n150 kPa,0.05\n", "`--units pressure=kPa`", ""),
-        ("pressure,strain,pressure\n150,0.05,7\n", "`--columns pressure=0`", ""),
-        ("pressure;strain\nfoo;0\n", "\n  correct the cell; column names belong", "--delimiter ;"),
+        ("pressure;strain\n150;0,05\n", '`delimiter: ";"`', ""),
+        ('pressure,strain\n"150,0",0.05\n', '`decimal: ","`', ""),
+        ("P [bar],strain\n1.5,0.05\n", "P [bar], strain", ""),
+        ("pressure [bar],strain\n1.5,0.05\n", "Did you mean 'pressure [bar]'?", ""),
+        ("pressure,strain\n150 kPa,0.05\n", "`unit: kPa`", ""),
+        ("pressure,strain,pressure\n150,0.05,7\n", "Give its 0-based index", ""),
+        ("pressure;strain\nfoo;0\n", "\n  correct the cell, or list it", "--delimiter ;"),
         (
             "pressure;strain\n950;0\n1.050;0\n",
-            'write `--thousands "."` and `--decimal ","`; if it is the decimal point',
+            'write `thousands: "."` at the column',
             "--delimiter ;",
         ),
     ],
 )
-def test_the_remedy_is_an_option(text, remedy, options, tmp_path, model_file, mapmore):
+def test_the_remedy_names_the_options(text, remedy, options, tmp_path, model_file, mapmore):
     (tmp_path / "t.csv").write_text(text)
     call = ("predict", model_file, tmp_path / "t.csv", *options.split())
-    assert "spec" not in mapmore(*call, code=4, says=remedy).stderr
+    mapmore(*call, code=4, says=(remedy, BY_OPTIONS))
+
+
+def test_a_binary_file_is_called_so_by_every_command(tmp_path, model_file, mapmore, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("t.csv").write_bytes(bytes(range(256)) * 9)
+    columns = "columns: {pressure: {column: p, unit: kPa}, force: {column: F, unit: N}}"
+    Path("s.yaml").write_text(f"name: s\ntarget: force\ndata: {{files: [t.csv], {columns}}}")
+    for line in (f"predict {model_file} t.csv", "init t.csv", "check s.yaml", "run s.yaml"):
+        mapmore(*line.split(), code=4, says="t.csv: is no text file, but a binary file")
 
 
 def test_workbooks_parquet_and_utf16_are_read_as_they_are(tmp_path, model_file, mapmore):
@@ -87,7 +98,7 @@ def test_workbooks_parquet_and_utf16_are_read_as_they_are(tmp_path, model_file, 
     titles = ("--columns", "pressure=P [bar]", "--columns", "strain=eps")
     options = (*titles, "--units", "pressure=bar")
     assert mapmore("predict", model_file, tmp_path / "t.xlsx", *options, code=0).stdout == EXPECTED
-    says = "its title says bar\n  write `--units pressure=bar`"
+    says = "its title says bar\n  write `unit: bar`"
     mapmore("predict", model_file, tmp_path / "t.xlsx", *titles, code=4, says=says)
     percent = (*options, "--units", "strain=%")
     says = "'eps' is shown in per cent"

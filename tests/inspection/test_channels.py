@@ -47,7 +47,7 @@ def test_channels_become_one_table_by_the_command(has_title, delimiter, end, tmp
 
 
 @pytest.mark.parametrize(
-    "change", ["another clock", "shorter", "a second column", "words", "alone"]
+    "change", ["another clock", "shorter", "a second column", "words", "alone", "blank", "mark"]
 )
 def test_files_that_do_not_fit_get_no_such_command(change, tmp_path):
     written(tmp_path / "a", True, ",", "\n")
@@ -63,6 +63,8 @@ def test_files_that_do_not_fit_get_no_such_command(change, tmp_path):
             "a second column": text.replace("\n", ",1\n"),
             "words": text + "stop,1\n",
             "alone": text,
+            "blank": text.replace("0.50,", "\n0.50,"),
+            "mark": f"\ufeff{text}",
         }[change]
     )
     with pytest.raises(Exception, match=r"(?s)^((?!one channel).)*$"):

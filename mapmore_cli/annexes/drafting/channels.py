@@ -4,6 +4,7 @@ table of these files.
 
 from __future__ import annotations
 
+from codecs import BOM_UTF8
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +13,8 @@ from shlex import quote
 from mapmore_cli.annexes.drafting.names import stem_of
 from mapmore_cli.storage.readers import READERS, reader_of
 from mapmore_cli.storage.tables.cells import holds_number
+
+MARK = BOM_UTF8.decode("latin-1")
 
 LARGEST = 50_000_000
 """Largest size in bytes of a file that is examined."""
@@ -50,12 +53,17 @@ def command_for_one_table(folder: Path) -> str | None:
 
 
 def _channel_in(file: Path) -> Channel | None:
+    """Return the channel in a text; None for any other text, also for one with blank lines or a
+    byte order mark, which would stay in the table.
+    """
     if file.stat().st_size > LARGEST:
         return None
-    lines = [line for line in file.read_text("latin-1").splitlines() if line.strip()]
-    delimiter = next((mark for mark in "\t;," if mark in lines[-1]), "") if lines else ""
+    lines = file.read_text("latin-1").splitlines()
+    if not lines or not all(map(str.strip, lines)) or lines[0].startswith(MARK):
+        return None
+    delimiter = next((mark for mark in "\t;," if mark in lines[-1]), "")
     rows = [line.split(delimiter) if delimiter else [line] for line in lines]
-    title = [cell for cell in rows[0] if not holds_number(cell)] if rows else []
+    title = [cell for cell in rows[0] if not holds_number(cell)]
     wide = 2 if delimiter else 1
     numbers = rows[1:] if title else rows
     if len(numbers) < 2 or any(len(row) != wide for row in rows):

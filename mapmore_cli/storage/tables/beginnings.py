@@ -41,9 +41,13 @@ def begins_like(reader: Reader, head: bytes) -> bool:
 def is_binary(head: bytes) -> bool:
     """Return True if the first bytes are those of no text, in any encoding."""
     filled = head.replace(b"\0", b"")  # UTF-16 has a NUL beside each plain character
-    return not head.startswith(UTF_16) and any(
-        len(filled) - len(filled.translate(None, some)) < least * len(filled)
-        for some, least in _LEAST.items()
+    return (
+        b"\0" in head
+        and not head.startswith(UTF_16)
+        and any(
+            len(filled) - len(filled.translate(None, some)) < least * len(filled)
+            for some, least in _LEAST.items()
+        )
     )
 
 
