@@ -172,7 +172,7 @@ class Formula:
         `columns`.
 
         `method` is one of three. `variable_projection` is the default: it needs no starting values
-        if at most one parameter is nonlinear, and uses bounds and ten starts otherwise; a linear
+        if at most one parameter is nonlinear, and uses bounds and 13 starts otherwise; a linear
         formula is fitted by linear least squares. `levenberg_marquardt` uses ten starts and no
         bounds. `simplex` does the same without derivatives. A poor fit is not an error: the status
         and the notes of the result report it.
