@@ -200,9 +200,26 @@ free there, and the force-velocity constants are those of a muscle (H eq 3).
 """
 
 
+def _sum(names: list[str]) -> Global:
+    """Return a sum of formulas, whose parameters follow each other."""
+    parts = [FITS[name] for name in names]
+
+    def terms(c: Columns, *values: float) -> tuple[list[Array], Array | float]:
+        every, rest, first = list[Array](), np.zeros(1), 0
+        for part in parts:
+            own, fixed = part.terms(c, *values[first : first + len(part.ranges)])
+            every, rest, first = every + own, rest + fixed, first + len(part.ranges)
+        return every, rest
+
+    ranges = tuple(ends for part in parts for ends in part.ranges)
+    return Global(terms, ranges, tuple(per for part in parts for per in part.per))
+
+
 def least_rmse(name: str, columns: Columns, y: Array) -> float:
-    """Return the least root mean square error that the formula can have on these rows."""
-    formula = FITS[name]
+    """Return the least root mean square error that a formula, or a sum such as `sarosi + bolen`,
+    can have on these rows.
+    """
+    formula = FITS[name] if name in FITS else _sum(name.split(" + "))
     spans = [_span(per, columns) for per in formula.per]
     low, high = np.array(formula.ranges).reshape(-1, 2).T
     sign, ends = np.sign(low), np.log(np.abs(np.stack([low, high], axis=1)))

@@ -9,7 +9,10 @@ import global_fits
 import pytest
 from page_tables import rows_of
 
-from mapmore_cli.modelling.literature import hinge
+from mapmore_cli.annexes.sums.joint import fit_jointly
+from mapmore_cli.modelling.literature import get, hinge
+from mapmore_cli.modelling.literature.own import definition, formula_of
+from mapmore_cli.study.sections.model import Summand
 
 PAGE = Path(formula_tables.__file__).with_name("formulas.md")
 QUICK = ("m1/dmsp-20-88-m1-hysteresis", "m1/peano-m1-hysteresis")
@@ -37,6 +40,41 @@ def test_no_global_search_finds_a_lower_training_error(study, name, runs):
         if (first, cells[0]) == (study.rpartition("/")[2], name)
     ]
     assert printed == pytest.approx([one.ours, one.least, one.ratio], rel=2e-4)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("study", "names"),
+    [
+        ("m1/dmsp-20-88-m1-static", ("sarosi", "bolen")),
+        ("m1/dmsp-20-88-m1-static", ("tondu_lopez", "polynomial_5")),
+        ("wrist/wrist-static", ("bolen", "polynomial_2")),
+        ("m2/dmsp-20-88-damping", ("reynolds", "peternel")),
+    ],
+)
+def test_no_global_search_finds_a_better_sum(study, names, runs):
+    columns, y = formula_tables.pooled(study, runs)
+    summands = [Summand(formula=name, inputs={x: x for x in get(name).inputs}) for name in names]
+    fit = fit_jointly(summands, columns, y)
+    least = global_fits.least_rmse(" + ".join(names), columns, y)
+    assert 0.998 < formula_tables.rmse(fit) / least < 1.01
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("study", "name"),
+    [("m2/peano-damping", "tondu_kinetic_friction"), ("wrist/wrist-static", "kerscher")],
+)
+def test_a_formula_that_a_spec_defines_is_fitted_as_well_within_wide_bounds(study, name, runs):
+    columns, y = formula_tables.pooled(study, runs)
+    known, wide = get(name), global_fits.FITS[name]
+    bounds = dict.fromkeys(known.parameters)
+    for one, ends, per in zip(known.nonlinear, wide.ranges, wide.per, strict=True):
+        span = global_fits._span(per, columns)
+        bounds[one.name] = (ends[0] / span, ends[1] / span)
+    fit = formula_of(definition("own", "here", known.text, bounds, {})).fit(columns, y)
+    least = global_fits.least_rmse(name, columns, y)
+    assert 0.998 < formula_tables.rmse(fit) / least < 1.01
 
 
 def test_the_page_has_a_row_for_every_formula_of_every_study():

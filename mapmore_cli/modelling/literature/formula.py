@@ -174,7 +174,7 @@ class Formula:
         `columns`.
 
         There are three methods. `variable_projection` is the default. It needs no starting values
-        if at most one parameter is nonlinear; otherwise, it uses bounds and ten starts. (A linear
+        if at most one parameter is nonlinear; otherwise, it uses bounds and 13 starts. (A linear
         formula is fitted by linear least squares.) `levenberg_marquardt` uses ten starts and no
         bounds. `simplex` does the same without derivatives. A poor fit raises no error; the status
         and the notes of the result report it.

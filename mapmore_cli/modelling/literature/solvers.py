@@ -5,7 +5,8 @@ Variable projection searches only the nonlinear coordinates c. For each c, the l
 follow by least squares, so that `r(c) = Phi(c) Phi(c)^+ y - y`. With one coordinate, no starting
 values are needed: the sum of squares is computed on a grid over all allowed values, and a search
 descends from every local minimum of the grid. With several coordinates, the search begins at ten
-places. The other two methods also begin at ten places. They exist for comparison with the papers.
+random places, and at the best three of 300 further places. The other two methods begin at the ten
+random places. They exist for comparison with the papers.
 """
 
 from __future__ import annotations
@@ -179,12 +180,21 @@ STARTS = 10
 SEED = 20170714  # any fixed number, so that the same data give the same fit
 
 
-def drawn_starts(nonlinear: tuple[Nonlinear, ...]) -> Iterator[Array]:
-    """Yield `STARTS` random points in the intervals, shape (k,) each. Magnitudes are distributed
+PLACES, BEST_PLACES = 300, 3
+"""Number of further places at which the sum of squares is computed if several coordinates are
+searched, and number of those from which a descent begins. A sum of two formulas can have so many
+minima that no random start leads to the deepest one.
+"""
+
+
+def drawn_starts(
+    nonlinear: tuple[Nonlinear, ...], count: int = STARTS, seed: int = SEED
+) -> Iterator[Array]:
+    """Yield random points in the intervals, shape (k,) each. Magnitudes are distributed
     log-uniformly, and the seed is fixed.
     """
-    rng = np.random.default_rng(SEED)
-    for _ in range(STARTS):
+    rng = np.random.default_rng(seed)
+    for _ in range(count):
         place = []
         for parameter in nonlinear:
             low, high = parameter.intervals[rng.integers(len(parameter.intervals))]
@@ -217,7 +227,7 @@ def variable_projection(problem: LeastSquares) -> Solution:
         place = [problem.start[name] * span for name, span in problem.spans.items()]
         searches, several = [(bounds, [np.array(place)])], False
     else:
-        searches = [(bounds, list(drawn_starts(problem.nonlinear)))] if several else _valleys(few)
+        searches = [(bounds, _starts(few))] if several else _valleys(few)
     if not searches:
         places = np.concatenate(_grids(problem))
         c = places[[np.argmin(np.abs(np.log(np.abs(places))))]]
@@ -239,7 +249,7 @@ def variable_projection(problem: LeastSquares) -> Solution:
         return failure(problem, METHOD)
     c, touched = _onto_bounds_of(problem, finished[0].x, bounds)
     reached = [end for end, _ in ends]
-    notes = [agreement(reached, best, STARTS)] * several
+    notes = [agreement(reached, best, STARTS + BEST_PLACES)] * several
     for i in touched:
         parameter = problem.nonlinear[i]
         limit = parameter.written(c[i])
@@ -247,6 +257,16 @@ def variable_projection(problem: LeastSquares) -> Solution:
     status = "at_bound" if touched else finished[0].status
     others = tuple((_projected(problem, end.x).beta, end.x) for end in rivals(reached, best))
     return Solution(_projected(problem, c).beta, c, status, METHOD, tuple(notes), others)
+
+
+def _starts(problem: LeastSquares) -> list[Array]:
+    """Return the starts of a search for several coordinates: drawn ones, and the places with the
+    smallest sums of squares among many others.
+    """
+    places = [*drawn_starts(problem.nonlinear, PLACES, SEED + 1)]
+    with np.errstate(all="ignore"):  # where the formula overflows, the sum is not finite
+        order = np.argsort([_projected_sse(problem, place) for place in places], kind="stable")
+    return [*drawn_starts(problem.nonlinear), *(places[i] for i in order[:BEST_PLACES])]
 
 
 def _valleys(problem: LeastSquares) -> list[tuple[tuple[Array, Array], list[Array]]]:

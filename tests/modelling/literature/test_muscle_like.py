@@ -22,7 +22,7 @@ def force(values, columns):
 @pytest.mark.parametrize("method", ["variable_projection", "levenberg_marquardt"])
 @pytest.mark.parametrize("muscle", TABLE_I)
 def test_the_seven_parameters_of_each_muscle_are_recovered(muscle, method):
-    """Noise-free, to 1e-4 and better; nothing of the truth goes into the search, whose ten starts
+    """Noise-free, to 1e-4 and better; nothing of the truth goes into the search, whose starts
     lie within the declared bounds of b0.
     """
     columns = motion(1)
