@@ -105,36 +105,6 @@ def test_recordings_of_a_fair_size_are_left_out(sizes, left_out):
     assert all(fold.sum() == sizes[number] for fold, number in zip(folds, left_out, strict=True))
 
 
-def level(value, out=False, size=2):
-    return curve_of(
-        {"p": np.full(size, value), "y": np.zeros(size)}, np.full(size, out), f"{value}"
-    )
-
-
-@pytest.mark.parametrize(
-    ("out", "inner", "outer"),
-    [
-        ((), [[2], [3], [4]], []),
-        ((3,), [[2], [4]], []),
-        ((2, 3), [[4]], []),  # of 1, 4 and 5, one is between two others
-        ((5,), [[2], [3]], [[4], [3, 4]]),  # and one value more
-        ((1, 2), [[4]], [[3]]),
-        ((1, 5), [[3]], [[2], [4]]),
-        ((1, 3), [[4]], [[2]]),
-    ],
-)
-def test_neighbouring_values_are_left_out_as_the_study_does(out, inner, outer):
-    curves = [level(float(value), value in out) for value in range(1, 6)]
-    study = replace(dataset_of({"p": np.zeros(1), "y": np.zeros(1)}), curves=tuple(curves))
-    kept = tuple(curve for curve in curves if curve.training.any())
-    whole = np.concatenate([curve.held_out for curve in curves])
-    *found, beyond = parts._neighbours(replace(study, curves=kept), study, whole, "p")
-    values = np.concatenate([curve.columns["p"] for curve in kept])
-    assert [[np.unique(values[fold]).tolist() for fold in some] for some in found] == [inner, outer]
-    every = np.repeat(range(1, 6), 2)
-    assert beyond.tolist() == ((every < values.min()) | (every > values.max())).tolist()
-
-
 @pytest.mark.parametrize(
     ("first", "second", "shares"),
     [
