@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import matplotlib as mpl
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from report_builder import build, drawn, legend_of, of_pieces
@@ -26,14 +26,7 @@ def every(inputs):
     return drawn(inputs)
 
 
-def named(ax, label):
-    """The numbers of the line of that label."""
-    (line,) = (line for line in ax.lines if line.get_label() == label)
-    return line.get_data()
-
-
 class TestThinning:
-    @settings(deadline=None)
     @given(
         arrays(float, st.integers(0, 400), elements=st.floats(-1e6, 1e6) | st.just(np.nan)),
         st.integers(2, 60),

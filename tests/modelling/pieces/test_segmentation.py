@@ -30,11 +30,6 @@ def cut(curve, cuts):
     return segment_curve(curve, cuts, "force", no_cost)
 
 
-def line(low, high):
-    strain = np.linspace(low, high, 30)
-    return curve_of({"strain": strain, "force": 100 * strain})
-
-
 @given(st.integers(1, 8), st.integers(0, 100))
 def test_every_training_sample_lies_in_a_segment_and_no_other(count, seed):
     curve = curves(seed=seed)[0]
