@@ -12,7 +12,7 @@ from report_builder import build, drawn, legend_of, of_pieces
 
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.signals.sampling import envelope
-from mapmore_cli.reporting.figures import elements, panels, style
+from mapmore_cli.reporting.figures import elements, nrmse, panels, style
 from mapmore_cli.reporting.figures.drawing import drawings
 from mapmore_cli.reporting.figures.fit import curve_fit, held_out_spans
 from mapmore_cli.reporting.figures.segments import draw_segments, segment_curves
@@ -252,3 +252,9 @@ class TestResiduals:
 
     def test_few_samples_are_not_tested(self):
         assert drawings("residuals", build(samples=12, segments=1)) == []
+
+
+def test_errors_of_a_paper_stand_in_per_cent_beside_ours(inputs):
+    (drawing,) = nrmse.draw(inputs)
+    published = drawing.panels[0].data["published NRMSE [%]"]
+    assert [error for error in published if error != ""] == pytest.approx([2.2, 2.5, 7.0])
