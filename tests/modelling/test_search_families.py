@@ -530,3 +530,9 @@ def test_structures_are_compared_on_the_rows_that_all_of_them_predict():
 def test_time_constants_are_at_most_half_of_a_record(steps, taus):
     of = Situation("y", ("u",), None, 500, 1, step=0.1, steps=steps)
     assert vocabulary(of)["DECADES"] == pytest.approx(taus)
+
+
+def test_an_input_that_begins_at_zero_is_not_around_it():
+    u = np.linspace(0, 1, 20)
+    found = situation_of(dataset_of({"u": u, "v": u**2 - 0.5, "w": -(u**3), "y": u + u**2}))
+    assert found.around_zero == ("v",)
