@@ -228,7 +228,7 @@ def test_errors_are_those_of_the_last_wavelength():
     n, length = 240, 80
     u = np.sin(2 * np.pi * np.arange(n) / length)
     error = np.where(
-        np.arange(n) < n - length, 3.0, 0.5 * np.sin(2 * np.pi * np.arange(n) / length)
+        np.arange(n) < n - length, -3.0, -0.2 + 0.5 * np.sin(2 * np.pi * np.arange(n) / length)
     )
     measured = 2 * u
     found = motion_errors(measured, measured + error, u, STEP)
