@@ -141,6 +141,7 @@ def braid(name, c1):
         FORCE,
         (Quantity("pressure", "kPa"), Quantity("strain", "1")),
         Formula(fit, None, ranges),
+        notes=("a braid",),
     )
 
 
@@ -183,6 +184,7 @@ def test_the_equations_begin_with_what_is_added_up():
     first = equations(flexed())[0]
     assert first.text == "flexor(pressure = p1, strain = s) - extensor(pressure = p2, strain = -s)"
     assert first.latex.count("text{") >= 2
+    assert flexed().notes == ("flexor: a braid", "extensor: a braid")
 
 
 ALONE, RENAMED = {}, {"pressure": "p1", "strain": "s"}
