@@ -2,6 +2,7 @@
 cannot tell apart.
 """
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from literature_cases import MUSCLE_LIKE, TABLE_I, muscle_like, uniform
 
-from mapmore_cli.annexes.sums import Part, joint
+from mapmore_cli.annexes.sums import Part, Sum, joint
 from mapmore_cli.annexes.sums.fitted import _unit
 from mapmore_cli.annexes.sums.joint import (
     fit_jointly,
@@ -178,6 +179,15 @@ def test_the_range_of_each_part_is_looked_at_under_its_own_names():
         "s": np.array([0.05, 0.05, 0.15, -0.15]),
     }
     assert outside_range(flexed(), columns).tolist() == [False, True, True, True]
+
+
+def test_a_part_that_feeds_another_has_a_range_as_well():
+    valve = replace(braid("valve", 1.0), output=Quantity("pressure", "kPa"))
+    fed = Part(braid("muscle", 2.0), fed=(Part(valve, 1.0, {"pressure": "v"}),))
+    inputs = Quantity("v", "kPa"), Quantity("strain", "1")
+    columns = {"v": np.array([300.0, 600.0]), "strain": np.array([0.05, 0.05])}
+    model = Model("whole", FORCE, inputs, Sum((fed,)))
+    assert outside_range(model, columns).tolist() == [False, True]
 
 
 def test_the_equations_begin_with_what_is_added_up():
