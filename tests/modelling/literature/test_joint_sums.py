@@ -24,7 +24,7 @@ from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Formula, Model
 from mapmore_cli.domain.recording import CurveRange, Quantity
-from mapmore_cli.modelling.kinds import equations, outside_range, predict
+from mapmore_cli.modelling.kinds import equations, one_step_ahead, outside_range, predict
 from mapmore_cli.modelling.literature import get
 from mapmore_cli.study.sections.model import Summand
 
@@ -169,6 +169,7 @@ def test_a_sum_predicts_with_its_signs_and_its_renamed_inputs():
         3 * (1 + columns["s"]) ** 2 - 0.5
     )
     assert predict(flexed(), columns) == pytest.approx(by_hand)
+    assert one_step_ahead(flexed(), columns) == pytest.approx(by_hand)
     assert [quantity.name for quantity in flexed().inputs] == ["p1", "p2", "s"]
 
 
