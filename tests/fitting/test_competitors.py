@@ -185,3 +185,10 @@ def test_a_black_box_is_no_model():
 )
 def test_the_size_of_a_specimen_is_in_metres_if_it_is_a_length(unit, metres):
     assert metres_of(unit) == metres
+
+
+@pytest.mark.parametrize(("samples", "count"), [(3, 0), (4, 1), (6, 1), (7, 2), (10, 2), (11, 3)])
+def test_simple_models_beside_have_fewer_parameters_than_samples(samples, count):
+    one = replace(DATASET.curves[0], held_out=np.arange(40) >= samples)
+    beside = contest(dataset=replace(DATASET, curves=(one,))).simple_beside(())
+    assert beside == ("plane", "quadratic", "cubic")[:count]
