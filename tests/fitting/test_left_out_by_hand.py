@@ -10,7 +10,8 @@ from common import curve_of, dataset_of
 
 from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import model_choices
-from mapmore_cli.fitting.left_out import parts_of, residuals, share_beyond
+from mapmore_cli.fitting.left_out import parts_of, residuals, share_beyond, trained_on
+from mapmore_cli.storage.artefacts import write_dataset
 from mapmore_cli.study.experiment import ExperimentSpec
 
 SPEC = {
@@ -73,3 +74,13 @@ def test_of_two_recordings_blocks_are_left_out_and_of_levels_those_within():
     kind, count, parts = parts_of(levels, CHOICES)
     assert (kind, count, [*parts]) == ("levels", 3, ["p=2"])
     assert [mask.tolist() for mask in parts["p=2"]] == [[False] * 2, [False] * 2, [True] * 2]
+
+
+@pytest.mark.parametrize(("shared", "is_trained_on"), [(2, False), (3, True), (20, True)])
+def test_a_run_knows_held_out_samples_beyond_a_tenth(tmp_path, shared, is_trained_on):
+    """Of twenty; rows that train in both do not count, and a further column is not looked at."""
+    x, held = np.arange(40.0), np.arange(40) >= 20
+    other = np.concatenate([x[:20], x[20 : 20 + shared]])
+    seen = dataset_of({"x": other, "y": other, "z": 0 * other}, output="y")
+    write_dataset(tmp_path / "ingest.h5", seen)
+    assert trained_on(tmp_path, dataset_of({"x": x, "y": x}, held_out=held)) == is_trained_on
