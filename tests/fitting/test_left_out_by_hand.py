@@ -10,7 +10,9 @@ from common import curve_of, dataset_of
 
 from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import model_choices
+from mapmore_cli.fitting.kinds.memory import _asked
 from mapmore_cli.fitting.left_out import parts_of, residuals, share_beyond, trained_on
+from mapmore_cli.modelling.expressions.operators.lags import spread_times
 from mapmore_cli.storage.artefacts import write_dataset
 from mapmore_cli.study.experiment import ExperimentSpec
 
@@ -84,3 +86,14 @@ def test_a_run_knows_held_out_samples_beyond_a_tenth(tmp_path, shared, is_traine
     seen = dataset_of({"x": other, "y": other, "z": 0 * other}, output="y")
     write_dataset(tmp_path / "ingest.h5", seen)
     assert trained_on(tmp_path, dataset_of({"x": x, "y": x}, held_out=held)) == is_trained_on
+
+
+def test_time_constants_are_spread_over_the_longest_recording():
+    """Of a hundred samples 0.1 s apart; held-out ones are not counted."""
+    memory = {"dictionary": [{"slow": {"of": ["x"], "count": 3}}]}
+    choices = model_choices(ExperimentSpec.model_validate({**SPEC, **memory}))
+    x = np.sin(np.arange(120.0))
+    columns = {"time": 0.1 * np.arange(120), "x": x, "y": x}
+    _, recipe = _asked(choices, dataset_of(columns, held_out=np.arange(120) >= 100), None)
+    taus = [float(term.split(", ")[1].rstrip(")")) for term in recipe.dictionary]
+    assert taus == pytest.approx(spread_times(3, 0.1, 10.0), rel=0.01)
