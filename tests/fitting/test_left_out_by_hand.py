@@ -97,3 +97,9 @@ def test_time_constants_are_spread_over_the_longest_recording():
     _, recipe = _asked(choices, dataset_of(columns, held_out=np.arange(120) >= 100), None)
     taus = [float(term.split(", ")[1].rstrip(")")) for term in recipe.dictionary]
     assert taus == pytest.approx(spread_times(3, 0.1, 10.0), rel=0.01)
+
+
+@pytest.mark.parametrize("wanted", [False, True])
+def test_a_spec_says_whether_intervals_are_wanted(wanted):
+    spec = ExperimentSpec.model_validate({**SPEC, "validate": {"intervals": wanted}})
+    assert model_choices(spec).intervals is wanted
