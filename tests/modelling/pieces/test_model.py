@@ -127,16 +127,6 @@ def test_several_terms_saturate_by_default_and_one_term_continues():
     assert any("pressure=80" in note and "very large" in note for note in asked.notes)
 
 
-@pytest.mark.parametrize("way", ["saturate", "continue", "continue_linear"])
-def test_between_two_levels_the_slope_jumps_where_a_held_curve_ends(way):
-    """The curve of 150 kPa ends at 0.125, within that of 250 kPa (docs/limits.md)."""
-    model = built(curves(noise=0.0, held_out=()), max_terms=3, extrapolation=way)
-    strain = np.linspace(0.1, 0.15, 2001)
-    slopes = np.diff(predict(model, at(200, strain))) / np.diff(strain)
-    jump = np.abs(np.diff(slopes)[995:1005]).max() / np.abs(slopes).max()
-    assert jump > 0.1 if way == "saturate" else jump < 0.01
-
-
 def test_too_few_samples_for_a_segment():
     with pytest.raises(
         DataError, match=r"pressure=80/strain:1: 2 training sample\(s\), too few for 3 term"
