@@ -296,16 +296,6 @@ def test_what_is_wrong_with_a_table_is_told(table, told):
         mm.fit(table, **SECTIONS)
 
 
-def test_masked_samples_are_missing():
-    broken = F.copy()
-    broken[3] = 1e20
-    frame = {"pressure": P, "strain": E, "force": np.ma.masked_greater(broken, 1e9)}
-    with pytest.raises(DataError, match="force is missing"):
-        mm.fit(frame, **SECTIONS)
-    row = mm.fit(frame, missing="drop", **SECTIONS).scores.of_model(split="train")
-    assert (row["n"], row["rmse"] < 1e-9) == (26, True)
-
-
 def test_every_use_of_a_model_has_the_same_door(fitted):
     bar, ten = 2 * UNITS.bar, 10 * UNITS.percent
     plain = {"pressure": 200.0, "strain": 0.1}

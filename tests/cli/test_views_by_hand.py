@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from common import dataset_of
 
 from mapmore_cli.checking.findings import Issue
 from mapmore_cli.cli import console
 from mapmore_cli.cli.compared import of_campaign, of_campaigns, of_comparisons, of_inspection
 from mapmore_cli.cli.console import print_document, settle, spec_of
+from mapmore_cli.cli.views import of_dataset
 from mapmore_cli.domain.errors import DataError, WriteError
 from mapmore_cli.modelling.validation.comparison import Comparison, CurveChange, TermChange
 from mapmore_cli.pipeline.inspection import Inspection
@@ -132,6 +134,13 @@ def test_a_run_stands_for_its_spec_and_its_settings(tmp_path, monkeypatch):
     assert spec_of(Path("a"), ["y=2"], runs) == (Path("s.yaml"), ["x=1", "y=2"])
     for other in ("b", "c", "s.yaml"):
         assert spec_of(Path(other), ["y=2"], runs) == (Path(other), ["y=2"])
+
+
+def test_samples_at_rest_neither_train_nor_validate():
+    made = dataset_of({"x": np.arange(6.0)}, output="x", held_out=np.arange(6) > 3)
+    curve = replace(made.curves[0], at_rest=np.arange(6) < 3)
+    (shown,) = of_dataset(replace(made, curves=(curve,))).document["curves"]
+    assert (shown["train"], shown["validate"]) == (1, 2)
 
 
 def test_records_are_shown_by_their_stages(tmp_path, mapmore):

@@ -17,7 +17,7 @@ from mapmore_cli.fitting.kinds.choices import metres_of
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
-from mapmore_cli.storage.artefacts import write_fit, write_model
+from mapmore_cli.storage.artefacts import write_dataset, write_fit, write_model
 from mapmore_cli.study.sections.results import Competitor
 
 
@@ -185,3 +185,25 @@ def test_a_black_box_is_no_model():
 )
 def test_the_size_of_a_specimen_is_in_metres_if_it_is_a_length(unit, metres):
     assert metres_of(unit) == metres
+
+
+@pytest.mark.parametrize(("samples", "count"), [(3, 0), (4, 1), (6, 1), (7, 2), (10, 2), (11, 3)])
+def test_simple_models_beside_have_fewer_parameters_than_samples(samples, count):
+    one = replace(DATASET.curves[0], held_out=np.arange(40) >= samples)
+    beside = contest(dataset=replace(DATASET, curves=(one,))).simple_beside(())
+    assert beside == ("plane", "quadratic", "cubic")[:count]
+
+
+def test_a_composite_adds_damping_without_what_is_left_at_rest(tmp_path):
+    """The static part misses 30 N, which is no damping."""
+    static, resting = model_of("polynomial_2"), np.arange(60) >= 40
+    write_model(tmp_path / "model.h5", static)
+    write_dataset(tmp_path / "ingest.h5", DATASET)
+    rate = np.where(resting, 0.0, 1 + np.sin(np.arange(60)))
+    columns = {"pressure": np.linspace(100, 300, 60), "strain": 0.1 + 0 * rate, "strain_rate": rate}
+    held = predict(static, columns)
+    made = dataset_of({**columns, "force": held + 30 + 5 * rate}, output="force")
+    curves = (replace(made.curves[0], at_rest=resting),)
+    asked = Competitor(static="polynomial_2", damping="linear_viscous")
+    rival = contest(dataset=replace(made, curves=curves), static_run=tmp_path).rival(asked)
+    np.testing.assert_allclose(rival.forecasts[0].values, held + 5 * rate, rtol=1e-6)

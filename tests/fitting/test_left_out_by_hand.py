@@ -12,8 +12,10 @@ from mapmore_cli.domain.recording import Grouping
 from mapmore_cli.fitting.groups import regrouped
 from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import model_choices
+from mapmore_cli.fitting.kinds.memory import _asked
 from mapmore_cli.fitting.left_out import parts_of, residuals, share_beyond, trained_on
 from mapmore_cli.fitting.refitting import left_out_of
+from mapmore_cli.modelling.expressions.operators.lags import spread_times
 from mapmore_cli.storage.artefacts import write_dataset
 from mapmore_cli.storage.run_folder import DATASET, RunFiles
 from mapmore_cli.study.experiment import ExperimentSpec
@@ -131,3 +133,30 @@ def test_another_run_has_seen_samples_although_it_removed_other_offsets(tmp_path
     assert RunFiles(tmp_path).dataset().grouping == Grouping("y", "g", offset=True)
     curves = [replace(c, held_out=np.full(12, k == 2)) for k, c in enumerate(held.curves)]
     assert trained_on(tmp_path, replace(held, curves=tuple(curves)))
+
+
+@pytest.mark.parametrize(("shared", "is_trained_on"), [(2, False), (3, True), (20, True)])
+def test_a_run_knows_held_out_samples_beyond_a_tenth(tmp_path, shared, is_trained_on):
+    """Of twenty; rows that train in both do not count, and a further column is not looked at."""
+    x, held = np.arange(40.0), np.arange(40) >= 20
+    other = np.concatenate([x[:20], x[20 : 20 + shared]])
+    seen = dataset_of({"x": other, "y": other, "z": 0 * other}, output="y")
+    write_dataset(tmp_path / "ingest.h5", seen)
+    assert trained_on(tmp_path, dataset_of({"x": x, "y": x}, held_out=held)) == is_trained_on
+
+
+def test_time_constants_are_spread_over_the_longest_recording():
+    """Of a hundred samples 0.1 s apart; held-out ones are not counted."""
+    memory = {"dictionary": [{"slow": {"of": ["x"], "count": 3}}]}
+    choices = model_choices(ExperimentSpec.model_validate({**SPEC, **memory}))
+    x = np.sin(np.arange(120.0))
+    columns = {"time": 0.1 * np.arange(120), "x": x, "y": x}
+    _, recipe = _asked(choices, dataset_of(columns, held_out=np.arange(120) >= 100), None)
+    taus = [float(term.split(", ")[1].rstrip(")")) for term in recipe.dictionary]
+    assert taus == pytest.approx(spread_times(3, 0.1, 10.0), rel=0.01)
+
+
+@pytest.mark.parametrize("wanted", [False, True])
+def test_a_spec_says_whether_intervals_are_wanted(wanted):
+    spec = ExperimentSpec.model_validate({**SPEC, "validate": {"intervals": wanted}})
+    assert model_choices(spec).intervals is wanted

@@ -21,9 +21,6 @@ from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import mapmore_cli
-
-PACKAGE = Path(mapmore_cli.__file__).parent
 LONGEST = 5  # seconds of one input
 ROOM = 1 << 30  # bytes of memory that inputs may take beside what the program had at its start
 SILENCE = 60.0  # seconds between two words of how far it is
@@ -189,9 +186,6 @@ def changed_bytes(whole, chance):
             for _ in range(chance.choice([1, 1, 1, 2, 8])):
                 changed[chance.randrange(len(changed))] ^= 1 << chance.randrange(8)
     return bytes(changed)
-
-
-Way = tuple[str | int, ...]
 
 
 def ways(tree, here=()):

@@ -172,20 +172,6 @@ def test_the_rule_for_few_levels_is_written_out(at, level, residual, scale):
     assert between_levels(made, np.array([at]), level) == pytest.approx([expected], rel=1e-6)
 
 
-@given(st.integers(3, 6), st.floats(0, 1), st.floats(0.01, 50), st.floats(0.1, 100))
-def test_the_rule_for_few_levels_scales_with_the_unit_and_with_the_gap(count, t, offset, scale):
-    found, at = few(count, offset), np.array([50.0, 100.0 * count - 150])
-    half = between_levels(found, at, 0.95)
-    assert between_levels(found, np.array([100 * t]), 0.95)[0] <= half[0] * (1 + 1e-12)
-    larger = replace(
-        found, offset=scale * found.offset, largest=scale * 400.0, residual=scale * found.residual
-    )
-    assert between_levels(larger, at, 0.95) == pytest.approx(scale * half, rel=1e-9)
-    wider = between_levels(replace(found, places=(-100.0, *found.places[1:])), at, 0.95)
-    assert wider[0] >= half[0] * (1 - 1e-12)
-    assert wider[1] <= half[1] * (1 + 1e-12)
-
-
 def student(noise, curves, freedom):
     """`t_g^2 V` of both variances together, with `g = f V / V_curves`."""
     both = noise + curves

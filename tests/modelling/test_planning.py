@@ -114,6 +114,15 @@ def test_what_a_place_is_worth():
         )
 
 
+def test_members_agree_at_a_planned_point_on_what_they_expected_together():
+    committee = committee_of(map_of())
+    place = int(np.argmax(committee.spread))
+    before = committee.expected[place], committee.spread[place]
+    committee.add(place)
+    assert committee.expected[place] == pytest.approx(before[0], abs=0.01 * before[1])
+    assert committee.spread[place] < 0.01 * before[1]
+
+
 def test_many_samples_are_spread_out_and_grid_places_near_samples_are_measured(monkeypatch):
     monkeypatch.setattr(points, "MOST_MEASURED", 3)
     x = np.array([[0.0, 0.0], [10.0, 0.1], [10.0, 1.0], [9.0, 0.9]])
@@ -122,7 +131,7 @@ def test_many_samples_are_spread_out_and_grid_places_near_samples_are_measured(m
     assert points.spread_out(x[:3], y)[0] is not taken
     assert len(points.spread_out(np.repeat(x[:2], 3, axis=0), np.arange(6.0))[1]) == 2
     measured = points.MeasuredMap(("a", "b"), x, y)
-    at = np.array([[5.0, 0.5], [5.2, 0.5], [5.6, 0.5], [5.0, 0.57]])
+    at = np.array([[5.0, 0.5], [5.48, 0.5], [5.52, 0.5], [5.0, 0.552]])
     near = measured.unmeasured(at, np.array([[5.0, 0.5]]), 11)
     assert near.tolist() == [False, False, True, True]  # half a step is .5 and .05
 

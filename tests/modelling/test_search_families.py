@@ -11,7 +11,7 @@ from common import curve_of, dataset_of
 
 from mapmore_cli.annexes.search import choosing, searching
 from mapmore_cli.annexes.search.bench import Bench, Slice
-from mapmore_cli.annexes.search.candidate import MOST_PARAMETERS, offered_structures
+from mapmore_cli.annexes.search.candidate import MOST_PARAMETERS, offered_structures, vocabulary
 from mapmore_cli.annexes.search.choosing import choose_structure
 from mapmore_cli.annexes.search.further import ROUNDS
 from mapmore_cli.annexes.search.samples import cut_short, searchable
@@ -530,3 +530,15 @@ def test_structures_are_compared_on_the_rows_that_all_of_them_predict():
     found = choosing.on_common_rows([one, other])
     assert found[0] == pytest.approx([np.sqrt(6), np.inf])
     assert found[1] == pytest.approx([np.sqrt(2), np.sqrt(2.5)])
+
+
+@pytest.mark.parametrize(("steps", "taus"), [(199, [1.0, 3.0]), (200, [1.0, 3.0, 10.0])])
+def test_time_constants_are_at_most_half_of_a_record(steps, taus):
+    of = Situation("y", ("u",), None, 500, 1, step=0.1, steps=steps)
+    assert vocabulary(of)["DECADES"] == pytest.approx(taus)
+
+
+def test_an_input_that_begins_at_zero_is_not_around_it():
+    u = np.linspace(0, 1, 20)
+    found = situation_of(dataset_of({"u": u, "v": u**2 - 0.5, "w": -(u**3), "y": u + u**2}))
+    assert found.around_zero == ("v",)

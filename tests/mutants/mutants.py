@@ -202,11 +202,13 @@ def tests_of(path: Path, table: dict[str, list[str]]) -> list[str]:
     ]
     parent, _, name = module.rpartition(".")
     imports = re.compile(rf"from {module} import|from {parent} import (\([^)]*|[^(\n]*)\b{name}\b")
-    importing = [file for file in _test_files("tests") if imports.search(_text_of(file))]
+    texts = {file: _text_of(file) for file in _test_files("tests")}
+    importing = [file for file, text in texts.items() if name in text and imports.search(text)]
     near = [file for file in importing if file in room or not file.startswith(FROM_END_TO_END)]
     return list(dict.fromkeys([*near, *room]))
 
 
+@cache
 def _test_files(folder: str) -> list[str]:
     """Return the test files of a folder, from the project's."""
     found = sorted((PROJECT / folder).rglob("test_*.py"))

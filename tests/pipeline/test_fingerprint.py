@@ -6,8 +6,6 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from mapmore_cli.pipeline.staleness import (
     _file_differences,
@@ -18,32 +16,12 @@ from mapmore_cli.pipeline.staleness import (
 )
 from mapmore_cli.storage.run_record import StageRecord, Stamp
 
-VALUES = st.recursive(
-    st.none()
-    | st.booleans()
-    | st.integers(-9, 9)
-    | st.floats(allow_nan=False, allow_infinity=False)
-    | st.text(max_size=4),
-    lambda inner: (
-        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner, max_size=3)
-    ),
-    max_leaves=8,
-)
-SLICES = st.dictionaries(st.sampled_from(["fit", "fuse", "levels", "odd"]), VALUES, max_size=3)
 
-
-@given(SLICES)
-def test_order_of_keys_is_of_no_account(part):
-    turned = dict(reversed(part.items()))
+def test_order_of_keys_is_of_no_account():
+    part = {"fit": {"a": 1, "b": [2, {"c": None}]}, "fuse": True}
+    turned = {"fuse": True, "fit": {"b": [2, {"c": None}], "a": 1}}
     assert fingerprint("fit", 1, part, "", {}) == fingerprint("fit", 1, turned, "", {})
     assert slice_differences("fit", part, turned) == []
-
-
-@given(SLICES, SLICES)
-def test_differences_are_told_exactly_when_there_are_some(old, new):
-    told = slice_differences("fit", old, new)
-    assert bool(told) == (old != new)
-    assert all("->" in text or text.endswith("changed") for text in told)
 
 
 @pytest.mark.parametrize(

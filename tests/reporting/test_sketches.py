@@ -214,6 +214,8 @@ def test_a_region_ends_where_its_quantity_crosses_the_level():
     regions = outlines_above(x, heights, parted, 1.1)
     assert [(min(up), max(up)) for _, up in regions] == [(0.0, 0.375), (0.625, 1.0)]
     assert outlines_above(x, heights, np.full(x.shape, np.nan), 1.1) == []
+    level_ground = outlines_above(np.array([[0, 1, 2]] * 2), np.arange(2), np.zeros((2, 3)), 0)
+    assert level_ground == [([0, 0, 2, 2], [0, 1, 1, 0])]
 
 
 def test_the_rim_of_a_surface_is_that_of_the_training_range(inputs):

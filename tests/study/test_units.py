@@ -121,23 +121,48 @@ def test_units_with_an_offset():
 
 @pytest.mark.parametrize(
     ("text", "like", "unit"),
-    [
-        *((text, None, "psi") for text in ("psig", "(PSI)", "P [psi(g)]", "psi gauge")),
-        *((text, None, "bara") for text in ("bar(a)", "P (bara)", "Bar abs", "[bar absolute]")),
-        *((text, None, "degC") for text in ("°C", "degC", "deg C", "T [°C]")),
-        *((text, None, "N*m") for text in ("Nm", "N·m", "torque (N m)")),
-        ("µm", None, "um"), ("strain [-]", None, "1"), ("Pct", None, "%"), ("w (µm/s)", None,
-            "um/s"), ("inHg", None, "inHg"), ("mmH2O", "kPa", "mmH2O"), ("kPag", "kPa", "kPa"),
-        ("lbs", None, "lbf"), ("kg", None, "kg"), ("kg", "N", "kgf"), ("g", "kPa", None),
-        ("mm", "kPa", None), ("P_kPa_A", None, None),
-        ("kgf/cm2", "kPa", "kgf/cm^2"), ("lb", "N", "lbf"), ("a (m/s²)", None, "m/s^2"),
-        ("kPa(a)", None, "kPa_abs"),
-        ("kPaa", None, None), ("N/A", None, None),
-        ("xy2", None, None), ("force", None, None), ("", None, None),
-    ],
+    [*rows_of("""
+psig            -    psi
+(PSI)           -    psi
+P [psi(g)]      -    psi
+psi gauge       -    psi
+bar(a)          -    bara
+P (bara)        -    bara
+Bar abs         -    bara
+[bar absolute]  -    bara
+°C              -    degC
+degC            -    degC
+deg C           -    degC
+T [°C]          -    degC
+Nm              -    N*m
+N·m             -    N*m
+torque (N m)    -    N*m
+µm              -    um
+strain [-]      -    1
+Pct             -    %
+w (µm/s)        -    um/s
+inHg            -    inHg
+mmH2O           kPa  mmH2O
+kPag            kPa  kPa
+lbs             -    lbf
+kg              -    kg
+kg              N    kgf
+g               kPa  none
+mm              kPa  none
+P_kPa_A         -    none
+kgf/cm2         kPa  kgf/cm^2
+lb              N    lbf
+a (m/s²)        -    m/s^2
+kPa(a)          -    kPa_abs
+kPaa            -    none
+N/A             -    none
+xy2             -    none
+force           -    none
+"""), ("", "-", "none")],
 )  # fmt: skip
 def test_the_unit_that_a_text_names(text, like, unit):
-    assert units.unit_of(text, like) == unit
+    found = units.unit_of(text, None if like == "-" else like)
+    assert found == (None if unit == "none" else unit)
 
 
 def test_everyday_units_need_no_pint():

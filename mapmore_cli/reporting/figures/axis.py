@@ -124,6 +124,6 @@ def levels_of(low: float, high: float, most: int) -> list[float]:
     and the last lie at its ends or just outside of them.
     """
     ticks = nice_ticks(low, high, most)
-    step = ticks[1] - ticks[0] if len(ticks) > 1 else (high - low) or 1.0
+    step = ticks[1] - ticks[0] if len(ticks) > 1 else 1.0
     before = [ticks[0] - step] if ticks[0] > low else []
     return [*before, *ticks, *([ticks[-1] + step] if ticks[-1] < high else [])]

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.optimize import curve_fit, least_squares, minimize
-from scipy.stats import t as student
 from textbook import textbook
 
 from mapmore_cli.modelling.frols import Weighing, frols
@@ -73,33 +72,9 @@ def test_a_loss_has_the_slope_of_its_weighted_residual_and_is_efficient_for_norm
     assert (density @ slope) ** 2 / (density @ psi**2) == pytest.approx(0.95, abs=1e-4)
 
 
-@pytest.mark.parametrize("loss", LOSSES)
-def test_with_a_tenth_of_gross_outliers_coefficients_are_within_three_standard_errors(loss):
-    for seed in range(10):
-        P, y = with_outliers(seed)
-        theta, errors, _ = fitted(P, y, loss=loss)
-        assert np.all(np.abs(theta - TRUE) < 3 * errors)
-        assert errors.max() < fitted(P, y)[1].max() / 5
+def test_a_law_without_noise_is_found_beside_outliers():
     exact = fitted(*with_outliers(3, noise=0.0), loss="bisquare")[0]
     np.testing.assert_allclose(exact, TRUE, atol=1e-9)
-
-
-def test_intervals_by_curve_cover_what_residuals_of_a_curve_hide():
-    """Every curve has an offset and a slope of its own; 95 % intervals hold the truth in 93-97 %
-    with sums over curves, those that take samples to be independent in fewer than three quarters.
-    """
-    curve, x = np.repeat(np.arange(12), 15), np.tile(np.linspace(-1, 1, 15), 12)
-    hits = np.zeros((2, 500, 2))
-    for seed in range(500):
-        rng = np.random.default_rng(seed)
-        offset, slope = rng.normal(0, 0.2, (2, 12))[:, curve]
-        y = columns(x) @ TRUE + offset + slope * x + 0.1 * rng.normal(size=len(x))
-        for place, curves in enumerate((curve, None)):
-            theta, errors, found = fitted(columns(x), y, curves=curves)
-            width = student.ppf(0.975, found.freedom) * errors
-            hits[place, seed] = (np.abs(theta - TRUE) < width)[:2]
-    assert 0.93 < hits[0].mean() < 0.97
-    assert hits[1].mean() < 0.75
 
 
 def test_errors_by_curve_are_the_sandwich_of_few_samples():

@@ -2,6 +2,7 @@
 cannot tell apart.
 """
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from literature_cases import MUSCLE_LIKE, TABLE_I, muscle_like, uniform
 
-from mapmore_cli.annexes.sums import Part, joint
+from mapmore_cli.annexes.sums import Part, Sum, joint
 from mapmore_cli.annexes.sums.fitted import _unit
 from mapmore_cli.annexes.sums.joint import (
     fit_jointly,
@@ -23,7 +24,7 @@ from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Formula, Model
 from mapmore_cli.domain.recording import CurveRange, Quantity
-from mapmore_cli.modelling.kinds import equations, outside_range, predict
+from mapmore_cli.modelling.kinds import equations, one_step_ahead, outside_range, predict
 from mapmore_cli.modelling.literature import get
 from mapmore_cli.study.sections.model import Summand
 
@@ -141,6 +142,7 @@ def braid(name, c1):
         FORCE,
         (Quantity("pressure", "kPa"), Quantity("strain", "1")),
         Formula(fit, None, ranges),
+        notes=("a braid",),
     )
 
 
@@ -167,6 +169,7 @@ def test_a_sum_predicts_with_its_signs_and_its_renamed_inputs():
         3 * (1 + columns["s"]) ** 2 - 0.5
     )
     assert predict(flexed(), columns) == pytest.approx(by_hand)
+    assert one_step_ahead(flexed(), columns) == pytest.approx(by_hand)
     assert [quantity.name for quantity in flexed().inputs] == ["p1", "p2", "s"]
 
 
@@ -179,10 +182,20 @@ def test_the_range_of_each_part_is_looked_at_under_its_own_names():
     assert outside_range(flexed(), columns).tolist() == [False, True, True, True]
 
 
+def test_a_part_that_feeds_another_has_a_range_as_well():
+    valve = replace(braid("valve", 1.0), output=Quantity("pressure", "kPa"))
+    fed = Part(braid("muscle", 2.0), fed=(Part(valve, 1.0, {"pressure": "v"}),))
+    inputs = Quantity("v", "kPa"), Quantity("strain", "1")
+    columns = {"v": np.array([300.0, 600.0]), "strain": np.array([0.05, 0.05])}
+    model = Model("whole", FORCE, inputs, Sum((fed,)))
+    assert outside_range(model, columns).tolist() == [False, True]
+
+
 def test_the_equations_begin_with_what_is_added_up():
     first = equations(flexed())[0]
     assert first.text == "flexor(pressure = p1, strain = s) - extensor(pressure = p2, strain = -s)"
     assert first.latex.count("text{") >= 2
+    assert flexed().notes == ("flexor: a braid", "extensor: a braid")
 
 
 ALONE, RENAMED = {}, {"pressure": "p1", "strain": "s"}

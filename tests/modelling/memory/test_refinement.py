@@ -133,25 +133,6 @@ def test_noise_of_the_output_biases_one_step_ahead_and_not_the_free_run():
     assert np.abs(free - TRUTH).max() < np.abs(ahead - TRUTH).max() / 3
 
 
-def test_a_system_with_friction_in_its_output_is_found_again():
-    """An oscillator whose friction is a stop of its own position, without noise."""
-    x = wandering(1200, seed=3)
-    x = (x - x.mean()) / x.std()
-    names = ["x[k-1]", "y[k-1]", "y[k-2]", "stop(y[k-1], 0.05)"]
-    states = state_set(*names, ranges={"y[k-1]": (0.0, 1.0)})
-    theta = [0.05, 1.6, -0.65, -0.2]
-    model = memory_model(names, theta, states, limits=(-20.0, 20.0))
-    y = Along(model)({"x": x, "y": np.zeros(1200)}).values
-    y[:2] = 0.0
-    given = record(np.arange(1200) < 800, x=x, y=y)
-    width = float(0.05 / np.ptp(y[:799]))  # the same friction as a part of the training range
-    dictionary = [*names[:3], f"stop(y[k-1], {width!r})", "stop(x[k-1], 0.1)"]
-    fit = fit_with_memory([given], recipe_of("y", dictionary, max_terms=4, criterion="free_run"))
-    run = Along(fit.model)({"x": x, "y": y}).values
-    assert set(fit.model.terms) == set(dictionary[:4])
-    np.testing.assert_allclose(run[800:], y[800:], atol=1e-6 * np.ptp(y))
-
-
 def logistic():
     """An input through a slow lag; the dictionary below also has terms that explode."""
     rng = np.random.default_rng(2)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from motion_samples import BOUNDARIES, ROWS, STEP, coefficients, looped, published, sine, stepped
 from motion_tables import continued
 
-from mapmore_cli.annexes.motion.body import BUMPLESS, CARRIED, REST, ZERO, poles
+from mapmore_cli.annexes.motion.body import BUMPLESS, CARRIED, REST, ZERO, StateSpace, poles
 from mapmore_cli.annexes.motion.model import motion_inputs
 from mapmore_cli.annexes.motion.simulation import (
     EDGE,
@@ -29,6 +29,9 @@ from mapmore_cli.annexes.motion.simulation import (
     stable,
 )
 from mapmore_cli.domain.errors import FitError
+from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.modelling.kinds import parameters
 from mapmore_cli.modelling.memory.records import AtSample
 
 MODELS = ("linear", "inflate_deflate", "piecewise", "piecewise_inflate_deflate")
@@ -228,7 +231,7 @@ def test_errors_are_those_of_the_last_wavelength():
     n, length = 240, 80
     u = np.sin(2 * np.pi * np.arange(n) / length)
     error = np.where(
-        np.arange(n) < n - length, 3.0, 0.5 * np.sin(2 * np.pi * np.arange(n) / length)
+        np.arange(n) < n - length, -3.0, -0.2 + 0.5 * np.sin(2 * np.pi * np.arange(n) / length)
     )
     measured = 2 * u
     found = motion_errors(measured, measured + error, u, STEP)
@@ -244,3 +247,9 @@ def test_errors_are_those_of_the_last_wavelength():
 def test_inputs_are_the_driving_one_and_what_drives_beside_it_by_their_names():
     motion = replace(published("linear"), drives=("load*input", "1", "zeal + air*bend"))
     assert motion_inputs(motion) == ["input", "air", "bend", "load", "zeal"]
+
+
+@pytest.mark.parametrize(("name", "count"), [("linear", 3), ("inflate_deflate", 6)])
+def test_a_section_has_two_poles_and_its_weights(name, count):
+    model = Model("a", Quantity("y", "mm"), (), StateSpace(published(name), ()))
+    assert parameters(model) == count

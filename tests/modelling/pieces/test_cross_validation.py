@@ -125,9 +125,10 @@ def test_a_residual_that_jumps_from_level_to_level_counts_at_the_levels_alone():
     )
 
 
-def test_pieces_that_help_neither_between_levels_nor_within_them_are_left_out():
+@pytest.mark.parametrize("pooled", [{}, {"level": None}])
+def test_pieces_that_help_neither_between_levels_nor_within_them_are_left_out(pooled):
     """Noise on what the backbone explains: the residual is kept at the levels only if left-out
-    blocks of the curves gain by it.
+    blocks of the curves gain by it; that of pooled data only if left-out levels do.
     """
     rng = np.random.default_rng(0)
     samples = [
@@ -137,8 +138,9 @@ def test_pieces_that_help_neither_between_levels_nor_within_them_are_left_out():
         )
         for c in curves(levels=(*LEVELS, 450.0), held_out=())
     ]
-    model = trusted(samples, tolerance=0.0)
+    model = trusted(samples, tolerance=0.0, **pooled)
     assert not any(curve.segments for curve in model.body.curves)
+    assert model.body.cross_validation[0].rmse < model.body.cross_validation[1].rmse
     assert "the correction of polynomial_2 by the segments is left out" in model.notes[-1]
     for curve in samples:
         places = at(curve.level, curve.columns["strain"])
@@ -197,23 +199,6 @@ def test_between_two_levels_the_backbone_stands_alone():
     assert any("two levels" in note for note in model.notes)
     middle = at(250, np.linspace(0, 0.12, 20))
     np.testing.assert_allclose(predict(model, middle), backbone_of(model, middle))
-
-
-def test_pooled_data_drop_a_residual_that_does_harm():
-    rng, plain = np.random.default_rng(0), curves(held_out=())
-    samples = [
-        changed(
-            c,
-            force=2 * c.columns["pressure"] * (1 - c.columns["strain"]) + rng.normal(0, 5, c.size),
-        )
-        for c in plain
-    ]
-    model = trusted(samples, level=None, tolerance=0.0)
-    assert not any(curve.segments for curve in model.body.curves)
-    assert model.body.cross_validation[0].rmse < model.body.cross_validation[1].rmse
-    assert "the correction of polynomial_2 by the segments is left out" in model.notes[-1]
-    places = at(200, np.linspace(0, 0.1, 9))
-    np.testing.assert_allclose(predict(model, places), backbone_of(model, places))
 
 
 @settings(max_examples=3)

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from common import curve_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from surfaces import at, built, changed, curves, force, joined
@@ -126,35 +125,6 @@ def test_several_terms_saturate_by_default_and_one_term_continues():
     assert any("the output is kept constant" in note for note in several.notes)
     asked = built(max_terms=3, extrapolation="continue")
     assert any("pressure=80" in note and "very large" in note for note in asked.notes)
-
-
-@pytest.mark.parametrize("way", ["saturate", "continue", "continue_linear"])
-def test_between_two_levels_the_slope_jumps_where_a_held_curve_ends(way):
-    """The curve of 150 kPa ends at 0.125, within that of 250 kPa (docs/limits.md)."""
-    model = built(curves(noise=0.0, held_out=()), max_terms=3, extrapolation=way)
-    strain = np.linspace(0.1, 0.15, 2001)
-    slopes = np.diff(predict(model, at(200, strain))) / np.diff(strain)
-    jump = np.abs(np.diff(slopes)[995:1005]).max() / np.abs(slopes).max()
-    assert jump > 0.1 if way == "saturate" else jump < 0.01
-
-
-def test_a_narrow_segment_beside_a_wide_one_does_not_explode_in_the_zone():
-    """M2 eq 11 carries the left function by a quarter of the right segment's width: many times its
-    own, most of which is empty.
-    """
-    strain = np.concatenate([np.linspace(0, 0.010, 100), np.linspace(0.04, 0.2, 100)])
-    force = 500 * np.exp(-strain / 0.1) + np.random.default_rng(0).normal(0, 10, 200)
-    clustered = curve_of({**at(150, strain), "force": force})
-    model = built(
-        [replace(clustered, level=150.0)],
-        cuts={"strain": Cuts("breakpoints", at=(0.011,))},
-        max_terms=4,
-        tolerance=0.0,
-    )
-    strain = np.linspace(0, 0.2, 500)
-    assert np.abs(predict(model, at(150, strain)) - 500 * np.exp(-strain / 0.1)).max() < 60
-    carried = joined(model, hold="none")
-    assert np.abs(predict(carried, at(150, strain)) - 500 * np.exp(-strain / 0.1)).max() > 500
 
 
 def test_too_few_samples_for_a_segment():

@@ -30,11 +30,6 @@ def cut(curve, cuts):
     return segment_curve(curve, cuts, "force", no_cost)
 
 
-def line(low, high):
-    strain = np.linspace(low, high, 30)
-    return curve_of({"strain": strain, "force": 100 * strain})
-
-
 @given(st.integers(1, 8), st.integers(0, 100))
 def test_every_training_sample_lies_in_a_segment_and_no_other(count, seed):
     curve = curves(seed=seed)[0]
@@ -185,41 +180,6 @@ def test_too_few_samples_say_what_to_do():
     ) as error:
         segment([sample], recipe(cuts={"strain": Cuts("optimal", 4)}))
     assert "segment.strain.min_samples" in error.value.remedy
-
-
-def bent(seed, corners, slopes):
-    """Straight pieces over [0, 1] with noise, and local spikes of a few neighbouring samples, many
-    times as high as the noise.
-    """
-    rng = np.random.default_rng(seed)
-    x = np.sort(rng.uniform(0, 1, 400))
-    knots = np.array([0, *corners, 1])
-    y = np.interp(x, knots, np.concatenate([[0], np.cumsum(np.array(slopes) * np.diff(knots))]))
-    y = y + rng.normal(0, 0.01, 400)
-    for start in rng.integers(0, 396, 4):
-        y[start : start + rng.integers(1, 5)] += rng.choice([-1, 1]) * rng.uniform(0.5, 1.5)
-    return x, y
-
-
-CORNERS = [
-    ([0.25], [2.0, 0.2]),
-    ([0.5], [2.0, 0.2]),
-    ([0.8], [2.0, 0.2]),
-    ([0.3, 0.65], [1.5, -0.5, 1.0]),
-    ([0.3, 0.65], [0.8, 0.2, -1.8]),  # the sharper corner is the farther one
-]
-
-
-@pytest.mark.parametrize(("corners", "slopes"), CORNERS)
-def test_planted_changes_of_slope_are_found_under_noise_and_spikes(corners, slopes):
-    """Every corner has a boundary within one window, for nearly all seeds."""
-    hits = 0
-    for seed in range(25):
-        boundaries = gradient_boundaries(*bent(seed, corners, slopes), len(corners) + 1)
-        hits += all(
-            len(boundaries) and np.abs(boundaries - corner).min() <= 0.1 for corner in corners
-        )
-    assert hits >= 24
 
 
 def test_no_segment_of_its_own_for_a_gap():

@@ -6,7 +6,9 @@ import pytest
 
 from mapmore_cli.checking.rules.fits import _most_terms
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.fitting.kinds.dictionary import bounds_of, terms_of
+from mapmore_cli.domain.recording import Signal
+from mapmore_cli.fitting.kinds.dictionary import bounds_of, signal_of, terms_of
+from mapmore_cli.study.sections.data import Direction, Rate
 from mapmore_cli.study.sections.dictionary import DictionaryEntry, numbers_of
 
 
@@ -60,3 +62,11 @@ def test_numbers_of_states_are_given_or_spread():
     assert numbers(tau=[0.5, 2.0]) == [(0.5,), (2.0,)]
     assert numbers(count=3) == [(0.1,), (1.0,), (10.0,)]
     assert numbers() == []
+
+
+def test_a_rate_knows_the_unit_of_its_clock():
+    units = {"x": "mm", "time": "ms", "v": "m/s"}
+    rate = signal_of("v", Rate(rate_of="x", window=0.2, order=2), units)
+    assert rate == Signal("v", "rate", "x", window=0.2, order=2, factor=1e-3, seconds=1e-3)
+    sign = signal_of("v", Direction(direction_of="x", dead_band=0.5), units)
+    assert sign == Signal("v", "direction", "x", dead_band=0.5)
