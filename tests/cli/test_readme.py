@@ -79,9 +79,7 @@ def test_the_page_of_defaults_has_all_that_differ_from_the_papers(tmp_path):
         shown_default = default.strip("`") if default.startswith("`") else "–"
         assert value_of(defaults, key) == shown_default
     papers = load(CONFIGS / "m2" / "dmsp-20-88-static.yaml").resolved
-    same = dict(
-        re.findall(r"`([\w.]+): (\S+?)`", page.partition("are the same as in M2")[2])
-    )
+    same = dict(re.findall(r"`([\w.]+): (\S+?)`", page.partition("are the same as in M2")[2]))
     assert same
     assert same == {key: value_of(papers, key) for key in same}
     for section in ("fit", "fuse", "validate"):
