@@ -128,7 +128,8 @@ def gallery() -> str:
     ]
     return (
         "# Gallery\n\nEach picture comes from a Python script of about twenty lines. Click a "
-        "picture to see its script. The tests run all of these scripts.\n\n"
+        "picture to see its script. The tests run all of these scripts. All data in the gallery "
+        "are simulated.\n\n"
         f'<div class="gallery" markdown>\n\n{chr(10).join(parts)}\n</div>\n'
     )
 

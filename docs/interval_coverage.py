@@ -174,5 +174,5 @@ errs by half of one in the middle of a gap.
 
 def bent_table() -> Table:
     """Coverage where the model errs between levels as well."""
-    title = "The same with a surface that bends between the levels"
+    title = "Share of the samples inside their interval if the surface bends between the levels"
     return Table.of("bent", title, HEADS, rows((3, 4, 5, 6, 7, 12), (1, 2, 5), BEND))

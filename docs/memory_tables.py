@@ -70,7 +70,7 @@ def uncut(runs: Path) -> Table:
     columns = ("run", "kept", "cut [%] .3g", "uncut [%] .3g")
     return Table.of(
         "uncut",
-        "NRMSE of mapmore with and without the samples at which the sensor jumps",
+        "NRMSE of mapmore with and without the parts that were cut out",
         columns,
         rows,
     )

@@ -195,7 +195,12 @@ def studies(runs: Path) -> Table:
     """Return the same, study by study and split by split."""
     parts = [part for config in STUDIES for part in by_split(config, runs).items()]
     rows = [_row(f"{study}, {split}", some) for (study, split), some in parts]
-    return Table.of("studies", "The same for each study and split", COLUMNS, rows)
+    return Table.of(
+        "studies",
+        "Error, violation and number of solutions for each study and split",
+        COLUMNS,
+        rows,
+    )
 
 
 TABLES = {"summary": summary, "studies": studies}

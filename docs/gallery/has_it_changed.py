@@ -1,5 +1,5 @@
-"""Two campaigns of measurements of one muscle are compared. The three possible answers are that the
-muscle has changed, that the muscle is the same, or that the data cannot tell.
+"""Two campaigns of measurements of one muscle are compared. The picture shows three answers: the
+muscle has changed, the muscle is the same, or the data cannot tell.
 """
 
 import matplotlib.pyplot as plt

@@ -79,9 +79,7 @@ def test_the_page_of_defaults_has_all_that_differ_from_the_papers(tmp_path):
         shown_default = default.strip("`") if default.startswith("`") else "–"
         assert value_of(defaults, key) == shown_default
     papers = load(CONFIGS / "m2" / "dmsp-20-88-static.yaml").resolved
-    same = dict(
-        re.findall(r"`([\w.]+): (\S+?)`", page.partition("These defaults are those of M2:")[2])
-    )
+    same = dict(re.findall(r"`([\w.]+): (\S+?)`", page.partition("are the same as in M2")[2]))
     assert same
     assert same == {key: value_of(papers, key) for key in same}
     for section in ("fit", "fuse", "validate"):
@@ -95,6 +93,30 @@ def test_the_citation_is_whole():
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert citation["authors"] == [{"name": "mapmore contributors"}]
     assert citation["version"] == mapmore_cli.__version__
+
+
+def test_readme_says_what_was_cut_out_of_recordings():
+    """One of the ten recordings with steps, and three of the five with loops."""
+    names = list(page_table("uncut", MEMORY))
+    assert sorted(name.partition("-")[0] for name in names) == ["loops"] * 3 + ["steps"]
+    assert "of one recording with steps, in which the clock" in README
+    assert "and of three recordings with loops" in README
+    recordings = [name for name in page_table("coiled", MEMORY) if re.match(r"\w+-\d", name)]
+    assert sum(name.startswith("steps") for name in recordings) == 10
+    assert len(recordings) == 15
+
+
+def test_each_folder_of_recordings_is_used_by_a_study_or_a_table():
+    """As the page about recordings says: nothing was dropped because of its errors."""
+    page = (ROOT / "docs" / "data.md").read_text(encoding="utf-8")
+    cells = re.findall(r"^\| (`\w+/`.*?) \|", page, re.MULTILINE)
+    folders = [name for cell in cells for name in re.findall(r"`(\w+)/`", cell)]
+    using = "".join(
+        path.read_text(encoding="utf-8")
+        for path in (*CONFIGS.rglob("*.yaml"), *(ROOT / "docs" / "search").glob("*.yaml"))
+    ) + (ROOT / "docs" / "outlook_tables.py").read_text(encoding="utf-8")
+    assert len(folders) >= 19
+    assert [name for name in folders if not re.search(rf"[/\"]{name}[/\"]", using)] == []
 
 
 def test_files_that_readme_names_exist():
