@@ -373,7 +373,7 @@ def test_a_file_system_without_locks(number, tmp_path, monkeypatch):
 def test_no_output_replaces_a_file_of_a_run(tmp_path, name):
     """Whatever else stands in its folder may be replaced."""
     stamp = {"size": 1, "mtime_ns": 1, "sha256": "-"}
-    files = {"model.h5": stamp, "report/index.html": stamp}
+    files = {"model.h5": stamp, "report/a.svg": stamp}
     record = {"format_version": "1.2", "stages": {}, "files": files}
     path = tmp_path / name
     path.parent.mkdir(exist_ok=True)
