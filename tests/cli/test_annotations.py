@@ -31,10 +31,7 @@ def test_paths_start_at_the_root_of_the_checkout(study, mapmore, monkeypatch, tm
     study.write_text("name: [\n")
     (line,) = annotations(mapmore("run", study.name, code=3))
     assert line.startswith(f"::error file={tmp_path.name}/bench.yaml,line=")
-
-
-def test_what_has_no_place_is_annotated_without_one(mapmore):
-    (line,) = annotations(mapmore("run", "none.yaml", code=3))
+    (line,) = annotations(mapmore("run", "none.yaml", code=3))  # has no place
     assert line.startswith("::error::none.yaml: ")
 
 

@@ -120,7 +120,6 @@ def test_workbooks_parquet_and_utf16_are_read_as_they_are(tmp_path, model_file, 
         ("t.csv", "utf-8", False),
         ("t.csv", "utf-16", True),
         ("t.of_nobody", "utf-8", False),  # an ending that no reader has
-        ("t.of_nobody", "utf-16", True),
         ("t.mat", "utf-8", True),
     ],
 )

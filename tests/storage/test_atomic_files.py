@@ -1,8 +1,10 @@
 """Atomic writes, refusals of the file system, stamps, and the folder of a run."""
 
 import errno
+import json
 import os
 import signal
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +14,7 @@ import pytest
 
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.domain.recording import Dataset, Quantity, Recording
-from mapmore_cli.storage import artefacts, atomic, run_folder
+from mapmore_cli.storage import artefacts, atomic, ownership, run_folder
 from mapmore_cli.storage.atomic import (
     holds,
     is_special,
@@ -20,7 +22,7 @@ from mapmore_cli.storage.atomic import (
     replacing,
     unfinished_beside,
 )
-from mapmore_cli.storage.outputs import write_bytes, write_text, written_as_text
+from mapmore_cli.storage.outputs import refuse_needed, write_bytes, write_text, written_as_text
 from mapmore_cli.storage.run_folder import open_run_folder, recover, run_lock, stage_folder, swap_in
 from mapmore_cli.storage.stamps import stamps_of, take_stamp
 
@@ -363,3 +365,33 @@ def test_a_file_system_without_locks(number, tmp_path, monkeypatch):
     ):
         pass
     assert told.value.remedy == "choose a local folder with --runs"
+
+
+@pytest.mark.parametrize("name", ["run.json", ".seal", "model.h5", "report/a.svg", "notes.txt"])
+def test_no_output_replaces_a_file_of_a_run(tmp_path, name):
+    """Whatever else stands in its folder may be replaced."""
+    stamp = {"size": 1, "mtime_ns": 1, "sha256": "-"}
+    files = {"model.h5": stamp, "report/a.svg": stamp}
+    record = {"format_version": "1.2", "stages": {}, "files": files}
+    path = tmp_path / name
+    path.parent.mkdir(exist_ok=True)
+    path.write_text("x")
+    (tmp_path / "run.json").write_text(json.dumps(record))
+    is_own = name != "notes.txt"
+    with pytest.raises(WriteError, match="belongs to the run") if is_own else nullcontext():
+        refuse_needed(path)
+
+
+@pytest.mark.parametrize("now", [True, False])
+def test_the_record_of_a_run_is_removed_last(tmp_path, monkeypatch, now):
+    gone = []
+    monkeypatch.setattr(ownership, "remove", lambda path: gone.append(path.name))
+    monkeypatch.setattr(ownership, "to_trash", lambda _folder, paths: gone.extend(paths))
+    ownership.remove_own(tmp_path, ["run.json", "z", ".lock", "a"], now)
+    assert gone == ["a", "z", "run.json"]
+
+
+def test_a_packed_text_does_not_say_when_it_was_written(tmp_path):
+    with written_as_text(tmp_path / "a.gz") as file:
+        file.write("x")
+    assert (tmp_path / "a.gz").read_bytes()[4:8] == bytes(4)
