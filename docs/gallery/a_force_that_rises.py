@@ -1,6 +1,6 @@
 """Beyond the data, the force of a polynomial model can rise again with the strain. With
-`fit.shape`, the force falls with the strain within the data and also beyond the data, up to the
-distance that the key `beyond` sets.
+`fit.shape`, the force falls with growing strain, within the data and beyond them up to the distance
+that the key `beyond` sets.
 """
 
 import warnings

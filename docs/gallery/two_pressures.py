@@ -1,5 +1,5 @@
-"""If a formula is the backbone of a model, curves at two pressures are enough for predictions between
-these pressures, because the formula gives the shape of the curves in between.
+"""If a formula is the backbone of a model, curves at two pressures are enough for predictions
+between these pressures, because the formula gives the shape of the curves in between.
 """
 
 import matplotlib.pyplot as plt
