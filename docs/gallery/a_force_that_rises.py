@@ -1,6 +1,6 @@
 """Beyond the data, the force of a polynomial model can rise again with the strain. With
-`fit.shape`, the force keeps falling with the strain, up to the distance from the data that
-`beyond` sets.
+`fit.shape`, the force falls with growing strain, within the data and beyond them up to the distance
+that the key `beyond` sets.
 """
 
 import warnings

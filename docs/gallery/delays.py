@@ -1,5 +1,5 @@
-"""A linear process is identified from its recording. The script shows the chosen terms, and a free
-run over data that were not used for fitting.
+"""A process with delays, whose input also acts by its square, is identified from its recording. The
+script prints the model, and the picture shows a free run over data that were not used for fitting.
 """
 
 import matplotlib.pyplot as plt

@@ -1,5 +1,5 @@
-"""When should you stop to add terms? From noisy data, the information criterion finds the two terms
-of the true model.
+"""When should you stop adding terms? From noisy data, the information criterion `bic` finds the two
+terms of the true model.
 """
 
 import matplotlib.pyplot as plt

@@ -1,5 +1,5 @@
-"""The key `z_s` joins two segment functions with a jump or in a zone. The key `extrapolation` says
-how the model goes on beyond the data.
+"""With `z_s: 0`, two segment functions meet with a jump. With a larger `z_s`, one function fades
+into the other in a zone. The key `extrapolation` says what the model computes beyond the data.
 """
 
 import warnings

@@ -1,4 +1,6 @@
-"""A formula of your own is compared with formulas of the literature."""
+"""A formula of your own is compared with two formulas of the literature and with a model of
+segments.
+"""
 
 import matplotlib.pyplot as plt
 from muscle import STUDY, recording, save

@@ -1,5 +1,5 @@
-"""A recording has its pressure in psi and its strain in per cent. You write the unit of each column
-once, in `columns`.
+"""A recording has its pressure in psi, its strain in per cent and its force in pound-force. You
+write the unit of each column once, in `columns`.
 """
 
 from muscle import STUDY, recording, save

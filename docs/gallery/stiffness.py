@@ -1,4 +1,6 @@
-"""The derivative of a model over the strain gives the stiffness of the muscle over its stroke."""
+"""The stiffness of the muscle is the derivative of the modelled force with respect to the strain,
+with the opposite sign. The picture shows the stiffness at three pressures.
+"""
 
 import matplotlib.pyplot as plt
 import numpy as np

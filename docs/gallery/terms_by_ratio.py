@@ -1,4 +1,6 @@
-"""Without a study, FROLS finds which terms explain the data, and in which order they are chosen."""
+"""FROLS can be called without a spec. FROLS chooses the terms of a model one by one, and the
+picture shows their error reduction ratios in the order of the choice.
+"""
 
 import matplotlib.pyplot as plt
 import numpy as np

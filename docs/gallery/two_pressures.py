@@ -1,5 +1,5 @@
-"""With a formula as the backbone, curves at two pressures are enough for a model between these
-pressures. The formula gives the shape of the curves between the two pressures.
+"""If a formula is the backbone of a model, curves at two pressures are enough for predictions
+between these pressures, because the formula gives the shape of the curves in between.
 """
 
 import matplotlib.pyplot as plt
