@@ -150,7 +150,7 @@ def test_pooled_rows_are_found_by_model_data_and_target():
         scores.of_model(*asked)["rmse"]
         for asked in ((), ("mapmore", "train"), ("cubic",), ("mapmore", "validate", "z"))
     ] == [2, 3, 4, 5]
-    with pytest.raises(KeyError, match="no row of plane on the validate data"):
+    with pytest.raises(KeyError, match="no row for the model plane on the validate data"):
         scores.of_model("plane")
 
 

@@ -51,8 +51,8 @@ LARGEST_A3 = 15.0
 LEAST_W = 0.004
 # largest w; a wider hinge would bend the whole curve
 LARGEST_W = 0.3
-# weight of the prior of each parameter
-# The weights are so small that a prior matters only if data do not determine its parameter.
+# weight of the prior of each parameter;
+# the weights are so small that a prior matters only if data do not determine its parameter
 PRIOR_WEIGHTS = (0.01, *5 * (0.003,), 0.001, 0.03, 0.03, 0.001)
 # prior of a3/max|strain|
 DECAY = -33.0
@@ -63,8 +63,8 @@ STEEPEST = -12.0
 DECAY_WEIGHT = 0.002
 # prior of w, as a fraction of the largest target
 PRIOR_W = 0.03
-# largest total weight of the data relative to the priors, as a number of samples
-# Without this limit, priors would have no effect if there are many nearly equal samples.
+# largest total weight of the data relative to the priors, as a number of samples;
+# without this limit, priors would have no effect if there are many nearly equal samples
 INDEPENDENT = 300
 # with at most this many strain levels, any curvature fits; this affects only the text of a note
 FEW_LEVELS = 3

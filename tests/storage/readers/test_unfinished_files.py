@@ -138,7 +138,7 @@ def test_a_last_number_that_alone_ends_with_its_decimal_point_was_cut(tmp_path, 
             *(tmp_path / "a", text.encode(), "F"), delimiter=";", decimal=mark, **request
         )
 
-    with refused("fewer digits in its last number, 31", "it was cut off"):
+    with refused("fewer digits in its last cell, 31", "it was cut off"):
         table(f"{rows}25;31{mark}")
     assert table(f"{rows}25;31{mark}", incomplete=True).size == 20
     assert table(f"{rows}25;31").size == 21
