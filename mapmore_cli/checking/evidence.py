@@ -21,7 +21,7 @@ FEWEST = 30  # smallest number of samples; with fewer, a finding may be due to c
 # at most so many recordings are compared with each other; they are spread evenly over all
 COMPARED = 200
 # Columns are one signal if they differ by less than this fraction of their range.
-# They are one signal, too, if their correlation differs from 1 by less than this.
+# Columns are also one signal if their correlation differs from 1 by less than this.
 ROUNDING = 1e-4
 LITTLE = 0.01  # below this fraction of the samples or of a range, a finding may be due to chance
 SOME = 0.05  # above this fraction of the samples or of a range, a finding is worth a warning
@@ -38,10 +38,11 @@ MIDDLE = (0.1, 0.9)  # limits of the middle of the pressure range, as fractions 
 class Settling:
     """Settling of a pressure.
 
-    A sample is settled if its rate, computed in a `window` (s), is below `limit`, a round number,
-    per second. `share` is the settled share of all samples. `share_between` is the settled share of
-    the samples in the middle of the pressure range. This share is large if the pressure moves in
-    steps, because the pressure then rests in the middle of its range, too. It is small for a sweep.
+    A sample is settled if the rate of the pressure at it, computed in a `window` (s), is below
+    `limit` (in units of the pressure per second). `share` is the settled share of all samples.
+    `share_between` is the settled share of the samples in the middle of the pressure range. This
+    share is large if the pressure moves in steps, because the pressure then rests in the middle of
+    its range, too. It is small for a sweep.
     """
 
     limit: float
@@ -122,8 +123,8 @@ class Unequal:
     """Two recordings with equal inputs, sample for sample, and different outputs.
 
     All numbers are root mean squares divided by the range of the `target`. `apart` is the distance
-    of the outputs. `left` is the distance that remains if one output is the other times a factor
-    (`gain`), plus a constant (`offset`), or both (`offset gain`).
+    between the outputs. `left` holds the distances that remain after one output is fitted to the
+    other by a factor (`gain`), by a constant (`offset`), or by both (`offset gain`).
     """
 
     one: Recording
@@ -153,8 +154,8 @@ class Unequal:
         return self.apart > SOME
 
     def words(self) -> str:
-        """Return a sentence about the difference and the share of the sum of squares that each
-        effect explains.
+        """Return a sentence about the difference of the two outputs, and about the share of its sum
+        of squares that each effect explains.
         """
         gain, offset, both = (f"{1 - (left / self.apart) ** 2:.0%}" for left in self.left.values())
         return (

@@ -307,8 +307,8 @@ def settle(error: BaseException, debug: bool, as_json: bool) -> int:
     """Print what went wrong on stderr, and return the exit code. The traceback is printed with
     `--debug` only.
 
-    With `--json`, the error is also the document on stdout, unless a document has been printed: a
-    missed limit is part of that document.
+    With `--json`, the error is also printed as the document on stdout. This is left out if a
+    document has been printed already; that document then names the limits that were missed.
     """
     if isinstance(error, BrokenPipeError):
         _silence_stdout()

@@ -361,8 +361,8 @@ def adapt(
 
     The force is multiplied by one factor and the strain by another. Both are expected to be near 1
     (prior: 1 +- 15 %). The new model has the inputs pressure and strain, and can be used like any
-    other model. Without a TABLE, the new model follows from the dimension alone. Its intervals are
-    the intervals of the family.
+    other model. Without a TABLE, the new model is computed only from the dimension that --set
+    gives, and its intervals are the intervals of the family.
     """
     from mapmore_cli.pipeline.predict import adapt, dimension_of, names_of_points
     from mapmore_cli.reporting.table import Column, Table

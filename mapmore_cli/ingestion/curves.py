@@ -113,7 +113,7 @@ def with_damping(recording: Recording, force: str, static: Model, warn: Warn) ->
     if beyond[on].mean() > MOSTLY:
         warn(
             f"{recording.name}: its plateau lies outside the training range of the static model "
-            f"{static.name}, which therefore guesses the static force there; train it in this range"
+            f"{static.name}, so the static force there is a guess; train the static model there too"
         )
     damping = without_steady_state(columns[force] - static_force, on)
     return replace(recording, columns={**columns, STATIC_FORCE: static_force, DAMPING: damping})

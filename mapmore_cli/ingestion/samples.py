@@ -75,8 +75,8 @@ class Samples(RawTable):
         return replace(self, columns={**self.columns, **columns})
 
     def cut(self, parts: Sequence[slice]) -> list[Samples]:
-        """Return the samples of each part. Earlier left-out samples belong to the part in which
-        they lie, and notes to the first part.
+        """Return the samples of each part. Samples that were left out earlier belong to the part in
+        which they lie; notes belong to the first part.
         """
         owners = {
             reason: np.searchsorted([self.rows[part.start] for part in parts[1:]], rows)

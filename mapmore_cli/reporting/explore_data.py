@@ -175,7 +175,8 @@ def middle_of(rows: IntArray, places: Array) -> int:
 
 def _record(inputs: ReportInputs, curves: Sequence[Curve]) -> dict[str, Any]:
     """Return the beginning of a recording (a held-out one, if there is one), linearly interpolated
-    to the time steps of the model; and a sentence about the values with which a run begins.
+    to the time steps of the model; and a sentence about the values with which the simulation
+    begins.
     """
     model, output = inputs.model, inputs.model.output.name
     curve = next((one for one in curves if one.held_out.any()), curves[0])

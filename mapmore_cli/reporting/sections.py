@@ -38,7 +38,7 @@ class Paged(Protocol):
     """A kind of model from a plugin that shows its fits in a section of its own on pages."""
 
     def section(self) -> Section:
-        """Return the section; it has no tables if a run has no such fit."""
+        """Return the section of this kind. It has no tables if the run has no fit of this kind."""
 
     def show_fit(self, fit: Fit) -> tuple[dict[str, object], tuple[Table, ...]]:
         """Return a fit as members of a JSON document and as tables."""

@@ -29,7 +29,9 @@ from mapmore_cli.reporting.table import Cells, Column, Columns, Table, cells_of
 
 
 def bands_table(sizes: Sequence[ErrorBand], unit: str) -> Table:
-    """Return the table of errors with a row for each band and a column for each model."""
+    """Return the table of errors: a row for each band of measured values, a column for each
+    model.
+    """
     models = list(sizes[0].rmse) if sizes else []
     errors = [Column(model, unit, ".3g") for model in models]
     columns: Columns = (f"from [{unit}]", f"to [{unit}]", "samples", *errors)
@@ -74,8 +76,9 @@ def levels_table(dataset: Dataset, along: str | None = None, whole: Dataset | No
     """Return a table of the curves, with their numbers of training and validation samples in the
     `whole` dataset.
 
-    `along` is the quantity over which a static model has one value; if curves are not
-    single-valued, the table says by how much.
+    `along` is the quantity that varies within a curve, and for each value of which a static model
+    has a single output. If curves have several outputs at one value, a column says by how much
+    these differ.
     """
     level = f"level [{dataset.unit(dataset.level)}] .6g" if dataset.level else "level"
     columns = ["curve", level, "train", "validate", "recordings"]

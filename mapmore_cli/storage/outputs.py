@@ -73,8 +73,8 @@ def _run_with(path: Path) -> Path | None:
 
 def refuse_early(path: Path) -> None:
     """Raise WriteError before a command computes if its output cannot be written: as
-    `refuse_needed` does, and if its folder does not exist or cannot be written to. If the command
-    reads this file later, it is refused at that moment (`note_read`).
+    `refuse_needed` does, and if its folder does not exist or cannot be written to. The output is
+    noted, so that `note_read` raises an error if the command later reads this file.
     """
     with refusals_told(path.parent):
         if is_special(path):
@@ -155,8 +155,8 @@ def refuse_foreign_file(path: Path) -> None:
         return
     if _hashes_in(path.parent).get(path.name) != hashes_of(path.parent, [path.name])[path.name]:
         raise WriteError(
-            f"{path}: exists, and mapmore has not written it, or it was changed since, so it is "
-            "not replaced",
+            f"{path}: exists, and mapmore has not written it, or somebody has changed it since, "
+            "so it is not replaced",
             "move it away, or choose another place with -o",
         )
 

@@ -236,8 +236,9 @@ def stage_folder(run_dir: Path, stage: str) -> Iterator[Path]:
 
 
 def make_way(run_dir: Path, name: str, known: Mapping[str, Stamp]) -> list[str]:
-    """Move the file that a new file will replace to the trash, unless the record `known` lists it
-    unchanged. Return its path if it was moved. Raises WriteError as `refuse_irregular` does.
+    """Move a file to the trash before a new file takes its place, unless the record `known` lists
+    it and it is unchanged. Return its path if it was moved. Raises WriteError as `refuse_irregular`
+    does.
     """
     refuse_irregular(run_dir / name)
     if not (run_dir / name).is_file() or is_as_written(run_dir / name, known.get(name)):
@@ -252,9 +253,9 @@ def swap_in(
     """Move finished `outputs` from `folder` into the run, each as a whole, after all of them are on
     the disk.
 
-    A file belongs to somebody else if `known` does not list it, or if it has changed since. If a
-    new file takes its place, it is moved to the trash; otherwise it stays. Return the paths of the
-    files that were moved.
+    A file belongs to somebody else if `known` does not list it, or if it has changed since. Such a
+    file is moved to the trash if an output takes its place; otherwise it stays. Return the paths of
+    the files that were moved to the trash.
     """
     sync_tree(folder)
     for output in outputs:

@@ -365,8 +365,8 @@ def read_scores(path: Path) -> ScoreTable:
 
 
 def scores_in(document: Any) -> ScoreTable:
-    """Return the table in the document of a scores.json, also of an older one, which lacks some
-    keys.
+    """Return the table in the document of a scores.json. Files of older versions, which lack some
+    keys, are read too.
 
     Raises ValueError, TypeError, KeyError, AttributeError or OverflowError for another document.
     """

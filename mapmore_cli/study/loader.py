@@ -212,8 +212,9 @@ def _validated(
 def _further_mistakes(
     error: ValidationError, root: Node, keys_at: KeysAt, model: type[M], check: Check[M]
 ) -> list[Mistake]:
-    """Return the mistakes below misspelt keys, and those that `check` finds after these keys were
-    corrected and malformed parts of the spec removed, so that all mistakes appear at once.
+    """Return further mistakes, so that all mistakes appear at once: those below misspelt keys, and
+    those that `check` finds in the spec after misspelt keys are corrected and malformed parts are
+    removed.
     """
     if error.error_count() > MOST_ERRORS:
         return []

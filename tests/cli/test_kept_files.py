@@ -174,7 +174,7 @@ def test_files_read_within_a_command_are_kept_until_its_end(tmp_path):
             note_read([tmp_path / "a", tmp_path / "gone"])
         assert inner == {tmp_path / "a", tmp_path / "gone"}
         (tmp_path / "a").write_text("a")
-        with pytest.raises(WriteError, match="this command reads it"):
+        with pytest.raises(WriteError, match="this command reads the file"):
             write_bytes(tmp_path / "a", b"b")
     write_bytes(tmp_path / "a", b"c")
     assert (tmp_path / "a").read_text() == "c"

@@ -24,8 +24,8 @@ NEAR = 0.1
 @dataclass(frozen=True)
 class Held:
     """The quantity `of` that was held constant, its levels `at`, the quantity that was `swept`, and
-    the reason `why`. If samples between levels must be left out, `within` is the largest distance
-    of a sample from its level.
+    the reason (`why`) for which `of` counts as held. If samples between levels must be left out,
+    `within` is the largest distance of a sample from its level.
     """
 
     of: str

@@ -24,7 +24,7 @@ FEWEST = 200
 MOST = 6_000
 # smallest number of samples that a usual recording must keep if its time steps are made longer
 LEAST = 100
-# below this fraction of the differences between recordings, movement in one is scatter
+# below this fraction of the differences between recordings, a change within one is scatter
 MUCH_LESS = 0.1
 COMPETITORS = ("sarosi", "polynomial_2", "polynomial_5", "muscle_like", "polynomial_3")
 

@@ -42,7 +42,7 @@ class Understood:
         return [*self.inputs, *(one.quantity for one in self.conditions)]
 
     def without_others(self, target: str) -> Named:
-        """Return the columns of the study without the other targets."""
+        """Return the columns of the study, except the targets other than `target`."""
         others = {*self.targets} - {target}
         return {name: one for name, one in self.columns.items() if name not in others}
 
@@ -189,9 +189,9 @@ def _free(
     targets: Sequence[str],
     left_out: dict[Column, str],
 ) -> list[str]:
-    """Return the names of all columns that may be inputs. A column is left out, with a reason, if
-    it is the same signal as a target; or if a target is a linear filter of it and there are other
-    inputs.
+    """Return the names of all columns that may be inputs. A column is left out, with a reason, in
+    two cases: it is the same signal as a target; or a target was computed from it by a linear
+    filter, and there are other inputs.
     """
     free = {
         name: one.column

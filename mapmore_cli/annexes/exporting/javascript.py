@@ -29,7 +29,7 @@ NAMES = ("INPUTS", "OUTPUT", "STEP", "beyond", "interpolated", "measured", "outs
 
 
 def javascript_file(model: Model, wanted: Wanted) -> dict[str, str]:
-    """Return the module, compared with `predict` if Node is installed."""
+    """Return the module. If Node is installed, compare its results with `predict`."""
     text = javascript_module(model)
     if wanted.verify:
         try:

@@ -215,8 +215,8 @@ def _heights_of(motion: Motion, run: Piece) -> Array:
 
 
 def _with_heights(motion: Motion, poles: Array, heights: Array) -> Motion:
-    """Return the model with the weights of the drives `u, 1` (and `L, u L`) that follow from the
-    heights in every section.
+    """Return the model with new weights of the drives `u, 1` (and `L, u L`) in every section. The
+    weights are computed from the heights of the steady output at the knots.
     """
     knots, lines = _knots(motion)
 

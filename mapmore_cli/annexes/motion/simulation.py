@@ -117,8 +117,8 @@ def extent(boundaries: Sequence[float], place: int) -> str:
 
 
 def simulate(motion: Motion, columns: Columns) -> Array:
-    """Return the output, (n,), along a recording with its `time`, or along one piece of a record
-    without it.
+    """Return the output, (n,), along a recording. If `columns` have no `time`, they are one piece
+    without gaps.
 
     Every piece begins as `motion.start` says: in the steady state of its first input, or at zero.
     The measured output is not needed.

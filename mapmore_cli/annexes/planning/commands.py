@@ -161,8 +161,8 @@ def plan(
 
 
 def _values_of(over: Sequence[str]) -> dict[str, list[Any]]:
-    """Return the values of every setting, `fit.max_terms=2,4,8`, each as YAML. Raises UsageError
-    for another form, or without a value.
+    """Return the values of every setting, `fit.max_terms=2,4,8`, each as YAML. Raises UsageError if
+    the text has another form, or if a setting has no value.
     """
     from mapmore_cli.study.diagnostics import Mistake
     from mapmore_cli.study.tree import SourceText, written

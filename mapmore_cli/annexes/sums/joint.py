@@ -1,5 +1,5 @@
-"""Add formulas and fit them together: the muscles of a pair pull against each other, and only the
-difference of their forces is measured.
+"""Fit the formulas of a sum together. An example is a pair of muscles that pull against each other,
+if only the difference of their forces is measured.
 """
 
 from __future__ import annotations
@@ -73,9 +73,9 @@ def actuator(force: Model, pressure: Model) -> Model:
     """Return a model whose input `pressure` is the output of another model, so that it computes the
     force from the command of the valve.
 
-    Raises DataError if the force does not depend on the pressure, depends on the rate of the
-    pressure, or has it in another unit; if the pressure model needs its measured past; or if both
-    have an input of the same name in different units.
+    Raises DataError in four cases: the force does not depend on the pressure, or has it in another
+    unit; the force depends on the rate of the pressure; the pressure model needs its measured past;
+    both models have an input of the same name in different units.
     """
     output, needed = pressure.output, {quantity.name: quantity for quantity in force.inputs}
     if needed.pop(output.name, None) != output:

@@ -177,7 +177,7 @@ class SumVerbs(Verbs):
         return sum(kinds.parameters(inner) for part in _body(model).parts for inner in part.models)
 
     def fed_back(self, model: Model) -> tuple[str, ...]:
-        """Return the measured outputs with which at least one part must begin."""
+        """Return the names of the measured outputs from which at least one part must start."""
         return tuple(
             dict.fromkeys(
                 name

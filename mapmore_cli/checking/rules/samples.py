@@ -13,7 +13,7 @@ from mapmore_cli.domain.recording import Recording
 from mapmore_cli.domain.scores import FAR_FROM_ZERO
 from mapmore_cli.modelling.signals.sampling import PART, even_share
 
-# a sensor is saturated if an end of its range is so many times as frequent as other values
+# a sensor is saturated if an end of its range occurs this many times as often as other values
 FAR_MORE = 10
 # quantities that hardly ever keep exactly one value unless their sensor is saturated
 FROM_SENSORS = ("force", "pressure", "load")

@@ -1,5 +1,6 @@
-"""Draw measured and predicted values: over time for recordings of motion and models with memory
-(for these also as loops), otherwise over the quantity that varies within a curve.
+"""Draw measured and predicted values. Recordings of motion and models with memory are drawn over
+time, models with memory also as loops. Everything else is drawn over the quantity that varies
+within a curve.
 
 Curves are drawn as in M2's figures 9, 10, 12, 13 and 15, with the predictions above and the errors
 below. Training curves of a static model share one panel.

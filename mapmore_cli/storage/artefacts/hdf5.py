@@ -128,7 +128,7 @@ def put_arrays(file: h5py.File, arrays: Sequence[Waiting], digest: Digest) -> No
 
 
 def put_text(file: h5py.File, path: str, text: str, description: str) -> None:
-    """Store a text of any length, which the file declares."""
+    """Store a text of any length. The type of the dataset declares the length."""
     data = text.replace("\0", "").encode()
     kind = h5py.string_dtype("utf-8", max(1, len(data)))
     dataset = file.create_dataset(path, data=np.array(data, dtype=kind), track_times=False)

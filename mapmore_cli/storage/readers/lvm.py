@@ -40,8 +40,8 @@ class LvmSegment:
 
     - `said`: entries of the header for each channel, by keyword.
     - `titles`: titles of all columns.
-    - `open_end`, `padding`: only of the last segment: its last line without a line end, and the
-      number of fill characters after it.
+    - `open_end`, `padding`: only the last segment has them. They are its last line, if it has no
+      line end, and the number of fill characters after it.
     """
 
     said: Mapping[str, Sequence[str]]

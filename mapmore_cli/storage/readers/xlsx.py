@@ -110,7 +110,7 @@ def read_xlsx(path: Path, request: TableRequest) -> list[RawTable]:
 
 def peek_xlsx(path: Path, most: int) -> Iterable[Top]:
     """Return the first rows of every visible sheet that is not empty, in their order. A spec must
-    name every sheet but the first.
+    name the sheet that it reads, unless this is the first.
     """
     with reading(path.name, "workbook"):
         sheets = _visible_sheets(_sheets_in(path, path.name, most))

@@ -269,9 +269,9 @@ the letter behind it looks like a Japanese one.
 
 
 def _is_written_in(head: bytes, name: str) -> bool:
-    """Return True if the first bytes of a text can be decoded, and have the form of the encoding.
-    If characters have two bytes, at least half of them must then be frequent letters, and two of
-    them must stand together.
+    """Return True if a text that begins with these bytes is probably in the encoding `name`: the
+    bytes can be decoded. For an encoding with characters of two bytes, at least half of these
+    characters must also be frequent letters, and two of them must stand side by side.
     """
     try:
         # the last character of `head` may be cut off, which this decoder accepts

@@ -167,7 +167,7 @@ def _text(here: Member, name: str) -> str:
 
 
 def _readable(here: Member, name: str | int) -> Member | None:
-    """Return a member or an element. Return None if it does not exist or cannot be read."""
+    """Return the member or element of `here`; None if it does not exist or cannot be read."""
     with suppress(DataError):
         if isinstance(name, int):
             return here.element(name)
