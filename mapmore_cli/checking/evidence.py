@@ -248,8 +248,8 @@ STANDS_OUT = 4.0  # smallest ratio of the height of a spike to the largest other
 
 def spikes(values: Array) -> IntArray:
     """Return the indices of single samples in a record, (n,), that lie far from both neighbours.
-    Nothing is returned if these are more than 1 % of the record, because such samples are then a
-    property of the signal.
+    Nothing is returned if there are more such samples than 1 % of the record, because they are then
+    a property of the signal.
 
     Such a sample lies to one side of both neighbours. Its height is at least four times the
     difference of the neighbours, four times the largest change anywhere else in the record, and a

@@ -351,9 +351,9 @@ def recordings_apart(
     samples: Samples, data: Data, units: Mapping[str, str], texts: Mapping[str, Mapping[str, float]]
 ) -> list[Samples]:
     """Return the samples of each recording in a table, without missing values. Rows with the same
-    value of `recordings.of` are one recording, in the order of first occurrence; without it, the
-    whole table is one. `texts` holds, for each column of texts, the number that stands for each
-    text.
+    value of `recordings.of` are one recording, in the order of first occurrence. Without
+    `recordings.of`, the whole table is one recording. `texts` holds, for each column of texts, the
+    number that stands for each text.
 
     Raises DataError for missing values if they are errors, and if no sample is left.
     """

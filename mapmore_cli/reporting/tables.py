@@ -192,8 +192,7 @@ def coefficient_rows(
     """Yield each segment, or the model with memory, with a row for each of its terms: the row of
     `Selection.table`, and half the `width` of the 95 % interval of the coefficient.
 
-    If a `model` is given, which keeps a shape, its coefficients replace the coefficients of the
-    fit.
+    If a `model` that keeps a shape is given, its coefficients replace the coefficients of the fit.
     """
     kept: dict[str, SegmentFunction | MemoryModel] = {}
     if model is not None and model.shape is not None:

@@ -147,7 +147,7 @@ def write_text(path: Path, text: str) -> None:
 
 def refuse_foreign_file(path: Path) -> None:
     """Raise WriteError if a file whose name mapmore chooses exists, unless `note_chosen` has noted
-    it and its contents are the same. A file that is still needed is refused too.
+    the file and nobody has changed it since. Raise WriteError also if the file is still needed.
     """
     refuse_needed(path)
     refuse_irregular(path.parent / WRITTEN)

@@ -1,9 +1,9 @@
 """Manage the folder of a run: it is made or refused before the work, and changed only by moving
 whole files and folders into it.
 
-A stage builds its outputs in a folder of its own (`.tmp-...`). Files are moved over the old ones. A
-folder cannot be replaced in this way, so the old one is renamed (`.old-NAME`) for an instant; if
-the process is interrupted in this instant, `recover` restores it.
+A stage builds its outputs in a folder of its own (`.tmp-...`). A new file is moved over the old
+file of the same name. A folder cannot be replaced in this way, so the old one is renamed
+(`.old-NAME`) for an instant; if the process is interrupted in this instant, `recover` restores it.
 """
 
 from __future__ import annotations

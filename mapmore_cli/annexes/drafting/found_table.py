@@ -155,8 +155,9 @@ class FoundTable:
 
     def line_of_titles(self, lines: Mapping[int, list[str]]) -> int | None:
         """Return the line of titles. It is no line of units, and names at least half of the columns
-        of numbers. If several lines do so, it is the one with the largest number of different texts
-        and, among equals, the first. If all of them are remarks, it is the last.
+        of numbers. If several lines fulfil this, the line with the largest number of different
+        texts is returned and, among equals, the first. If all of these lines are remarks, the last
+        is returned.
         """
 
         def rank(line: int) -> tuple[bool, int, int]:

@@ -237,8 +237,9 @@ def _joined(layouts: Sequence[tuple[Layout, list[Path]]]) -> list[Study]:
 
 
 def _is_own(file: Path, folder: Path) -> bool:
-    """Return False for hidden files, files that office programs or file managers leave behind,
-    results of runs, and the schema that `init` writes for editors; return True for any other file.
+    """Return True for a file that may hold data. Return False for hidden files, for files that
+    office programs or file managers leave behind, for results of runs, and for the schema that
+    `init` writes for editors.
     """
     inside = file.relative_to(folder)
     ours = any(holds_results(folder / parent) for parent in inside.parents)

@@ -22,9 +22,10 @@ from mapmore_cli.domain.errors import UsageError
 
 @dataclass(frozen=True)
 class Understood:
-    """Interpretation of a study. It says which columns are used, as targets or inputs, and which
-    are left out; which quantities names contain; which quantity distinguishes groups (a column, or
-    a word in names); and which columns have values that distinguish recordings (`apart`).
+    """Interpretation of a study. It says which columns are targets or inputs, and which columns are
+    left out. It says which quantities have their values in names of files. A quantity may
+    distinguish groups; it is a column, or a word in names. The columns in `apart` have values that
+    distinguish recordings.
     """
 
     columns: Named

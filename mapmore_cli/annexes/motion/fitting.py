@@ -5,7 +5,7 @@ The steady output of a section is `s(u) = sum_m w_m d_m/(1 - P1 - P2)`. If secti
 one piecewise linear function of the input. This function is given by its heights at the boundaries
 and at the ends of the training range. With a load L, a second function of this kind is multiplied
 by L. Rise and fall have separate functions. When the direction changes, the output moves from one
-to the other as fast as the poles of the section allow.
+function to the other as fast as the poles of the section allow.
 
 For given poles, the output is linear in the heights, so that linear least squares gives them. The
 poles of all sections are refined together.

@@ -121,7 +121,7 @@ def actuator(force: Model, pressure: Model) -> Model:
 
 def refuse_shared_names(inputs_of: Sequence[tuple[str, Sequence[str], Mapping[str, str]]]) -> None:
     """Raise SpecError if two parts of a sum have an input of the same name that the spec does not
-    rename, because equal names such as `pressure` may stand for different quantities.
+    rename. The two inputs may be different quantities, for example the pressures of two muscles.
 
     `inputs_of` holds for every part its name, its own inputs, and their renaming.
     """
@@ -154,8 +154,8 @@ def fit_jointly(
     """Fit `sum_i sign_i f_i` to `y`, (n,), by least squares over all parameters at once.
 
     The parameter `F` of the second summand has the name `F_2`. If the sum does not determine some
-    parameters separately, for example the constants of both, the rank is deficient, and the notes
-    name them.
+    parameters separately, for example a constant in each of two summands, the rank is deficient,
+    and the notes name these parameters.
 
     Raises SpecError for a formula with its own method of fitting, or one that needs a dimension of
     the muscle; DataError like `Formula.fit`.

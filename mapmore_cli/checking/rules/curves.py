@@ -167,8 +167,8 @@ def even_steps(subject: Subject) -> Issues:
 
 
 def single_valued(subject: Subject) -> Issues:
-    """Find loops: the target has two values at the same inputs. A model without memory predicts
-    only one of them, so its error is at least half the width of the loop.
+    """Find loops: the target has two values at the same inputs. A model without memory predicts a
+    single value there, so its error is at least half the width of the loop.
     """
     spec, dataset = subject.spec, subject.dataset
     moving = spec.runs_over_time or spec.target in ("hysteresis", "damping", "dynamic")

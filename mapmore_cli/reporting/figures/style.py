@@ -148,7 +148,7 @@ _OTHERS = (
 
 def model_styles(models: Sequence[str], palette: Sequence[str] = ()) -> dict[str, ModelStyle]:
     """Return a style for each model. The first model, the run's own, always has the same style. The
-    others get the remaining styles in their order. Repeated names are ignored.
+    other models get the remaining styles in their order. Repeated names are ignored.
 
     A `palette` replaces the colours; its first colour is for the run's own model.
     """

@@ -167,8 +167,8 @@ def _parse_index(inside: str, text: str) -> Selection:
 
 
 def tables(top: Member, request: TableRequest) -> list[RawTable]:
-    """Return the recordings below `request.root`: one, or one for every element if it ends with
-    `[*]`.
+    """Return the recordings below `request.root`: one for every element if `root` ends with `[*]`,
+    otherwise a single one.
 
     Members of a group that have none of the columns are left out, with a warning.
 
