@@ -18,7 +18,7 @@ from mapmore_cli.modelling.signals.sampling import PART, correlation, even_parts
 from mapmore_cli.study.units import convert
 
 FEWEST = 30  # smallest number of samples; with fewer, a finding may be due to chance
-# at most so many recordings are compared with each other; they are spread evenly over all
+# largest number of recordings that are compared with each other, evenly spread over all
 COMPARED = 200
 # Columns are one signal if they differ by less than this fraction of their range.
 # Columns are also one signal if their correlation differs from 1 by less than this.

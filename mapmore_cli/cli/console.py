@@ -221,7 +221,7 @@ def folder_of(run: Path, runs: Path) -> Path:
 
 def spec_of(config: Path, overrides: list[str], runs: Path) -> tuple[Path, list[str]]:
     """Return the spec at a path; or the spec of a run, from its name or folder, with the settings
-    of that run before the given `overrides`.
+    of that run, to which the given `overrides` are added.
     """
     from mapmore_cli.storage.run_record import load_origin
 

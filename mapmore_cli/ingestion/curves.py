@@ -316,8 +316,8 @@ def joined_curves(
 def _joined_parts(
     key: str, parts: Sequence[LevelPart], masks: Sequence[BoolArray], nominal: str | None
 ) -> Curve:
-    """Return the curve of some parts. For the quantity `nominal`, the measured values are replaced
-    by the value of the level.
+    """Return the curve that some parts form together. For the quantity `nominal`, the measured
+    values are replaced by the value of the level.
     """
     columns = {name: joined([part.columns[name] for part in parts]) for name in parts[0].columns}
     plateau = columns.pop(PLATEAU, None)

@@ -421,8 +421,8 @@ def _within(parts: Sequence[LevelPart], name: str, choice: Sequence[float] | Bet
 
 
 def _last_cycles(parts: Sequence[LevelPart], of: str, share: float) -> BoolArray:
-    """Return True for the samples of the last cycles of each log. The pieces and levels of a log
-    are put together in the order of time first.
+    """Return True for the samples of the last cycles of each log. Before the cycles are counted,
+    the pieces and levels of a log are put together in the order of time.
     """
     sources = {part.log: part.recording.name for part in reversed(parts)}
     log = np.repeat([part.log for part in parts], [part.size for part in parts])

@@ -330,8 +330,8 @@ def _matches(pattern: str, folder: Path, results: set[Path]) -> Iterator[Path]:
 
 
 def _below(parts: Sequence[str], top: Path, is_entered: Callable[[Path], bool]) -> Iterator[Path]:
-    """Yield the paths below a folder that match a glob, given by its parts. `is_entered` is asked
-    about every folder to which a wildcard leads.
+    """Yield the paths below a folder that match a glob, given by its parts. A folder to which a
+    wildcard leads is searched only if `is_entered` returns True for it.
     """
     plain = list(takewhile(lambda part: not glob.has_magic(part), parts))
     here, rest = top.joinpath(*plain), parts[len(plain) :]

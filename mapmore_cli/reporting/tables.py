@@ -231,7 +231,7 @@ def coefficients_table(fit: FitResult, unit: str, model: Model | None = None) ->
     return Table.of("coefficients", title, columns, rows, *notes)
 
 
-MOST_NAMED = 12  # largest number of terms that a sentence names
+MOST_NAMED = 12  # largest number of terms that are named in one sentence
 
 
 def outliers_table(outliers: Sequence[Outlier], unit: str) -> Table:
@@ -318,9 +318,9 @@ VIOLATED = (
 def equations_table(
     equations: Sequence[Equation], others: Mapping[str, Sequence[Equation]]
 ) -> Table:
-    """Return a table with a row for each equation of the model. There is a column of text and a
-    column of LaTeX source for the physical units, and one of each for every other set of units in
-    `others`.
+    """Return a table with a row for each equation of the model. There are two columns, text and
+    LaTeX source, for the physical units. Each other set of units in `others` has two such columns,
+    too.
     """
     with_units = [f"with {units}" for units in others]
     texts = [Column(name, form="text") for name in ("equation", *with_units)]

@@ -290,10 +290,9 @@ def save_records(
     records: Mapping[str, StageRecord],
     files: Mapping[str, Stamp] = MappingProxyType({}),
 ) -> None:
-    """Write `run.json` as a whole; `files` were written besides the outputs of the stages.
-
-    Files of an earlier record that are no longer listed, for example of a search that the spec no
-    longer asks for, stay among these files as long as they exist.
+    """Write `run.json` as a whole. `files` are files that the run wrote in addition to the outputs
+    of its stages. Files that only the earlier record lists, for example the result of a search that
+    the spec no longer requests, are listed again as long as they exist.
     """
     outputs = {path for record in records.values() for path in record.outputs}
     listed = {**written_files(run_dir), **files}

@@ -150,8 +150,8 @@ def models_table(scores: CampaignScores) -> Table:
 
 
 def _known(error: float) -> float:
-    """Return the error. NaN means that the run diverged; return infinity, which is worse than any
-    other error.
+    """Return the error. Return infinity for NaN, because the run has then diverged, which is worse
+    than any error.
     """
     return math.inf if math.isnan(error) else error
 

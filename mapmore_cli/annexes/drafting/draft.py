@@ -163,7 +163,7 @@ class Draft:
         return replace(self, spec={**self.spec, "data": data}, notes=notes)
 
     def noted(self, loc: Loc, why: str | None, sure: bool = True) -> Draft:
-        """Return the draft with a note about the entry at `loc`. If `why` is None, it is
+        """Return the draft with a note about the entry at `loc`. If `why` is None, the draft is
         unchanged.
         """
         return self if why is None else replace(self, notes={**self.notes, loc: Note(why, sure)})

@@ -20,7 +20,7 @@ from mapmore_cli.study.units import default_unit
 
 # smallest number of samples of a study with memory, in all recordings together
 FEWEST = 200
-# with more samples than this in all recordings, a study with memory takes longer time steps
+# above this number of samples in all recordings, a study with memory gets longer time steps
 MOST = 6_000
 # smallest number of samples that a usual recording must keep if its time steps are made longer
 LEAST = 100

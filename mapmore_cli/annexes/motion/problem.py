@@ -122,8 +122,8 @@ class MotionRecipe(MotionSettings):
 
     @property
     def drives(self) -> tuple[str, ...]:
-        """Terms that drive every section, the input first. If sections share a state, each needs a
-        constant, so that they meet at their boundaries.
+        """Terms that drive every section, the input first. If sections share a state, each section
+        needs a constant term, so that sections meet at their boundaries.
         """
         constant = self.offset or self.switching == "bumpless"
         on_load = () if self.load is None else (self.load, f"{self.input}*{self.load}")

@@ -23,7 +23,7 @@ class Candidate:
     kind: Literal["between", "point"]  # `between` two levels, or a `point` of a map
     gap: float = math.nan  # distance between the two levels
     half_width: float = math.nan  # half width of the interval before the measurement
-    after: float = math.nan  # forecast of the half width of the interval after it
+    after: float = math.nan  # forecast of the half width of the interval after the measurement
     error: float = math.nan  # expected root mean square error at this place before the measurement
     cost: float = 1.0  # cost of the measurement, by the prices that the user gave
 

@@ -96,9 +96,9 @@ def _variants(
 
 
 def _try_settings(settings: Mapping[str, Any], choices: ModelChoices, folds: Folds) -> Trial:
-    """Return the errors of a model with these settings: for each fold, it is fitted without the
-    samples of the fold, and its error is measured on these. If a fit fails, return the reason
-    instead.
+    """Return the errors of a model with these settings: for each fold, the model is fitted without
+    the samples of the fold, and its error is measured on these samples. If a fit fails, return the
+    reason instead.
     """
     try:
         size = parameters(refit(choices, folds.dataset))

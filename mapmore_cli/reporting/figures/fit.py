@@ -82,7 +82,7 @@ class CurveFit:
 
     def draw(self, top: Axes, bottom: Axes, words: tuple[str, str]) -> None:
         """Draw measured samples and a line for every model above, and predicted minus measured
-        values below. `words` are the legend entries for held-out samples and for others.
+        values below. `words` are the legend entries for held-out samples and for all other samples.
 
         Over time, measured samples are a line; otherwise they are dots, filled if they are held
         out. A model without prediction is not drawn, and the axes do not grow for one that is far

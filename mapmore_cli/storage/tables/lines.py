@@ -81,8 +81,8 @@ def _unzipped(raw: BufferedReader) -> IO[bytes]:
 def open_lines(
     path: Path, encoding: str, label: str, errors: str = "strict"
 ) -> Iterator[tuple[Lines, BufferedReader]]:
-    """Open a file, plain or compressed, and return its lines, which end with LF, CR LF or CR, and
-    the file itself.
+    """Open a file, plain or compressed. Return its lines, which may end with LF, CR LF or CR, and
+    the open file.
     """
     with path.open("rb") as raw:
         found = os.fstat(raw.fileno())
