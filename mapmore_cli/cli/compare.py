@@ -57,8 +57,8 @@ def compare(
             "--fail-on",
             metavar="WHEN",
             help=(
-                "Exit with code 6 if the muscle has `changed`, or if its force differs by more "
-                "than, for example, 0.03."
+                "Exit with code 6 if the muscle has `changed`; or, with a number such as 0.03, if "
+                "its force differs by more than this fraction."
             ),
         ),
     ] = None,

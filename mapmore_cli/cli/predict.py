@@ -280,8 +280,8 @@ def invert(
         str,
         Option(
             help=(
-                "If there are several solutions: the lowest, or the nearest to that of the row "
-                "before."
+                "Which of several solutions to write: the lowest, or the one that is nearest to "
+                "the solution of the row before."
             )
         ),
     ] = "lowest",

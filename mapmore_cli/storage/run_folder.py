@@ -122,8 +122,8 @@ SEARCH = "search.json"
 
 @contextmanager
 def run_lock(run_dir: Path, patient: bool = False) -> Iterator[None]:
-    """Lock the run. If another process holds the lock, wait or raise WriteError at once. The system
-    releases the lock when its holder ends.
+    """Lock the run. If another process holds the lock, wait if `patient`, otherwise raise
+    WriteError. The system releases the lock when its holder ends.
     """
     from filelock import FileLock, Timeout
 

@@ -61,7 +61,7 @@ def batch(
         Option(
             "--cluster-file",
             metavar="FILE",
-            help="The same, given by the file that the scheduler wrote.",
+            help="The Dask scheduler of a cluster, given by the file that it wrote.",
         ),
     ] = None,
     overrides: Overrides = NONE,

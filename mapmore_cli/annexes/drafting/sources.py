@@ -47,7 +47,7 @@ def resolved(files: Iterable[Path]) -> set[tuple[Path, str]]:
 
 
 def _glob_of(parts: Sequence[str]) -> str:
-    """Return a glob of the names of one folder or file in all paths."""
+    """Return a glob that matches all `parts`, the names at one position of the paths."""
     if len(parts) == 1:
         return glob.escape(parts[0]) if parts[0] != ".." else ".."
     begin = os.path.commonprefix(parts).rstrip("0123456789")  # noqa: RUF071 - of letters

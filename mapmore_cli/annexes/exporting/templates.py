@@ -118,8 +118,7 @@ def names_of_inputs(inputs: Sequence[Quantity], functions: Sequence[str] = ()) -
 
 
 def names_in_matlab(inputs: Sequence[Quantity], functions: Sequence[str]) -> dict[str, str]:
-    """Return the name of each input in MATLAB code. No name is equal to one of the `functions`.
-    """
+    """Return the name of each input in MATLAB code. No name is equal to one of the `functions`."""
     return names_of_inputs(inputs, [*words_of("MATLAB", "Octave"), *functions])
 
 
