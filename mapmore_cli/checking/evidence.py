@@ -38,11 +38,11 @@ MIDDLE = (0.1, 0.9)  # limits of the middle of the pressure range, as fractions 
 class Settling:
     """Settling of a pressure.
 
-    A sample is settled if the rate of the pressure at it, computed in a `window` (s), is below
-    `limit` (in units of the pressure per second). `share` is the settled share of all samples.
-    `share_between` is the settled share of the samples in the middle of the pressure range. This
-    share is large if the pressure moves in steps, because the pressure then rests in the middle of
-    its range, too. It is small for a sweep.
+    A sample is settled if the pressure changes there by less than `limit` per second. The rate is
+    computed in a `window` (s). `share` is the settled share of all samples. `share_between` is the
+    settled share of the samples in the middle of the pressure range. This share is large if the
+    pressure moves in steps, because the pressure then rests in the middle of its range, too. It is
+    small for a sweep.
     """
 
     limit: float

@@ -156,9 +156,10 @@ def build_dataset(
 
 
 def _check(data: Data) -> None:
-    """Refuse contradictions in `data`: a quantity that is set for some recordings only, or that is
-    also a column or derived; a column that only some files have; and settings that need the order
-    of time after the order is lost.
+    """Refuse contradictions in `data`. A quantity that is set must be set in every entry of
+    `files`, and must not be a column or derived as well. The `columns` of single files may only
+    replace entries of `data.columns`. Settings that need samples in the order of time are refused
+    if `cycles` changes this order.
     """
     entries = [entry for entry in data.files if isinstance(entry, FileEntry)]
     for name in sorted({name for one in entries for name in one.columns} - data.columns.keys()):

@@ -1,5 +1,5 @@
 """Read and write `run.json`: the inputs, settings and versions with which every stage of a run was
-made. A stage's entry is written last and commits its outputs.
+made. The entry of a stage is written after its outputs; outputs without an entry do not count.
 
 Sizes, times and hashes show whether files are still the ones that were read or written. There are
 no absolute paths, users, hosts or environment variables.

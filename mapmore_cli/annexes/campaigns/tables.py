@@ -174,7 +174,7 @@ def _ratios(scores: CampaignScores, model: str, relative_to: str) -> tuple[Cell,
 
 def _won(won: int, count: int, tied: int) -> str:
     """Return a text such as `3 of 5, 1 tied`: the number of runs in which a model is strictly
-    better, and in which it is exactly equal.
+    better than another, and the number of runs in which both are exactly equal.
     """
     return f"{won} of {count}{f', {tied} tied' if tied else ''}"
 

@@ -42,7 +42,7 @@ def second_of(study: Study, studies: Sequence[Study]) -> Study | None:
 
 def with_second_log(draft: Draft, second: Study, folder: Path, target: str, said: Named) -> Draft:
     """Return the draft with the pressure of a second log. If a time shift can be found at which the
-    changes of the pressure match the changes of the target, the log is shifted by it.
+    changes of the pressure match the changes of the target, the log is shifted by this time.
     """
     table = table_of(second, folder)
     columns, _ = known_by_titles(table)

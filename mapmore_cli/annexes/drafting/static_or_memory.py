@@ -67,8 +67,8 @@ def with_experiment(
 
 def _is_at_rest(done: Experiment) -> bool:
     """Return True if each recording is a single point: no input moves in any of them, and the
-    standard deviation of the target within a recording is at most a tenth of that between
-    recordings.
+    standard deviation of the target within a recording is at most a tenth of its standard deviation
+    between recordings.
     """
     recordings = done.recordings
     moving = [

@@ -1,4 +1,4 @@
-"""Interpret a study before its recordings are read: what is predicted, from which inputs."""
+"""Interpret a study before its recordings are read: find the target and the inputs."""
 
 from __future__ import annotations
 

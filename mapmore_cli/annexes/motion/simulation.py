@@ -200,9 +200,9 @@ REPEATS = 1e-3
 
 
 class MotionErrors(NamedTuple):
-    """Errors of the displacement and of the velocity over the last wavelength of the input, in the
-    unit of the displacement and in this unit per second. `transient` is the largest error of the
-    displacement before the last wavelength.
+    """Errors of the displacement and of the velocity over the last wavelength of the input. If the
+    displacement is in mm, the errors of the velocity are in mm/s. `transient` is the largest error
+    of the displacement before the last wavelength.
     """
 
     displacement_rmse: float

@@ -46,7 +46,7 @@ class Picture:
 
     places: Columns  # coordinates of the half widths by name, (n,) each
     before: Array  # half widths before the measurement, (n,)
-    after: Array  # half widths with all points of the plan measured, (n,)
+    after: Array  # half widths after all points of the plan were measured, (n,)
     measured: Columns  # coordinates of the training samples by name, (m,) each
 
 

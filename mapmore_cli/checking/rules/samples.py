@@ -67,7 +67,7 @@ def offset(subject: Subject) -> Issues:
 
 def same_signal(subject: Subject) -> Issues:
     """Find a signal that occurs twice, for example a sensor's voltage and the quantity computed
-    from it. Neither explains the other.
+    from it. Neither of the two can serve to model the other.
     """
     names = [name for name in subject.spec.data.measured if name != "time" and subject.has(name)]
     for family in evidence.same_signals([subject.pooled(name) for name in names]):

@@ -109,7 +109,7 @@ def strain_turned(subject: Subject) -> Issues:
 def _partial(between: float, first: float, second: float) -> float:
     """Return the partial correlation of two signals whose correlation is `between`. `first` and
     `second` are their correlations with a third signal, whose effect is removed. The result is 0 if
-    this third signal explains one of them up to rounding.
+    the third signal explains one of the two signals up to rounding.
     """
     left = (1 - first**2) * (1 - second**2)
     return (between - first * second) / math.sqrt(left) if left > ROUNDING**2 else 0.0

@@ -37,7 +37,7 @@ curve, and of training curves.
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return the figures of the fit that suit the study."""
+    """Return the figures of the fit. The kind of study decides which figures are drawn."""
     curves = inputs.dataset.curves
     held_out = [
         i for i, curve in enumerate(curves) if curve.held_out.any() or curve.id in inputs.asked

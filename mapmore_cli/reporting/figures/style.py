@@ -70,7 +70,7 @@ def figure_style(style: FigureStyle = PLAIN) -> Iterator[None]:
 
 
 def has_font(name: str) -> bool:
-    """Return True if this machine has a font of that name."""
+    """Return True if this machine has a font with this name."""
     from matplotlib.font_manager import fontManager
 
     return name in {font.name for font in fontManager.ttflist}

@@ -133,7 +133,7 @@ def _goes_on(
     before: LvmSegment, rows: Sequence[Row], segment: LvmSegment, further: Sequence[Row]
 ) -> bool:
     """Return True if a segment continues the segment before it: both have the same titles, and all
-    times in it are later.
+    times in the later segment are larger.
     """
     if before.titles != segment.titles:
         return False
