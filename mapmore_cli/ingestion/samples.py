@@ -436,7 +436,7 @@ def _evaluated(expression: terms.Expression, samples: Samples) -> Array:
 
 
 def kept(samples: Samples, conditions: Sequence[Keep], units: Mapping[str, str]) -> Samples:
-    """Return the samples that fulfil all conditions. The others are recorded under the first
+    """Return the samples that fulfil all conditions. The other samples are recorded under the first
     condition that they violate.
     """
     for condition in conditions:

@@ -1,4 +1,4 @@
-"""List the sections of a page in order. To add one, add a row here, with its tables.
+"""List the sections of a page in order. To add a section, add a row here, with its tables.
 
 A section shows the template `templates/sections/ID.html` if there is one, then its figures (see
 `reporting.order.FIGURES`), then its tables.

@@ -3,7 +3,7 @@
 A file that the user names is replaced, as other programs replace their outputs, unless it is still
 needed: the command reads it, it belongs to a run, or it is read-only, as frozen models are. A file
 whose name mapmore chooses is replaced only if mapmore has written it and nobody has changed it
-since. For this, a file beside it, `WRITTEN`, holds its hash.
+since. Its hash is stored in the file `WRITTEN` beside it.
 """
 
 from __future__ import annotations

@@ -85,8 +85,8 @@ def batch(
 ) -> None:
     """Run several specs, or the runs of campaigns, at the same time.
 
-    A failed run does not stop the others; the exit code is the highest of all runs. Each campaign
-    gets its own page.
+    A failed run does not stop the others; the exit code is the highest exit code of all runs. Each
+    campaign gets its own page.
     """
     from mapmore_cli.annexes.campaigns import workers
     from mapmore_cli.annexes.campaigns.cluster import run_on_cluster

@@ -97,7 +97,7 @@ class Answers:
 
 
 def answers_of(**options: str | bool | None) -> Answers:
-    """Return the answers that options of the command give. Raises UsageError for a wrong one."""
+    """Return the answers that options of the command give. Raises UsageError for a wrong answer."""
     readers: dict[str, Callable[[Any], Any]] = {
         **{name: partial(read_names, f"--{name}") for name in ("columns", "target", "inputs")},
         "hold": read_hold,

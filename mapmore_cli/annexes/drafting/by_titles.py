@@ -59,7 +59,7 @@ def known_by_titles(table: Table) -> Known:
 
 
 def _why_unused(one: TitledColumn, has_clock: bool) -> str:
-    """Return the reason why a column is no quantity of the study; empty if it may be one."""
+    """Return the reason why a column is no quantity of the study; empty if it may be a quantity."""
     if not one.values:
         return "holds no numbers"
     if not one.moves:

@@ -111,8 +111,8 @@ def own_levels(
     recordings: Sequence[Recording], name: str, conditions: Conditions
 ) -> list[float] | None:
     """Return the levels of a quantity that stays near one value in each recording; None if it has
-    no such levels, or only one. The gap between neighbouring levels is more than twice the movement
-    at any level.
+    no such levels, or only one such level. The gap between neighbouring levels is more than twice
+    the movement at any level.
     """
     if name in conditions:
         levels = sorted(set(conditions[name]))

@@ -65,7 +65,9 @@ class Study:
         return {file: entries for file, entries in changed.items() if entries}
 
     def _columns_of(self, layout: Layout, columns: Named) -> Section:
-        """Return the entries of `columns` that differ in another layout."""
+        """Return the entries of `columns` that `layout` needs because its titles or units
+        differ.
+        """
         usual, titled = _identities(self.layout), read_titles(self.layout, {})
         there = {identity: column for column, identity in _identities(layout).items()}
         titled_there = read_titles(layout, {})

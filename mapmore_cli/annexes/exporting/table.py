@@ -166,7 +166,7 @@ def _mat(model: Model, grid: Grid) -> bytes:
     arrays = {names[name]: column for name, column in grid.places.items()}
     shape = list(map(len, grid.places.values()))
     arrays |= {output: grid.values.reshape(shape), "valid": grid.valid.reshape(shape)}
-    savemat(stream, arrays, oned_as="column")  # type: ignore[arg-type]  # a stream will do
+    savemat(stream, arrays, oned_as="column")  # type: ignore[arg-type]  # savemat accepts streams
     return HEADER.ljust(116) + stream.getvalue()[116:]
 
 

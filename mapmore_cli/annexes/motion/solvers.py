@@ -126,7 +126,7 @@ def swarm(problem: Problem, recipe: MotionRecipe) -> Found:
     """Return the best P1, P2 and P3 in the region in which sections can be stable (P section 2.2).
     An unstable particle costs more than any stable one.
 
-    The input is the only drive; the check of the spec refuses others. Raises FitError if no
+    The input is the only drive; the check of the spec refuses other drives. Raises FitError if no
     particle was stable.
     """
     walls = _walls(Bounds(), problem)

@@ -92,7 +92,7 @@ class Tuning:
     """All combinations of settings that were tried, and the recommended one."""
 
     name: str
-    left_out: str  # what each fold leaves out
+    left_out: str  # description of the data that each fold leaves out
     full_scale: str  # divisor of errors
     trials: tuple[Trial, ...]
     best: Trial  # the combination with the smallest error

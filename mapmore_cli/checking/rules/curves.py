@@ -39,7 +39,7 @@ def few_samples(subject: Subject) -> Issues:
 
 
 def one_fold(subject: Subject) -> Issues:
-    """Find a cross-validation over levels or groups of which there is only one."""
+    """Find a cross-validation over levels or groups if there is only one level or group."""
     data = subject.spec.data
     if not data.split.leaves_out:
         return

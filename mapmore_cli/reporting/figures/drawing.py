@@ -49,7 +49,7 @@ class Panel:
     each other that share the x axis.
 
     - `key`: name that distinguishes it within its figure, for example of a curve or a model; empty
-      if it is the only one.
+      if the figure has no other panel.
     - `draw`: function that draws on the given axes, from top to bottom.
     - `data`: the numbers that are drawn, by heading with unit, (n,) each; empty if they are not
       written beside the figure.

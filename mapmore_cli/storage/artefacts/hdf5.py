@@ -150,7 +150,9 @@ def add_to_hash(digest: Digest, path: str, value: Numbers, dtype: str) -> None:
 
 
 def as_link(path: str, other: str) -> bytes:
-    """Return the bytes that a checksum includes for an array that is linked to another one."""
+    """Return the bytes that a checksum includes for an array that is stored as a link to another
+    array.
+    """
     return f"{path} = {other}\n".encode()
 
 
@@ -349,7 +351,7 @@ class SteadyFile(FileIO):
     fault: OSError | None = None
 
     def write(self, data: ReadableBuffer) -> int:
-        """Write the data. After a fault, only pretend to write."""
+        """Write the data. After a fault, write nothing, but report success."""
         rest = memoryview(data)
         size = rest.nbytes
         while len(rest) and self.fault is None:
@@ -360,7 +362,7 @@ class SteadyFile(FileIO):
         return size
 
     def truncate(self, size: int | None = None) -> int:
-        """Set the length of the file. After a fault, only pretend to do so."""
+        """Set the length of the file. After a fault, do nothing, but report success."""
         try:
             return super().truncate(size) if self.fault is None else size or 0
         except OSError as fault:

@@ -1,4 +1,4 @@
-"""Read a text file as numbered lines, also a compressed one, and guess its encoding."""
+"""Read a text file, plain or compressed, as numbered lines, and guess its encoding."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def lines_of(
 
 
 def as_text(binary: IO[bytes]) -> TextIO:
-    """Return a text stream over a binary one; a byte order mark is skipped."""
+    """Return a text stream over a binary stream; a byte order mark is skipped."""
     return io.TextIOWrapper(binary, encoding="utf-8-sig", errors=TEXT_ERRORS, newline="")
 
 
@@ -136,7 +136,7 @@ class Lines(Iterator[str]):
         self._held, self._at, self._ended, self._size = b"", 0, False, 0
         self._tail = b""  # padding at the end of the text read so far; more text may follow
         self.taken = self.rows = self.padding = 0
-        # a device may deliver padding without end; if True, reading stops after too much of it
+        # if `endless` is True, reading stops after too much padding, because it may never end
         self.endless = False
 
     def __next__(self) -> str:
