@@ -220,7 +220,7 @@ class ReportInputs:
 
     @property
     def pooled_errors(self) -> dict[str, float]:
-        """RMSE of every model that has one, for the held-out data if there are any."""
+        """RMSE of every model whose RMSE is finite, for the held-out data if there are any."""
         return {
             score.model: score.rmse
             for score in deciding(self.validation.scores)
