@@ -223,8 +223,8 @@ def _with_equal_inputs(
 
 
 def _left(first: Array, second: Array) -> tuple[float, dict[str, float]]:
-    """Return the distance of two outputs, and the distances that remain after a gain, an offset, or
-    both.
+    """Return the distance of two outputs, and the distances that remain after one of them is
+    corrected by a gain, an offset, or both.
     """
     less, more = sorted((first, second), key=root_mean_square)
     ones, apart = np.ones_like(more), less - more

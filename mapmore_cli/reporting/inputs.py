@@ -294,8 +294,8 @@ class ReportInputs:
 
     @property
     def in_curve(self) -> Quantity:
-        """Quantity over which the target is drawn: the quantity along which the model runs, or its
-        output if it is inverted.
+        """Quantity over which the target is drawn: the quantity along which the model runs, or the
+        output of the model if the model is inverted.
         """
         return self.model.output if self.turned else self.along
 

@@ -196,8 +196,8 @@ def refuse_foreign(folder: Path, record: str) -> None:
 
 
 def recover(run_dir: Path, outputs: Iterable[str]) -> None:
-    """Remove the remains of an interrupted process. If it had renamed some `outputs` to make room
-    for new ones, restore these.
+    """Remove the remains of an interrupted process. If the process had renamed some `outputs` to
+    make room for new ones, restore the renamed ones.
     """
     with refusals_told(run_dir):
         for output in outputs:

@@ -87,7 +87,9 @@ def clock_in_parts(table: Table) -> dict[Column, str]:
 
 
 def _increases(parts: Sequence[Part]) -> bool:
-    """Return True if the sum of all parts increases in every file, except for a few steps back."""
+    """Return True if the sum of all parts of the clock increases in every file, except for a few
+    steps back.
+    """
     for numbers in zip(*(part.numbers for part in parts), strict=True):
         if len({*map(len, numbers)}) > 1:
             return False

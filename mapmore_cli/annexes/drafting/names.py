@@ -67,8 +67,8 @@ class Number(NamedTuple):
 
     @property
     def quantity(self) -> str:
-        """Quantity of the number: from its word if that names a quantity, otherwise from its
-        unit.
+        """Quantity of the number: from the word beside it if the word names a quantity, otherwise
+        from the unit.
         """
         label = read_label(self.word)
         by_unit = _UNITS[self.unit][0] if self.unit else ""

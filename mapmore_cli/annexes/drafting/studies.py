@@ -181,8 +181,8 @@ def _copies(files: Iterable[Path]) -> dict[Path, Path]:
 
 
 def _with_comments(layout: Layout, files: Sequence[Path]) -> Layout:
-    """Return the layout. If a text has comment lines between its rows, the layout says with which
-    characters they begin.
+    """Return the layout. If a text has comment lines between its rows, the layout also holds the
+    characters with which comment lines begin.
     """
     if "comment" not in READERS[layout.reader].keys or layout.tables:
         return layout

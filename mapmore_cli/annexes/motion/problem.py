@@ -199,7 +199,8 @@ class Problem:
 
     def rmse(self, p1: float, p2: float, weights: Array | None = None) -> float:
         """Return the root mean squared error with these weights, or with the best weights if None.
-        For sections that are unstable or beyond the reach, the result is large and finite.
+        For sections that are unstable or have a pole beyond the reach, the result is large and
+        finite.
         """
         if not stable(p1, p2, self.reach if weights is None else 1.0):
             return PENALTY * self.size * max(abs(poles(p1, p2)[0]), 1.0)

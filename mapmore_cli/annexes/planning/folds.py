@@ -30,8 +30,8 @@ def training_only(dataset: Dataset) -> Dataset:
 
 @dataclass(frozen=True)
 class Folds:
-    """Data for comparing settings: a `dataset` of training samples only, and the samples of each
-    curve that every fold leaves out. Errors are divided by `scale`.
+    """Data for comparing settings: a `dataset` of training samples only, and, for every fold, the
+    samples of each curve that the fold leaves out. Errors are divided by `scale`.
     """
 
     dataset: Dataset

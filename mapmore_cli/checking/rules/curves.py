@@ -91,7 +91,7 @@ def beyond_training(subject: Subject) -> Issues:
 
 
 def inputs_of_model(subject: Subject) -> list[str]:
-    """Return the inputs of the model without the time and without the targets, whose past values
+    """Return the inputs of the model, except the time and the targets. Past values of the targets
     are predicted in a free run.
     """
     spec = subject.spec

@@ -302,8 +302,8 @@ def training_figures(inputs: ReportInputs) -> list[Drawing]:
 
 
 def loop_figures(inputs: ReportInputs) -> list[Drawing]:
-    """Return a figure with a row of panels for each held-out recording. Each panel shows one model
-    over the measured loops: the run's own, and its best competitors.
+    """Return a figure with a row of panels for each held-out recording. The run's own model and its
+    best competitors have a panel each, in which the model is drawn over the measured loops.
     """
     numbers = [i for i, curve in enumerate(inputs.dataset.curves) if curve.held_out.any()]
     shown = panels.some_curves(inputs, numbers, MOST_LOOPS)
