@@ -35,7 +35,7 @@ class Channel:
 def command_for_one_table(folder: Path) -> str | None:
     """Return the shell command that writes the channels of a folder side by side into one table;
     None unless there are at least two files, and each holds one channel with the same number of
-    rows.
+    rows and the same clock.
     """
     if not folder.is_dir():
         return None
