@@ -1,3 +1,3 @@
 """Provide the optional parts of the program, for example exports and the structure search. Each
-registers itself like a plugin.
+part registers itself like a plugin.
 """

@@ -18,10 +18,10 @@ from mapmore_cli.modelling.signals.sampling import PART, correlation, even_parts
 from mapmore_cli.study.units import convert
 
 FEWEST = 30  # smallest number of samples; with fewer, a finding may be due to chance
-# at most so many recordings are compared with each other; they are spread evenly over all
+# largest number of recordings that are compared with each other, evenly spread over all
 COMPARED = 200
 # Columns are one signal if they differ by less than this fraction of their range.
-# They are one signal, too, if their correlation differs from 1 by less than this.
+# Columns are also one signal if their correlation differs from 1 by less than this.
 ROUNDING = 1e-4
 LITTLE = 0.01  # below this fraction of the samples or of a range, a finding may be due to chance
 SOME = 0.05  # above this fraction of the samples or of a range, a finding is worth a warning
@@ -38,10 +38,11 @@ MIDDLE = (0.1, 0.9)  # limits of the middle of the pressure range, as fractions 
 class Settling:
     """Settling of a pressure.
 
-    A sample is settled if its rate, computed in a `window` (s), is below `limit`, a round number,
-    per second. `share` is the settled share of all samples. `share_between` is the settled share of
-    the samples in the middle of the pressure range. This share is large if the pressure moves in
-    steps, because the pressure then rests in the middle of its range, too. It is small for a sweep.
+    A sample is settled if the pressure changes there by less than `limit` per second. The rate is
+    computed in a `window` (s). `share` is the settled share of all samples. `share_between` is the
+    settled share of the samples in the middle of the pressure range. This share is large if the
+    pressure moves in steps, because the pressure then rests in the middle of its range, too. It is
+    small for a sweep.
     """
 
     limit: float
@@ -122,8 +123,8 @@ class Unequal:
     """Two recordings with equal inputs, sample for sample, and different outputs.
 
     All numbers are root mean squares divided by the range of the `target`. `apart` is the distance
-    of the outputs. `left` is the distance that remains if one output is the other times a factor
-    (`gain`), plus a constant (`offset`), or both (`offset gain`).
+    between the outputs. `left` holds the distances that remain after one output is fitted to the
+    other by a factor (`gain`), by a constant (`offset`), or by both (`offset gain`).
     """
 
     one: Recording
@@ -153,8 +154,8 @@ class Unequal:
         return self.apart > SOME
 
     def words(self) -> str:
-        """Return a sentence about the difference and the share of the sum of squares that each
-        effect explains.
+        """Return a sentence about the difference of the two outputs, and about the share of its sum
+        of squares that each effect explains.
         """
         gain, offset, both = (f"{1 - (left / self.apart) ** 2:.0%}" for left in self.left.values())
         return (
@@ -222,8 +223,8 @@ def _with_equal_inputs(
 
 
 def _left(first: Array, second: Array) -> tuple[float, dict[str, float]]:
-    """Return the distance of two outputs, and the distances that remain after a gain, an offset, or
-    both.
+    """Return the distance of two outputs, and the distances that remain after one of them is
+    corrected by a gain, an offset, or both.
     """
     less, more = sorted((first, second), key=root_mean_square)
     ones, apart = np.ones_like(more), less - more
@@ -247,8 +248,8 @@ STANDS_OUT = 4.0  # smallest ratio of the height of a spike to the largest other
 
 def spikes(values: Array) -> IntArray:
     """Return the indices of single samples in a record, (n,), that lie far from both neighbours.
-    Nothing is returned if these are more than 1 % of the record, because such samples are then a
-    property of the signal.
+    Nothing is returned if there are more such samples than 1 % of the record, because they are then
+    a property of the signal.
 
     Such a sample lies to one side of both neighbours. Its height is at least four times the
     difference of the neighbours, four times the largest change anywhere else in the record, and a

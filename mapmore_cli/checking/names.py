@@ -78,7 +78,7 @@ def read_label(name: str) -> ColumnTitle | None:
 
 def unit_in(quantity: str, text: str) -> str | None:
     """Return the unit of a quantity that a text contains, for example `[kN]` below a column's name;
-    None without one.
+    None if the text contains no unit.
     """
     like = CANONICAL.get(quantity)
     if like is None:

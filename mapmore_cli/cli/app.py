@@ -231,8 +231,8 @@ def _show_warning(
     file: TextIO | None = None,
     line: str | None = None,
 ) -> None:
-    """Print the warning that a plugin is left out in the form of mapmore's own warnings. Print all
-    other warnings as Python does.
+    """Print a warning in the form of mapmore's own warnings if it says that a plugin is left out.
+    Print all other warnings as Python does.
     """
     if not issubclass(category, plugins.PluginLeftOut):
         (file or sys.stderr).write(

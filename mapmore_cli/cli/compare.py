@@ -57,8 +57,8 @@ def compare(
             "--fail-on",
             metavar="WHEN",
             help=(
-                "Exit with code 6 if the muscle has `changed`, or if its force differs by more "
-                "than, for example, 0.03."
+                "Exit with code 6 if the muscle has `changed`; or, with a number such as 0.03, if "
+                "its force differs by more than this fraction."
             ),
         ),
     ] = None,
@@ -79,8 +79,8 @@ def compare(
 
     The first model is compared with each of the others, which must be in the order of time. Two
     campaigns are compared run by run. Models with different settings are refused, because the
-    settings could be the cause of a difference. If both models are of the same recordings, the
-    settings are its cause.
+    settings could be the cause of a difference. If both models were built from the same recordings,
+    the settings are the cause of the difference.
     """
     from mapmore_cli.cli.compared import of_campaigns
     from mapmore_cli.pipeline.archive import compared, find_campaign, find_model
@@ -161,8 +161,8 @@ def _draw(names: Sequence[str], models: Sequence[Path], figure: Path) -> None:
 
 
 def _limit(fail_on: str | None) -> float | None:
-    """Return the relative change that is too large; None if there is no limit, or if it is the word
-    `changed`.
+    """Return the relative change from which on the command fails. Return None if no limit was
+    requested, or if the request is the word `changed`.
     """
     if fail_on in (None, "changed"):
         return None

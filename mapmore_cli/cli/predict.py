@@ -281,8 +281,8 @@ def invert(
         str,
         Option(
             help=(
-                "If there are several solutions: the lowest, or the nearest to that of the row "
-                "before."
+                "Which of several solutions to write: the lowest, or the one that is nearest to "
+                "the solution of the row before."
             )
         ),
     ] = "lowest",
@@ -363,8 +363,8 @@ def adapt(
 
     The force is multiplied by one factor and the strain by another. Both are expected to be near 1
     (prior: 1 +- 15 %). The new model has the inputs pressure and strain, and can be used like any
-    other model. Without a TABLE, the new model follows from the dimension alone. Its intervals are
-    the intervals of the family.
+    other model. Without a TABLE, the new model is computed only from the dimension that --set
+    gives, and its intervals are the intervals of the family.
     """
     from mapmore_cli.pipeline.predict import adapt, dimension_of, names_of_points
     from mapmore_cli.reporting.table import Column, Table

@@ -179,8 +179,8 @@ def _of_json(path: Path) -> View:
 
 
 def of_scores(table: ScoreTable, published: Published | None = None) -> View:
-    """Return the score rows of every curve in the document, and the pooled rows in the table,
-    together with the numbers of a publication.
+    """Return the scores as a view. Its document holds the rows of all curves. Its tables hold the
+    pooled rows, beside the numbers of a publication.
     """
     rows = [score_row(score) for score in table.scores]
     pooled = (

@@ -113,7 +113,7 @@ def with_damping(recording: Recording, force: str, static: Model, warn: Warn) ->
     if beyond[on].mean() > MOSTLY:
         warn(
             f"{recording.name}: its plateau lies outside the training range of the static model "
-            f"{static.name}, which therefore guesses the static force there; train it in this range"
+            f"{static.name}, so the static force there is a guess; train the static model there too"
         )
     damping = without_steady_state(columns[force] - static_force, on)
     return replace(recording, columns={**columns, STATIC_FORCE: static_force, DAMPING: damping})
@@ -316,8 +316,8 @@ def joined_curves(
 def _joined_parts(
     key: str, parts: Sequence[LevelPart], masks: Sequence[BoolArray], nominal: str | None
 ) -> Curve:
-    """Return the curve of some parts. For the quantity `nominal`, the measured values are replaced
-    by the value of the level.
+    """Return the curve that some parts form together. For the quantity `nominal`, the measured
+    values are replaced by the value of the level.
     """
     columns = {name: joined([part.columns[name] for part in parts]) for name in parts[0].columns}
     plateau = columns.pop(PLATEAU, None)

@@ -156,9 +156,10 @@ def build_dataset(
 
 
 def _check(data: Data) -> None:
-    """Refuse contradictions in `data`: a quantity that is set for some recordings only, or that is
-    also a column or derived; a column that only some files have; and settings that need the order
-    of time after the order is lost.
+    """Refuse contradictions in `data`. A quantity that is set must be set in every entry of
+    `files`, and must not be a column or derived as well. The `columns` of single files may only
+    replace entries of `data.columns`. Settings that need samples in the order of time are refused
+    if `cycles` changes this order.
     """
     entries = [entry for entry in data.files if isinstance(entry, FileEntry)]
     for name in sorted({name for one in entries for name in one.columns} - data.columns.keys()):
@@ -421,8 +422,8 @@ def _within(parts: Sequence[LevelPart], name: str, choice: Sequence[float] | Bet
 
 
 def _last_cycles(parts: Sequence[LevelPart], of: str, share: float) -> BoolArray:
-    """Return True for the samples of the last cycles of each log. The pieces and levels of a log
-    are put together in the order of time first.
+    """Return True for the samples of the last cycles of each log. Before the cycles are counted,
+    the pieces and levels of a log are put together in the order of time.
     """
     sources = {part.log: part.recording.name for part in reversed(parts)}
     log = np.repeat([part.log for part in parts], [part.size for part in parts])

@@ -37,8 +37,8 @@ Component = Literal["static", "hysteresis", "damping"]
 
 @dataclass(frozen=True)
 class IngestSlice:
-    """Settings on which `ingest` depends: the quantity that is `measured`, its `component` that is
-    modelled, and the model's unit of every quantity.
+    """Settings on which `ingest` depends. `measured` is the quantity that is measured, `component`
+    is the part of it that is modelled, and `units` holds the model's unit of every quantity.
 
     `static` is the spec of the run whose model is subtracted to obtain the damping force. `also`
     holds further quantities that are modelled.
@@ -84,9 +84,9 @@ def slice_of(spec: ExperimentSpec) -> IngestSlice:
 @dataclass(frozen=True)
 class Log:
     """A file to read, or a `table` in memory. `name` is the name of the file relative to the folder
-    of the spec. `sheet` and `table_below` choose one sheet or table of a file, if its entry in the
-    spec does. `columns` holds the columns that have another name or unit in this log than in the
-    other logs.
+    of the spec. `sheet` and `table_below` are the sheet and the table that the entry of the file in
+    the spec names; None if it names none. `columns` holds the columns that have another name or
+    unit in this log than in the other logs.
     """
 
     path: Path
@@ -260,10 +260,10 @@ def expand(
 ) -> list[Path]:
     """Return the files that a glob matches, sorted by POSIX path. Relative globs start at `folder`.
 
-    If a path exists exactly as it is written, brackets in it are no wildcards. Wildcards lead into
-    no folder with results of mapmore, of which `warn` tells, because the next run would read what
-    this one writes. Raises DataError for a folder, for an empty file unless `may_be_empty`, and if
-    nothing matches.
+    If a path exists exactly as it is written, brackets in it are no wildcards. Wildcards do not
+    lead into folders with results of mapmore, because the next run would read what this one writes.
+    If such folders match, `warn` is called. Raises DataError for a folder, for an empty file unless
+    `may_be_empty`, and if nothing matches.
     """
     literal = folder / pattern
     if literal.is_dir():
@@ -330,8 +330,8 @@ def _matches(pattern: str, folder: Path, results: set[Path]) -> Iterator[Path]:
 
 
 def _below(parts: Sequence[str], top: Path, is_entered: Callable[[Path], bool]) -> Iterator[Path]:
-    """Yield the paths below a folder that match a glob, given by its parts. `is_entered` is asked
-    about every folder to which a wildcard leads.
+    """Yield the paths below a folder that match a glob, given by its parts. A folder to which a
+    wildcard leads is searched only if `is_entered` returns True for it.
     """
     plain = list(takewhile(lambda part: not glob.has_magic(part), parts))
     here, rest = top.joinpath(*plain), parts[len(plain) :]

@@ -75,8 +75,8 @@ class Samples(RawTable):
         return replace(self, columns={**self.columns, **columns})
 
     def cut(self, parts: Sequence[slice]) -> list[Samples]:
-        """Return the samples of each part. Earlier left-out samples belong to the part in which
-        they lie, and notes to the first part.
+        """Return the samples of each part. Samples that were left out earlier belong to the part in
+        which they lie; notes belong to the first part.
         """
         owners = {
             reason: np.searchsorted([self.rows[part.start] for part in parts[1:]], rows)
@@ -351,9 +351,9 @@ def recordings_apart(
     samples: Samples, data: Data, units: Mapping[str, str], texts: Mapping[str, Mapping[str, float]]
 ) -> list[Samples]:
     """Return the samples of each recording in a table, without missing values. Rows with the same
-    value of `recordings.of` are one recording, in the order of first occurrence; without it, the
-    whole table is one. `texts` holds, for each column of texts, the number that stands for each
-    text.
+    value of `recordings.of` are one recording, in the order of first occurrence. Without
+    `recordings.of`, the whole table is one recording. `texts` holds, for each column of texts, the
+    number that stands for each text.
 
     Raises DataError for missing values if they are errors, and if no sample is left.
     """
@@ -436,7 +436,7 @@ def _evaluated(expression: terms.Expression, samples: Samples) -> Array:
 
 
 def kept(samples: Samples, conditions: Sequence[Keep], units: Mapping[str, str]) -> Samples:
-    """Return the samples that fulfil all conditions. The others are recorded under the first
+    """Return the samples that fulfil all conditions. The other samples are recorded under the first
     condition that they violate.
     """
     for condition in conditions:

@@ -30,8 +30,8 @@ def with_uncertainty(
     unit of the column is added to `units`. The uncertainty of the `measured` quantity becomes the
     uncertainty of the `target`.
 
-    Raises DataError for an uncertainty that is not above zero, or is far below the others of its
-    curve.
+    Raises DataError for an uncertainty that is not above zero, or is far below the other
+    uncertainties of its curve.
     """
     for name, rule in data.uncertainty.items():
         column = uncertainty_of(target if name == measured else name)

@@ -57,8 +57,8 @@ def _printed(name: str, inputs: ReportInputs) -> Printed:
 
 
 def is_known(model: Model) -> bool:
-    """Return True if this program knows all formulas of a model. A package that added one of them
-    may no longer be installed.
+    """Return True if this program knows all formulas of a model. A package that added one of these
+    formulas may no longer be installed.
     """
     return all(
         literature.is_known(part.backbone) for part in model.every if part.backbone is not None

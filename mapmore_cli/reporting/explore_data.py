@@ -126,8 +126,9 @@ def _numbers(values: Array) -> list[float | None]:
 def _samples(inputs: ReportInputs, spans: Mapping[str, Ends]) -> dict[str, Any]:
     """Return three groups of data for the page. The first is the samples, evenly thinned to
     `MOST_TRAINED` training samples and `MOST_SAMPLES` held-out samples. The second is the samples
-    to which each button leads. The third is the sliders of the inputs in `spans`. They start at the
-    middle sample of the first held-out curve, or, without one, in the middle of their ranges.
+    to which each button leads. The third is the sliders of the inputs in `spans`. The sliders start
+    at the middle sample of the first held-out curve. Without held-out curves, they start in the
+    middle of their ranges.
     """
     kept = [*spans, inputs.model.output.name]
     pooled = np.array([inputs.pooled(name) for name in kept])
@@ -175,7 +176,8 @@ def middle_of(rows: IntArray, places: Array) -> int:
 
 def _record(inputs: ReportInputs, curves: Sequence[Curve]) -> dict[str, Any]:
     """Return the beginning of a recording (a held-out one, if there is one), linearly interpolated
-    to the time steps of the model; and a sentence about the values with which a run begins.
+    to the time steps of the model; and a sentence about the values with which the simulation
+    begins.
     """
     model, output = inputs.model, inputs.model.output.name
     curve = next((one for one in curves if one.held_out.any()), curves[0])

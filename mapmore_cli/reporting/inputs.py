@@ -41,8 +41,8 @@ class FigureStyle:
     """Appearance of figures.
 
     - `width`: width of a single panel, inches.
-    - `font`, `size`: name of the font (None: the sans-serif one of the machine), and points of the
-      axis labels.
+    - `font`, `size`: name of the font (None means the machine's sans-serif font), and size of the
+      axis labels in points.
     - `labels`: axis labels by quantity, including the unit; formulas may stand between dollar
       signs.
     - `palette`: colours of the models; the first is the colour of the run's own model.
@@ -188,8 +188,8 @@ class ReportInputs:
         return self.best(MOST_LINES)
 
     def best(self, most: int) -> tuple[str, ...]:
-        """Return the models that figures show; if they are more than `most`, the run's own and the
-        best of the others.
+        """Return the models that figures show; if there are more than `most`, the run's own model
+        and the best of the other models.
         """
         errors = self.pooled_errors
         others = sorted(self.shown[1:], key=lambda model: errors.get(model, math.inf))
@@ -220,7 +220,7 @@ class ReportInputs:
 
     @property
     def pooled_errors(self) -> dict[str, float]:
-        """RMSE of every model that has one, for the held-out data if there are any."""
+        """RMSE of every model whose RMSE is finite, for the held-out data if there are any."""
         return {
             score.model: score.rmse
             for score in deciding(self.validation.scores)
@@ -294,8 +294,8 @@ class ReportInputs:
 
     @property
     def in_curve(self) -> Quantity:
-        """Quantity over which the target is drawn: the quantity along which the model runs, or its
-        output if it is inverted.
+        """Quantity over which the target is drawn: the quantity along which the model runs, or the
+        output of the model if the model is inverted.
         """
         return self.model.output if self.turned else self.along
 

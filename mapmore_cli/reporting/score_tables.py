@@ -130,7 +130,7 @@ def verdict_sentence(
     warnings: Sequence[str] = (),
 ) -> str:
     """Return a sentence that compares the pooled error of the model `own` with the smallest error
-    of the others, on held-out data if there are any.
+    of the other models, on held-out data if there are any.
 
     `target` is the scored quantity. `failed` names the competitors without scores, because their
     fit failed. If one of the `warnings` says that held-out data chose the structure, this warning
@@ -181,7 +181,7 @@ TRAINED = "was trained on held-out samples, and is"
 
 
 def short_verdict(table: ScoreTable, own: str) -> str:
-    """Return a line that compares the model `own` with the best of the others, with both errors."""
+    """Return a line that compares the model `own` with the best other model, with both errors."""
     compared, unit = deciding(table.scores), next(iter(table.units.values()), "")
     ours = _known_score(compared, own)
     if ours is None:
@@ -212,7 +212,7 @@ def _best(others: Sequence[Score]) -> Score | None:
 
 
 def _word(ours: Score, best: Score) -> str:
-    """Return the word that compares an error with the best of the others."""
+    """Return the word that compares an error with the smallest error of the other models."""
     if ours.rmse == best.rmse:
         return "an exact tie"
     if abs(ours.rmse - best.rmse) <= EQUAL_WITHIN * max(ours.rmse, best.rmse):
@@ -254,9 +254,9 @@ def _percent(fraction: float) -> str:
 
 
 def changes_table(comparison: Comparison) -> Table:
-    """Return a table with a row for every curve that both models have: the factor between the two
-    outputs, the weight of the curve in the common factor, and the difference. Rows are sorted by
-    the size of the change.
+    """Return a table with a row for every curve that both models have. A row gives the factor
+    between the two outputs, the weight of the curve in the factor of all curves, and the difference
+    of the outputs. Rows are sorted by the size of the change.
     """
     unit = comparison.unit
     columns = {

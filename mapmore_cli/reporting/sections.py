@@ -1,4 +1,4 @@
-"""List the sections of a page in order. To add one, add a row here, with its tables.
+"""List the sections of a page in order. To add a section, add a row here, with its tables.
 
 A section shows the template `templates/sections/ID.html` if there is one, then its figures (see
 `reporting.order.FIGURES`), then its tables.
@@ -38,7 +38,7 @@ class Paged(Protocol):
     """A kind of model from a plugin that shows its fits in a section of its own on pages."""
 
     def section(self) -> Section:
-        """Return the section; it has no tables if a run has no such fit."""
+        """Return the section of this kind. It has no tables if the run has no fit of this kind."""
 
     def show_fit(self, fit: Fit) -> tuple[dict[str, object], tuple[Table, ...]]:
         """Return a fit as members of a JSON document and as tables."""

@@ -29,7 +29,9 @@ from mapmore_cli.reporting.table import Cells, Column, Columns, Table, cells_of
 
 
 def bands_table(sizes: Sequence[ErrorBand], unit: str) -> Table:
-    """Return the table of errors with a row for each band and a column for each model."""
+    """Return the table of errors: a row for each band of measured values, a column for each
+    model.
+    """
     models = list(sizes[0].rmse) if sizes else []
     errors = [Column(model, unit, ".3g") for model in models]
     columns: Columns = (f"from [{unit}]", f"to [{unit}]", "samples", *errors)
@@ -74,8 +76,9 @@ def levels_table(dataset: Dataset, along: str | None = None, whole: Dataset | No
     """Return a table of the curves, with their numbers of training and validation samples in the
     `whole` dataset.
 
-    `along` is the quantity over which a static model has one value; if curves are not
-    single-valued, the table says by how much.
+    `along` is the quantity that varies within a curve, and for each value of which a static model
+    has a single output. If curves have several outputs at one value, a column says by how much
+    these differ.
     """
     level = f"level [{dataset.unit(dataset.level)}] .6g" if dataset.level else "level"
     columns = ["curve", level, "train", "validate", "recordings"]
@@ -189,8 +192,7 @@ def coefficient_rows(
     """Yield each segment, or the model with memory, with a row for each of its terms: the row of
     `Selection.table`, and half the `width` of the 95 % interval of the coefficient.
 
-    If a `model` is given, which keeps a shape, its coefficients replace the coefficients of the
-    fit.
+    If a `model` that keeps a shape is given, its coefficients replace the coefficients of the fit.
     """
     kept: dict[str, SegmentFunction | MemoryModel] = {}
     if model is not None and model.shape is not None:
@@ -229,7 +231,7 @@ def coefficients_table(fit: FitResult, unit: str, model: Model | None = None) ->
     return Table.of("coefficients", title, columns, rows, *notes)
 
 
-MOST_NAMED = 12  # largest number of terms that a sentence names
+MOST_NAMED = 12  # largest number of terms that are named in one sentence
 
 
 def outliers_table(outliers: Sequence[Outlier], unit: str) -> Table:
@@ -316,9 +318,9 @@ VIOLATED = (
 def equations_table(
     equations: Sequence[Equation], others: Mapping[str, Sequence[Equation]]
 ) -> Table:
-    """Return a table with a row for each equation of the model. There is a column of text and a
-    column of LaTeX source for the physical units, and one of each for every other set of units in
-    `others`.
+    """Return a table with a row for each equation of the model. There are two columns, text and
+    LaTeX source, for the physical units. Each other set of units in `others` has two such columns,
+    too.
     """
     with_units = [f"with {units}" for units in others]
     texts = [Column(name, form="text") for name in ("equation", *with_units)]

@@ -147,7 +147,7 @@ def _clear_abandoned(path: Path) -> None:
     for left in (path.parent / entry for entry in found):
         if (handle := _locked(left, patient=False)) is not None:
             try:
-                with suppress(OSError):  # another user's remains stay
+                with suppress(OSError):  # remains of another user's processes stay
                     remove(left)
             finally:
                 os.close(handle)

@@ -74,6 +74,6 @@ def _refuse_same(output: Path, inputs: Iterable[Path]) -> None:
             with suppress(OSError):  # a file that was read may be gone
                 if os.path.samestat(state, path.stat()):
                     raise WriteError(
-                        f"{output}: this command reads it, so its output does not replace it",
+                        f"{output}: this command reads the file, so its output cannot replace it",
                         "name another file for the output",
                     )

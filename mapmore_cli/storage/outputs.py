@@ -3,7 +3,7 @@
 A file that the user names is replaced, as other programs replace their outputs, unless it is still
 needed: the command reads it, it belongs to a run, or it is read-only, as frozen models are. A file
 whose name mapmore chooses is replaced only if mapmore has written it and nobody has changed it
-since. For this, a file beside it, `WRITTEN`, holds its hash.
+since. Its hash is stored in the file `WRITTEN` beside it.
 """
 
 from __future__ import annotations
@@ -73,8 +73,8 @@ def _run_with(path: Path) -> Path | None:
 
 def refuse_early(path: Path) -> None:
     """Raise WriteError before a command computes if its output cannot be written: as
-    `refuse_needed` does, and if its folder does not exist or cannot be written to. If the command
-    reads this file later, it is refused at that moment (`note_read`).
+    `refuse_needed` does, and if its folder does not exist or cannot be written to. The output is
+    noted, so that `note_read` raises an error if the command later reads this file.
     """
     with refusals_told(path.parent):
         if is_special(path):
@@ -147,7 +147,7 @@ def write_text(path: Path, text: str) -> None:
 
 def refuse_foreign_file(path: Path) -> None:
     """Raise WriteError if a file whose name mapmore chooses exists, unless `note_chosen` has noted
-    it and its contents are the same. A file that is still needed is refused too.
+    the file and nobody has changed it since. Raise WriteError also if the file is still needed.
     """
     refuse_needed(path)
     refuse_irregular(path.parent / WRITTEN)
@@ -155,8 +155,8 @@ def refuse_foreign_file(path: Path) -> None:
         return
     if _hashes_in(path.parent).get(path.name) != hashes_of(path.parent, [path.name])[path.name]:
         raise WriteError(
-            f"{path}: exists, and mapmore has not written it, or it was changed since, so it is "
-            "not replaced",
+            f"{path}: exists, and mapmore has not written it, or somebody has changed it since, "
+            "so it is not replaced",
             "move it away, or choose another place with -o",
         )
 

@@ -134,7 +134,7 @@ def to_trash(run_dir: Path, paths: Sequence[str], without: str = "") -> Path:
             raise WriteError(
                 f"{trash}: lies on another file system than {run_dir}, so that files cannot be "
                 "moved there in one step; nothing was moved",
-                "move the folder .trash away, or remove with `clean --yes --now`",
+                "move the folder .trash away, or delete the runs with `clean --yes --now`",
             )
         for path in paths:
             target = place / path.removeprefix(without)

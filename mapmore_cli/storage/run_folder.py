@@ -1,9 +1,9 @@
 """Manage the folder of a run: it is made or refused before the work, and changed only by moving
 whole files and folders into it.
 
-A stage builds its outputs in a folder of its own (`.tmp-...`). Files are moved over the old ones. A
-folder cannot be replaced in this way, so the old one is renamed (`.old-NAME`) for an instant; if
-the process is interrupted in this instant, `recover` restores it.
+A stage builds its outputs in a folder of its own (`.tmp-...`). A new file is moved over the old
+file of the same name. A folder cannot be replaced in this way, so the old one is renamed
+(`.old-NAME`) for an instant; if the process is interrupted in this instant, `recover` restores it.
 """
 
 from __future__ import annotations
@@ -122,8 +122,8 @@ SEARCH = "search.json"
 
 @contextmanager
 def run_lock(run_dir: Path, patient: bool = False) -> Iterator[None]:
-    """Lock the run. If another process holds the lock, wait or raise WriteError at once. The system
-    releases the lock when its holder ends.
+    """Lock the run. If another process holds the lock, wait if `patient`, otherwise raise
+    WriteError. The system releases the lock when its holder ends.
     """
     from filelock import FileLock, Timeout
 
@@ -196,8 +196,8 @@ def refuse_foreign(folder: Path, record: str) -> None:
 
 
 def recover(run_dir: Path, outputs: Iterable[str]) -> None:
-    """Remove the remains of an interrupted process. If it had renamed some `outputs` to make room
-    for new ones, restore these.
+    """Remove the remains of an interrupted process. If the process had renamed some `outputs` to
+    make room for new ones, restore the renamed ones.
     """
     with refusals_told(run_dir):
         for output in outputs:
@@ -236,8 +236,9 @@ def stage_folder(run_dir: Path, stage: str) -> Iterator[Path]:
 
 
 def make_way(run_dir: Path, name: str, known: Mapping[str, Stamp]) -> list[str]:
-    """Move the file that a new file will replace to the trash, unless the record `known` lists it
-    unchanged. Return its path if it was moved. Raises WriteError as `refuse_irregular` does.
+    """Move a file to the trash before a new file takes its place, unless the record `known` lists
+    it and it is unchanged. Return its path if it was moved. Raises WriteError as `refuse_irregular`
+    does.
     """
     refuse_irregular(run_dir / name)
     if not (run_dir / name).is_file() or is_as_written(run_dir / name, known.get(name)):
@@ -252,9 +253,9 @@ def swap_in(
     """Move finished `outputs` from `folder` into the run, each as a whole, after all of them are on
     the disk.
 
-    A file belongs to somebody else if `known` does not list it, or if it has changed since. If a
-    new file takes its place, it is moved to the trash; otherwise it stays. Return the paths of the
-    files that were moved.
+    A file belongs to somebody else if `known` does not list it, or if it has changed since. Such a
+    file is moved to the trash if an output takes its place; otherwise it stays. Return the paths of
+    the files that were moved to the trash.
     """
     sync_tree(folder)
     for output in outputs:

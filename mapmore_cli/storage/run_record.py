@@ -1,5 +1,5 @@
 """Read and write `run.json`: the inputs, settings and versions with which every stage of a run was
-made. A stage's entry is written last and commits its outputs.
+made. The entry of a stage is written after its outputs; outputs without an entry do not count.
 
 Sizes, times and hashes show whether files are still the ones that were read or written. There are
 no absolute paths, users, hosts or environment variables.
@@ -290,10 +290,9 @@ def save_records(
     records: Mapping[str, StageRecord],
     files: Mapping[str, Stamp] = MappingProxyType({}),
 ) -> None:
-    """Write `run.json` as a whole; `files` were written besides the outputs of the stages.
-
-    Files of an earlier record that are no longer listed, for example of a search that the spec no
-    longer asks for, stay among these files as long as they exist.
+    """Write `run.json` as a whole. `files` are files that the run wrote in addition to the outputs
+    of its stages. Files that only the earlier record lists, for example the result of a search that
+    the spec no longer requests, are listed again as long as they exist.
     """
     outputs = {path for record in records.values() for path in record.outputs}
     listed = {**written_files(run_dir), **files}
@@ -365,8 +364,8 @@ def read_scores(path: Path) -> ScoreTable:
 
 
 def scores_in(document: Any) -> ScoreTable:
-    """Return the table in the document of a scores.json, also of an older one, which lacks some
-    keys.
+    """Return the table in the document of a scores.json. Files of older versions, which lack some
+    keys, are read too.
 
     Raises ValueError, TypeError, KeyError, AttributeError or OverflowError for another document.
     """

@@ -1,4 +1,4 @@
-"""Seal a run: record the state of its files at which the run is up to date.
+"""Seal a run: record the state that its files have while the run is up to date.
 
 A campaign of thousands of runs then need not plan each of them. If a seal is missing, damaged or
 from another run, the run is planned.

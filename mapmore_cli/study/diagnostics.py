@@ -265,7 +265,7 @@ def _problem(details: ErrorDetails, root: Node, keys_at: KeysAt) -> Mistake:
             return Mistake(
                 node.start, message, "use letters, digits and `_`, for example `step_pressure`"
             )
-    # if the number had a unit, the message shows it as it is after the conversion
+    # a number with a unit is shown after its conversion
     value = details["input"] if isinstance(details["input"], float) else node.value
     return Mistake(node.at, *_of_value(details, value, name))
 

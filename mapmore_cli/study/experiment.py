@@ -44,7 +44,7 @@ from mapmore_cli.study.sections.results import Validate
 @dataclass(frozen=True)
 class Muscle(Settings):
     """The muscle that was measured. The results record what you write in this section. Formulas
-    that contain the length or the diameter of the muscle use it.
+    take the length and the diameter of the muscle from this section.
 
     - `name`: Name of the muscle on pages. Example: `DMSP-20-88N`
     - `kind`: Kind of muscle. Example: `mckibben`

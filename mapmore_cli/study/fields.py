@@ -219,8 +219,8 @@ def _column_unit(place: Place) -> str | None:
 
 
 def _metric_unit(place: Place) -> str | None:
-    """Return the unit of the metric that is the key above the number. For a metric with one limit
-    for each target, it is the unit for that target.
+    """Return the unit of the metric that is the key above the number. If a metric has one limit for
+    each target, the unit depends on the target of this limit.
     """
     if place.key in OF_TARGET:
         return place.unit_of(place.target)

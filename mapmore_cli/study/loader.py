@@ -212,8 +212,9 @@ def _validated(
 def _further_mistakes(
     error: ValidationError, root: Node, keys_at: KeysAt, model: type[M], check: Check[M]
 ) -> list[Mistake]:
-    """Return the mistakes below misspelt keys, and those that `check` finds after these keys were
-    corrected and malformed parts of the spec removed, so that all mistakes appear at once.
+    """Return further mistakes, so that all mistakes appear at once. Some of them lie below misspelt
+    keys. Others are found by `check` after misspelt keys are corrected and malformed parts are
+    removed.
     """
     if error.error_count() > MOST_ERRORS:
         return []
@@ -355,8 +356,8 @@ def _file_at(node: Node, spelt: Callable[[str], str], folder: Path, remedy: str)
 
 
 def _with_formulas(root: Node, problems: list[Mistake]) -> Node:
-    """Return the tree in which each path in `formulas` is replaced by the contents of its file. A
-    single formula may stand there without a list.
+    """Return the tree in which each path in `formulas` is replaced by the contents of its file.
+    Instead of a list, `formulas` may be a single formula.
     """
     listed = root.child("formulas")
     if listed is None:

@@ -254,7 +254,7 @@ def _meaning(value: dict[str, Any]) -> str:
 
 def _section_title(name: str) -> str:
     """Return the name of a class as words: `DictionaryEntry` is `Dictionary entry`. If two classes
-    have the same name, the name of the module comes first.
+    have the same name, the name of the module is put before it.
     """
     module, _, last = name.rpartition("__")
     words = module.rpartition("__")[2].capitalize() + last.replace("_", "")

@@ -131,7 +131,7 @@ def test_a_file_with_a_chosen_name_replaces_those_of_mapmore_alone(tmp_path):
     (place / "b.csv").write_bytes(b"1, edited")
     with pytest.raises(WriteError, match=r"d\.c: exists, and mapmore has not written it"):
         write_chosen(place, {"a.c": b"3", "d.c": b"3"})
-    with pytest.raises(WriteError, match=r"b\.csv: exists, and mapmore .* or it was changed since"):
+    with pytest.raises(WriteError, match=r"b\.csv: exists, .* somebody has changed it since"):
         write_chosen(place, {"a.c": b"3", "b.csv": b"3"})
     moved = shutil.copytree(place, tmp_path / "moved")
     write_chosen(moved, {"a.c": b"3"})
@@ -174,7 +174,7 @@ def test_files_read_within_a_command_are_kept_until_its_end(tmp_path):
             note_read([tmp_path / "a", tmp_path / "gone"])
         assert inner == {tmp_path / "a", tmp_path / "gone"}
         (tmp_path / "a").write_text("a")
-        with pytest.raises(WriteError, match="this command reads it"):
+        with pytest.raises(WriteError, match="this command reads the file"):
             write_bytes(tmp_path / "a", b"b")
     write_bytes(tmp_path / "a", b"c")
     assert (tmp_path / "a").read_text() == "c"

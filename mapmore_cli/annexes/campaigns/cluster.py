@@ -47,8 +47,8 @@ class Shared:
     environment: Mapping[str, str]
 
     def check(self) -> None:
-        """Check that this process can do jobs. Raises WriteError if it does not see the client's
-        file, and UsageError if its version of mapmore differs.
+        """Check that this process can do jobs. Raises WriteError if this process does not see the
+        client's file, and UsageError if its version of mapmore differs from the client's version.
         """
         if tool_versions()["mapmore"] != self.version:
             raise UsageError(

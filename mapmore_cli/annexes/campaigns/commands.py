@@ -61,7 +61,7 @@ def batch(
         Option(
             "--cluster-file",
             metavar="FILE",
-            help="The same, given by the file that the scheduler wrote.",
+            help="The Dask scheduler of a cluster, given by the file that it wrote.",
         ),
     ] = None,
     overrides: Overrides = NONE,
@@ -85,8 +85,8 @@ def batch(
 ) -> None:
     """Run several specs, or the runs of campaigns, at the same time.
 
-    A failed run does not stop the others; the exit code is the highest of all runs. Each campaign
-    gets its own page.
+    A failed run does not stop the others; the exit code is the highest exit code of all runs. Each
+    campaign gets its own page.
     """
     from mapmore_cli.annexes.campaigns import workers
     from mapmore_cli.annexes.campaigns.cluster import run_on_cluster

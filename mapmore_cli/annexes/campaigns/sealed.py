@@ -50,8 +50,8 @@ _ALERTS = TypeAdapter(tuple[Alert, ...])
 
 
 def known_by_seal(job: Job, name: str) -> Finished | None:
-    """Return the result that is stored for a run with this name if the seal of the run says that it
-    was made of the same spec, data and options; None otherwise.
+    """Return the stored result of the run with this name. Return None unless the seal of the run
+    says that the result was made of the same spec, data and options.
     """
     started, run_dir = time.perf_counter(), job.runs / name
     sealed = None if job.options.force or job.options.rehash else read_seal(run_dir)

@@ -150,8 +150,8 @@ def models_table(scores: CampaignScores) -> Table:
 
 
 def _known(error: float) -> float:
-    """Return the error. NaN means that the run diverged; return infinity, which is worse than any
-    other error.
+    """Return the error. Return infinity for NaN, because the run has then diverged, which is worse
+    than any error.
     """
     return math.inf if math.isnan(error) else error
 
@@ -159,7 +159,8 @@ def _known(error: float) -> float:
 def _ratios(scores: CampaignScores, model: str, relative_to: str) -> tuple[Cell, Cell, Cell]:
     """Return the summary of the ratio of one model's RMSE to another model's RMSE, over the runs
     that have both models: geometric mean, largest value, and the number of runs in which the first
-    model is better. The repeatability of measurements has no such number.
+    model is better. The entries are None if `model` is the repeatability of measurements, which is
+    no model.
     """
     both = [run for run in scores.pooled.values() if {model, relative_to} <= run.keys()]
     pairs = [(_known(run[model].rmse), run[relative_to].rmse) for run in both]
@@ -173,7 +174,7 @@ def _ratios(scores: CampaignScores, model: str, relative_to: str) -> tuple[Cell,
 
 def _won(won: int, count: int, tied: int) -> str:
     """Return a text such as `3 of 5, 1 tied`: the number of runs in which a model is strictly
-    better, and in which it is exactly equal.
+    better than another, and the number of runs in which both are exactly equal.
     """
     return f"{won} of {count}{f', {tied} tied' if tied else ''}"
 

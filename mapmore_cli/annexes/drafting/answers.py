@@ -97,7 +97,7 @@ class Answers:
 
 
 def answers_of(**options: str | bool | None) -> Answers:
-    """Return the answers in the options, by name. Raises UsageError for an impossible answer."""
+    """Return the answers that options of the command give. Raises UsageError for a wrong answer."""
     readers: dict[str, Callable[[Any], Any]] = {
         **{name: partial(read_names, f"--{name}") for name in ("columns", "target", "inputs")},
         "hold": read_hold,

@@ -110,7 +110,7 @@ def _clock_among(
     option.
     """
     has_clock = any(one.is_time for one in table.values())
-    # if there are only two columns, one must be the input and is no clock
+    # if there are only two columns, these are the input and the target, so none is a clock
     for place, one in columns.items() if len(columns) > 2 else ():
         if one.counts and not (one.unit or has_clock):
             how_long = "counts the rows: how long is the time between them?"

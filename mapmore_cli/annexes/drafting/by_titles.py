@@ -59,7 +59,7 @@ def known_by_titles(table: Table) -> Known:
 
 
 def _why_unused(one: TitledColumn, has_clock: bool) -> str:
-    """Return the reason why a column is no quantity of the study; empty if it may be one."""
+    """Return the reason why a column is no quantity of the study; empty if it may be a quantity."""
     if not one.values:
         return "holds no numbers"
     if not one.moves:
@@ -161,8 +161,8 @@ def kind_to_predict(name: str, titled: TitledColumn | None) -> str:
     """Return `force`, `position` or `drive` for a column whose title plainly says so; an empty text
     if the title says nothing, and `unclear` if the title is ambiguous.
 
-    A column with only two values was set by a switch, so it drives. If there is no column, the name
-    decides, because a person gave it.
+    A column with only two values was set by a switch, so it is a `drive`. If there is no column,
+    the name decides, because a person gave it.
     """
     if titled is None:
         label = read_label(name)

@@ -26,7 +26,7 @@ class Channel:
 
     - `has_title`: True if the first line holds titles instead of numbers.
     - `delimiter`: the mark between the clock and the column; empty if there is no clock.
-    - `clock`: the cells of the clock; as many empty texts if there is none.
+    - `clock`: the cells of the clock; without a clock, an empty text for each row.
     """
 
     path: Path
@@ -37,7 +37,8 @@ class Channel:
 
 def command_for_one_table(folder: Path) -> str | None:
     """Return the shell command that writes the channels of a folder side by side into one table;
-    None unless there are at least two files, and all hold one channel with equal rows.
+    None unless there are at least two files, and each holds one channel with the same number of
+    rows and the same clock.
     """
     if not folder.is_dir():
         return None

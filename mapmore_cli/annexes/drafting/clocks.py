@@ -57,9 +57,9 @@ class Part:
         return any((np.diff(x) < 0).any() for x in self.numbers)
 
     def follows(self, coarser: Part) -> bool:
-        """Return True if the numbers suit a part that follows the `coarser` part: all are smaller
-        than the number of its units in one coarser unit, and if the part restarts, the largest is
-        at least half of that.
+        """Return True if the numbers suit a part that follows the `coarser` part. For seconds that
+        follow minutes, all numbers must be smaller than 60; if the seconds restart from zero, the
+        largest must be at least 30. Other units have the same rule.
         """
         turn = round(coarser.second / self.second)
         highest = max(float(x.max()) for x in self.numbers)
@@ -87,7 +87,9 @@ def clock_in_parts(table: Table) -> dict[Column, str]:
 
 
 def _increases(parts: Sequence[Part]) -> bool:
-    """Return True if the sum of all parts increases in every file, except for a few steps back."""
+    """Return True if the sum of all parts of the clock increases in every file, except for a few
+    steps back.
+    """
     for numbers in zip(*(part.numbers for part in parts), strict=True):
         if len({*map(len, numbers)}) > 1:
             return False

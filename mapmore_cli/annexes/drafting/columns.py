@@ -325,9 +325,9 @@ def listed(table: Table, but: Iterable[Column] = ()) -> dict[int, TitledColumn]:
 
 
 def unit_of_clock(values: Sequence[Array]) -> str:
-    """Suggest a unit for a clock: the unit in which it shows a date of this century, if it counts
-    from 1970 on; otherwise ms for whole numbers that increase by 1 to 100 per step, and s for
-    others.
+    """Suggest a unit for a clock. If the clock seems to count from 1970 on, the unit is the one in
+    which it shows a date of this century. Otherwise, the unit is ms for whole numbers that increase
+    by 1 to 100 per step, and s for all other numbers.
     """
     first, last = (min(map(np.min, values)), max(map(np.max, values)))
     for unit, second in {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}.items():

@@ -163,7 +163,7 @@ class Draft:
         return replace(self, spec={**self.spec, "data": data}, notes=notes)
 
     def noted(self, loc: Loc, why: str | None, sure: bool = True) -> Draft:
-        """Return the draft with a note about the entry at `loc`. If `why` is None, it is
+        """Return the draft with a note about the entry at `loc`. If `why` is None, the draft is
         unchanged.
         """
         return self if why is None else replace(self, notes={**self.notes, loc: Note(why, sure)})
@@ -208,7 +208,9 @@ def _yaml_lines(section: Mapping[str, Any], loc: Loc, notes: Mapping[Loc, Note])
 
 
 def _noted(line: str, note: Note | None) -> list[str]:
-    """Return a line with its note: after it, or above it if both do not fit on one line."""
+    """Return a line with its note. The note follows the line, or stands above it if both are too
+    long for one line.
+    """
     if note is None:
         return [line]
     if len(line) + len(str(note)) + 2 <= WIDEST:

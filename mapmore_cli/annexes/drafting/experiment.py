@@ -24,8 +24,8 @@ NEAR = 0.1
 @dataclass(frozen=True)
 class Held:
     """The quantity `of` that was held constant, its levels `at`, the quantity that was `swept`, and
-    the reason `why`. If samples between levels must be left out, `within` is the largest distance
-    of a sample from its level.
+    the reason (`why`) for which `of` counts as held. If samples between levels must be left out,
+    `within` is the largest distance of a sample from its level.
     """
 
     of: str
@@ -111,8 +111,8 @@ def own_levels(
     recordings: Sequence[Recording], name: str, conditions: Conditions
 ) -> list[float] | None:
     """Return the levels of a quantity that stays near one value in each recording; None if it has
-    no such levels, or only one. The gap between neighbouring levels is more than twice the movement
-    at any level.
+    no such levels, or only one such level. The gap between neighbouring levels is more than twice
+    the movement at any level.
     """
     if name in conditions:
         levels = sorted(set(conditions[name]))
@@ -136,8 +136,8 @@ def _neat(middle: float, scatter: float) -> float:
 
 
 def set_values(recordings: Sequence[Recording], name: str) -> list[float]:
-    """Return the values of a quantity if it takes each of them at least three times on average; an
-    empty list otherwise, and if there are only two values, as for a switch.
+    """Return the distinct values of a quantity if it takes each of them at least three times on
+    average. Otherwise return an empty list, also if there are only two values, as for a switch.
     """
     values, counts = np.unique(
         np.concatenate([one.columns[name] for one in recordings]), return_counts=True

@@ -54,9 +54,9 @@ def unread(path: Path) -> str | None:
 
 
 def kinds_of_lines(path: Path) -> tuple[bytes, ...]:
-    """Return the kinds of lines at the beginning of a text: lines of words unchanged, lines of
-    numbers with 0 for each number. Texts of the same kinds have the same layout, so only one of
-    them is examined. Empty for a file that is no text.
+    """Return the distinct lines at the beginning of a text, with 0 in place of each number in lines
+    of numbers. Texts with equal results have the same layout, so only one of them is examined. The
+    result is empty for a file that is no text.
     """
     with path.open("rb") as file:
         head = file.read(HEAD)

@@ -125,7 +125,7 @@ class FoundTable:
 
     def header_lines(self) -> dict[int, list[str]]:
         """Return the lines directly above the numbers that may be titles or units, by their index.
-        They are as wide as the rows of numbers, and no cell to the right of these is filled.
+        They are as wide as the table, and no cell beyond the last column is filled.
 
         Blank lines may stand below titles and above a line of units. A cell that contains only the
         beginning of a remark, for example `#`, counts as empty. Remarks of another form are passed
@@ -155,8 +155,9 @@ class FoundTable:
 
     def line_of_titles(self, lines: Mapping[int, list[str]]) -> int | None:
         """Return the line of titles. It is no line of units, and names at least half of the columns
-        of numbers. If several lines do so, it is the one with the largest number of different texts
-        and, among equals, the first. If all of them are remarks, it is the last.
+        of numbers. If several lines fulfil this, the line with the largest number of different
+        texts is returned and, among equals, the first. If all of these lines are remarks, the last
+        is returned.
         """
 
         def rank(line: int) -> tuple[bool, int, int]:
@@ -222,8 +223,8 @@ def table_in(top: Top) -> FoundTable | None:
 def _labelled_lines(rows: Sequence[Row], wide: int, top: Top) -> list[Row]:
     """Return the lines with `wide` cells at the beginning that say in their first cell what they
     hold, for example `Name:`, `Unit:` and `Count:`. The first cells of the rows in the lower half
-    decide what counts as a label. If these cells are empty, at least three lines must have one. If
-    they hold numbers, a label must end with a colon or an equals sign.
+    decide what counts as a label. If these cells are empty, at least three lines must have a label.
+    If they hold numbers, a label must end with a colon or an equals sign.
     """
     firsts = nonempty([row[0] for row in rows[len(rows) // 2 :] if len(row) == wide])
     filled = [row for row in rows if nonempty(row)]

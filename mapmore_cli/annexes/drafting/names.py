@@ -67,8 +67,8 @@ class Number(NamedTuple):
 
     @property
     def quantity(self) -> str:
-        """Quantity of the number: from its word if that names a quantity, otherwise from its
-        unit.
+        """Quantity of the number: from the word beside it if the word names a quantity, otherwise
+        from the unit.
         """
         label = read_label(self.word)
         by_unit = _UNITS[self.unit][0] if self.unit else ""
@@ -281,9 +281,9 @@ def numbered_groups(names: Sequence[str], group: str) -> Condition:
 
 def group_words(names: Sequence[str], group: str) -> list[str]:
     """Return the text of each name that distinguishes groups: the number or letter after the word
-    `group`, or the number after its first letter, such as `s1` for a sample. If there is neither,
-    it is the words of the name, including specimens and sizes such as `10cm`, but without other
-    numbers. If there are no words, it is the whole name.
+    `group`, or the number after its first letter, such as `s1` for a sample. Without such a number
+    or letter, the text is the words of the name, including specimens and sizes such as `10cm`, but
+    without other numbers. In a name without words, the text is the whole name.
     """
     behind = re.compile(
         rf"{re.escape(group)}\w*?[\s_#=.-]*(\d+|[A-Za-z])(?![^\W\d_])", re.IGNORECASE

@@ -29,7 +29,7 @@ from mapmore_cli.study.sections.data import Data
 from mapmore_cli.study.units import default_unit
 
 MOST_FILES = 5  # largest number of files that are read
-MOST_SHOWN = 12  # largest number of columns that a line names
+MOST_SHOWN = 12  # largest number of columns that are named in one line
 # a column with more different words than this is a column of words, not of missing numbers
 MOST_WORDS = 3
 

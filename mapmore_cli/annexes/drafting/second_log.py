@@ -25,7 +25,7 @@ BREAK = 5
 
 def second_of(study: Study, studies: Sequence[Study]) -> Study | None:
     """Return the log with the pressure of the same tests: the only other layout in the folder whose
-    titles name the pressure and that has as many files.
+    titles name the pressure and that has as many files as the study.
 
     Return None if the study has its own pressure, or if several other layouts are possible.
     """
@@ -42,7 +42,7 @@ def second_of(study: Study, studies: Sequence[Study]) -> Study | None:
 
 def with_second_log(draft: Draft, second: Study, folder: Path, target: str, said: Named) -> Draft:
     """Return the draft with the pressure of a second log. If a time shift can be found at which the
-    changes of the pressure match the changes of the target, the log is shifted by it.
+    changes of the pressure match the changes of the target, the log is shifted by this time.
     """
     table = table_of(second, folder)
     columns, _ = known_by_titles(table)
@@ -66,7 +66,7 @@ def with_second_log(draft: Draft, second: Study, folder: Path, target: str, said
     try:
         notes = read_draft(lenient(draft.with_data("join", [entry])), folder, target).notes
         how_shifted = next((note for note in notes if ": shift " in note), "").partition(": ")[2]
-    except DataError:  # nothing changes in a log, or several shifts are possible
+    except DataError:  # no shift was found: a log never changes, or several shifts fit
         entry = {key: value for key, value in entry.items() if key != "match"} | {"shift": 0.0}
         how_shifted, sure = "do both logs have the same clock?", False
     return draft.with_data(

@@ -16,8 +16,8 @@ from mapmore_cli.ingestion.files import expand, relative_name
 
 
 def patterns(files: Sequence[Path], folder: Path, bad: Iterable[Path] = ()) -> list[str]:
-    """Return a list with one glob, relative to `folder`, that matches all `files` and at most `bad`
-    files besides. If there is no such glob, return the names of all files.
+    """Return a list with one glob, relative to `folder`, that matches all `files` and, in addition,
+    at most the `bad` files. If there is no such glob, return the names of all files.
 
     In the glob, each folder or file is given by the words with which all its names begin and end.
     """
@@ -47,7 +47,7 @@ def resolved(files: Iterable[Path]) -> set[tuple[Path, str]]:
 
 
 def _glob_of(parts: Sequence[str]) -> str:
-    """Return a glob of the names of one folder or file in all paths."""
+    """Return a glob that matches all `parts`, the names at one position of the paths."""
     if len(parts) == 1:
         return glob.escape(parts[0]) if parts[0] != ".." else ".."
     begin = os.path.commonprefix(parts).rstrip("0123456789")  # noqa: RUF071 - of letters

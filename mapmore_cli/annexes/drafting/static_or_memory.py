@@ -20,11 +20,11 @@ from mapmore_cli.study.units import default_unit
 
 # smallest number of samples of a study with memory, in all recordings together
 FEWEST = 200
-# with more samples than this in all recordings, a study with memory takes longer time steps
+# above this number of samples in all recordings, a study with memory gets longer time steps
 MOST = 6_000
 # smallest number of samples that a usual recording must keep if its time steps are made longer
 LEAST = 100
-# below this fraction of the differences between recordings, movement in one is scatter
+# below this fraction of the differences between recordings, a change within one is scatter
 MUCH_LESS = 0.1
 COMPETITORS = ("sarosi", "polynomial_2", "polynomial_5", "muscle_like", "polynomial_3")
 
@@ -67,8 +67,8 @@ def with_experiment(
 
 def _is_at_rest(done: Experiment) -> bool:
     """Return True if each recording is a single point: no input moves in any of them, and the
-    standard deviation of the target within a recording is at most a tenth of that between
-    recordings.
+    standard deviation of the target within a recording is at most a tenth of its standard deviation
+    between recordings.
     """
     recordings = done.recordings
     moving = [

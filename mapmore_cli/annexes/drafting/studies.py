@@ -65,7 +65,9 @@ class Study:
         return {file: entries for file, entries in changed.items() if entries}
 
     def _columns_of(self, layout: Layout, columns: Named) -> Section:
-        """Return the entries of `columns` that differ in another layout."""
+        """Return the entries of `columns` that `layout` needs because its titles or units
+        differ.
+        """
         usual, titled = _identities(self.layout), read_titles(self.layout, {})
         there = {identity: column for column, identity in _identities(layout).items()}
         titled_there = read_titles(layout, {})
@@ -148,7 +150,7 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
             left_out.append(fault.message)
             bad[file] = "holds no table that could be read"
             continue
-        if not layout.tables:  # with several tables, equal first lines prove nothing
+        if not layout.tables:  # in files with several tables, equal first lines prove nothing
             seen[like] = layout
         above[file] = layout.above
         layouts.setdefault(repr(layout), (layout, []))[1].append(file)
@@ -179,8 +181,8 @@ def _copies(files: Iterable[Path]) -> dict[Path, Path]:
 
 
 def _with_comments(layout: Layout, files: Sequence[Path]) -> Layout:
-    """Return the layout. If a text has comment lines between its rows, the beginning of these lines
-    is added.
+    """Return the layout. If a text has comment lines between its rows, the layout also holds the
+    characters with which comment lines begin.
     """
     if "comment" not in READERS[layout.reader].keys or layout.tables:
         return layout
@@ -237,8 +239,9 @@ def _joined(layouts: Sequence[tuple[Layout, list[Path]]]) -> list[Study]:
 
 
 def _is_own(file: Path, folder: Path) -> bool:
-    """Return False for hidden files, files that office programs or file managers leave behind,
-    results of runs, and the schema that `init` writes for editors; return True for any other file.
+    """Return True for a file that may hold data. Return False for hidden files, for files that
+    office programs or file managers leave behind, for results of runs, and for the schema that
+    `init` writes for editors.
     """
     inside = file.relative_to(folder)
     ours = any(holds_results(folder / parent) for parent in inside.parents)

@@ -1,4 +1,4 @@
-"""Interpret a study before its recordings are read: what is predicted, from which inputs."""
+"""Interpret a study before its recordings are read: find the target and the inputs."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ from mapmore_cli.domain.errors import UsageError
 
 @dataclass(frozen=True)
 class Understood:
-    """Interpretation of a study. It says which columns are used, as targets or inputs, and which
-    are left out; which quantities names contain; which quantity distinguishes groups (a column, or
-    a word in names); and which columns have values that distinguish recordings (`apart`).
+    """Interpretation of a study. It says which columns are targets or inputs, and which columns are
+    left out. It says which quantities have their values in names of files. A quantity may
+    distinguish groups; it is a column, or a word in names. The columns in `apart` have values that
+    distinguish recordings.
     """
 
     columns: Named
@@ -42,7 +43,7 @@ class Understood:
         return [*self.inputs, *(one.quantity for one in self.conditions)]
 
     def without_others(self, target: str) -> Named:
-        """Return the columns of the study without the other targets."""
+        """Return the columns of the study, except the targets other than `target`."""
         others = {*self.targets} - {target}
         return {name: one for name, one in self.columns.items() if name not in others}
 
@@ -189,9 +190,9 @@ def _free(
     targets: Sequence[str],
     left_out: dict[Column, str],
 ) -> list[str]:
-    """Return the names of all columns that may be inputs. A column is left out, with a reason, if
-    it is the same signal as a target; or if a target is a linear filter of it and there are other
-    inputs.
+    """Return the names of all columns that may be inputs. A column is left out, with a reason, in
+    two cases: it is the same signal as a target; or a target was computed from it by a linear
+    filter, and there are other inputs.
     """
     free = {
         name: one.column

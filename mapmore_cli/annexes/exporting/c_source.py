@@ -74,7 +74,9 @@ SEARCH = {
 
 
 def c_files(model: Model, wanted: Wanted) -> dict[str, str]:
-    """Return the C files of a model, compared with `predict` if there is a compiler."""
+    """Return the C files of a model. If there is a compiler, compare their results with
+    `predict`.
+    """
     source = c_source(model, wanted.single)
     if wanted.verify:
         compiled = [f"{source.name}.c", f"{source.name}_main.c"]

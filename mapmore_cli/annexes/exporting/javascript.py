@@ -29,7 +29,7 @@ NAMES = ("INPUTS", "OUTPUT", "STEP", "beyond", "interpolated", "measured", "outs
 
 
 def javascript_file(model: Model, wanted: Wanted) -> dict[str, str]:
-    """Return the module, compared with `predict` if Node is installed."""
+    """Return the module. If Node is installed, compare its results with `predict`."""
     text = javascript_module(model)
     if wanted.verify:
         try:
@@ -42,9 +42,9 @@ def javascript_file(model: Model, wanted: Wanted) -> dict[str, str]:
 def javascript_module(model: Model) -> Code:
     """Return the text of the module.
 
-    It exports `INPUTS`, `OUTPUT` and `outsideRange`; without memory `evaluate` and `derivatives`,
-    with memory `STEP`, `reset`, `step` and, if the output is fed back, `measured`. The functions
-    take numbers in the order of `INPUTS`.
+    Every module exports `INPUTS`, `OUTPUT` and `outsideRange`. The module of a model without memory
+    also exports `evaluate` and `derivatives`. With memory, it exports `STEP`, `reset`, `step` and,
+    if the output is fed back, `measured`. The functions take numbers in the order of `INPUTS`.
 
     Raises DataError if a part of the model has no closed expression.
     """

@@ -24,7 +24,7 @@ from mapmore_cli.modelling.programs import program_of
 
 
 def matlab_file(model: Model, wanted: Wanted) -> dict[str, str]:
-    """Return the function file, compared with `predict` if Octave is installed."""
+    """Return the function file. If Octave is installed, compare its results with `predict`."""
     name, text = matlab_function(model)
     if wanted.verify:
         try:

@@ -29,7 +29,7 @@ from mapmore_cli.modelling.ranges import OUTSIDE_TOLERANCE
 
 
 def module_file(model: Model, wanted: Wanted, plain: bool = False) -> dict[str, str]:
-    """Return a module with NumPy, or in `plain` Python, compared with `predict`."""
+    """Return a module with NumPy, or in `plain` Python, after comparing it with `predict`."""
     name, text = python_module(model, plain)
     if wanted.verify:
         verify_module(model, text, each=plain)

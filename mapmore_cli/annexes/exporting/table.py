@@ -63,8 +63,8 @@ def table_files(model: Model, wanted: Wanted) -> dict[str, str | bytes]:
     training range.
 
     All files hold the output on the grid, and `valid`: 1 within the training range, 0 outside. The
-    MAT file has one vector for each input, and the arrays in the order of the inputs. The text for
-    Modelica is written for two inputs, with the first along the rows.
+    MAT file has one vector for each input. The axes of its arrays are in the order of the inputs.
+    The text for Modelica is written for two inputs, with the first along the rows.
 
     Raises UsageError for a model with memory, fewer than two values of an input, and a grid that is
     too large.
@@ -166,7 +166,7 @@ def _mat(model: Model, grid: Grid) -> bytes:
     arrays = {names[name]: column for name, column in grid.places.items()}
     shape = list(map(len, grid.places.values()))
     arrays |= {output: grid.values.reshape(shape), "valid": grid.valid.reshape(shape)}
-    savemat(stream, arrays, oned_as="column")  # type: ignore[arg-type]  # a stream will do
+    savemat(stream, arrays, oned_as="column")  # type: ignore[arg-type]  # savemat accepts streams
     return HEADER.ljust(116) + stream.getvalue()[116:]
 
 

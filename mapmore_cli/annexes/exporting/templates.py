@@ -109,8 +109,8 @@ def identifier(name: str) -> Code:
 
 
 def names_of_inputs(inputs: Sequence[Quantity], functions: Sequence[str] = ()) -> dict[str, str]:
-    """Return the name of each input in code, by its own name. None of the names in code is the name
-    of one of the `functions`.
+    """Return the name of each input in code, by its own name. No name in code is equal to one of
+    the `functions`.
     """
     names = [quantity.name for quantity in inputs]
     reserved = [*PYTHON, *functions, *(f"x_{name}" for name in names)]
@@ -118,9 +118,7 @@ def names_of_inputs(inputs: Sequence[Quantity], functions: Sequence[str] = ()) -
 
 
 def names_in_matlab(inputs: Sequence[Quantity], functions: Sequence[str]) -> dict[str, str]:
-    """Return the name of each input in MATLAB code. None of these names is the name of one of the
-    `functions`.
-    """
+    """Return the name of each input in MATLAB code. No name is equal to one of the `functions`."""
     return names_of_inputs(inputs, [*words_of("MATLAB", "Octave"), *functions])
 
 

@@ -216,8 +216,8 @@ def _answers(model: Model, command: Sequence[str], given: str, folder: Path) -> 
 
 
 def points(model: Model) -> Columns:
-    """Return random points in and around the training range (up to a fifth outside); for a model
-    with memory, a recording with its output.
+    """Return random points in and around the training range (up to a fifth outside). For a model
+    with memory, return a random recording with its output instead.
     """
     rng, code = np.random.default_rng(1), program_of(model)
     columns = {"time": (code.step or 1.0) * np.arange(float(POINTS))}

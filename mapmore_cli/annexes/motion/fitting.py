@@ -5,7 +5,7 @@ The steady output of a section is `s(u) = sum_m w_m d_m/(1 - P1 - P2)`. If secti
 one piecewise linear function of the input. This function is given by its heights at the boundaries
 and at the ends of the training range. With a load L, a second function of this kind is multiplied
 by L. Rise and fall have separate functions. When the direction changes, the output moves from one
-to the other as fast as the poles of the section allow.
+function to the other as fast as the poles of the section allow.
 
 For given poles, the output is linear in the heights, so that linear least squares gives them. The
 poles of all sections are refined together.
@@ -215,8 +215,8 @@ def _heights_of(motion: Motion, run: Piece) -> Array:
 
 
 def _with_heights(motion: Motion, poles: Array, heights: Array) -> Motion:
-    """Return the model with the weights of the drives `u, 1` (and `L, u L`) that follow from the
-    heights in every section.
+    """Return the model with new weights of the drives `u, 1` (and `L, u L`) in every section. The
+    weights are computed from the heights of the steady output at the knots.
     """
     knots, lines = _knots(motion)
 

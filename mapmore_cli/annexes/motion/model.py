@@ -191,7 +191,7 @@ class MotionVerbs(Verbs):
         )
 
     def parameters(self, model: Model) -> int:
-        """Return the number of P1, P2 and weights of all sections."""
+        """Return the number of parameters: P1, P2 and the weights of all sections."""
         return sum(2 + len(section.weights) for section in _motion(model).sections)
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:

@@ -95,8 +95,8 @@ def sections_table(fits: Mapping[str, MotionFit], unit: str) -> Table:
 
 def waveforms_table(inputs: ReportInputs, motion: Motion) -> Table:
     """Return the table of errors of displacement and velocity over the last wavelength of every
-    held-out recording, as in P table 3; without rows if only some samples are stored, because no
-    velocity can be computed from these.
+    held-out recording, as in P table 3. The table has no rows if only some samples are stored,
+    because no velocity can be computed from these.
     """
     unit = inputs.target.unit
     held_out = [

@@ -122,8 +122,8 @@ class MotionRecipe(MotionSettings):
 
     @property
     def drives(self) -> tuple[str, ...]:
-        """Terms that drive every section, the input first. If sections share a state, each needs a
-        constant, so that they meet at their boundaries.
+        """Terms that drive every section, the input first. If sections share a state, each section
+        needs a constant term, so that sections meet at their boundaries.
         """
         constant = self.offset or self.switching == "bumpless"
         on_load = () if self.load is None else (self.load, f"{self.input}*{self.load}")
@@ -199,7 +199,8 @@ class Problem:
 
     def rmse(self, p1: float, p2: float, weights: Array | None = None) -> float:
         """Return the root mean squared error with these weights, or with the best weights if None.
-        For sections that are unstable or beyond the reach, the result is large and finite.
+        For sections that are unstable or have a pole beyond the reach, the result is large and
+        finite.
         """
         if not stable(p1, p2, self.reach if weights is None else 1.0):
             return PENALTY * self.size * max(abs(poles(p1, p2)[0]), 1.0)

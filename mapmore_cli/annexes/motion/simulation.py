@@ -117,8 +117,8 @@ def extent(boundaries: Sequence[float], place: int) -> str:
 
 
 def simulate(motion: Motion, columns: Columns) -> Array:
-    """Return the output, (n,), along a recording with its `time`, or along one piece of a record
-    without it.
+    """Return the output, (n,), along a recording. If `columns` have no `time`, they are one piece
+    without gaps.
 
     Every piece begins as `motion.start` says: in the steady state of its first input, or at zero.
     The measured output is not needed.
@@ -200,9 +200,9 @@ REPEATS = 1e-3
 
 
 class MotionErrors(NamedTuple):
-    """Errors of the displacement and of the velocity over the last wavelength of the input, in the
-    unit of the displacement and in this unit per second. `transient` is the largest error of the
-    displacement before the last wavelength.
+    """Errors of the displacement and of the velocity over the last wavelength of the input. If the
+    displacement is in mm, the errors of the velocity are in mm/s. `transient` is the largest error
+    of the displacement before the last wavelength.
     """
 
     displacement_rmse: float

@@ -57,8 +57,8 @@ def linear_start(pieces: tuple[Piece, ...], stride: int) -> tuple[float, float] 
     """Return P1 and P2 by linear regression of `y[k + 2s] = a y[k + s] + b y[k] + sum_m c_m
     d_m[k]`. The poles of this equation refer to a stride of s samples, and are converted to one
     sample. Only triples of samples at which the section is active are used. The result is None if
-    there are too few of them. Noise in y biases the regression (it is one step ahead), so its
-    result is only a starting point.
+    there are too few such triples. The regression predicts only one step ahead, so noise in y
+    biases it. Its result is therefore only a starting point.
     """
     rows, targets = [], []
     for piece in pieces:
@@ -126,7 +126,7 @@ def swarm(problem: Problem, recipe: MotionRecipe) -> Found:
     """Return the best P1, P2 and P3 in the region in which sections can be stable (P section 2.2).
     An unstable particle costs more than any stable one.
 
-    The input is the only drive; the check of the spec refuses others. Raises FitError if no
+    The input is the only drive; the check of the spec refuses other drives. Raises FitError if no
     particle was stable.
     """
     walls = _walls(Bounds(), problem)

@@ -161,8 +161,8 @@ def plan(
 
 
 def _values_of(over: Sequence[str]) -> dict[str, list[Any]]:
-    """Return the values of every setting, `fit.max_terms=2,4,8`, each as YAML. Raises UsageError
-    for another form, or without a value.
+    """Return the values of every setting, `fit.max_terms=2,4,8`, each as YAML. Raises UsageError if
+    the text has another form, or if a setting has no value.
     """
     from mapmore_cli.study.diagnostics import Mistake
     from mapmore_cli.study.tree import SourceText, written
@@ -215,8 +215,8 @@ def _prices_of(text: str | None) -> dict[str, float]:
 
 
 def write_results(paths: Sequence[Path], table: Table, result: Tuning | Plan | None) -> None:
-    """Write the table to each of the files; to files with the suffix of a figure, draw the figure
-    of the result.
+    """Write a result to each of the files: as a figure if the file has the suffix of a figure,
+    otherwise as a table.
     """
     from mapmore_cli.reporting.table import to_csv, to_latex
 

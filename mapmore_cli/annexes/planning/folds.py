@@ -30,8 +30,8 @@ def training_only(dataset: Dataset) -> Dataset:
 
 @dataclass(frozen=True)
 class Folds:
-    """Data for comparing settings: a `dataset` of training samples only, and the samples of each
-    curve that every fold leaves out. Errors are divided by `scale`.
+    """Data for comparing settings: a `dataset` of training samples only, and, for every fold, the
+    samples of each curve that the fold leaves out. Errors are divided by `scale`.
     """
 
     dataset: Dataset
@@ -44,8 +44,8 @@ class Folds:
 def folds_of(dataset: Dataset, choices: ModelChoices, normaliser: str, by_level: bool) -> Folds:
     """Return folds of the training samples. If there are enough inner levels, each fold leaves out
     one of them; otherwise, each fold leaves out a block of samples. If the study holds out levels
-    (`by_level`), training levels are also left out of pooled curves. With fewer than three inner
-    levels, the outer levels are left out, too.
+    (`by_level`), folds leave out levels even if one function is fitted to all curves together. With
+    fewer than three inner levels, the outer levels are then left out, too.
 
     Raises DataError if there are too few samples to leave out a block.
     """

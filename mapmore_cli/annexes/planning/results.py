@@ -22,8 +22,8 @@ class Candidate:
     at: Mapping[str, float]  # values of the quantities to set, by name, in the model's units
     kind: Literal["between", "point"]  # `between` two levels, or a `point` of a map
     gap: float = math.nan  # distance between the two levels
-    half_width: float = math.nan  # half width at this place before the measurement
-    after: float = math.nan  # forecast of the half width after the measurement
+    half_width: float = math.nan  # half width of the interval before the measurement
+    after: float = math.nan  # forecast of the half width of the interval after the measurement
     error: float = math.nan  # expected root mean square error at this place before the measurement
     cost: float = 1.0  # cost of the measurement, by the prices that the user gave
 
@@ -46,7 +46,7 @@ class Picture:
 
     places: Columns  # coordinates of the half widths by name, (n,) each
     before: Array  # half widths before the measurement, (n,)
-    after: Array  # half widths with all points of the plan measured, (n,)
+    after: Array  # half widths after all points of the plan were measured, (n,)
     measured: Columns  # coordinates of the training samples by name, (m,) each
 
 
@@ -92,7 +92,7 @@ class Tuning:
     """All combinations of settings that were tried, and the recommended one."""
 
     name: str
-    left_out: str  # what each fold leaves out
+    left_out: str  # description of the data that each fold leaves out
     full_scale: str  # divisor of errors
     trials: tuple[Trial, ...]
     best: Trial  # the combination with the smallest error

@@ -96,8 +96,9 @@ def _variants(
 
 
 def _try_settings(settings: Mapping[str, Any], choices: ModelChoices, folds: Folds) -> Trial:
-    """For each fold, fit a model with these settings without the samples of the fold, and measure
-    its error on them. If a fit fails, return the reason instead of the errors.
+    """Return the errors of a model with these settings: for each fold, the model is fitted without
+    the samples of the fold, and its error is measured on these samples. If a fit fails, return the
+    reason instead.
     """
     try:
         size = parameters(refit(choices, folds.dataset))

@@ -1,5 +1,5 @@
-"""Add formulas and fit them together: the muscles of a pair pull against each other, and only the
-difference of their forces is measured.
+"""Fit the formulas of a sum together. An example is a pair of muscles that pull against each other,
+if only the difference of their forces is measured.
 """
 
 from __future__ import annotations
@@ -73,9 +73,9 @@ def actuator(force: Model, pressure: Model) -> Model:
     """Return a model whose input `pressure` is the output of another model, so that it computes the
     force from the command of the valve.
 
-    Raises DataError if the force does not depend on the pressure, depends on the rate of the
-    pressure, or has it in another unit; if the pressure model needs its measured past; or if both
-    have an input of the same name in different units.
+    Raises DataError in four cases: the force does not depend on the pressure, or has it in another
+    unit; the force depends on the rate of the pressure; the pressure model needs its measured past;
+    both models have an input of the same name in different units.
     """
     output, needed = pressure.output, {quantity.name: quantity for quantity in force.inputs}
     if needed.pop(output.name, None) != output:
@@ -121,7 +121,7 @@ def actuator(force: Model, pressure: Model) -> Model:
 
 def refuse_shared_names(inputs_of: Sequence[tuple[str, Sequence[str], Mapping[str, str]]]) -> None:
     """Raise SpecError if two parts of a sum have an input of the same name that the spec does not
-    rename, because equal names such as `pressure` may stand for different quantities.
+    rename. The two inputs may be different quantities, for example the pressures of two muscles.
 
     `inputs_of` holds for every part its name, its own inputs, and their renaming.
     """
@@ -154,8 +154,8 @@ def fit_jointly(
     """Fit `sum_i sign_i f_i` to `y`, (n,), by least squares over all parameters at once.
 
     The parameter `F` of the second summand has the name `F_2`. If the sum does not determine some
-    parameters separately, for example the constants of both, the rank is deficient, and the notes
-    name them.
+    parameters separately, for example a constant in each of two summands, the rank is deficient,
+    and the notes name these parameters.
 
     Raises SpecError for a formula with its own method of fitting, or one that needs a dimension of
     the muscle; DataError like `Formula.fit`.

@@ -177,7 +177,9 @@ class SumVerbs(Verbs):
         return sum(kinds.parameters(inner) for part in _body(model).parts for inner in part.models)
 
     def fed_back(self, model: Model) -> tuple[str, ...]:
-        """Return the measured outputs with which at least one part must begin."""
+        """Return the names of the outputs whose measured values at least one part needs to
+        start.
+        """
         return tuple(
             dict.fromkeys(
                 name

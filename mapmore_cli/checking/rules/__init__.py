@@ -1,7 +1,7 @@
 """Define the rules of `mapmore check`: functions that yield the issues of a study (`Subject`). To
 add a rule, add its function to one of the lists in `applied.py`.
 
-The readers and the spec refuse some faults by themselves; no rule is needed for these.
+The readers and the spec refuse some faults by themselves; no rule is needed for these faults.
 """
 
 from __future__ import annotations

@@ -39,7 +39,7 @@ def few_samples(subject: Subject) -> Issues:
 
 
 def one_fold(subject: Subject) -> Issues:
-    """Find a cross-validation over levels or groups of which there is only one."""
+    """Find a cross-validation over levels or groups if there is only one level or group."""
     data = subject.spec.data
     if not data.split.leaves_out:
         return
@@ -91,7 +91,7 @@ def beyond_training(subject: Subject) -> Issues:
 
 
 def inputs_of_model(subject: Subject) -> list[str]:
-    """Return the inputs of the model without the time and without the targets, whose past values
+    """Return the inputs of the model, except the time and the targets. Past values of the targets
     are predicted in a free run.
     """
     spec = subject.spec
@@ -167,8 +167,8 @@ def even_steps(subject: Subject) -> Issues:
 
 
 def single_valued(subject: Subject) -> Issues:
-    """Find loops: the target has two values at the same inputs. A model without memory predicts
-    only one of them, so its error is at least half the width of the loop.
+    """Find loops: the target has two values at the same inputs. A model without memory predicts a
+    single value there, so its error is at least half the width of the loop.
     """
     spec, dataset = subject.spec, subject.dataset
     moving = spec.runs_over_time or spec.target in ("hysteresis", "damping", "dynamic")

@@ -86,8 +86,8 @@ def _vacuum(subject: Subject, name: str) -> float | None:
 
 
 def _first_of(subject: Subject, recording: Recording, rows: IntArray) -> str:
-    """Return a text with the position of the first of some samples and the number of the others.
-    The position is the time and, if all rows were kept, the row in the file.
+    """Return a text with the position of the first sample in a list, and the number of further
+    samples. The position is the time and, if all rows were kept, the row in the file.
     """
     data, first = subject.spec.data, int(rows[0])
     by_rows = (

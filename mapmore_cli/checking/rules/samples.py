@@ -13,7 +13,7 @@ from mapmore_cli.domain.recording import Recording
 from mapmore_cli.domain.scores import FAR_FROM_ZERO
 from mapmore_cli.modelling.signals.sampling import PART, even_share
 
-# a sensor is saturated if an end of its range is so many times as frequent as other values
+# a sensor is saturated if an end of its range occurs this many times as often as other values
 FAR_MORE = 10
 # quantities that hardly ever keep exactly one value unless their sensor is saturated
 FROM_SENSORS = ("force", "pressure", "load")
@@ -67,7 +67,7 @@ def offset(subject: Subject) -> Issues:
 
 def same_signal(subject: Subject) -> Issues:
     """Find a signal that occurs twice, for example a sensor's voltage and the quantity computed
-    from it. Neither explains the other.
+    from it. Neither of the two can serve to model the other.
     """
     names = [name for name in subject.spec.data.measured if name != "time" and subject.has(name)]
     for family in evidence.same_signals([subject.pooled(name) for name in names]):

@@ -84,7 +84,7 @@ def strain_turned(subject: Subject) -> Issues:
     if muscle is None or muscle.kind not in KINDS or not subject.has("strain"):
         return
     if any(force_never_pulls(subject)):
-        return  # the sign of the force is wrong, which explains the same correlation
+        return  # a wrong sign of the force would give the same correlation
     strain, pressure, force = (
         even_share(subject.pooled(name)) if subject.has(name) else np.zeros(1)
         for name in ("strain", "pressure", "force")
@@ -109,7 +109,7 @@ def strain_turned(subject: Subject) -> Issues:
 def _partial(between: float, first: float, second: float) -> float:
     """Return the partial correlation of two signals whose correlation is `between`. `first` and
     `second` are their correlations with a third signal, whose effect is removed. The result is 0 if
-    this third signal explains one of them up to rounding.
+    the third signal explains one of the two signals up to rounding.
     """
     left = (1 - first**2) * (1 - second**2)
     return (between - first * second) / math.sqrt(left) if left > ROUNDING**2 else 0.0

@@ -34,8 +34,9 @@ def strain_in_per_cent(subject: Subject) -> Issues:
 
 
 def unit_in_the_name(subject: Subject) -> Issues:
-    """Find columns whose name contains another unit: a column `P_psi` is hardly in kPa. A column in
-    per cent may contain fractions that are only shown in per cent, if the spec says `unit: 1`.
+    """Find columns whose name contains another unit than the spec: a column `P_psi` is probably not
+    in kPa. A title with per cent is allowed beside `unit: 1`, because a spreadsheet may hold
+    fractions and show them in per cent.
     """
     for name, column in subject.spec.data.columns.items():
         label = read_label(column.column) if isinstance(column.column, str) else None

@@ -44,8 +44,8 @@ class Cuts(Settings):
       `min_samples` samples.
     - `breakpoints` makes segments between the boundaries in `at`. Neighbouring segments are joined
       as with `even`.
-    - `gradient` puts boundaries where the slope of the target changes most, at least a tenth of the
-      range of each curve apart.
+    - `gradient` puts boundaries where the slope of the target changes most. Neighbouring boundaries
+      are at least a tenth of the range of the curve apart.
     - `optimal` tries boundaries on a grid of 20 equal cells, and chooses the boundaries with which
       the fits have the smallest error.
 

@@ -110,7 +110,7 @@ class Axis:
 def nice_ticks(low: float, high: float, most: int) -> list[float]:
     """Return at most `most` + 1 multiples of 1, 2, 2.5 or 5 times a power of ten within a range."""
     span = high - low
-    # numbers that differ in their last bits alone have no ticks between them
+    # numbers that differ only in their last bits have no ticks between them
     if not (math.isfinite(span) and span > SAME * max(abs(low), abs(high))):
         return [low]
     power = 10.0 ** math.floor(math.log10(span / most))

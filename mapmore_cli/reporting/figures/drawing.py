@@ -49,7 +49,7 @@ class Panel:
     each other that share the x axis.
 
     - `key`: name that distinguishes it within its figure, for example of a curve or a model; empty
-      if it is the only one.
+      if the figure has no other panel.
     - `draw`: function that draws on the given axes, from top to bottom.
     - `data`: the numbers that are drawn, by heading with unit, (n,) each; empty if they are not
       written beside the figure.
@@ -80,8 +80,8 @@ class Layout:
     - `columns`: panels side by side; by default up to three.
     - `width`: inches of the whole figure; by default, one column of a journal page for one panel,
       otherwise two.
-    - `common_x`, `common_y`: whether all panels share the x axis; whether the panels of a row, or
-      all, share the y axis.
+    - `common_x`: True if all panels share the x axis.
+    - `common_y`: panels that share the y axis: `none`, those of a `row`, or `all`.
     - `projection`: `3d` for axes with three dimensions.
     """
 
@@ -334,8 +334,8 @@ def to_svg(figure: Figure, name: str, alt: str) -> str:
 
     It contains no date and no creator, and definitions are named by a hash of their content, salted
     with the `name`. Names of groups (`axes_1`) are removed, because they would repeat between the
-    figures of a page. Groups with the name `map` get this class, because the colours of a map are
-    not inverted on a dark page.
+    figures of a page. Groups with the name `map` get the class `map` instead, so that a dark page
+    does not invert their colours.
     """
     from matplotlib import rc_context
 
@@ -355,8 +355,8 @@ def to_bytes(figure: Figure, suffix: str, name: str, alt: str) -> bytes:
     """Return a figure with its name and its description as a file with this `suffix`, within
     `figure_style`.
 
-    Neither a date nor the name of a program is written. The fonts of a PDF are embedded as outlines
-    that journals take (Type 42).
+    Neither a date nor the name of a program is written. The fonts of a PDF are embedded in the form
+    that journals accept (Type 42).
     """
     if suffix == "svg":
         return (SVG_PROLOGUE + to_svg(figure, name, alt)).encode()

@@ -66,7 +66,7 @@ def _step(across: float, up: float) -> str:
     return _tenths(across) + ("" if top.startswith("-") else " ") + top
 
 
-@lru_cache(4096)  # most steps are short, so their texts repeat
+@lru_cache(4096)  # most steps are short, so many texts are equal
 def _tenths(count: float) -> str:
     """Return a number of tenths as a decimal number without a zero before its point: 3 as `.3`."""
     return re.sub(r"^(-?)0\.", r"\1.", f"{count / 10 + 0.0:.1f}".removesuffix(".0"))

@@ -1,5 +1,6 @@
-"""Draw measured and predicted values: over time for recordings of motion and models with memory
-(for these also as loops), otherwise over the quantity that varies within a curve.
+"""Draw measured and predicted values. Recordings of motion and models with memory are drawn over
+time, models with memory also as loops. Everything else is drawn over the quantity that varies
+within a curve.
 
 Curves are drawn as in M2's figures 9, 10, 12, 13 and 15, with the predictions above and the errors
 below. Training curves of a static model share one panel.
@@ -36,7 +37,7 @@ curve, and of training curves.
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return the figures of the fit that suit the study."""
+    """Return the figures of the fit. The kind of study decides which figures are drawn."""
     curves = inputs.dataset.curves
     held_out = [
         i for i, curve in enumerate(curves) if curve.held_out.any() or curve.id in inputs.asked
@@ -81,7 +82,7 @@ class CurveFit:
 
     def draw(self, top: Axes, bottom: Axes, words: tuple[str, str]) -> None:
         """Draw measured samples and a line for every model above, and predicted minus measured
-        values below. `words` are the legend entries for held-out samples and for others.
+        values below. `words` are the legend entries for held-out samples and for all other samples.
 
         Over time, measured samples are a line; otherwise they are dots, filled if they are held
         out. A model without prediction is not drawn, and the axes do not grow for one that is far
@@ -301,8 +302,8 @@ def training_figures(inputs: ReportInputs) -> list[Drawing]:
 
 
 def loop_figures(inputs: ReportInputs) -> list[Drawing]:
-    """Return a figure with a row of panels for each held-out recording. Each panel shows one model
-    over the measured loops: the run's own, and its best competitors.
+    """Return a figure with a row of panels for each held-out recording. The run's own model and its
+    best competitors have a panel each, in which the model is drawn over the measured loops.
     """
     numbers = [i for i, curve in enumerate(inputs.dataset.curves) if curve.held_out.any()]
     shown = panels.some_curves(inputs, numbers, MOST_LOOPS)

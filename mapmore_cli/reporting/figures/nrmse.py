@@ -29,12 +29,10 @@ FLOOR: dict[str, Any] = {"color": GREY, "linestyle": (0, (3, 2)), "linewidth": 0
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return one figure for all models: a pair of bars for their pooled scores in per cent, solid
-    for held-out and hatched for training data, with values at the right and published values as
-    diamonds.
-
-    A model whose fit failed has no bar. A dashed line shows the difference between repeated
-    measurements.
+    """Return one figure of the pooled scores of all models, in per cent. Each model has a solid bar
+    for held-out data and a hatched bar for training data, with the values at the right. Published
+    values are diamonds. A model whose fit failed has no bar. A dashed line shows the difference
+    between repeated measurements.
     """
     pooled = [s for s in inputs.validation.scores if s.curve == "all"]
     errors = {(s.model, s.split): 100 * s.nrmse for s in pooled if math.isfinite(s.nrmse)}

@@ -235,7 +235,7 @@ def told_apart(names: Sequence[str], length: int) -> list[str]:
     different.
 
     If one is too long, the words with which all names begin and end are left out, then the middle.
-    Names that are equal after that get a number.
+    Names that are equal after this shortening get a number.
     """
     if len({*names}) < 2 or max(map(len, names)) <= length:
         return [shorten(name, length) for name in names]

@@ -31,8 +31,8 @@ SMALLEST = 9.2
 
 
 def sketched(drawing: Drawing, style: FigureStyle) -> RenderedFigure | None:
-    """Draw each panel of a figure as a separate SVG, so that they can be arranged below each other
-    on a narrow screen; the same holds for the entries of the legend.
+    """Draw each panel of a figure, and each entry of its legend, as a separate SVG. On a narrow
+    screen, the panels can then be arranged below each other, and so can the entries.
 
     The result is None if a panel calls methods that a `Sketch` lacks, or if its texts contain
     formulas, so that Matplotlib must draw it.

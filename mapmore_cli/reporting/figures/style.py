@@ -70,7 +70,7 @@ def figure_style(style: FigureStyle = PLAIN) -> Iterator[None]:
 
 
 def has_font(name: str) -> bool:
-    """Return True if this machine has a font of that name."""
+    """Return True if this machine has a font with this name."""
     from matplotlib.font_manager import fontManager
 
     return name in {font.name for font in fontManager.ttflist}
@@ -148,7 +148,7 @@ _OTHERS = (
 
 def model_styles(models: Sequence[str], palette: Sequence[str] = ()) -> dict[str, ModelStyle]:
     """Return a style for each model. The first model, the run's own, always has the same style. The
-    others get the remaining styles in their order. Repeated names are ignored.
+    other models get the remaining styles in their order. Repeated names are ignored.
 
     A `palette` replaces the colours; its first colour is for the run's own model.
     """

@@ -65,7 +65,7 @@ class Sheet(NamedTuple):
     label: str
 
     def panel(self, draw: Callable[..., None]) -> Panel:
-        """Return a panel that shows this sheet; `draw` is the function that draws it."""
+        """Return a panel that shows this surface; `draw` is the function that draws it."""
         x_label, y_label = self.plane.labels
         columns = (self.across.ravel(), self.up.ravel(), self.output.ravel())
         data = dict(zip((x_label, y_label, self.label), columns, strict=True))

@@ -36,9 +36,10 @@ RUNNER_UP = DOT | {"markersize": 4, "zorder": 2, "color": GREY, "markerfacecolor
 
 
 def left_unexplained(fit: SegmentFit) -> tuple[Array, Array]:
-    """Return the percentage of the sum of squares that remains after each step, (k,), and the
-    percentage that would remain if the runner-up of the step had been chosen (NaN without a
-    runner-up). Both are computed from the stored error reduction ratios of all candidates.
+    """Return two percentages of the sum of squares for each step of the selection, (k,) each. The
+    first is what remains unexplained after the step. The second is what would remain if the
+    runner-up had been chosen (NaN without a runner-up). Both are computed from the stored error
+    reduction ratios of all candidates.
     """
     chosen = fit.selection
     left = 100 * (1 - np.cumsum(chosen.err))
@@ -57,8 +58,9 @@ def whole_curves(fits: Sequence[SegmentFit], most: int) -> list[SegmentFit]:
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return one figure with a row for each segment: a filled dot for every chosen term, an open
-    one for its runner-up, and the names at the right; empty for a model without segments.
+    """Return one figure with a row for each segment, or none for a model without segments. In a
+    row, each chosen term is a filled dot, and its runner-up is an open dot. The names of the terms
+    stand at the right.
     """
     every = inputs.fit.pieces
     fits = [fit for fit in whole_curves(every, MOST_SEGMENTS) if fit.terms]

@@ -128,7 +128,7 @@ def put_arrays(file: h5py.File, arrays: Sequence[Waiting], digest: Digest) -> No
 
 
 def put_text(file: h5py.File, path: str, text: str, description: str) -> None:
-    """Store a text of any length, which the file declares."""
+    """Store a text of any length. The type of the dataset declares the length."""
     data = text.replace("\0", "").encode()
     kind = h5py.string_dtype("utf-8", max(1, len(data)))
     dataset = file.create_dataset(path, data=np.array(data, dtype=kind), track_times=False)
@@ -150,7 +150,9 @@ def add_to_hash(digest: Digest, path: str, value: Numbers, dtype: str) -> None:
 
 
 def as_link(path: str, other: str) -> bytes:
-    """Return the bytes that a checksum includes for an array that is linked to another one."""
+    """Return the bytes that a checksum includes for an array that is stored as a link to another
+    array.
+    """
     return f"{path} = {other}\n".encode()
 
 
@@ -349,7 +351,7 @@ class SteadyFile(FileIO):
     fault: OSError | None = None
 
     def write(self, data: ReadableBuffer) -> int:
-        """Write the data. After a fault, only pretend to write."""
+        """Write the data. After a fault, write nothing, but report success."""
         rest = memoryview(data)
         size = rest.nbytes
         while len(rest) and self.fault is None:
@@ -360,7 +362,7 @@ class SteadyFile(FileIO):
         return size
 
     def truncate(self, size: int | None = None) -> int:
-        """Set the length of the file. After a fault, only pretend to do so."""
+        """Set the length of the file. After a fault, do nothing, but report success."""
         try:
             return super().truncate(size) if self.fault is None else size or 0
         except OSError as fault:

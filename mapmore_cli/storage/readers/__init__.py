@@ -34,7 +34,7 @@ def suffix_of(path: Path) -> str:
 
 def reader_of(path: Path) -> Reader | None:
     """Return the reader for files with this beginning or this name; None if no reader claims it.
-    Of several readers for this beginning, that for the name is returned.
+    If several readers claim the beginning, the one that also claims the name is returned.
     """
     # the beginning of a pipe is not examined, because a pipe can be read only once
     head = head_of(path) if path.is_file() else b""

@@ -254,8 +254,9 @@ def _blocks_of(lines: Lines, layout: Layout, raw: BufferedReader) -> Iterator[li
 
 
 def values_of_text(text: bytes, layout: Layout) -> list[Array]:
-    """Return the wanted columns, (n,) each, of UTF-8 text in which every line is one record of full
-    width and the wanted fields are plain numbers or empty; otherwise an empty list.
+    """Return the wanted columns, (n,) each, of UTF-8 text, as PyArrow reads them. Every line must
+    be one record of full width, and the wanted fields must be plain numbers or empty; otherwise the
+    result is an empty list.
 
     PyArrow needs a thirtieth of the time of `values_of_records`, and returns exactly the same
     doubles. But it reads blank lines as records and `nan(ind)` as a number. Therefore, PyArrow is

@@ -149,7 +149,7 @@ def _meant(stored: Values, said: Mapping[str, Any]) -> Array:
         }
     factor, offset = said.get("scale_factor", [1.0])[0], said.get("add_offset", [0.0])[0]
     numbers = stored.astype(np.float64) * factor + offset
-    # in netCDF, limits of valid numbers are stored values, unless only the limits are floats
+    # netCDF's limits of valid values are stored values; float limits of integers are scaled values
     limits = [said[key] for key in LIMITS if key in said]
     as_meant = kind != "f" and any(limit.dtype.kind == "f" for limit in limits)
     limited = numbers if as_meant else stored

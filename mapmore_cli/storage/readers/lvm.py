@@ -40,8 +40,8 @@ class LvmSegment:
 
     - `said`: entries of the header for each channel, by keyword.
     - `titles`: titles of all columns.
-    - `open_end`, `padding`: only of the last segment: its last line without a line end, and the
-      number of fill characters after it.
+    - `open_end`, `padding`: only the last segment has them. They are its last line, if it has no
+      line end, and the number of fill characters after it.
     """
 
     said: Mapping[str, Sequence[str]]
@@ -133,7 +133,7 @@ def _goes_on(
     before: LvmSegment, rows: Sequence[Row], segment: LvmSegment, further: Sequence[Row]
 ) -> bool:
     """Return True if a segment continues the segment before it: both have the same titles, and all
-    times in it are later.
+    times in the later segment are larger.
     """
     if before.titles != segment.titles:
         return False

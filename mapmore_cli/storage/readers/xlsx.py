@@ -110,7 +110,7 @@ def read_xlsx(path: Path, request: TableRequest) -> list[RawTable]:
 
 def peek_xlsx(path: Path, most: int) -> Iterable[Top]:
     """Return the first rows of every visible sheet that is not empty, in their order. A spec must
-    name every sheet but the first.
+    name the sheet that it reads, unless this is the first.
     """
     with reading(path.name, "workbook"):
         sheets = _visible_sheets(_sheets_in(path, path.name, most))
@@ -141,7 +141,7 @@ def _is_filled(cell: object) -> bool:
 
 def _decimal_in_texts(rows: Iterable[Sequence[Any]]) -> str | None:
     """Return the decimal mark of the numbers that are written as texts; None if there are fewer
-    than two of them, because a title or a remark can look like a number, too.
+    than two such texts, because a single title or remark can look like a number.
     """
     texts = [cell for row in rows for cell in row if isinstance(cell, str)]
     counts = {

@@ -86,7 +86,7 @@ class TableRequest:
     def cells(self, column: SourceColumn) -> CellReader:
         """Return the reader of the cells of a column."""
         thousands = self.thousands_of.get(column, self.thousands)
-        # if `decimal` separates thousands in this column, its decimal mark is the other one
+        # if the point separates thousands in a column, the comma is its decimal mark, or vice versa
         other = "," if thousands == "." else "."
         return CellReader(
             self.missing,

@@ -34,12 +34,12 @@ binary files, they are about 0.4 and 0.04.
 
 
 def begins_like(reader: Reader, head: bytes) -> bool:
-    """Return True if a file with these first bytes is one of the reader, by its `begins`."""
+    """Return True if the first bytes of a file match the pattern `begins` of the reader."""
     return bool(reader.begins) and re.match(reader.begins, head, re.DOTALL) is not None
 
 
 def is_binary(head: bytes) -> bool:
-    """Return True if the first bytes are those of no text, in any encoding."""
+    """Return True if no text, in whatever encoding, begins with these bytes."""
     filled = head.replace(b"\0", b"")  # UTF-16 has a NUL beside each plain character
     return (
         b"\0" in head
@@ -54,8 +54,8 @@ def is_binary(head: bytes) -> bool:
 def refuse_other_format(
     reader: Reader, readers: Collection[Reader], path: Path, label: str
 ) -> None:
-    """Raise DataError if a file is not one of its reader: if it begins like a file of another of
-    the `readers`, or if the reader reads texts and the file is none.
+    """Raise DataError if a file does not suit its reader: if it begins like a file for another of
+    the `readers`, or if the reader reads texts and the file is binary.
     """
     # the beginning of a pipe is not examined, because a pipe can be read only once
     head = head_of(path) if path.is_file() else b""

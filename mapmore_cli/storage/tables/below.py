@@ -38,8 +38,8 @@ class Below:
 
 
 def tables_below(rows: Iterable[Row], header: int, is_number: Callable[[Any], bool]) -> list[Below]:
-    """Return the tables in rows without blank ones, from the top to the bottom. Tables that stand
-    side by side follow each other from the left to the right.
+    """Return the tables in `rows`, which contain no blank rows, from the top to the bottom. Tables
+    that stand side by side follow each other from the left to the right.
 
     A table has `header` lines of words directly above its numbers. It ends at a line without
     numbers. If tables have no header lines, there are two further ends: a blank line, and the
@@ -92,7 +92,7 @@ def _without_head(tables: Sequence[Below]) -> list[Below]:
 
 
 def names_its_line(cell: Any) -> bool:
-    """Return True if a cell says what the other cells of its line hold, for example `Unit:`."""
+    """Return True if a cell is a label for the other cells of its line, for example `Unit:`."""
     return _text(cell)[1:].endswith((":", "="))
 
 

@@ -229,7 +229,7 @@ class CellReader:
         return seconds
 
     def _stamp(self, cell: object, text: str, value: float | None) -> tuple[str, float] | None:
-        """Return the form and the number of a cell of the time."""
+        """Return the form of a cell in the time column, and the time as a number."""
         if self.format is None and value is not None:
             return NUMBER, value
         if self.format is None or not isinstance(cell, str):

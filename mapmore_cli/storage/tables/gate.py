@@ -36,9 +36,9 @@ on.
 
 
 def gated(reader: Reader, readers: Collection[Reader] = ()) -> Reader:
-    """Return the reader with a `read` whose results the gate has checked, and with a function that
-    returns the first rows. If a file cannot be read, the error
-    names the one of the `readers` that fits.
+    """Return the reader with checks: the format of a file is checked before its first rows are
+    returned, and the tables that `read` returns are checked for incomplete rows. If a file cannot
+    be read, the error names the one of the `readers` that can read it.
     """
     read = partial(_judged_tables, reader, readers)
     peek = reader.peek or partial(_first_rows, read)
@@ -113,11 +113,11 @@ def _without_cut_rows(table: RawTable, request: TableRequest) -> RawTable:
 
 
 def _cut_in(end: OpenEnd, rows: Rows) -> Cut | None:
-    """Return the evidence that the last line, which has no line end, is incomplete. There are two
-    kinds of evidence: the line has fewer cells than every line before it, or its last cell has
-    fewer digits than the same cell has in all lines before (254.126 was cut to 2), or alone none
-    behind its decimal point. Return None without evidence, or if the line is not among the `rows`
-    of the table.
+    """Return the evidence that the last line, which has no line end, is incomplete. There are three
+    kinds of evidence. The line has fewer cells than every line before it. The last cell has fewer
+    decimals than this column has in all lines before, for example 2 in place of 254.126. The last
+    cell is the only one in its column that ends with the decimal point. Return None without
+    evidence, or if the line is not among the `rows` of the table.
     """
     # in a map, one line holds several samples
     samples = len([*takewhile(lambda row: row == end.row, reversed(rows))])

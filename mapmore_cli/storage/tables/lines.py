@@ -1,4 +1,4 @@
-"""Read a text file as numbered lines, also a compressed one, and guess its encoding."""
+"""Read a text file, plain or compressed, as numbered lines, and guess its encoding."""
 
 from __future__ import annotations
 
@@ -81,8 +81,8 @@ def _unzipped(raw: BufferedReader) -> IO[bytes]:
 def open_lines(
     path: Path, encoding: str, label: str, errors: str = "strict"
 ) -> Iterator[tuple[Lines, BufferedReader]]:
-    """Open a file, plain or compressed, and return its lines, which end with LF, CR LF or CR, and
-    the file itself.
+    """Open a file, plain or compressed. Return its lines, which may end with LF, CR LF or CR, and
+    the open file.
     """
     with path.open("rb") as raw:
         found = os.fstat(raw.fileno())
@@ -114,7 +114,7 @@ def lines_of(
 
 
 def as_text(binary: IO[bytes]) -> TextIO:
-    """Return a text stream over a binary one; a byte order mark is skipped."""
+    """Return a text stream over a binary stream; a byte order mark is skipped."""
     return io.TextIOWrapper(binary, encoding="utf-8-sig", errors=TEXT_ERRORS, newline="")
 
 
@@ -136,7 +136,7 @@ class Lines(Iterator[str]):
         self._held, self._at, self._ended, self._size = b"", 0, False, 0
         self._tail = b""  # padding at the end of the text read so far; more text may follow
         self.taken = self.rows = self.padding = 0
-        # a device may deliver padding without end; if True, reading stops after too much of it
+        # if `endless` is True, reading stops after too much padding, because it may never end
         self.endless = False
 
     def __next__(self) -> str:
@@ -269,9 +269,9 @@ the letter behind it looks like a Japanese one.
 
 
 def _is_written_in(head: bytes, name: str) -> bool:
-    """Return True if the first bytes of a text can be decoded, and have the form of the encoding.
-    If characters have two bytes, at least half of them must then be frequent letters, and two of
-    them must stand together.
+    """Return True if a text that begins with these bytes is probably in the encoding `name`: the
+    bytes can be decoded. For an encoding with characters of two bytes, at least half of these
+    characters must also be frequent letters, and two of them must stand side by side.
     """
     try:
         # the last character of `head` may be cut off, which this decoder accepts

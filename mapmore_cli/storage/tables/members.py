@@ -167,8 +167,8 @@ def _parse_index(inside: str, text: str) -> Selection:
 
 
 def tables(top: Member, request: TableRequest) -> list[RawTable]:
-    """Return the recordings below `request.root`: one, or one for every element if it ends with
-    `[*]`.
+    """Return the recordings below `request.root`: one for every element if `root` ends with `[*]`,
+    otherwise a single one.
 
     Members of a group that have none of the columns are left out, with a warning.
 
@@ -223,7 +223,7 @@ def _steps_to(column: SourceColumn, base: Member) -> tuple[str | Selection, ...]
 
 
 def _begins_with(address: str, name: str) -> bool:
-    """Return True if the first step of an address is this name, behind a separator or without."""
+    """Return True if the first step of an address is this name, with or without separator."""
     begins = (0, 1) if address[:1] in ("/", ".") else (0,)
     return any(
         address.startswith(name, at) and address[at + len(name) :][:1] in ("", ".", "/", "[")
@@ -243,8 +243,8 @@ def _has_some(element: Member, request: TableRequest) -> bool:
 def _table_of_member(
     base: Member, request: TableRequest, label: str, element: int | None = None
 ) -> RawTable:
-    """Return the columns of a member, all cut to the length of the shortest one. The gate reports
-    if the lengths differed.
+    """Return the columns of a member, all cut to the length of the shortest one. If the lengths
+    differed, the table notes this; `gate.py` then raises an error or warns.
     """
     noted: dict[SourceColumn, Noted] = {}
     columns: dict[SourceColumn, Array] = {}
@@ -350,9 +350,9 @@ def _column(
 def as_numbers(values: object, what: str, read: CellReader | None = None) -> Array:
     """Return an array as numbers of the same shape; `read` reads the cells of its column.
 
-    Text is read cell by cell. If the column may have them, time stamps become seconds since 1970,
-    and durations seconds. Raises DataError for anything else, with a message that begins with
-    `what`.
+    Text is read cell by cell. In a column that may hold times, time stamps become seconds since
+    1970, and durations become seconds. Raises DataError for anything else, with a message that
+    begins with `what`.
     """
     read = read or CellReader()
     array = np.asarray(values)

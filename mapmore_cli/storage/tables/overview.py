@@ -167,7 +167,7 @@ def _text(here: Member, name: str) -> str:
 
 
 def _readable(here: Member, name: str | int) -> Member | None:
-    """Return a member or an element. Return None if it does not exist or cannot be read."""
+    """Return the member or element of `here`; None if it does not exist or cannot be read."""
     with suppress(DataError):
         if isinstance(name, int):
             return here.element(name)
@@ -193,8 +193,8 @@ def _first_recording(here: Member) -> Member | None:
     """Return the first element of an array, or the first of at least two groups with the same
     member names.
 
-    Beside these, there may be single values, and groups that have none of these names. Simulink's
-    structs with time are no recordings, because they are signals of one recording.
+    Single values, and groups that have none of these names, may stand beside these groups.
+    Simulink's structs with time are no recordings, because they are signals of one recording.
     """
     if not here.count or not here.names:
         return here.element(0) if here.count else None
@@ -264,9 +264,9 @@ def _texts_in(member: Member) -> list[str]:
 
 
 def _columns_of(place: Place, most: int, titles: Sequence[Sequence[str]] = ()) -> Iterator[Column]:
-    """Yield the columns of an array: the array itself, or the columns of a matrix. If one of the
-    lists of texts beside a matrix has as many texts as the matrix has columns, these are the
-    titles.
+    """Yield the columns of an array: the array itself, or the columns of a matrix. If a list of
+    texts beside a matrix has as many texts as the matrix has columns, these texts are the titles of
+    the columns.
     """
     address, title, group, member, unit = place
     noted = replace(member.noted, unit=member.noted.unit or unit)

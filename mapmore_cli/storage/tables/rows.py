@@ -59,8 +59,8 @@ def table_of_records(
     pairs of name and cell. A cell that a record lacks is NaN. A request without columns gets all
     columns with numbers.
 
-    Raises DataError for a name that no record has, or that occurs twice in one; NotANumber for a
-    cell that is no number.
+    Raises DataError for a name that no record has, or that occurs twice in a record; NotANumber for
+    a cell that is no number.
     """
     counts = Counter[str]()
     for _, pairs in records:

@@ -92,7 +92,7 @@ def _mark(cells: list[list[Any]], facts: Iterable[Fact]) -> None:
     formulas that were never computed, numbers that are shown in per cent, and merged cells.
     """
     width = max(map(len, cells), default=0)
-    # the number of marks is limited, because many ranges that overlap would take very long
+    # the number of marked cells is limited, because many overlapping ranges would take very long
     left = 4 * width * len(cells)
     for top, first, bottom, last, said in facts:
         rows, columns = range(top, min(bottom + 1, len(cells))), range(first, min(last + 1, width))

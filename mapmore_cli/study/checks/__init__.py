@@ -1,4 +1,4 @@
-"""Find contradictions between the settings of an experiment whose values are valid one by one."""
+"""Find contradictions between settings of an experiment. Each of the settings is valid alone."""
 
 from mapmore_cli.study.checks import (
     competitors,

@@ -1,4 +1,4 @@
-"""Check that the study has what its target and its kind of model need."""
+"""Check that the study has everything that its target and its kind of model need."""
 
 from __future__ import annotations
 

@@ -414,8 +414,8 @@ class Join(Logs):
     """A second log of the same tests. The quantities of the second log are added to the samples of
     the first log.
 
-    Samples at times outside the second log count as missing. A single file serves all recordings;
-    several files are paired with the files of `data.files` in their order.
+    Samples at times outside the second log count as missing. A single file is joined to all
+    recordings; several files are paired with the files of `data.files` in their order.
 
     - `on`: How the logs are joined. `time` interpolates the second log linearly, after `shift` was
       added to its time. `row` pairs the rows by their number. Example: `row`

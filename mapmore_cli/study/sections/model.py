@@ -23,7 +23,7 @@ class FormulaParameter(Section):
 
     - `unit`: Unit of the parameter, shown beside its value. Example: `kPa`
     - `bounds`: Smallest and largest value of the parameter. Required if the formula is not linear
-      in it. Example: `[0, 10]`
+      in this parameter. Example: `[0, 10]`
     """
 
     unit: str | None = None

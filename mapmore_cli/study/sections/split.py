@@ -108,7 +108,8 @@ class Split(Section):
     - `validate`: The samples that are held out. Example: `{pressure: [250]}`
     - `leave_one_level_out`: If true, leave out each level once, fit the others and predict the
       level that was left out. Example: `true`
-    - `leave_one_group_out`: The same over the groups of `data.groups`. Example: `true`
+    - `leave_one_group_out`: If true, leave out each group of `data.groups` once, fit the others and
+      predict the group that was left out. Example: `true`
     - `structure_seen`: Set this to true if you chose the structure of the model with the data that
       are held out. The verdict of the run then says so first, because the held-out scores are too
       optimistic. Example: `true`

@@ -18,7 +18,7 @@ STARTS = ((0.02,), (0.05,), (0.1,), (0.2,), (0.35,))
 
 def play_recursion(setting: Setting) -> Recursion:
     """Return the rule `w[k] = min(max(w[k-1], x[k] - width), x[k] + width)` with `w[0] = x[0]`;
-    `width` is half the slack.
+    `width` is half the gap.
 
     A sum of such operators is the Prandtl-Ishlinskii model (P. Krejci, K. Kuhnen 2001).
     """
@@ -83,7 +83,7 @@ def _with_widths(
 OPERATORS = (
     _with_widths(
         "play",
-        "`play` operators (backlash) on the quantities in `of`. `widths` are half the slack",
+        "`play` operators (backlash) on the quantities in `of`. `widths` are half the gap",
         play_recursion,
         lambda x, setting: play(x, setting.width),
     ),

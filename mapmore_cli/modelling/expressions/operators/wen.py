@@ -79,8 +79,8 @@ OPERATORS = (
         name="wen",
         summary=(
             "Smooth hysteresis (Bouc-Wen) of the quantities in `of`. The state saturates with the "
-            "rate `p` and turns back with the rate `q`, both per training range. Training "
-            "estimates `p` and `q` from 0 upwards if they are not given."
+            "rate `p` and turns back with the rate `q`. Both rates are per training range of the "
+            "quantity. Training estimates `p` and `q` from 0 upwards if they are not given."
         ),
         recursion=recursion,
         parameters=_rates(0.0),
