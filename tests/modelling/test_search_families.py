@@ -253,6 +253,14 @@ def test_what_is_held_out_is_not_looked_at():
     assert situation_of(one) == situation_of(two)
 
 
+def test_a_clock_that_no_curve_has_is_no_clock():
+    """A study may declare a time that its files do not hold."""
+    x = np.arange(100.0)
+    whole = dataset_of({"x": x, "y": x})
+    declared = replace(whole, quantities={**whole.quantities, "time": whole.quantities["x"]})
+    assert situation_of(declared) == situation_of(whole)
+
+
 def test_bands_of_an_input_are_left_out_where_the_study_holds_some_out():
     """A pressure swept up and down: pieces of the time hold all of its values, and ask for nothing
     between.

@@ -87,10 +87,10 @@ def situation_of(
     inputs, and `inputs` are all inputs if they are given.
     """
     training = [curve for curve in dataset.curves if curve.training.any()]
-    pooled = pooled_training(training)
-    no_inputs = {dataset.target, *NOT_INPUTS, *ignored}
-    columns = [name for name in pooled if name in dataset.quantities.keys() - no_inputs]
-    wanted = columns if inputs is None else inputs
+    columns = pooled_training(training)
+    pooled = {name: columns[name] for name in columns if name in dataset.quantities}
+    no_inputs = (dataset.target, *NOT_INPUTS, *ignored)
+    wanted = [name for name in pooled if name not in no_inputs] if inputs is None else inputs
     apart = [name for name in wanted if np.ptp(pooled[name]) > 0]
     if inputs is None:
         apart = _different(apart, pooled, dataset.level)
@@ -101,14 +101,16 @@ def situation_of(
             f"remove `levels` from `data`: {dataset.level} is then an input like others",
         )
     spread = {
-        name: np.mean([np.ptp(c.columns[name][c.training]) for c in training])
-        / np.ptp(pooled[name])
+        name: float(
+            np.mean([np.ptp(curve.columns[name][curve.training]) for curve in training])
+            / np.ptp(pooled[name])
+        )
         for name in apart
     }
     ordered = sorted(
         apart, key=lambda name: (name == dataset.level, -round(spread[name], 3), apart.index(name))
     )
-    step, steps = _even_step(training) if "time" in dataset.quantities else (None, 0)
+    step, steps = _even_step(training) if "time" in pooled else (None, 0)
     return Situation(
         target=dataset.target,
         inputs=tuple(ordered),
