@@ -165,7 +165,7 @@ def _installed() -> tuple[EntryPoint, ...]:
                 continue
             # raises an error for an entry point of the wrong form
             is_ours = True in [_is_ours(point) for point in found]
-            # of a package that is installed twice, Python imports the first on its path
+            # if a package is installed twice, Python imports the first one on `sys.path`
             identity = (_name_of(package), is_ours)
             if identity not in packages and (is_ours or not only_ours):
                 packages.add(identity)

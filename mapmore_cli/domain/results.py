@@ -284,7 +284,7 @@ class Tried:
         # RMSE on each left-out fold, divided by `Search.scale`; empty if a fit failed
     ] = ()
     error: float = math.nan  # root mean square of the errors in `errors`
-    # `error` for folds that leave out whole levels or recordings; NaN if there are too few
+    # `error` for folds that leave out whole levels or recordings; NaN if too few folds do so
     parts: float = math.nan
     # mean over all folds of log(error / error of the best structure)
     excess: float = math.nan

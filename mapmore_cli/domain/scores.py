@@ -189,8 +189,8 @@ class Score:
 
     @property
     def runs_free(self) -> bool:
-        """Return True if the model feeds its own output back. This follows from a one-step-ahead
-        error that differs from the error of the free run.
+        """Return True if the model feeds its own output back. The one-step-ahead error of such a
+        model differs from the error of its free run.
         """
         return math.isfinite(self.rrse_one_step) and self.rrse_one_step != self.rrse
 

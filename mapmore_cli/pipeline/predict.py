@@ -302,11 +302,11 @@ def adapt(
     model follows from the dimension of the specimen alone.
 
     `lines` is a CSV table with pressure, strain and the output in the model's units. `constants`
-    gives the quantity in which specimens differ. Rows with an empty field are left out. The
-    intervals remain those of the family, and a note says so.
+    gives the value of the quantity in which specimens differ. Rows with an empty field are left
+    out. The intervals remain those of the family, and a note says so.
 
-    Raises UsageError for a model that is no family, or without its dimension; DataError if the
-    table is empty or lacks a column.
+    Raises UsageError if the model is no family, or if `constants` lacks the dimension of the
+    specimen. Raises DataError if the table is empty or lacks a column.
     """
     of = dimension_of(model)
     assert isinstance(model.body, Formula)

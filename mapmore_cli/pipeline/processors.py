@@ -78,7 +78,7 @@ def processes(count: int, method: str, work: object = None) -> Iterator[ProcessP
     They end when the context ends, or when this process ends for any reason. If an error or an
     interrupt ends the context, they are killed during their work.
 
-    `work` is the function and the items for `_do_numbered`. Forks inherit it with the memory of
+    `work` is the function and the items for `_do_numbered`. Forks inherit `work` with the memory of
     this process, so that it need not be pickled.
     """
     from multiprocessing import active_children, get_context
@@ -86,7 +86,7 @@ def processes(count: int, method: str, work: object = None) -> Iterator[ProcessP
     begin = partial(_begin, os.getpid(), work)
     try:
         pool = ProcessPoolExecutor(count, get_context(method), initializer=begin)
-    # this system may have no locks between processes, or no room for their files
+    # this system may have no locks between processes, or no space for the files of such locks
     except (OSError, NotImplementedError) as fault:
         raise WriteError(
             f"a worker process cannot be started: {getattr(fault, 'strerror', None) or fault}",

@@ -93,9 +93,9 @@ class Reading:
 
 
 def reading_of(model: Model, columns_there: Collection[str]) -> Reading:
-    """Return the quantities that must be read from a table. They are the inputs, but a signal that
-    is not among `columns_there` is computed from its source, which is then read. `time` is read if
-    there are such signals, or if the model has memory.
+    """Return the quantities that must be read from a table. They are the inputs of the model. If an
+    input is a signal and the table has no column of it (`columns_there`), its source is read
+    instead. `time` is read if there are such signals, or if the model has memory.
     """
     signals = tuple(signal for signal in model.signals if signal.name not in columns_there)
     over_time = bool(signals) or runs_over_time(model)

@@ -155,9 +155,9 @@ def bring_up_to_date(
     to date first, in the same folder of runs. After ingest, the rules of `checking` are applied,
     unless they have been applied to the same data; `warn` is called with their findings.
 
-    Raises WriteError if the folder cannot be written or holds the run of another spec, the disk is
-    full, or another process is writing the run; MapmoreError if a stage fails; its outputs, and
-    those of later stages, are then unchanged.
+    Raises WriteError if the folder cannot be written or holds the run of another spec, if the disk
+    is full, or if another process is writing the run. Raises MapmoreError if a stage fails; the
+    outputs of this stage and of later stages are then unchanged.
     """
     refuse_circle(loaded)
     run_dir = runs / loaded.spec.name

@@ -95,7 +95,7 @@ class Arithmetic:
 
 
 class _Floats(Arithmetic):
-    """Operations on single numbers. Of a branch, only the side that applies is computed."""
+    """Operations on single numbers. Only the side of a branch that applies is computed."""
 
     def where(self, condition: Amount, then: Amount, otherwise: Amount) -> Amount:
         chosen = then if condition else otherwise

@@ -33,7 +33,7 @@ of `lo`, the slope of the foot with the pressure, and the logarithm of the width
 
 
 # Constants of the fit, each with its reason.
-# `docs/formula_tables.py RUNS hinge` shows the errors if one of them is halved or doubled.
+# `docs/formula_tables.py RUNS hinge` shows the errors if one constant is halved or doubled.
 
 # starting values of a3, from a steep decay to a curve that bends upwards
 STARTS = (-8.0, -4.0, -2.0, -0.7, 1.5)
@@ -58,7 +58,7 @@ PRIOR_WEIGHTS = (0.01, *5 * (0.003,), 0.001, 0.03, 0.03, 0.001)
 DECAY = -33.0
 # the prior of a3 is limited to this value if the strain is large
 STEEPEST = -12.0
-# weight of the prior of a3 times the largest strain
+# product of the weight of the prior of a3 and the largest strain
 # A small range of strain hardly determines a3, so the prior needs a larger weight there.
 DECAY_WEIGHT = 0.002
 # prior of w, as a fraction of the largest target

@@ -35,8 +35,7 @@ from mapmore_cli.modelling.literature.backbone import fit_formula, pooled
 from mapmore_cli.modelling.pieces.build import build, quantities_in
 from mapmore_cli.modelling.pieces.recipe import Cuts, Recipe
 
-# number of contiguous blocks of a curve or a surface, if it has too few levels for leaving out
-# whole levels
+# number of contiguous blocks of a curve or a surface, if there are too few levels to leave one out
 # Each inner block is left out once.
 BLOCKS = 5
 

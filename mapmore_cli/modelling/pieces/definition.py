@@ -203,7 +203,7 @@ def segment_value(
     intercept`.
 
     A curve may continue as a straight line beyond its limits. For each input, `beyond` holds the
-    conditions for this, and the distance of the sample from the limit.
+    conditions under which it does so, and the distance of the sample from the limit.
     """
     scaling = segment.scaling
     scales = zip(scaling.variables, scaling.slope.tolist(), scaling.intercept.tolist(), strict=True)
