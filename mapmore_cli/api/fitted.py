@@ -242,8 +242,8 @@ class Fitted(LoadedModel):
         The held-out samples, curve by curve. If a recording is long, only the samples that the
         figures show are included.
     warnings
-        All warnings that the command would print. If a warning says that the model cannot be used,
-        it is also a Python warning.
+        All warnings that the command would print. The warnings that stand before the score table
+        are also Python warnings.
     doubts
         The warnings of the rules of `mapmore check`. These warnings are also Python warnings.
     """

@@ -244,7 +244,7 @@ class Forecast:
     # NaN if there are too few earlier samples, or after the free run diverged
     values: Array
     # True for samples with enough earlier samples for a prediction
-    # If the prediction of such a sample is NaN, the run has diverged.
+    # If such a sample has the prediction NaN, the free run has diverged.
     ready: BoolArray
     one_step: Array | None = (
         None  # one-step-ahead prediction of every sample; None for a model without memory

@@ -300,7 +300,7 @@ class Alert:
     """A sentence that warns about a number.
 
     - `kind`: word by which scripts recognise the warning, for example `residuals`.
-    - `section`: section of the page that shows it.
+    - `section`: section of the page that shows the sentence.
     - `target`: the output that the warning concerns; empty if it concerns all outputs.
     """
 

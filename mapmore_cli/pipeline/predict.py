@@ -46,8 +46,8 @@ FLAG = "outside_range"
 
 @dataclass(frozen=True)
 class Predictor:
-    """Computation of the columns that are added to a table. They are the outputs, or the input for
-    which the model is inverted; the ends of the interval at a `level`; and derivatives.
+    """Computation of the columns that are added to a table. These columns are the outputs (or the
+    input for which the model is inverted), the ends of the interval at a `level`, and derivatives.
     """
 
     model: Model

@@ -76,7 +76,7 @@ def processes(count: int, method: str, work: object = None) -> Iterator[ProcessP
     """Start `count` worker processes by `method` (`fork` or `spawn`).
 
     They end when the context ends, or when this process ends for any reason. If an error or an
-    interrupt ends the context, they are killed during their work.
+    interrupt ends the context, the worker processes are killed during their work.
 
     `work` is the function and the items for `_do_numbered`. Forks inherit `work` with the memory of
     this process, so that it need not be pickled.
@@ -125,8 +125,8 @@ def _begin(parent: int, work: object) -> None:
 
 
 def _watch_parent() -> NoReturn:
-    """End this process when the parent process ends. This is noticed by a pipe that only the parent
-    process holds open. Run folders remain valid, whenever this happens.
+    """End this process when the parent process ends. It notices that end by a pipe that only the
+    parent process holds open. Run folders remain valid, whenever the process ends.
     """
     from multiprocessing import parent_process
 

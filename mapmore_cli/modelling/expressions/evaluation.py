@@ -69,7 +69,7 @@ def evaluate(expression: Expression, columns: Columns, n: int | None = None) -> 
 
 
 def folded(expression: Expression) -> Expression:
-    """Return `expression` in which parts without names are replaced by their numbers. A constant
+    """Return the expression with each part that contains no name replaced by its value. A constant
     divisor is not combined with other numbers.
 
     Examples

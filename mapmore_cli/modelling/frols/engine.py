@@ -211,7 +211,7 @@ def _column_squares(P: Array) -> Array:
 
 
 # number of columns for which `P'P` takes about as long as one matrix-vector product with `P`
-# The form with a basis needs one such matrix-vector product for each term.
+# The form with a basis needs one matrix-vector product with `P` for each term.
 GRAM_COLUMNS_PER_TERM = 16
 
 

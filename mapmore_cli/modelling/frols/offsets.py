@@ -14,7 +14,7 @@ from mapmore_cli.domain.fits import SegmentFit
 from mapmore_cli.domain.results import FitResult
 
 # largest ratio of an input's mean to its standard deviation
-# The error of a coefficient is about the rounding error times the square of this ratio.
+# The error of a coefficient is about the rounding error times (mean/standard deviation)^2.
 FAR = 1e4
 PLACED = ("unit_square", "range")
 """Scalings that move the origin to the samples."""

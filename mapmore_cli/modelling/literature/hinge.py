@@ -59,7 +59,7 @@ DECAY = -33.0
 # the prior of a3 is limited to this value if the strain is large
 STEEPEST = -12.0
 # product of the weight of the prior of a3 and the largest strain
-# A small range of strain hardly determines a3, so the prior needs a larger weight there.
+# A small range of strain hardly determines a3, so that its prior needs a larger weight.
 DECAY_WEIGHT = 0.002
 # prior of w, as a fraction of the largest target
 PRIOR_W = 0.03

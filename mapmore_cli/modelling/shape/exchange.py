@@ -24,7 +24,7 @@ from mapmore_cli.modelling.shape.stencils import ShapeWord, Stencils, nodes_of, 
 
 # Number of nodes of the grid on which the shape must hold.
 # Number of nodes along each input of the finer grid around a binding inequality.
-# Number of refinements of this finer grid.
+# Number of refinements of the finer grid around a binding inequality.
 FINE, CLOSE, CLOSER = 40_000, 9, 3
 # Largest number of rounds on one grid.
 # Largest number of inequalities that a round adds for one entry of `shape`.

@@ -44,7 +44,7 @@ LEVEL = 0.01
 """Probability with which noise on a constant output is refused as a contradiction."""
 
 # number of simulations of noise alone
-# A contradiction of fewer standard errors is too weak to need a simulation.
+# A contradiction of fewer than `UNLIKELY` standard errors is too weak to need a simulation.
 RUNS, UNLIKELY = 199, 2.0
 CONFIRMED = 3.0  # number of standard errors by which a fitted surface must contradict a sign
 # for each width of the means, number of contradictions that are tested with a fitted surface

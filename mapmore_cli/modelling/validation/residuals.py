@@ -36,7 +36,7 @@ from mapmore_cli.modelling.validation.metrics import judged
 
 LAGS = 25  # longest lag in samples; in short records, a shorter one is used
 # number of parts of the range of an input for which the mean residual is tested
-# All parts have the same number of samples.
+# Each of these parts of the range has the same number of samples.
 PARTS = 10
 
 
