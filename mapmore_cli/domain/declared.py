@@ -71,7 +71,7 @@ class Settings:
     @classmethod
     def _noted(cls, value: object, info: Info) -> object:
         """Tell the loader which keys this mapping may have, because messages about unknown keys
-        name them.
+        name the known ones.
         """
         if info.context is not None and isinstance(value, Mapping):
             info.context.note(value, [key.name for key in fields(cls)])

@@ -81,7 +81,7 @@ def inspect(
             return _sorted(None, [*issues_of_other, _no_curves(fault, loaded)], read_by)
         raise
     issues = issues_of(loaded, dataset, hints=True)
-    # this run also ends with an error if a run fails that it needs or is compared with
+    # the run also fails if another run fails that it needs, or with which it is compared
     for key, other in needed.items():
         try:
             issues_of_other = issues_of(

@@ -154,8 +154,8 @@ def predicted_lines(
     turned_for: str | None = None,
     constants: Mapping[str, float] | None = None,
 ) -> Iterator[str]:
-    """Yield the lines of a CSV table with `<output>_predicted` for every output, and
-    `outside_range`, added to each.
+    """Yield the lines of a CSV table with fields added to each line: `<output>_predicted` for every
+    output, and `outside_range`.
 
     The header holds the names of the quantities; the numbers are in the model's units. Predictions
     have 12 significant digits; `outside_range` is `true` or `false`. Both fields are empty if an

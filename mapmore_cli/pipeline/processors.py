@@ -158,7 +158,7 @@ def free_processors() -> int:
     forks are used only on Linux, and only by a process with one thread. A worker process starts no
     further processes.
     """
-    threads = "/proc/self/task"  # this folder is missing without /proc
+    threads = "/proc/self/task"  # without /proc, this folder does not exist
     if sys.platform != "linux" or not os.access(threads, os.R_OK):
         return 1
     if sum(1 for _ in os.scandir(threads)) != 1:

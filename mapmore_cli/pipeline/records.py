@@ -82,7 +82,8 @@ class Reading:
     - `outputs`: measured outputs with which a model with memory starts; in later rows, they may be
       empty.
     - `over_time`: True if rows belong to recordings, and `time` is among the columns.
-    - `turned_for`: input for which the model is inverted, or None; the output is then read instead.
+    - `turned_for`: input for which the model is inverted, so that the output is read instead of
+      this input; None for a model that is not inverted.
     """
 
     columns: tuple[str, ...]

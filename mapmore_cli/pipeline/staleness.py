@@ -30,8 +30,8 @@ MODEL_STAGE = "fuse"
 
 
 def pipeline(searched: bool = False) -> tuple[Stage, ...]:
-    """Return the six stages in order. If the structure is `searched`, the stage that searches it is
-    included. Stages are imported when they are first needed.
+    """Return the six stages in order, and among them the stage that searches the structure if it is
+    `searched`. Stages are imported when they are first needed.
     """
     from mapmore_cli.pipeline import report, stages, validate
 
@@ -144,7 +144,7 @@ class StagePlan:
 
     `part` is the stage's part of the spec. `now` is the entry that the stage would have in the
     record; its outputs are the committed files that still exist. `reason` says why the stage must
-    run; it is None if the stage is up to date. In that case, `now` has the present times of the
+    run; it is None if the stage is up to date. For such a stage, `now` has the present times of the
     files, so that the next run need not read them again.
     """
 

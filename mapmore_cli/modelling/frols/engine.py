@@ -45,7 +45,7 @@ RESIDUAL_TOLERANCE = 1e-9
 # rounding error of an inner product `p'y`, relative to `|p| |y|`, for any number of samples
 ROUNDING = 8 * float(np.finfo(np.float64).eps)
 LEAST_DIGITS = 1e-6  # required relative accuracy of a reported ERR
-# largest difference between the sum of ERR and 1 - (residual sum of squares)/(y'y)
+# largest allowed difference between the sum of ERR and 1 - (residual sum of squares)/(y'y)
 BALANCE = 1e-12
 
 

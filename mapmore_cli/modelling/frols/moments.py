@@ -135,7 +135,7 @@ def _sum_of_products(blocks: Blocks) -> tuple[Array, int]:
     return total, samples
 
 
-CONSTANT = 1e-12  # below this ratio of spread to magnitude, a column is constant
+CONSTANT = 1e-12  # below this ratio of spread to magnitude, a column counts as constant
 
 
 @dataclass(frozen=True)

@@ -111,8 +111,8 @@ class Weighing:
         return None if sigma is None else np.asarray(sigma * np.sqrt(np.mean(sigma**-2.0)))
 
     def by(self, weights: Array | None) -> Array | None:
-        """Return the numbers by which rows must be divided, (n,), to give them also the robust
-        `weights`, (n,).
+        """Return the numbers, (n,), by which rows must be divided to have the robust `weights`,
+        (n,), in addition to those of their uncertainty.
         """
         if weights is None:
             return self.sigma

@@ -191,7 +191,8 @@ def adapted(
     fit: FormulaFit, columns: Mapping[str, Array], target: Array, dimension: float
 ) -> FormulaFit:
     """Return the formula of a new specimen of the family, `zero + q_force S f(P, q_strain strain)`,
-    as a function of pressure and strain only. The scales q are fitted to its measured points.
+    as a function of pressure and strain only. The scales q are fitted to the measured points of
+    this specimen.
 
     `columns` holds the pressure and strain of these points, shape (n,) each, and `target` holds the
     forces. Without points, both scales are one. The prior of each scale has the mean one and a

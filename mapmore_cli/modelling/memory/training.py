@@ -178,8 +178,8 @@ class Unknown:
 
 
 def left_open(records: Sequence[Record], terms: Sequence[str], step: float) -> Unknown:
-    """Return the operator parameters that are not written in the terms. `step` is the time between
-    samples in s.
+    """Return the operators' parameters whose numbers the terms do not contain. `step` is the time
+    between samples in s.
     """
     parts = {
         part
@@ -295,9 +295,7 @@ class TrainingData:
         return replace(selection, theta_error=errors, worth=worth)
 
     def open_in(self, chosen: IntArray) -> Unknown:
-        """Return the parameters of the operators in the chosen candidates that are not written
-        there.
-        """
+        """Return the operators' parameters whose numbers the chosen candidates do not contain."""
         return left_open(
             self.records, [self.recipe.dictionary[i] for i in chosen], self.recipe.step
         )

@@ -93,7 +93,7 @@ def segment(
     Raises DataError if a segment holds no sample, or if a curve has too few samples for the cut.
     """
     terms = [candidate(text) for text in recipe.dictionary]
-    # a robust loss gives other weights in each segment, so its errors could not be compared
+    # a robust loss gives each segment different weights, so that errors could not be compared
     recipe = replace(recipe, fit=replace(recipe.fit, loss="squares", scale="auto"))
     recipes = [recipe, *(replace(recipe, target=name) for name in also)]
     training = training_curves(curves, recipe.level is not None)

@@ -84,7 +84,7 @@ class Stencils:
 
     def at(self, rows: IntArray | BoolArray) -> Stencils:
         """Return some of the stencils, which are selected by numbers or by a mask. Rows of the
-        columns that they do not need are left out.
+        columns that the selected stencils do not need are left out.
         """
         used, nodes = np.unique(self.nodes[rows], return_inverse=True)
         columns = columns_at(self.columns, used)

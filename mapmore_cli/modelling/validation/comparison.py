@@ -49,7 +49,7 @@ FEWEST_CURVES, MOST_POINTS = 2, 6
 
 class CurvePlace(NamedTuple):
     """A curve along which both models are compared: its name, its level, and True if one of the
-    models must be interpolated between its levels there.
+    models has no curve at this level and must be interpolated.
     """
 
     curve: str
