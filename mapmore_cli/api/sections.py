@@ -116,9 +116,9 @@ def fit(
     Raises
     ------
     SpecError
-        If a section of the spec has a mistake.
+        A section of the spec has a mistake.
     DataError, FitError
-        If the data have a mistake, or if a fit failed.
+        The data have a mistake, or a fit failed.
 
     Examples
     --------

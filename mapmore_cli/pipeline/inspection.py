@@ -63,8 +63,8 @@ def inspect(
     Raises
     ------
     SpecError, DataError
-        If a spec on which this spec builds has a mistake, or if no curves can be made and no rule
-        gives the reason.
+        A spec on which this spec builds has a mistake, or no curves can be made and no rule gives
+        the reason.
     """
     needed = {
         run.need.key: run.loaded for stage in pipeline() for run in needed_runs(stage, loaded)

@@ -130,7 +130,7 @@ class LoadedModel:
         Raises
         ------
         DataError
-            If an input has no column.
+            The table has no column for an input.
         """
         sources = self._sources
         if columns is not None:

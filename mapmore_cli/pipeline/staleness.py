@@ -287,8 +287,8 @@ NOT_SET = "not set"
 
 
 def recorded(part: object) -> dict[str, Any]:
-    """Return a slice (frozen dataclasses, spec models and their contents) as JSON values, under the
-    names of the YAML file.
+    """Return the part of a spec that a stage reads (frozen dataclasses, spec models and their
+    contents) as JSON values, under the names of the YAML file.
     """
     values: dict[str, Any] = to_jsonable_python(part, by_alias=True)
     return values
@@ -297,8 +297,8 @@ def recorded(part: object) -> dict[str, Any]:
 def fingerprint(
     name: str, revision: int, part: object, before: str, contents: Mapping[str, str]
 ) -> str:
-    """Return the SHA-256 of a stage's name and revision, its slice `part`, the fingerprint of the
-    stage before it, and the hashes of its sources by path.
+    """Return the SHA-256 of a stage's name and revision, the part of the spec that it reads
+    (`part`), the fingerprint of the stage before it, and the hashes of its sources by path.
     """
     whole = {
         "stage": name,

@@ -132,7 +132,7 @@ class GramRemainders(Remainders):
 
 # A dictionary with at most this many values is small: accuracy matters more than speed.
 SMALL = 2**16
-# The first number is for a large dictionary, and the second for a small one.
+# `LOST` is for a large dictionary, and `LOST_OF_SMALL` is for a small one.
 # If a downdated `q'q` is below this fraction of `p'p`, the candidate's remainder becomes explicit.
 LOST, LOST_OF_SMALL = 1e-6, 1e-2
 # When the residual sum of squares has fallen by this factor, `y'q` is computed again.

@@ -21,9 +21,9 @@ PLACED = ("unit_square", "range")
 
 
 def far_from_zero(pieces: Sequence[SegmentFit], samples: Mapping[str, Array]) -> list[str]:
-    """Return a note for every input whose mean is more than 1e4 times its standard deviation over
-    the training `samples`, shape (n,) each, if the input occurs in several terms and its scaling
-    does not subtract an offset.
+    """Return a note for every input that is far from zero: its mean over the training `samples`,
+    shape (n,) each, is more than 1e4 times its standard deviation. There is a note only if the
+    input occurs in several terms, and if its scaling does not subtract an offset.
 
     The powers of such an input, for example `1e6 + x`, differ by less than their rounding errors,
     so that the selected terms may be wrong.

@@ -22,7 +22,8 @@ END_FRACTION, FEWEST = 0.05, 3
 EVERY_CORNER_UP_TO = 3
 # a direction counts if its variation near the anchor is at least this fraction of the largest
 FLAT = 1e-3
-# weights are equal up to this relative difference; if they are not, this many samples are added
+# `ALIKE` is the relative difference up to which weights count as equal.
+# `EXTRA` is the number of samples that are added if the weights are not equal.
 ALIKE, EXTRA = 1e-12, 1
 ROUNDING = 1e-9  # relative rounding error of a sum of weights
 

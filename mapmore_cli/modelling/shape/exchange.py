@@ -179,8 +179,8 @@ class Exchange:
 
     def _add(self, violated: Sequence[Stencils]) -> int:
         """Add the inequality of each stencil, linearised around the present coefficients. Return
-        the number of inequalities that were added. Those that consist of rounding errors only are
-        left out.
+        the number of inequalities that were added. Inequalities that consist of rounding errors
+        only are left out.
         """
         before = len(self.D)
         values, slopes = (self._at_nodes(violated, of) for of in (self._values, self._slopes))
