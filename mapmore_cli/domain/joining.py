@@ -80,7 +80,7 @@ class Fusion(Joining):
     """Rules for joining the pieces (M2 eq 9-12).
 
     With `hold: samples`, a segment function continues outside the range of its samples by `z_s`
-    times the width of this range. Farther outside, it is constant. With `none`, it continues
+    times the width of this range. Farther outside, it is constant. With `hold: none`, it continues
     without a limit, exactly as in M2 eq 9-11.
 
     `shrink` is the factor g by which pieces on a backbone are multiplied midway between two levels.

@@ -137,8 +137,8 @@ class Sheet:
     needed, and `label` is its name in messages. Each of the `constants` is treated as a column with
     the same value in every row.
 
-    Raises DataError without a header (`expected` says what it must name), or if the table already
-    has a column of the constants.
+    Raises DataError if the table has no header (`expected` says what a header must name), or if it
+    already has a column of the constants.
     """
 
     def __init__(

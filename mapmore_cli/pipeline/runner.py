@@ -423,7 +423,7 @@ class _Run:
                 self.warn(
                     f"{name}: its data or settings have changed since its model was made; "
                     f"the comparison uses the old model; `mapmore run {other.need.key}` "
-                    "brings it up to date"
+                    "brings that run up to date"
                 )
         elif not current:
             # findings that a variation shares with the study are not repeated
