@@ -401,8 +401,8 @@ class _Run:
             raise error
 
     def add_findings(self, fault: MapmoreError, stage: Stage) -> None:
-        """Add the findings of the rules in the recordings to an error of ingest, because they may
-        be the reason why no curves can be made.
+        """Add what the rules find in the recordings to an error of ingest, because these findings
+        may be the reason why no curves can be made.
         """
         if self.options.check and stage is pipeline()[0]:
             from mapmore_cli.checking.applied import issues_without_curves
