@@ -32,7 +32,7 @@ FEWEST = 3  # a model may have this many terms, however few samples there are
 # largest rounding error of the differences between powers of a column that is not centred
 LOST = 1e-10
 # A coefficient is a sum of contributions, which may cancel.
-# It counts as zero if it is below this fraction of the sum of the magnitudes of all contributions.
+# A coefficient counts as zero below this fraction of the sum of its contributions' magnitudes.
 ROUNDING = 1e-13
 
 

@@ -226,9 +226,9 @@ class Fitted(LoadedModel):
     """A model with its scores and the spec that made it. Call the model with its inputs, in the
     units of the model.
 
-    If you ask for intervals, also in a plot, the model is fitted again without each curve, which
-    takes time. These fits are made together with the model if the spec has `validate: {intervals:
-    true}`.
+    If you ask for intervals, also in a plot, the model is fitted several times, each time without
+    one part of the training data. This takes time. With `validate: {intervals: true}` in the spec,
+    these fits are made together with the model.
 
     Attributes
     ----------
@@ -242,8 +242,8 @@ class Fitted(LoadedModel):
         The held-out samples, curve by curve. If a recording is long, only the samples that the
         figures show are included.
     warnings
-        All warnings that the command would print. A warning that makes the model useless is also
-        a Python warning.
+        All warnings that the command would print. The warnings that stand before the score table
+        are also Python warnings.
     doubts
         The warnings of the rules of `mapmore check`. These warnings are also Python warnings.
     """

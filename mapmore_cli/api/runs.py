@@ -36,7 +36,7 @@ class Run(Finished):
     page
         The path of the report.
     stages
-        `done` or `up-to-date` by stage.
+        State of each stage, by its name: `done` or `up-to-date`.
     missed
         One sentence for each limit of `validate.require` that the scores miss. If there are any,
         the command `mapmore run` ends with exit code 6.

@@ -60,11 +60,12 @@ def fit(
         with the label 2, or the third column if no label is a number. The index of a data frame is
         ignored. Masked values, None and `pd.NA` are missing values. Arrays with units (pint,
         astropy, xarray) are converted. `time` may contain dates or durations. Texts, truth values
-        and complex numbers are refused. All of this also applies to the inputs of a fitted model.
+        and complex numbers are refused. These rules also hold for the inputs of a fitted model.
     columns
         Which column contains which quantity. A column needs no entry if its label is the name of a
         known quantity, for example `time`, `pressure`, `strain` or `force`. If `columns` is left
-        out and `target` is the label of a column, every column is a quantity with its label.
+        out and `target` is the label of a column, every column becomes a quantity that is named by
+        its label.
     target
         What the model predicts: the `static`, `hysteresis`, `damping` or `dynamic` force, a
         quantity, or several quantities that share segments and terms.
@@ -115,9 +116,9 @@ def fit(
     Raises
     ------
     SpecError
-        If a section of the spec has a mistake.
+        A section of the spec has a mistake.
     DataError, FitError
-        If the data have a mistake, or if a fit failed.
+        The data have a mistake, or a fit failed.
 
     Examples
     --------

@@ -70,8 +70,8 @@ class Settings:
 
     @classmethod
     def _noted(cls, value: object, info: Info) -> object:
-        """Report the keys that this mapping may have to the loader, which names them in messages
-        about unknown keys.
+        """Tell the loader which keys this mapping may have, because messages about unknown keys
+        name the known ones.
         """
         if info.context is not None and isinstance(value, Mapping):
             info.context.note(value, [key.name for key in fields(cls)])

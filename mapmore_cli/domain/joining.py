@@ -47,9 +47,9 @@ class Joining(Settings):
     - `transition`: Course of a weight over a transition zone (M2 figure 5). With `linear`, the
       slope of the output jumps at the ends of the zone; with the other two, it is continuous.
       Example: `cubic`
-    - `z_s`: Distance by which a transition zone reaches to each side of a boundary, as a fraction
-      of the segment. A wider zone is smoother, but mixes the functions over a larger range.
-      Example: `0.25`
+    - `z_s`: Distance by which a transition zone reaches into each of two neighbouring segments, as
+      a fraction of the width of this segment. A wider zone is smoother, but mixes the functions
+      over a larger range. Example: `0.25`
     - `levels`: Interpolation between the curves of two levels: by straight lines (`linear`), or by
       a smooth curve that keeps the shape of the values (`pchip`). Example: `pchip`
     - `hold`: With `samples`, a segment function goes on outside its samples for `z_s` times the
@@ -80,7 +80,7 @@ class Fusion(Joining):
     """Rules for joining the pieces (M2 eq 9-12).
 
     With `hold: samples`, a segment function continues outside the range of its samples by `z_s`
-    times the width of this range. Farther outside, it is constant. With `none`, it continues
+    times the width of this range. Farther outside, it is constant. With `hold: none`, it continues
     without a limit, exactly as in M2 eq 9-11.
 
     `shrink` is the factor g by which pieces on a backbone are multiplied midway between two levels.

@@ -225,8 +225,8 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class KeptShape:
-    """Required shape of the output along one input, with the ranges in which the shape changes the
-    coefficients, and with the amount by which a fit without the shape would violate it.
+    """Required shape of the output along one input. It comes with the ranges in which the shape
+    changes the coefficients, and with the amount by which a fit without the shape would violate it.
     """
 
     quantity: Annotated[QuantityName, "the input; for `positive`, the output itself"]

@@ -163,9 +163,9 @@ def _installed() -> tuple[EntryPoint, ...]:
             found = [point for point in package.entry_points if point.group.startswith("mapmore.")]
             if not found:
                 continue
-            # raises an error for an entry point of the wrong form
+            # this raises an error if an entry point has the wrong form
             is_ours = True in [_is_ours(point) for point in found]
-            # of a package that is installed twice, Python imports the first on its path
+            # if a package is installed twice, Python imports the first one on `sys.path`
             identity = (_name_of(package), is_ours)
             if identity not in packages and (is_ours or not only_ours):
                 packages.add(identity)

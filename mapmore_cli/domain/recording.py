@@ -203,8 +203,8 @@ class Curve:
         return (slice(None),) if self.origin is None else self.logs
 
     def together(self, parts: Sequence[Array]) -> Array:
-        """Return one column, (n,), from its values in each of the `stretches`, which `parts` holds
-        in the same order.
+        """Return one column, (n,). `parts` holds its values in each of the `stretches`, in the same
+        order.
         """
         if self.origin is None:
             return parts[0]

@@ -244,7 +244,7 @@ class Forecast:
     # NaN if there are too few earlier samples, or after the free run diverged
     values: Array
     # True for samples with enough earlier samples for a prediction
-    # If the prediction of such a sample is NaN, the run has diverged.
+    # If such a sample has the prediction NaN, the free run has diverged.
     ready: BoolArray
     one_step: Array | None = (
         None  # one-step-ahead prediction of every sample; None for a model without memory
@@ -284,7 +284,7 @@ class Tried:
         # RMSE on each left-out fold, divided by `Search.scale`; empty if a fit failed
     ] = ()
     error: float = math.nan  # root mean square of the errors in `errors`
-    # `error` for folds that leave out whole levels or recordings; NaN if there are too few
+    # `error` for folds that leave out whole levels or recordings; NaN if too few folds do so
     parts: float = math.nan
     # mean over all folds of log(error / error of the best structure)
     excess: float = math.nan

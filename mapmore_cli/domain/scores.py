@@ -189,8 +189,8 @@ class Score:
 
     @property
     def runs_free(self) -> bool:
-        """Return True if the model feeds its own output back. This follows from a one-step-ahead
-        error that differs from the error of the free run.
+        """Return True if the model feeds its own output back. The one-step-ahead error of such a
+        model differs from the error of its free run.
         """
         return math.isfinite(self.rrse_one_step) and self.rrse_one_step != self.rrse
 
@@ -300,7 +300,7 @@ class Alert:
     """A sentence that warns about a number.
 
     - `kind`: word by which scripts recognise the warning, for example `residuals`.
-    - `section`: section of the page that shows it.
+    - `section`: section of the page that shows the sentence.
     - `target`: the output that the warning concerns; empty if it concerns all outputs.
     """
 

@@ -77,7 +77,7 @@ class Contest:
     refit: Callable[[Path, Dataset], Model] | None = None
 
     def rival(self, competitor: str | Competitor) -> Rival:
-        """Fit a competitor to the same training data and predict every sample.
+        """Fit a competitor to the training data of the model, and predict every sample.
 
         Raises SpecError or DataError if the quantities of another run differ from those of this
         study, or if there are no data to which a formula can be fitted.

@@ -167,7 +167,10 @@ class _GroupFit:
         self.scatter = max(scatter, TOLD_APART * float(np.abs(self.target).max()))
 
     def solved(self, gains: Array) -> tuple[Array, Array]:
-        """Return coefficients and coded offsets for given gains, and the residuals, (n,) each."""
+        """Return the least-squares solution for given gains, and the residuals, (n,). The solution
+        holds the coefficients of the polynomials and the coded offsets (the offset of the last
+        group is minus the sum of the others).
+        """
         design = np.hstack([gains[self.group, None] * self.polynomials, self.offsets])
         solution = np.asarray(np.linalg.lstsq(design, self.target, rcond=None)[0], dtype=float)
         return solution, self.target - design @ solution

@@ -53,7 +53,8 @@ the run.
 def choices_by_fold(
     run_dir: Path | None, choices: ModelChoices, dataset: Dataset, folds: Sequence[Masks]
 ) -> Callable[[int], ModelChoices]:
-    """Return a function that returns the settings of the model for the number of a fold.
+    """Return a function that takes the number of a fold, and returns the settings of the model for
+    this fold.
 
     If the structure of the run was found by a search, the search is repeated without this fold.
     With more than `MOST_SEARCHES` folds, several folds share a search that leaves out all of them,
@@ -246,7 +247,7 @@ def residuals(
         raise SpecError(
             "validate.intervals: a sum of models needs at least three levels or recordings "
             "that can be left out in turn, and there are fewer",
-            "remove `intervals`, or compute the intervals of the parts",
+            "remove `intervals`, or compute the intervals of each added model",
         )
     y = np.concatenate([curve.columns[dataset.target][curve.training] for curve in dataset.curves])
     errors: dict[str, list[Array]] = {}

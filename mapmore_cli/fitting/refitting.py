@@ -76,7 +76,7 @@ def left_out_of(
 def folds_by_value(dataset: Dataset, group: str | None) -> list[Masks]:
     """Return a fold for every level, or for every value of `group`. A fold consists of one mask for
     each curve, which marks the left-out samples. Raises DataError if there is only one level or
-    value, because nothing would be left to train with.
+    value, because no training data would be left.
     """
     of_curves = [
         np.full(curve.size, curve.level) if group is None else curve.columns[group]
@@ -87,7 +87,7 @@ def folds_by_value(dataset: Dataset, group: str | None) -> list[Masks]:
         kind = "level" if group is None else "group"
         raise DataError(
             f"split.leave_one_{kind}_out: {group or dataset.level} is {values[0]:g} in all curves, "
-            f"so that there is only one {kind}, and nothing is left to train without it",
+            f"so that there is only one {kind}, and no training data would be left",
             "hold out recordings or a share of the samples instead"
             if group is None
             else "name the quantity that distinguishes the groups in `data.groups`",

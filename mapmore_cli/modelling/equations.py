@@ -172,7 +172,7 @@ def summed(
                 for tree, degree in zip(trees, degrees, strict=True)
                 if name in tree.names
             )
-            # with the zero at the right end of the range, most terms become shorter
+            # with the scaled input zero at the right end of its range, most terms become shorter
             shift = 1.0 if placed.get(name) == "right" and bent > 0 else 0.0
             short[name], where[fresh] = (
                 Name(fresh) - shift,

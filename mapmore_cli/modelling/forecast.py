@@ -86,7 +86,7 @@ def forecast(model: Model, curve: Curve, target: str | None = None) -> Forecast:
 def outside(model: Model, curve: Curve) -> BoolArray:
     """Return True for each sample of a curve at which an input lies outside its training range,
     (n,). A model that runs along recordings is tested recording by recording, because a sample may
-    depend on earlier ones; any other model in blocks.
+    depend on earlier ones. Any other model is tested in blocks of rows.
     """
     of = partial(outside_range, model)
     if not runs_over_time(model):

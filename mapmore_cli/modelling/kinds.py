@@ -179,8 +179,8 @@ def simulate(model: Model, columns: Columns) -> SimulatedRun:
     """Return the output of the model at every row, shape (n,), NaN if an input is NaN; and the rows
     at which a free run diverges.
 
-    A model with memory is computed in free run along one recording. It has no prediction for the
-    first rows, from which it starts, and it starts again after rows with a NaN.
+    A model with memory is computed in free run along one recording. The free run starts from the
+    first rows, which therefore have no prediction, and starts again after rows with a NaN.
 
     - `columns`: the model's inputs by name, each (n,), in the model's units; for a model with
       memory also `time`, and the output if it is fed back.

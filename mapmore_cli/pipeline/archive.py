@@ -213,7 +213,7 @@ def compared(
     one of several outputs.
 
     Raises UsageError if the settings differ, unless `other_settings` are allowed; DataError if the
-    models predict other quantities or have too few curves in common.
+    models predict different quantities or have too few curves in common.
     """
     records = [load_records(model.parent) for model in (before, after)]
     settings = tuple(_other_settings(*records))

@@ -85,8 +85,8 @@ def foreign_lines(
     first set in `ways` that the file has. A column `recording`, with numbers or texts, is included
     if there is one.
 
-    Raises DataError for a file that cannot be read, or if the title of a column has another unit
-    than the unit in which the column is read; UsageError for settings that the reader of the file
+    Raises DataError for a file that cannot be read, or if the unit in the title of a column differs
+    from the unit in which the column is read; UsageError for settings that the reader of the file
     does not use.
     """
     with_recordings = [[*way, RECORDING] for way in ways]

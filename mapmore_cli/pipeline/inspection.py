@@ -63,8 +63,8 @@ def inspect(
     Raises
     ------
     SpecError, DataError
-        If a spec on which this spec builds has a mistake, or if no curves can be made and no rule
-        gives the reason.
+        A spec on which this spec builds has a mistake, or no curves can be made and no rule gives
+        the reason.
     """
     needed = {
         run.need.key: run.loaded for stage in pipeline() for run in needed_runs(stage, loaded)
@@ -81,7 +81,7 @@ def inspect(
             return _sorted(None, [*issues_of_other, _no_curves(fault, loaded)], read_by)
         raise
     issues = issues_of(loaded, dataset, hints=True)
-    # this run also ends with an error if a run fails that it needs or is compared with
+    # the run also fails if another run fails that it needs, or with which it is compared
     for key, other in needed.items():
         try:
             issues_of_other = issues_of(

@@ -36,8 +36,8 @@ class Job:
     until: str = "report"
 
     def elsewhere(self) -> Job:
-        """Return the same job for another machine. Its paths are absolute. If the connection to an
-        earlier start of the job was lost and this start is still writing, the job waits for it.
+        """Return the same job for another machine. Its paths are absolute. If the job was started
+        before, but the connection was lost and that process is still writing, the job waits for it.
         """
         campaign = self.options.campaign
         options = replace(

@@ -87,9 +87,7 @@ class LoadedModel:
 
     @property
     def output(self) -> Quantity:
-        """Name and unit of the predicted quantity. If there are several outputs, they are those of
-        the first output.
-        """
+        """Name and unit of the predicted quantity; for several outputs, those of the first."""
         return self.model.output
 
     @property
@@ -132,7 +130,7 @@ class LoadedModel:
         Raises
         ------
         DataError
-            If an input has no column.
+            The table has no column for an input.
         """
         sources = self._sources
         if columns is not None:
@@ -165,11 +163,11 @@ class LoadedModel:
     def plot(self, ax: Axes | None = None, interval: float | None = None) -> Axes:
         """Draw the model over its training range, on `ax` or on a new figure.
 
-        Each training curve is drawn as a line, and held-out samples as dots, with the model as a
+        Each training curve is drawn as a line, the held-out samples as dots, and the model as a
         dashed line. With `interval=0.95`, bands are drawn that contain a sample of a new curve with
-        a probability of 95 %. If the spec has `validate: {intervals: true}`, they are always drawn.
-        Raises `TypeError` for a model with memory (call it with a recording and draw the result),
-        and `DataError` as `interval` does.
+        a probability of 95 %. If the spec has `validate: {intervals: true}`, these bands are always
+        drawn. Raises `TypeError` for a model with memory (call it with a recording and draw the
+        result), and `DataError` as `interval` does.
         """
         if ax is None:
             import matplotlib.pyplot as plt
@@ -200,10 +198,10 @@ class LoadedModel:
         sample of a new curve lies in the interval with the probability `level`. Outside the
         training range, both ends are NaN.
 
-        An interval is computed from fits without each part of the training data. With `validate:
-        {intervals: true}` in the spec, these fits are made together with the model. Without this
-        key, a model from `fit` makes these fits when `interval` is called, which takes time. A
-        model from a file cannot make these fits, so `DataError` is raised.
+        For an interval, the model is fitted several times, each time without one part of the
+        training data. With `validate: {intervals: true}` in the spec, these fits are made together
+        with the model. Without this key, a model from `fit` makes them when `interval` is called,
+        which takes time. A model from a file cannot make these fits, so `DataError` is raised.
         """
         flat, shape = self._flattened(columns)
         low, high = interval(self._with_intervals, flat, level)

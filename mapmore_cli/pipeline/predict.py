@@ -46,8 +46,8 @@ FLAG = "outside_range"
 
 @dataclass(frozen=True)
 class Predictor:
-    """Computation of the columns that are added to a table. They are the outputs, or the input for
-    which the model is inverted; the ends of the interval at a `level`; and derivatives.
+    """Computation of the columns that are added to a table. These columns are the outputs (or the
+    input for which the model is inverted), the ends of the interval at a `level`, and derivatives.
     """
 
     model: Model
@@ -154,8 +154,8 @@ def predicted_lines(
     turned_for: str | None = None,
     constants: Mapping[str, float] | None = None,
 ) -> Iterator[str]:
-    """Yield the lines of a CSV table with `<output>_predicted` for every output, and
-    `outside_range`, added to each.
+    """Yield the lines of a CSV table with fields added to each line: `<output>_predicted` for every
+    output, and `outside_range`.
 
     The header holds the names of the quantities; the numbers are in the model's units. Predictions
     have 12 significant digits; `outside_range` is `true` or `false`. Both fields are empty if an
@@ -302,11 +302,11 @@ def adapt(
     model follows from the dimension of the specimen alone.
 
     `lines` is a CSV table with pressure, strain and the output in the model's units. `constants`
-    gives the quantity in which specimens differ. Rows with an empty field are left out. The
-    intervals remain those of the family, and a note says so.
+    gives the value of the quantity in which specimens differ. Rows with an empty field are left
+    out. The intervals remain those of the family, and a note says so.
 
-    Raises UsageError for a model that is no family, or without its dimension; DataError if the
-    table is empty or lacks a column.
+    Raises UsageError if the model is no family, or if `constants` lacks the dimension of the
+    specimen. Raises DataError if the table is empty or lacks a column.
     """
     of = dimension_of(model)
     assert isinstance(model.body, Formula)

@@ -76,9 +76,9 @@ def processes(count: int, method: str, work: object = None) -> Iterator[ProcessP
     """Start `count` worker processes by `method` (`fork` or `spawn`).
 
     They end when the context ends, or when this process ends for any reason. If an error or an
-    interrupt ends the context, they are killed during their work.
+    interrupt ends the context, the worker processes are killed during their work.
 
-    `work` is the function and the items for `_do_numbered`. Forks inherit it with the memory of
+    `work` is the function and the items for `_do_numbered`. Forks inherit `work` with the memory of
     this process, so that it need not be pickled.
     """
     from multiprocessing import active_children, get_context
@@ -86,7 +86,7 @@ def processes(count: int, method: str, work: object = None) -> Iterator[ProcessP
     begin = partial(_begin, os.getpid(), work)
     try:
         pool = ProcessPoolExecutor(count, get_context(method), initializer=begin)
-    # this system may have no locks between processes, or no room for their files
+    # this system may have no locks between processes, or no space for the files of such locks
     except (OSError, NotImplementedError) as fault:
         raise WriteError(
             f"a worker process cannot be started: {getattr(fault, 'strerror', None) or fault}",
@@ -125,8 +125,8 @@ def _begin(parent: int, work: object) -> None:
 
 
 def _watch_parent() -> NoReturn:
-    """End this process when the parent process ends. This is noticed by a pipe that only the parent
-    process holds open. Run folders remain valid, whenever this happens.
+    """End this process when the parent process ends. It notices that end by a pipe that only the
+    parent process holds open. Run folders remain valid, whenever the process ends.
     """
     from multiprocessing import parent_process
 
@@ -158,7 +158,7 @@ def free_processors() -> int:
     forks are used only on Linux, and only by a process with one thread. A worker process starts no
     further processes.
     """
-    threads = "/proc/self/task"  # this folder is missing without /proc
+    threads = "/proc/self/task"  # without /proc, this folder does not exist
     if sys.platform != "linux" or not os.access(threads, os.R_OK):
         return 1
     if sum(1 for _ in os.scandir(threads)) != 1:

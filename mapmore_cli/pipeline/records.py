@@ -82,7 +82,8 @@ class Reading:
     - `outputs`: measured outputs with which a model with memory starts; in later rows, they may be
       empty.
     - `over_time`: True if rows belong to recordings, and `time` is among the columns.
-    - `turned_for`: input for which the model is inverted, or None; the output is then read instead.
+    - `turned_for`: input for which the model is inverted, so that the output is read instead of
+      this input; None for a model that is not inverted.
     """
 
     columns: tuple[str, ...]
@@ -93,9 +94,9 @@ class Reading:
 
 
 def reading_of(model: Model, columns_there: Collection[str]) -> Reading:
-    """Return the quantities that must be read from a table. They are the inputs, but a signal that
-    is not among `columns_there` is computed from its source, which is then read. `time` is read if
-    there are such signals, or if the model has memory.
+    """Return the quantities that must be read from a table. They are the inputs of the model. If an
+    input is a signal and the table has no column of it (`columns_there`), its source is read
+    instead. `time` is read if there are such signals, or if the model has memory.
     """
     signals = tuple(signal for signal in model.signals if signal.name not in columns_there)
     over_time = bool(signals) or runs_over_time(model)
@@ -136,8 +137,8 @@ class Sheet:
     needed, and `label` is its name in messages. Each of the `constants` is treated as a column with
     the same value in every row.
 
-    Raises DataError without a header (`expected` says what it must name), or if the table already
-    has a column of the constants.
+    Raises DataError if the table has no header (`expected` says what a header must name), or if it
+    already has a column of the constants.
     """
 
     def __init__(

@@ -270,8 +270,8 @@ def drawn_figure(
 
 
 def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equation, ...]]:
-    """Return the equations of the model, in which some quantities and their rates have other
-    units.
+    """Return the equations of the model, with some quantities and their rates in the given `units`.
+    Without `units`, the result is empty.
     """
     from mapmore_cli.modelling.kinds import equations as model_equations
     from mapmore_cli.study.units import convert, default_unit

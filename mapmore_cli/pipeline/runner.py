@@ -155,9 +155,9 @@ def bring_up_to_date(
     to date first, in the same folder of runs. After ingest, the rules of `checking` are applied,
     unless they have been applied to the same data; `warn` is called with their findings.
 
-    Raises WriteError if the folder cannot be written or holds the run of another spec, the disk is
-    full, or another process is writing the run; MapmoreError if a stage fails; its outputs, and
-    those of later stages, are then unchanged.
+    Raises WriteError if the folder cannot be written or holds the run of another spec, if the disk
+    is full, or if another process is writing the run. Raises MapmoreError if a stage fails; the
+    outputs of this stage and of later stages are then unchanged.
     """
     refuse_circle(loaded)
     run_dir = runs / loaded.spec.name
@@ -401,8 +401,8 @@ class _Run:
             raise error
 
     def add_findings(self, fault: MapmoreError, stage: Stage) -> None:
-        """Add the findings of the rules in the recordings to an error of ingest, because they may
-        be the reason why no curves can be made.
+        """Add what the rules find in the recordings to an error of ingest, because these findings
+        may be the reason why no curves can be made.
         """
         if self.options.check and stage is pipeline()[0]:
             from mapmore_cli.checking.applied import issues_without_curves
@@ -423,7 +423,7 @@ class _Run:
                 self.warn(
                     f"{name}: its data or settings have changed since its model was made; "
                     f"the comparison uses the old model; `mapmore run {other.need.key}` "
-                    "brings it up to date"
+                    "brings that run up to date"
                 )
         elif not current:
             # findings that a variation shares with the study are not repeated

@@ -123,7 +123,7 @@ def _picture(validation: Validation, dataset: Any) -> tuple[str, str]:
 
 
 def _page(runs: Path, rows: Sequence[Row]) -> str:
-    """Return the page of all runs as HTML, with these rows."""
+    """Return the page of all runs as HTML, with the given rows."""
     from mapmore_cli.reporting.order import RUN_PAGE
     from mapmore_cli.reporting.scripts import joined, json_text, scripts
     from mapmore_cli.reporting.table import environment, title_of

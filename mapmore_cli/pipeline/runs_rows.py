@@ -24,7 +24,7 @@ class Row:
     """One output of a run.
 
     - `nrmse`: NRMSE by model, in per cent, for held-out data if there are any.
-    - `alerts`: sentences that warn about the number, the worst first.
+    - `alerts`: sentences that warn about this NRMSE, the worst first.
     - `ended`: time at which the scores were written, in seconds since 1970.
     - `picture`: measured and predicted values along a curve, as two SVG paths.
     - `seconds`: duration of each stage when it last ran. Pages of single runs contain no times, so

@@ -14,12 +14,12 @@ from mapmore_cli.study.sections.results import Competitor
 class ScoresSlice:
     """Part of the spec on which the scores depend, apart from the model.
 
-    `target` is the scored quantity. If the model must be inverted for it, `seen_as` holds the
-    scored quantity too, and is None otherwise. `static` is the spec of the static run in `needs`,
-    `lengths` are the muscle's dimensions in m, `cycles_of` is the quantity whose cycles are held
-    out, `robust` is the section `fit` if its loss is robust, and `folds` holds the settings of the
-    models if every level is left out once (cross-validation). `structure_seen` names the data with
-    which the structure was chosen, if these data are held out now.
+    `target` is the scored quantity. If the model must be inverted to predict this quantity,
+    `seen_as` names it too; otherwise, `seen_as` is None. `static` is the spec of the static run in
+    `needs`, `lengths` are the muscle's dimensions in m, `cycles_of` is the quantity whose cycles
+    are held out, `robust` is the section `fit` if its loss is robust, and `folds` holds the
+    settings of the models if every level is left out once (cross-validation). `structure_seen`
+    names the data with which the structure was chosen, if these data are held out now.
     """
 
     target: str

@@ -222,8 +222,8 @@ def _fit_rivals(contest: Contest, part: ScoresSlice, progress: Progress, warn: W
 def _left_out(
     choices: ModelChoices, contest: Contest, part: ScoresSlice, workspace: Workspace, fitted_to: str
 ) -> tuple[Dataset, Said]:
-    """Return the dataset with all samples held out, and the predictions by models that were fitted
-    to the other levels.
+    """Return the dataset with all samples held out, and the predictions of each level by models
+    that were fitted without this level.
     """
 
     def compare(fold: Contest) -> tuple[Said, list[str]]:

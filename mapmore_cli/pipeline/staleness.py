@@ -30,8 +30,8 @@ MODEL_STAGE = "fuse"
 
 
 def pipeline(searched: bool = False) -> tuple[Stage, ...]:
-    """Return the six stages in order. If the structure is `searched`, the stage that searches it is
-    included. Stages are imported when they are first needed.
+    """Return the six stages in order, and among them the stage that searches the structure if it is
+    `searched`. Stages are imported when they are first needed.
     """
     from mapmore_cli.pipeline import report, stages, validate
 
@@ -46,7 +46,7 @@ class Needed:
     """Another run in the same folder of runs, with its spec.
 
     If a run builds on the other run, the other run is brought up to date completely, including its
-    page. If the other run is only compared with, or is a variation, only its model is made.
+    page. If the other run only serves as a competitor, or is a variation, only its model is made.
     """
 
     need: Need
@@ -58,8 +58,8 @@ class Needed:
         return MODEL_STAGE if self.need.compared or self.need.overrides else "report"
 
     def is_kept(self, runs: Path) -> bool:
-        """Return True if the run is only compared and has a model. It is then used as it is,
-        because a comparison must not change the other run.
+        """Return True if the other run only serves as a competitor and has a model. This model is
+        then used unchanged, because a comparison must not change the other run.
         """
         return self.need.compared and MODEL_STAGE in load_records(runs / self.loaded.spec.name)
 
@@ -93,8 +93,8 @@ def named_runs(specs: Sequence[LoadedSpec]) -> set[str]:
 
 def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
     """Raise SpecError if runs build on each other in a circle. `heirs` are the specs that led to
-    this spec, because each needs the next. A run that is only compared with also needs the runs on
-    which its model builds.
+    this spec, because each needs the next. A run that only serves as a competitor also needs the
+    runs on which its model builds.
     """
     spec, chain = loaded.spec, (*heirs, loaded.path.resolve())
     paths = [spec.needs.static, spec.needs.damping, *(part.model for part in spec.model.sum or ())]
@@ -144,7 +144,7 @@ class StagePlan:
 
     `part` is the stage's part of the spec. `now` is the entry that the stage would have in the
     record; its outputs are the committed files that still exist. `reason` says why the stage must
-    run; it is None if the stage is up to date. In that case, `now` has the present times of the
+    run; it is None if the stage is up to date. For such a stage, `now` has the present times of the
     files, so that the next run need not read them again.
     """
 
@@ -223,8 +223,8 @@ def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
 
 def _model_mark(run: Needed, stages: Sequence[Stage] | None, runs: Path, rehash: bool) -> str:
     """Return the fingerprint that the model of another run would have now, even if it does not
-    exist yet. If the run is only compared with and has a model, return the fingerprint of this
-    model.
+    exist yet. If the other run only serves as a competitor and has a model, return the fingerprint
+    of this model.
     """
     if run.is_kept(runs):
         record = load_records(runs / run.loaded.spec.name)[MODEL_STAGE]
@@ -287,8 +287,8 @@ NOT_SET = "not set"
 
 
 def recorded(part: object) -> dict[str, Any]:
-    """Return a slice (frozen dataclasses, spec models and their contents) as JSON values, under the
-    names of the YAML file.
+    """Return the part of a spec that a stage reads (frozen dataclasses, spec models and their
+    contents) as JSON values, under the names of the YAML file.
     """
     values: dict[str, Any] = to_jsonable_python(part, by_alias=True)
     return values
@@ -297,8 +297,8 @@ def recorded(part: object) -> dict[str, Any]:
 def fingerprint(
     name: str, revision: int, part: object, before: str, contents: Mapping[str, str]
 ) -> str:
-    """Return the SHA-256 of a stage's name and revision, its slice `part`, the fingerprint of the
-    stage before it, and the hashes of its sources by path.
+    """Return the SHA-256 of a stage's name and revision, the part of the spec that it reads
+    (`part`), the fingerprint of the stage before it, and the hashes of its sources by path.
     """
     whole = {
         "stage": name,
@@ -312,8 +312,8 @@ def fingerprint(
 
 
 def slice_differences(stage: str, old: object, new: Mapping[str, Any]) -> list[str]:
-    """Return every changed key of a stage's slice with both values, for example `fuse.z_s: 0.25 ->
-    0.3`.
+    """Return every changed key of the part of the spec that a stage reads, with both values, for
+    example `fuse.z_s: 0.25 -> 0.3`.
     """
     if old == new:
         return []
@@ -329,7 +329,7 @@ def slice_differences(stage: str, old: object, new: Mapping[str, Any]) -> list[s
 
 
 def place_in_spec(key: str, stage: str) -> str:
-    """Return the full name in the spec of a key of a stage's slice. For example, `levels` is
+    """Return the full name that a key of a stage has in the spec. For example, `levels` is
     `data.levels`, and `against` is `validate.against`.
     """
     fields = ExperimentSpec.model_fields.items()

@@ -94,7 +94,7 @@ class Fitted(Protocol):
 def maker_of(name: str) -> Maker:
     """Return the maker of the models of a kind. Only the modules that this kind needs are imported.
 
-    Raises NotInstalled if a part of mapmore is missing to which the kind belongs.
+    Raises NotInstalled if the kind belongs to a part of mapmore that is not installed.
     """
     if name == "pieces":
         from mapmore_cli.fitting.kinds.pieces import PiecesMaker

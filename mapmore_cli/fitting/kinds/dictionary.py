@@ -159,7 +159,7 @@ def _along_range(family: AlongRange, *, constant: bool) -> list[str]:
     return texts if constant else [text for text in texts if text != "1"]
 
 
-@lru_cache(maxsize=4096)  # because a search reads the same terms in every fold
+@lru_cache(maxsize=4096)  # cached, because a search reads the same terms in every fold
 def _term_text(text: str) -> str:
     return to_text(parse(text))
 

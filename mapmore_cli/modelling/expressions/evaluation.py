@@ -69,7 +69,7 @@ def evaluate(expression: Expression, columns: Columns, n: int | None = None) -> 
 
 
 def folded(expression: Expression) -> Expression:
-    """Return `expression` in which parts without names are replaced by their numbers. A constant
+    """Return the expression with each part that contains no name replaced by its value. A constant
     divisor is not combined with other numbers.
 
     Examples
@@ -104,7 +104,7 @@ def dictionary_blocks(
     terms: Sequence[Expression], columns: Columns, n: int
 ) -> Iterator[tuple[slice, Array]]:
     """Yield the rows of `dictionary_matrix` in blocks of shape (b, M), each with the slice of its
-    rows. The whole matrix is never in memory. Raises the same errors.
+    rows. The whole matrix is never in memory. Raises the same errors as `dictionary_matrix`.
     """
     values, block_of = _needed(terms, columns, n), dictionary_block(terms)
     for start in range(0, n, BLOCK):

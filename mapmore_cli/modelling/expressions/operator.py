@@ -95,7 +95,7 @@ class Arithmetic:
 
 
 class _Floats(Arithmetic):
-    """Operations on single numbers. Of a branch, only the side that applies is computed."""
+    """Operations on single numbers. Only the side of a branch that applies is computed."""
 
     def where(self, condition: Amount, then: Amount, otherwise: Amount) -> Amount:
         chosen = then if condition else otherwise
@@ -272,7 +272,7 @@ def run_recursion(rule: Recursion, x: Array, own: list[float], past: list[float]
 
         a, b = [1.0, *(-weight for weight in rule.weights[: rule.own])], rule.weights[rule.own :]
         # contribution of earlier values; SciPy's `lfiltic` computes the same, but is slow
-        # For short pieces, it would take longer than the filter itself.
+        # For short pieces, `lfiltic` would take longer than the filter itself.
         carried = [
             sum(map(mul, b[step:], past)) - sum(map(mul, a[step:], own))
             for step in range(1, max(len(a), len(b)))

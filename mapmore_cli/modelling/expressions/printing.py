@@ -76,7 +76,7 @@ class _Text:
         raise TypeError(f"not an expression: {expression!r}")
 
     def operand(self, expression: Expression, needed: int) -> str:
-        """Return the text of an operand. It is put in brackets if its precedence is lower than its
+        """Return the text of an operand, in brackets if the operand's precedence is lower than its
         place requires.
         """
         text, bound = self.printed(expression)

@@ -162,7 +162,7 @@ def state(text: str) -> State:
     parsed = read_state(tokens, tokens.take())
     if tokens.next.kind != "end":
         raise ExpressionError(
-            f"{text!r} goes on after the name of a state, for example `pressure[k-1]`",
+            f"{text!r} has more text after the name of a state, for example `pressure[k-1]`",
             tokens.next.position,
         )
     return parsed

@@ -37,7 +37,7 @@ from mapmore_cli.modelling.frols.select import (
 from mapmore_cli.modelling.frols.together import Together, chosen_together
 from mapmore_cli.modelling.frols.weighing import Choice, Weighing, reweighted
 
-# a downdated `q'q` below this fraction of `p'p` has lost too many digits (1e-4 to 1e-10 would do)
+# a downdated `q'q` below this fraction of `p'p` has lost too many digits (1e-4 to 1e-10 also work)
 PIVOT_TOLERANCE = 1e-6
 # below this fraction of its last explicit value, the residual sum of squares is recomputed
 RESIDUAL_TOLERANCE = 1e-9
@@ -45,7 +45,7 @@ RESIDUAL_TOLERANCE = 1e-9
 # rounding error of an inner product `p'y`, relative to `|p| |y|`, for any number of samples
 ROUNDING = 8 * float(np.finfo(np.float64).eps)
 LEAST_DIGITS = 1e-6  # required relative accuracy of a reported ERR
-# largest difference between the sum of ERR and 1 - (residual sum of squares)/(y'y)
+# largest allowed difference between the sum of ERR and 1 - (residual sum of squares)/(y'y)
 BALANCE = 1e-12
 
 
@@ -108,8 +108,8 @@ class GramRemainders(Remainders):
         return row
 
     def _renew(self) -> None:
-        """Compute the products of the remainders with the residual instead of y. They then keep
-        their digits even if the residual is very small.
+        """Compute the products of the remainders with the residual instead of y. These products
+        keep their digits even if the residual is very small.
 
         Because of rounding, `r = y - P_chosen theta` still contains a part of the chosen columns,
         `U U'r` with `R' U'r = P_chosen'r`. If the explained and the residual sum of squares do not
@@ -132,8 +132,8 @@ class GramRemainders(Remainders):
 
 # A dictionary with at most this many values is small: accuracy matters more than speed.
 SMALL = 2**16
-# fractions of `p'p`, for a large and for a small dictionary
-# If its downdated `q'q` is below this fraction, the remainder of a candidate becomes explicit.
+# `LOST` is for a large dictionary, and `LOST_OF_SMALL` is for a small one.
+# If a downdated `q'q` is below this fraction of `p'p`, the candidate's remainder becomes explicit.
 LOST, LOST_OF_SMALL = 1e-6, 1e-2
 # When the residual sum of squares has fallen by this factor, `y'q` is computed again.
 RENEWED = 1e-2
@@ -211,7 +211,7 @@ def _column_squares(P: Array) -> Array:
 
 
 # number of columns for which `P'P` takes about as long as one matrix-vector product with `P`
-# The form with a basis needs one such matrix-vector product for each term.
+# The form with a basis needs one matrix-vector product with `P` for each term.
 GRAM_COLUMNS_PER_TERM = 16
 
 

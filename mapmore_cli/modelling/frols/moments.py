@@ -102,9 +102,9 @@ def gram(blocks: Blocks) -> tuple[Array, Array, int]:
     and the number of rows n.
 
     The scales are powers of two, so that the diagonal of `Z'Z` lies between 1/4 and 1. One pass
-    over the blocks is enough, unless squares overflow or underflow. The values are then scaled
-    before they are squared, which takes three passes. Raises DataError if a value is not finite,
-    with its column and row; ValueError if there is no row, or no column.
+    over the blocks is enough, unless squares overflow or underflow. In that case, the values are
+    scaled before they are squared, which takes three passes. Raises DataError if a value is not
+    finite, with its column and row; ValueError if there is no row, or no column.
     """
     matrix, samples = _sum_of_products(blocks)
     scale = safe_scale(np.diag(matrix), blocks)
@@ -135,7 +135,7 @@ def _sum_of_products(blocks: Blocks) -> tuple[Array, int]:
     return total, samples
 
 
-CONSTANT = 1e-12  # below this ratio of spread to magnitude, a column is constant
+CONSTANT = 1e-12  # below this ratio of spread to magnitude, a column counts as constant
 
 
 @dataclass(frozen=True)

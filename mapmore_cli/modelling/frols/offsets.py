@@ -14,16 +14,16 @@ from mapmore_cli.domain.fits import SegmentFit
 from mapmore_cli.domain.results import FitResult
 
 # largest ratio of an input's mean to its standard deviation
-# The error of a coefficient is about the rounding error times the square of this ratio.
+# The error of a coefficient is about the rounding error times (mean/standard deviation)^2.
 FAR = 1e4
 PLACED = ("unit_square", "range")
 """Scalings that move the origin to the samples."""
 
 
 def far_from_zero(pieces: Sequence[SegmentFit], samples: Mapping[str, Array]) -> list[str]:
-    """Return a note for every input whose mean is more than 1e4 times its standard deviation over
-    the training `samples`, shape (n,) each, if the input occurs in several terms and its scaling
-    does not subtract an offset.
+    """Return a note for every input that is far from zero: its mean over the training `samples`,
+    shape (n,) each, is more than 1e4 times its standard deviation. There is a note only if the
+    input occurs in several terms, and if its scaling does not subtract an offset.
 
     The powers of such an input, for example `1e6 + x`, differ by less than their rounding errors,
     so that the selected terms may be wrong.

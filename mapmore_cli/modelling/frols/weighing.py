@@ -111,8 +111,8 @@ class Weighing:
         return None if sigma is None else np.asarray(sigma * np.sqrt(np.mean(sigma**-2.0)))
 
     def by(self, weights: Array | None) -> Array | None:
-        """Return the numbers by which the rows are divided, (n,), if the robust `weights`, (n,),
-        are included.
+        """Return the numbers, (n,), by which rows must be divided to have the robust `weights`,
+        (n,), in addition to those of their uncertainty.
         """
         if weights is None:
             return self.sigma
@@ -123,7 +123,9 @@ class Weighing:
         return self if self.scale is None else replace(self, scale=self.scale / unit)
 
     def without(self, outlier: int | None, weights: Array) -> Weighing:
-        """Return the weighing that starts with some weights, (n,), and gives an outlier none."""
+        """Return the weighing that starts with the given weights, (n,), and gives the outlier no
+        weight.
+        """
         start = weights.copy()
         if outlier is not None:
             start[outlier] = LEAST_WEIGHT
@@ -137,8 +139,8 @@ class Weighing:
         self, loss: str, chosen: Blocks, weights: Array | None
     ) -> tuple[Array, float, Array]:
         """Compute robust weights for a fit with the chosen columns. Return the weights after
-        convergence, the scale of the residuals, and the numbers by which rows are divided if the
-        weights are included.
+        convergence, the scale of the residuals, and the numbers by which rows must be divided to
+        give them these weights too.
         """
         P, y = map(np.concatenate, zip(*self.rows(chosen)(), strict=True))
         weights = np.ones(len(y)) if weights is None else weights

@@ -105,7 +105,10 @@ def _formula_section(formula: Formula) -> str:
     if expression is not None:
         lines.append(f"As one expression:\n\n```text\n{to_text(expression)}\n```\n")
     lines.append(f"- The source of the formula is {formula.reference}.")
-    lines.append(f"- The inputs of the formula are: {', '.join(formula.inputs) or 'none'}.")
+    inputs = ", ".join(formula.inputs)
+    lines.append(
+        f"- The inputs of the formula are: {inputs}." if inputs else "- The formula has no inputs."
+    )
     if formula.dimensions:
         lines.append(
             f"- The formula needs the {' and the '.join(formula.dimensions)} of the muscle "

@@ -6,9 +6,9 @@ example the length.
 
 f is the hinged Sárosi formula, fitted to the forces of all specimens, each divided by its own
 largest force. `zero` is the mean force of the slack specimens. b has a prior, because a few
-specimens hardly determine it. For the rest length of McKibben muscles, it is 19.03 1/m, with a dead
-length of 7.5 mm (Bolen, Elzein, Pang, Hunt, Actuators 2026, from 31 muscles of 10 mm diameter). For
-a diameter, the centre of the prior is the power 2.
+specimens hardly determine it. For the rest length of McKibben muscles, the centre of the prior is
+19.03 1/m, with a dead length of 7.5 mm (Bolen, Elzein, Pang, Hunt, Actuators 2026, from 31 muscles
+of 10 mm diameter). For a diameter, the centre is the power 2.
 """
 
 from __future__ import annotations
@@ -191,7 +191,8 @@ def adapted(
     fit: FormulaFit, columns: Mapping[str, Array], target: Array, dimension: float
 ) -> FormulaFit:
     """Return the formula of a new specimen of the family, `zero + q_force S f(P, q_strain strain)`,
-    as a function of pressure and strain only. The scales q are fitted to its measured points.
+    as a function of pressure and strain only. The scales q are fitted to the measured points of
+    this specimen.
 
     `columns` holds the pressure and strain of these points, shape (n,) each, and `target` holds the
     forces. Without points, both scales are one. The prior of each scale has the mean one and a

@@ -176,8 +176,8 @@ class Formula:
         There are three methods. `variable_projection` is the default. It needs no starting values
         if at most one parameter is nonlinear; otherwise, it uses bounds and 13 starts. (A linear
         formula is fitted by linear least squares.) `levenberg_marquardt` uses ten starts and no
-        bounds. `simplex` does the same without derivatives. A poor fit raises no error; the status
-        and the notes of the result report it.
+        bounds. `simplex` also uses ten starts and no bounds, and it needs no derivatives. A poor
+        fit raises no error; the status and the notes of the result report it.
 
         Raises DataError for a value that is not finite, a missing input, or fewer samples than
         parameters; SpecError for a dimension of the muscle that `of_muscle` has not set; ValueError

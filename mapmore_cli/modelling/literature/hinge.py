@@ -33,7 +33,7 @@ of `lo`, the slope of the foot with the pressure, and the logarithm of the width
 
 
 # Constants of the fit, each with its reason.
-# `docs/formula_tables.py RUNS hinge` shows the errors if one of them is halved or doubled.
+# `docs/formula_tables.py RUNS hinge` shows the errors if one constant is halved or doubled.
 
 # starting values of a3, from a steep decay to a curve that bends upwards
 STARTS = (-8.0, -4.0, -2.0, -0.7, 1.5)
@@ -51,24 +51,24 @@ LARGEST_A3 = 15.0
 LEAST_W = 0.004
 # largest w; a wider hinge would bend the whole curve
 LARGEST_W = 0.3
-# weight of the prior of each parameter;
-# the weights are so small that a prior matters only if data do not determine its parameter
+# Weight of the prior of each parameter.
+# The weights are so small that a prior matters only if data do not determine its parameter.
 PRIOR_WEIGHTS = (0.01, *5 * (0.003,), 0.001, 0.03, 0.03, 0.001)
-# prior of a3/max|strain|
+# prior of a3/max|strain|, the exponent per unit of strain
 DECAY = -33.0
 # the prior of a3 is limited to this value if the strain is large
 STEEPEST = -12.0
-# weight of the prior of a3 times the largest strain
-# A small range of strain hardly determines a3, so the prior needs a larger weight there.
+# The weight of the prior of a3 is this number divided by the largest strain.
+# A small range of strain hardly determines a3, so that its prior needs a larger weight.
 DECAY_WEIGHT = 0.002
 # prior of w, as a fraction of the largest target
 PRIOR_W = 0.03
-# largest total weight of the data relative to the priors, as a number of samples;
-# without this limit, priors would have no effect if there are many nearly equal samples
+# Largest total weight of the data relative to the priors, as a number of samples.
+# Without this limit, priors would have no effect if there are many nearly equal samples.
 INDEPENDENT = 300
 # with at most this many strain levels, any curvature fits; this affects only the text of a note
 FEW_LEVELS = 3
-# in this note, strain levels closer than this fraction of max|strain| count as one level
+# in the note on few levels, levels closer than this fraction of max|strain| count as one
 APART = 0.05
 
 

@@ -246,7 +246,7 @@ def dependence(rank: int, count: int, inputs: Columns, choice: str) -> str:
 
 def finite(name: str, columns: Columns) -> Array:
     """Return the column `name`. Raises DataError if the column is missing, or if a value is not
-    finite; the message then names the first such row.
+    finite; the message then names the first row with such a value.
     """
     if name not in columns:
         raise DataError(

@@ -296,8 +296,8 @@ def _onto_bounds_of(
     problem: LeastSquares, c: Array, bounds: tuple[Array, Array]
 ) -> tuple[Array, list[int]]:
     """Return coordinates moved onto the bounds that they almost touch, as `onto_bounds` does. They
-    are not moved if the sum of squares is larger there: in a wide interval, a value may be many
-    times a small bound and yet near to it as a fraction of the range.
+    are not moved if the sum of squares is larger at the bounds: in a wide interval, a value may be
+    many times a small bound and yet near to it as a fraction of the range.
     """
     moved, touched = onto_bounds(c, bounds)
     if touched:

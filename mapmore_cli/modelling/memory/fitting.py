@@ -23,7 +23,7 @@ from mapmore_cli.modelling.selection import MemoryRecipe
 # last fraction of each piece, on which the number of terms is chosen by free runs
 LATE = 0.25
 STARTS = 3  # number of sets of starting values of operator parameters that are refined
-SHORT = 2048  # number of training samples on which the refined sets are compared
+SHORT = 2048  # number of training samples on which the refined sets of starting values are compared
 
 DIVERGES = (
     "write another `fit.stop`, use fewer delayed outputs in the dictionary, or set `fit.ridge`"

@@ -103,8 +103,8 @@ def _written(m: Writer, model: MemoryModel, inputs: Inputs) -> Expression:
     early = seen < float(max((state(name).lag for name in model.states.names), default=0))
 
     def bounded() -> Expression:
-        """Write statements for the output. From the sample at which the output leaves the bounds
-        until a reset, it is NaN.
+        """Write statements for the output. The output is NaN from the sample at which it leaves the
+        bounds until a reset.
         """
         value, (low, high) = _sum_of_terms(m, model, names), divergence_bounds(model.limits)
         lost_now = [(lost > 0, NOTHING), (value < low, NOTHING), (value > high, NOTHING)]

@@ -114,8 +114,8 @@ def sampled(
     uninterrupted pieces.
 
     Time steps may be uneven if the model depends only on the order of the samples (`ordered`). The
-    time is then the median, and pieces end only at steps backwards in time. Raises DataError if
-    steps are uneven although the model needs even ones.
+    returned time is then the median step, and pieces end only at steps backwards in time. Raises
+    DataError if steps are uneven although the model needs even ones.
     """
     try:
         step = time_step(curves)

@@ -28,9 +28,9 @@ from mapmore_cli.modelling.memory.simulation import ReadyPiece, Trajectory
 
 # number of samples of the shortest horizon, and the factor from one horizon to the next
 FIRST, GROWTH = 16, 8
-# smallest ratio of two horizons, if runs over a horizon that is FIRST times GROWTH long diverge
+# the search ends if the next horizon were less than this many times as long as the last one
 LEAST_GROWTH = 1.2
-# Levenberg-Marquardt factor at the start, and largest factor, at which the search ends
+# Levenberg-Marquardt factor at the start, and the largest one, at which the search ends
 DAMPING, MOST_DAMPING = 1e-3, 1e8
 # largest number of iterations, and relative decrease of the error below which the search stops
 # `THOROUGH` is for free runs, and `QUICK` is for runs over a horizon.
@@ -262,8 +262,8 @@ def _of_unit_diagonal(curvature: Array) -> tuple[Array, Array]:
 
 def free_run_errors(problem: FreeRunProblem, vector: Array) -> tuple[Array, float]:
     """Return the standard errors of a point, shape (k + 1 + m,), and the number of independent
-    samples to which the samples are equivalent. Both are computed from the derivatives of its
-    outputs and the autocovariance of its residuals.
+    samples to which the samples are equivalent. Both are computed from the derivatives of the
+    outputs and the autocovariance of the residuals at this point.
 
     All errors are NaN if no degree of freedom is left or a slope is not finite. The error of a
     parameter at its bound is NaN too.

@@ -78,7 +78,7 @@ class ReadyPiece:
     @cached_property
     def restarts(self) -> BoolArray:
         """Mask of the samples at which a run may restart, (n,). All earlier values that the run
-        needs are known there.
+        needs are known at these samples.
         """
         known = np.isfinite(self.measured) & np.isfinite(self.history).all(axis=0)
         back = np.concatenate([[0], np.cumsum(~known)])

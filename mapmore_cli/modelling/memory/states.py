@@ -34,9 +34,9 @@ def evaluate_states(
     """Return every state along one uninterrupted piece, shape (n,) each, scaled and clipped as
     `states` says. A state is NaN at the first rows if it needs earlier values.
 
-    With `past`, the piece continues an earlier piece whose last values `past` holds; they are then
-    replaced by the last values of this piece. With `still`, every row is treated separately, as if
-    all quantities had always had the values of this row.
+    With `past`, the piece continues an earlier piece. `past` holds the last values of the earlier
+    piece, and the function replaces them by the last values of this piece. With `still`, every row
+    is treated separately, as if all quantities had always had the values of this row.
 
     Raises DataError if a quantity is missing.
     """

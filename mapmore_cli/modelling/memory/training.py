@@ -154,8 +154,8 @@ class Unknown:
         """Return the `keep` sets of starting values with the smallest one-step-ahead `error`, the
         best set first.
 
-        If there are few sets, all are tried. Otherwise, the grid of one state is tried after the
-        other, and the best parameters so far are used for the other states.
+        If there are few sets, all are tried. Otherwise, the grids of the states are tried one after
+        the other, and all other states have the best parameters so far.
         """
         grids = [
             starts(self.step, self.longest)
@@ -178,8 +178,8 @@ class Unknown:
 
 
 def left_open(records: Sequence[Record], terms: Sequence[str], step: float) -> Unknown:
-    """Return the operator parameters that are not written in the terms. `step` is the time between
-    samples in s.
+    """Return the operators' parameters whose numbers the terms do not contain. `step` is the time
+    between samples in s.
     """
     parts = {
         part
@@ -212,8 +212,8 @@ def _with(wanted: State, numbers: dict[Operated, tuple[float, ...]]) -> State:
 
 
 class TrainingData:
-    """One set of training samples, together with the `numbers` (parameters) of the operators for
-    which the recipe's dictionary has none.
+    """One set of training samples. `numbers` holds the parameters of those operators for which the
+    recipe's dictionary gives no parameters.
 
     Raises DataError if a quantity is missing, too few samples have enough earlier samples, or a
     state cannot be fed back.
@@ -295,7 +295,7 @@ class TrainingData:
         return replace(selection, theta_error=errors, worth=worth)
 
     def open_in(self, chosen: IntArray) -> Unknown:
-        """Return the operator parameters that are not written in the chosen candidates."""
+        """Return the operators' parameters whose numbers the chosen candidates do not contain."""
         return left_open(
             self.records, [self.recipe.dictionary[i] for i in chosen], self.recipe.step
         )

@@ -93,7 +93,7 @@ def segment(
     Raises DataError if a segment holds no sample, or if a curve has too few samples for the cut.
     """
     terms = [candidate(text) for text in recipe.dictionary]
-    # a robust loss gives other weights in each segment, so its errors could not be compared
+    # a robust loss gives each segment different weights, so that errors could not be compared
     recipe = replace(recipe, fit=replace(recipe.fit, loss="squares", scale="auto"))
     recipes = [recipe, *(replace(recipe, target=name) for name in also)]
     training = training_curves(curves, recipe.level is not None)
@@ -325,8 +325,8 @@ def _robust(
     """Choose a placement and terms that do not depend on single outliers.
 
     Outliers are found by two robust fits with a free constant. One fit has as many terms as the
-    segment, and the other has so many terms that it follows the curve closely. If one outlier pulls
-    a fit towards itself, it is found by a fit without it.
+    segment, and the other has so many terms that it follows the curve closely. An outlier that
+    pulls a fit towards itself is found by a further fit, which leaves this sample out.
 
     The residuals of each fit give the samples weights, which determine the placement. The terms are
     then chosen twice, starting with these weights or with equal weights. Of all results, the one
@@ -390,7 +390,7 @@ def _chosen_terms(
     z, target = outputs[0].scaled(slice(0, n), scalings[0])
     P = dictionary_matrix(terms, z, n)
     choice = choose(P, target, stopping, weighings[0])
-    # so that a wide dictionary is released before the next one is built
+    # `only` keeps no dictionary, so that a wide one is released before the next one is built
     return (replace(choice, only=problems[0].of),)
 
 
@@ -404,8 +404,8 @@ def fuse(
 ) -> Model:
     """Join the segment functions to a model, with the curves in the order of their levels.
 
-    If there is a backbone, its residual has its full size between levels here; `cross_validation`
-    chooses later by which factor it is reduced there.
+    If there is a backbone, this function joins the fitted residual in its full size, also between
+    levels. Later, `cross_validation` chooses the factor by which it is reduced between levels.
     """
     backbone, level = result.backbone, recipe.level
     needed = {

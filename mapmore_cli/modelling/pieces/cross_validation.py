@@ -1,18 +1,19 @@
 """Cross-validate models on training data, to choose the backbone and the factor by which the
 residual of the backbone is multiplied.
 
-At the training levels, the residual is measured, so it is used in full there, even if g is zero. At
-the fraction t of the distance between two levels, it is multiplied by `g + (1 - g)(1 - 2t)^2`
+At a training level, the residual was measured and is used in full, even if g is zero. At the
+fraction t of the distance between two levels, the residual is multiplied by `g + (1 - g)(1 - 2t)^2`
 (`across_levels`). The residual of pooled data (one surface) is multiplied by g everywhere. The
 factor g is estimated from left-out levels or blocks.
 
-A backbone is chosen among all static formulas of the study's inputs; having no backbone is also
-tried. Each inner level (for one surface, each inner block along every input) is left out once, and
-everything is done again without it: formula, cuts, terms, and then the best share of the residual.
-The outermost levels take no part in the choice, because a model would have to extrapolate to them.
-With three training levels or fewer, the choice would be left to chance: on measured muscles, it
-took Sárosi's formula although the hinged formula has a tenth of its error. In this case, the
-formula `FEW` is used, which is close to the plain formula if the data have no slack foot.
+The backbone is chosen among all static formulas of the study's inputs, and no backbone is one of
+the choices. Each inner level (for one surface, each inner block along every input) is left out
+once, and everything is done again without it: formula, cuts, terms, and then the best share of the
+residual. The outermost levels take no part in the choice, because a model would have to extrapolate
+to them. With three training levels or fewer, the choice would depend on chance: for measured
+muscles, Sárosi's formula was chosen although the hinged formula has a tenth of its error. With so
+few levels, the formula `FEW` is used, which is close to the plain formula if the data have no slack
+foot.
 """
 
 from __future__ import annotations
@@ -35,8 +36,7 @@ from mapmore_cli.modelling.literature.backbone import fit_formula, pooled
 from mapmore_cli.modelling.pieces.build import build, quantities_in
 from mapmore_cli.modelling.pieces.recipe import Cuts, Recipe
 
-# number of contiguous blocks of a curve or a surface, if it has too few levels for leaving out
-# whole levels
+# number of contiguous blocks of a curve or a surface, if there are too few levels to leave one out
 # Each inner block is left out once.
 BLOCKS = 5
 
@@ -332,7 +332,7 @@ def with_trusted_residual(
 
 
 def _times(body: Pieces, share: float) -> Pieces:
-    """Return the pieces with their output multiplied by `share`. The factor is multiplied into the
+    """Return the pieces with their output multiplied by `share`. `share` is multiplied into the
     scalings of the segments. If it is zero, all segments are removed.
     """
 

@@ -66,7 +66,7 @@ def across_levels(
     Let t be the position between levels i and i + 1, from 0 to 1. With `linear`, the value is `(1 -
     t) f_i + t f_{i+1}` (triangular weights, M1 figure 2). With `pchip`, it is the cubic Hermite
     interpolant with slopes that keep the shape of the curves' values (Fritsch and Butland 1984).
-    The value is multiplied by the share `g + (1 - g)(1 - 2t)^2` with g = `shrink`. At a level
+    The value is multiplied by the factor `g + (1 - g)(1 - 2t)^2` with g = `shrink`. At a level
     itself, only the curve of this level is computed, because the other curves may have no value
     there.
 
@@ -203,7 +203,7 @@ def segment_value(
     intercept`.
 
     A curve may continue as a straight line beyond its limits. For each input, `beyond` holds the
-    conditions for this, and the distance of the sample from the limit.
+    conditions under which it does so, and the distance of the sample from the limit.
     """
     scaling = segment.scaling
     scales = zip(scaling.variables, scaling.slope.tolist(), scaling.intercept.tolist(), strict=True)

@@ -20,9 +20,10 @@ from mapmore_cli.modelling.signals.sampling import even_share
 END_FRACTION, FEWEST = 0.05, 3
 # with more variables, only two of the `2^v` corners are tried as origins: all left and all right
 EVERY_CORNER_UP_TO = 3
-# smallest variation near the anchor, as a fraction of the largest, of a direction that counts
+# a direction counts if its variation near the anchor is at least this fraction of the largest
 FLAT = 1e-3
-# relative difference below which weights count as equal, and samples to add for other weights
+# `ALIKE` is the relative difference up to which weights count as equal.
+# `EXTRA` is the number of samples that are added if the weights are not equal.
 ALIKE, EXTRA = 1e-12, 1
 ROUNDING = 1e-9  # relative rounding error of a sum of weights
 

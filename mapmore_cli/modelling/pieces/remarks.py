@@ -59,9 +59,9 @@ def exploding_curves(model: Model, curves: Sequence[Curve], target: str) -> list
     in a segment and continues outside its range. Its value there differs from the middle of all
     measured values by more than `ASTRAY` times the measured range.
 
-    Between two levels, both curves are evaluated, even where only one of them has samples. The
-    other curve is then evaluated beyond its own end. Therefore, each curve is checked at the
-    samples of all curves, and slightly beyond.
+    Between two levels, the curves of both levels are evaluated, even at a place at which only one
+    of them has samples. The other curve is then evaluated beyond its own end. Therefore, each curve
+    is checked at the samples of all curves, and slightly beyond.
     """
     body = model.body
     if not isinstance(body, Pieces):

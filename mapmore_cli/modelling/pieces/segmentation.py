@@ -32,7 +32,7 @@ from mapmore_cli.modelling.signals.rates import STEPS, running_median
 
 # width over which slopes are computed, and smallest distance of two bends (fraction of the range)
 WINDOW = 0.1
-# tolerance of the smallest distance of two bends, as a fraction of it, for rounding errors
+# relative tolerance of the smallest distance of two bends, because of rounding errors
 ROUNDING = 1e-9
 # smallest number of samples in a segment, so that a gap in a curve gets no segment of its own
 FEWEST_SAMPLES = 5

@@ -41,7 +41,7 @@ def shaped(
     """Return the fused model, with coefficients that satisfy the bounds and the shape in the
     recipe. If the recipe has neither, return the model unchanged.
 
-    Raises FitError if the chosen terms cannot satisfy them with any coefficients.
+    Raises FitError if the chosen terms cannot satisfy these conditions with any coefficients.
     """
     body, asked = model.body_of(Pieces), asked_of(recipe.fit)
     if not body.segments:  # without segments, there are no coefficients to change

@@ -24,7 +24,7 @@ from mapmore_cli.modelling.shape.stencils import ShapeWord, Stencils, nodes_of, 
 
 # Number of nodes of the grid on which the shape must hold.
 # Number of nodes along each input of the finer grid around a binding inequality.
-# Number of refinements of this finer grid.
+# Number of refinements of the finer grid around a binding inequality.
 FINE, CLOSE, CLOSER = 40_000, 9, 3
 # Largest number of rounds on one grid.
 # Largest number of inequalities that a round adds for one entry of `shape`.
@@ -179,8 +179,8 @@ class Exchange:
 
     def _add(self, violated: Sequence[Stencils]) -> int:
         """Add the inequality of each stencil, linearised around the present coefficients. Return
-        the number of inequalities that were added. Those that consist of rounding errors only are
-        left out.
+        the number of inequalities that were added. Inequalities that consist of rounding errors
+        only are left out.
         """
         before = len(self.D)
         values, slopes = (self._at_nodes(violated, of) for of in (self._values, self._slopes))

@@ -28,9 +28,9 @@ def stencil_weights(word: Word, places: Array) -> Array:
     """Return weights for the output at ascending `places`, shape (..., points). The shape is kept
     if the weighted sum of the output is not negative.
 
-    For `increasing` and `decreasing`, the sum is the rise or the fall of the output. With more than
-    two places, it is that of the mean over half of the places. For `convex` and `concave`, it is
-    the distance between the output and its chord.
+    For `increasing`, the sum is the mean output at the upper half of the places minus the mean
+    output at the lower half; for `decreasing`, it has the opposite sign. For `convex` and
+    `concave`, the sum is the distance between the output and its chord.
     """
     if word == "positive":
         return np.ones_like(places)
@@ -84,7 +84,7 @@ class Stencils:
 
     def at(self, rows: IntArray | BoolArray) -> Stencils:
         """Return some of the stencils, which are selected by numbers or by a mask. Rows of the
-        columns that they do not need are left out.
+        columns that the selected stencils do not need are left out.
         """
         used, nodes = np.unique(self.nodes[rows], return_inverse=True)
         columns = columns_at(self.columns, used)

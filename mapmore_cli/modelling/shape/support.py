@@ -44,10 +44,10 @@ LEVEL = 0.01
 """Probability with which noise on a constant output is refused as a contradiction."""
 
 # number of simulations of noise alone
-# A contradiction of fewer standard errors is too weak to need a simulation.
+# A contradiction of fewer than `UNLIKELY` standard errors is too weak to need a simulation.
 RUNS, UNLIKELY = 199, 2.0
 CONFIRMED = 3.0  # number of standard errors by which a fitted surface must contradict a sign
-# number of contradictions per width of the means that are tested with a fitted surface
+# for each width of the means, number of contradictions that are tested with a fitted surface
 TRIED = 32
 # The noise of a cell is the mean over at least `LOCAL` cells around it.
 # For d inputs, a plane is fitted to `2 d + ABOUT - 1` neighbours of a cell.
@@ -104,7 +104,7 @@ def refuse_unsupported(
             raise FitError(
                 f"fit.shape: `{word.quantity}: {word.word}` was examined at {count} "
                 f"differences of the training data, of which {wrong} contradict it{against_words}",
-                f"this needs at least {FEWEST} differences, and the data may contradict it only "
+                f"a condition needs at least {FEWEST} differences, and data may contradict it only "
                 "within their noise; remove this condition, or raise `fit.slack`",
             )
 

@@ -159,8 +159,8 @@ def cycle_starts(x: Array) -> IntArray:
 
 def last_cycles(x: Array, share: float) -> BoolArray:
     """Return a mask of the samples that belong to the last cycles of `x`, (n,). `share` is their
-    fraction of all cycles, rounded down to whole cycles. The rest before the first of these cycles
-    is not included.
+    fraction of all cycles, rounded down to whole cycles. Samples at rest before the first of these
+    cycles are not included.
 
     Raises DataError if there are fewer than two cycles, or if the share gives no cycle or all
     cycles.

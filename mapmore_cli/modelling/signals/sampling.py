@@ -144,7 +144,7 @@ def find_repeats(time: Array) -> IntArray:
 
 
 def steps_where(time: Array, condition: Callable[[Array], BoolArray]) -> IntArray:
-    """Return the indices of the samples after which the time step fulfils the condition."""
+    """Return the indices of the samples after which the time step satisfies the `condition`."""
     places: list[IntArray] = [np.zeros(0, dtype=np.int64)]
     start = 0
     for (block,) in in_blocks(time, overlap=1):

@@ -174,7 +174,7 @@ def correlation_by_lag(u: Array, v: Array) -> tuple[Array, Array, Array]:
     r is set to zero if the overlap is too short, or if it contains too small a part of the changes
     of a record.
     """
-    # imported here, because it loads slowly and few studies need it
+    # imported here, because the import is slow and few studies need it
     from scipy.signal import correlate
 
     n, m = len(u), len(v)
@@ -219,7 +219,7 @@ def _half_width(u: Array, v: Array, lag: int) -> float:
     frequency domain, this is a sum of products, of which a few may dominate. Their effective number
     is used as the degrees of freedom of Student's t.
     """
-    # imported here, because it loads slowly and few studies need it
+    # imported here, because the import is slow and few studies need it
     from scipy.fft import next_fast_len, rfft
     from scipy.special import stdtrit
 

@@ -49,7 +49,7 @@ FEWEST_CURVES, MOST_POINTS = 2, 6
 
 class CurvePlace(NamedTuple):
     """A curve along which both models are compared: its name, its level, and True if one of the
-    models must be interpolated between its levels there.
+    models has no curve at this level and must be interpolated.
     """
 
     curve: str
@@ -143,8 +143,8 @@ class Comparison:
 
     @property
     def changed(self) -> bool:
-        """Return True if the muscle has changed. The change must be certain (the interval does not
-        contain one) and larger than the margin.
+        """Return True if the muscle has changed. The change must be certain (the interval of the
+        factor does not contain 1) and larger than the margin.
         """
         low, high = self.interval
         large = abs(self.ratio - 1) > max(self.margin, self.resolution)
@@ -401,8 +401,8 @@ def reference_points(models: Sequence[Model]) -> list[ReferencePoint]:
 
 
 def term_changes(before: Model, after: Model) -> tuple[TermChange, ...]:
-    """Return the terms of all segments that both models have, with the coefficients `y_slope theta`
-    of both models. The result is empty if a model has no segments.
+    """Return the terms of the segments that occur in both models, with the coefficients `y_slope
+    theta` of both models. The result is empty if a model has no segments.
 
     Scalings depend on the ranges of the data, so that a coefficient also changes if the ends of its
     segment move.

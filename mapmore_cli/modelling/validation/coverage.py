@@ -34,8 +34,8 @@ def share_outside(model: Model, dataset: Dataset) -> float:
 
 
 def new_combinations(model: Model, dataset: Dataset) -> Iterator[tuple[float, str, str]]:
-    """Yield each pair of inputs that has, in some held-out samples, a combination of values as in
-    no training sample. Held-out samples with an input outside its training range are not
+    """Yield each pair of inputs that has, in some held-out samples, a combination of values that
+    occurs in no training sample. Held-out samples with an input outside its training range are not
     considered. For each pair, yield the fraction of all held-out samples that have such a
     combination, and the names of both inputs. Long data are thinned evenly.
     """

@@ -36,7 +36,7 @@ from mapmore_cli.modelling.validation.metrics import judged
 
 LAGS = 25  # longest lag in samples; in short records, a shorter one is used
 # number of parts of the range of an input for which the mean residual is tested
-# All parts have the same number of samples.
+# Each of these parts of the range has the same number of samples.
 PARTS = 10
 
 
@@ -64,7 +64,7 @@ def residual_tests(
                 residuals.append(piece)
                 for name in columns.keys() & curve.columns.keys():
                     x = picked(curve.columns[name], rows)
-                    # a level is constant within its curve; its measured noise is no movement
+                    # the level is constant within a curve, so noise of its sensor is no movement
                     held = name == dataset.level and curve.level is not None
                     columns[name].append(np.full(len(x), curve.level) if held else x)
     known, low, high = _finite(residuals)
@@ -198,7 +198,7 @@ def explained_by_inputs(model: Model, dataset: Dataset) -> Iterator[str]:
 
 TINY = float(np.finfo(np.float64).tiny)
 
-SAME = 1e-9  # two predictions with a smaller relative difference are equal
+SAME = 1e-9  # two predictions with a smaller relative difference count as equal
 # if a larger fraction of held-out samples is outside the training range, scores test extrapolation
 MOSTLY = 0.5
 

@@ -25,7 +25,7 @@ def for_report(validation: Validation, model: Model, dataset: Dataset) -> Valida
 
     Of a curve with more than `MANY` samples, figures show the samples with the smallest and the
     largest measured value and error in each of `MANY / 4` consecutive parts. Of a long recording,
-    they show the samples with the extremes of its quantities.
+    figures show the samples with the extremes of its quantities.
     """
     predictions = validation.predictions
     predicted = next(iter(predictions.values()))

@@ -19,7 +19,7 @@ from mapmore_cli.modelling.expressions.operator import (
 )
 
 # largest time constant, as a multiple of the duration of the longest piece
-# A slower lag looks like a drift at a constant rate.
+# A lag with a larger time constant looks like a drift at a constant rate.
 BEYOND = 100.0
 
 

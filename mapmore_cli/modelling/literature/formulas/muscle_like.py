@@ -8,8 +8,8 @@ length of each muscle. The velocity v is *positive when the muscle shortens*. If
 shortening muscle pulls less, as a damper does.
 
 If F and the products of F with the other constants are taken as parameters, the formula is linear
-in all of them except b0. A search for b0 alone is therefore enough (variable projection). H
-searches all seven parameters with the simplex method (`method: simplex`).
+in all parameters except b0. A search for b0 alone is therefore enough (variable projection). The
+paper H searches all seven parameters with the simplex method (`method: simplex`).
 """
 
 from mapmore_cli.modelling.literature.formula import Formula, LinearForm

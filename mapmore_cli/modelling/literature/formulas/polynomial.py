@@ -49,7 +49,7 @@ FORMULAS = (
     ),
     polynomial_formula(
         3,
-        "H section I, its reference 19",
+        "reference 19 of H (see section I of H)",
         ("pressure", "length", "velocity"),
         tuple(powers for powers in product(range(3, -1, -1), repeat=3) if sum(powers) <= 3),
         """Third-order polynomial of pressure, length and velocity. `a210` multiplies

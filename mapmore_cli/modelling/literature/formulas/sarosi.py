@@ -8,7 +8,7 @@ from mapmore_cli.modelling.literature.problem import Intervals, Nonlinear
 # Bounds of a3*max|strain|. In every publication, the exponent a3 is negative (about -8 in W).
 # With a positive exponent, the force would fall steeply outside the training data.
 # At the bound -50, the force decays within 1/50 of the largest strain.
-# Nearer to zero than -1e-3, the exponential is almost a straight line, as the linear terms are.
+# Between -1e-3 and 0, the exponential is almost a straight line, as the linear terms are.
 DECAY = ((-50.0, -1e-3),)
 
 STARTS = {

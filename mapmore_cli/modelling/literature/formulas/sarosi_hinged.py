@@ -16,10 +16,10 @@ F_plain is Sárosi's formula with the parameters s1 to s6, which is fitted to th
 F_hinged. `share` is the weight of F_hinged. The weight of each of the two parts is proportional to
 `(r^2 + 0.01^2)^-2`, in which r is the training RMSE of the part divided by max|F|. If the data have
 no foot, both parts are about equally good and have about equal weights. F_plain gets no weight if
-its exponent s3 is at a bound or is not determined by the data. In this case, the term exp(s3
-strain) of F_plain could be so large outside the measured strains that even a very small weight
-would spoil the force. The strain must be a fraction, because the prior of a3 is a decay over a
-strain of 1/33.
+its exponent s3 is at a bound or is not determined by the data. With such an exponent, the term
+exp(s3 strain) of F_plain could be so large outside the measured strains that even a very small
+weight would spoil the force. The strain must be a fraction, because the prior of a3 is a decay over
+a strain of 1/33.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from mapmore_cli.modelling.literature.formulas.sarosi import DECAY, sarosi
 # below this training RMSE (fraction of max|F|), a part hardly gains weight by a smaller RMSE
 GOOD_ENOUGH = 0.01
 
-PLAIN = sarosi("s", (*DECAY, (1e-3, 50.0)))  # exponents may also be positive
+PLAIN = sarosi("s", (*DECAY, (1e-3, 50.0)))  # the exponent s3 may also be positive
 HIGH, LOW = sarosi("a").text, "b0 + b1*pressure + b2*strain"
 PRINTED = f"share*({LOW} + w*log(1 + exp(({HIGH} - ({LOW}))/w))) + (1 - share)*({PLAIN.text})"
 # This form cannot overflow, because ln(1 + exp(z)) = (z + |z|)/2 + ln(1 + exp(-|z|)).

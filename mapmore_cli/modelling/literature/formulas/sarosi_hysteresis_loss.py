@@ -1,8 +1,8 @@
 """Define Sárosi's hysteresis loss (M2 eq 17-23). Its damping force is critical damping multiplied
 by the fraction of the energy of a load cycle that hysteresis dissipates.
 
-At one pressure, Sárosi's force (M2 eq 14) is `F(x) = A exp(c x) + B x + C` with the strain x. It is
-integrated exactly.
+At one pressure, Sárosi's force (M2 eq 14) is `F(x) = A exp(c x) + B x + C` with the strain x. This
+function is integrated exactly.
 """
 
 from __future__ import annotations

@@ -170,8 +170,8 @@ on the strain and another on the force.
 
 The factor on the force is `mu = a_e exp(-40 strain) - b_e` (W eq 11, with the strain as a
 fraction). Here, a_e and b_e are W's parameters multiplied by the area pi D^2/4, because the data
-cannot separate the area from this factor. So the number of parameters is the same as in W. With
-the pressure in kPa and the force in N, the unit of a_e and b_e is 1e-3 m^2. The pressure must be
-in kPa (W eq 10).""",
+cannot separate the area from this factor. The fitted area therefore needs no parameter of its own,
+and there are as many parameters as in W. With the pressure in kPa and the force in N, the unit of
+a_e and b_e is 1e-3 m^2. The pressure must be in kPa (W eq 10).""",
     ),
 )
