@@ -149,3 +149,5 @@ def test_records_are_shown_by_their_stages(tmp_path, mapmore):
     shown = [line.split() for line in mapmore("show", "run.json", code=0).stdout.splitlines()]
     assert ["ingest", "0.25", "forced"] in shown
     assert any(words[:1] == ["fit"] for words in shown)
+    (tmp_path / "run.json").write_text('{"stages": 3}')
+    mapmore("show", "run.json", code=4, says="is neither a scores.json nor a run.json")
