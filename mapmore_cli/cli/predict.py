@@ -369,16 +369,12 @@ def adapt(
     from mapmore_cli.pipeline.predict import adapt, dimension_of, names_of_points
     from mapmore_cli.reporting.table import Column, Table
     from mapmore_cli.storage.artefacts import read_model, write_model
-    from mapmore_cli.storage.outputs import (
-        note_chosen,
-        refuse_early,
-        refuse_foreign_file,
-        refuse_needed,
-    )
+    from mapmore_cli.storage.outputs import note_chosen, refuse_early, refuse_foreign_file
 
-    if output is None:
-        refuse_foreign_file(ADAPTED)
-        refuse_early(ADAPTED)
+    chosen, output = output is None, output or ADAPTED
+    if chosen:
+        refuse_foreign_file(output)
+        refuse_early(output)
     options = table_options(delimiter, decimal, thousands, sheet, columns, units)
     with Reporter(quiet) as reporter:
         family = read_model(model_file, reporter.warn)
@@ -390,8 +386,6 @@ def adapt(
             lines, label = _lines_of(table, family, ways, options, reporter)
         with remedies_by_options() if table is not None else nullcontext():
             model = adapt(family, lines, label, _constants_of(family, given))
-    chosen, output = output is None, output or ADAPTED
-    refuse_needed(output)
     write_model(output, model)
     if chosen:
         note_chosen(output.parent, [output.name])
