@@ -179,7 +179,7 @@ def predict(
             turned_for=turned_for,
             constants=constants,
         )
-        with remedies_by_options() if table is not None else nullcontext():
+        with remedies_by_options(table):
             _write_lines(added, output)
 
 
@@ -313,7 +313,7 @@ def invert(
     options = table_options(delimiter, decimal, thousands, sheet, columns, units)
     with Reporter(quiet) as reporter:
         model = read_model(model_file, reporter.warn)
-        with remedies_by_options():
+        with remedies_by_options(table):
             lines, label = _lines_of(table, model, columns_of(model, name), options, reporter)
             _write_lines(inverted_lines(model, lines, label, name, rule), output)
 
@@ -384,7 +384,7 @@ def adapt(
             note_read([table])
             ways = [names_of_points(family)]
             lines, label = _lines_of(table, family, ways, options, reporter)
-        with remedies_by_options() if table is not None else nullcontext():
+        with remedies_by_options(table):
             model = adapt(family, lines, label, _constants_of(family, given))
     write_model(output, model)
     if chosen:
