@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 def refuse_outputs(named: Path | list[Path] | None) -> Path | list[Path] | None:
     """Refuse the outputs that an option names, before the command computes, if they cannot be
-    written (`storage.outputs.refuse_early`). This is the callback of every option for an output.
+    written (`storage.outputs.refuse_early`). This is the callback of every option for a file.
     """
     from mapmore_cli.storage.outputs import refuse_early
 

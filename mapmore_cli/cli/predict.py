@@ -179,7 +179,7 @@ def predict(
             turned_for=turned_for,
             constants=constants,
         )
-        with remedies_by_options() if table is not None else nullcontext():
+        with remedies_by_options(table):
             _write_lines(added, output)
 
 
@@ -313,7 +313,7 @@ def invert(
     options = table_options(delimiter, decimal, thousands, sheet, columns, units)
     with Reporter(quiet) as reporter:
         model = read_model(model_file, reporter.warn)
-        with remedies_by_options():
+        with remedies_by_options(table):
             lines, label = _lines_of(table, model, columns_of(model, name), options, reporter)
             _write_lines(inverted_lines(model, lines, label, name, rule), output)
 
@@ -369,16 +369,12 @@ def adapt(
     from mapmore_cli.pipeline.predict import adapt, dimension_of, names_of_points
     from mapmore_cli.reporting.table import Column, Table
     from mapmore_cli.storage.artefacts import read_model, write_model
-    from mapmore_cli.storage.outputs import (
-        note_chosen,
-        refuse_early,
-        refuse_foreign_file,
-        refuse_needed,
-    )
+    from mapmore_cli.storage.outputs import note_chosen, refuse_early, refuse_foreign_file
 
-    if output is None:
-        refuse_foreign_file(ADAPTED)
-        refuse_early(ADAPTED)
+    chosen, output = output is None, output or ADAPTED
+    if chosen:
+        refuse_foreign_file(output)
+        refuse_early(output)
     options = table_options(delimiter, decimal, thousands, sheet, columns, units)
     with Reporter(quiet) as reporter:
         family = read_model(model_file, reporter.warn)
@@ -388,10 +384,8 @@ def adapt(
             note_read([table])
             ways = [names_of_points(family)]
             lines, label = _lines_of(table, family, ways, options, reporter)
-        with remedies_by_options() if table is not None else nullcontext():
+        with remedies_by_options(table):
             model = adapt(family, lines, label, _constants_of(family, given))
-    chosen, output = output is None, output or ADAPTED
-    refuse_needed(output)
     write_model(output, model)
     if chosen:
         note_chosen(output.parent, [output.name])

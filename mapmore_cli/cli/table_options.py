@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
@@ -86,10 +87,13 @@ BY_OPTIONS = (
 
 
 @contextmanager
-def remedies_by_options() -> Iterator[None]:
-    """Add to the remedies of errors in a table by which options the keys of a spec are given."""
+def remedies_by_options(table: Path | None) -> Iterator[None]:
+    """Add to the remedies of errors in a table by which options the keys of a spec are given. An
+    error of the model is unchanged, and so is one in stdin, for which there are no options.
+    """
     try:
         yield
     except DataError as error:
-        error.remedy = "\n  ".join([*filter(None, [error.remedy]), BY_OPTIONS])
+        if table is not None and error.message.startswith((str(table), table.name)):
+            error.remedy = "\n  ".join([*filter(None, [error.remedy]), BY_OPTIONS])
         raise

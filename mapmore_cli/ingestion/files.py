@@ -154,7 +154,7 @@ def find_sources(
             raise SpecError(
                 f"files: {times} recordings have the id '{name}'", "Give each an `id` of its own."
             )
-    logs = [_logs_to_join(join, len(found), folder) for join in joins]
+    logs = [_logs_to_join(join, len(found), folder, warn) for join in joins]
     return tuple(
         Source(
             log.path,
@@ -241,11 +241,11 @@ def _part_of(log: Log) -> tuple[str | None, WhichTable | None]:
     return log.sheet, log.table_below
 
 
-def _logs_to_join(join: Join, count: int, folder: Path) -> list[Log]:
+def _logs_to_join(join: Join, count: int, folder: Path, warn: Warn) -> list[Log]:
     """Return, for each of `count` files, the log that is joined to it. A single log is joined to
     every file; several logs are joined to the files one by one, in their order.
     """
-    logs = [log for log, _ in _found(join.files, folder)]
+    logs = [log for log, _ in _found(join.files, folder, warn=warn)]
     if len(logs) not in (1, count):
         names = ", ".join(log.name for log in logs[:4])
         what = f"join: {len(logs)} files cannot be paired with {count} of `data.files`: {names} ..."

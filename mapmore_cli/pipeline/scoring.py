@@ -6,10 +6,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns, by_blocks, row_by_row
+from mapmore_cli.domain.arrays import Array, BoolArray, by_blocks, row_by_row
 from mapmore_cli.domain.compared import Normaliser
 from mapmore_cli.domain.errors import SpecError, Warn
 from mapmore_cli.domain.fits import FormulaFit
@@ -163,13 +164,11 @@ def _own_forecasts(part: ScoresSlice, model: Model, dataset: Dataset) -> Forecas
 def _with_interval(model: Model, curve: Curve, output: Forecast) -> Forecast:
     """Add the half widths of the intervals to the forecast of the held-out samples of a curve."""
 
-    def half(columns: Columns) -> Array:
-        return half_widths_of(model, columns, INTERVAL)
-
     def known(widths: Array, held_out: BoolArray, beyond: BoolArray) -> Array:
         return np.where(held_out & ~beyond, widths, np.nan)
 
-    widths, beyond = row_by_row(half, curve.columns), outside(model, curve)
+    half_widths = partial(half_widths_of, model, level=INTERVAL)
+    widths, beyond = row_by_row(half_widths, curve.columns), outside(model, curve)
     return replace(output, half=by_blocks(known, widths, curve.held_out, beyond))
 
 

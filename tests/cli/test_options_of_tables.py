@@ -1,5 +1,7 @@
 """Options for tables of other programs, and remedies that name them."""
 
+from pathlib import Path
+
 import pytest
 
 from mapmore_cli.cli.table_options import BY_OPTIONS, remedies_by_options, table_options
@@ -27,8 +29,18 @@ def test_a_pair_has_a_name_and_a_value(text):
 
 
 @pytest.mark.parametrize("remedy", ["say `decimal: ,`", None])
-def test_remedies_name_options(remedy):
-    with pytest.raises(DataError) as error, remedies_by_options():
-        raise DataError("a", remedy)
-    first, _, last = error.value.remedy.rpartition("\n  ")
-    assert (first, last) == (remedy or "", BY_OPTIONS)
+@pytest.mark.parametrize(
+    ("table", "message", "is_named"),
+    [
+        (Path("in", "t.csv"), "in/t.csv:row 2: no number", True),
+        (Path("in", "t.csv"), "t.csv: there is no column", True),
+        (Path("in", "t.csv"), "the model m has no intervals", False),
+        (Path("-"), "stdin: there is no column", False),
+        (None, "t.csv: there is no column", False),
+    ],
+)
+def test_remedies_of_tables_name_options(table, message, is_named, remedy):
+    with pytest.raises(DataError) as error, remedies_by_options(table):
+        raise DataError(message, remedy)
+    expected = "\n  ".join(filter(None, [remedy, BY_OPTIONS])) if is_named else remedy
+    assert error.value.remedy == expected

@@ -1,4 +1,5 @@
 from contextlib import nullcontext
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
@@ -145,6 +146,9 @@ def test_a_glob_enters_no_folder_with_results(tree):
         "../**/*.csv: no recordings are read in ../campaign, ../out/a, because results of mapmore "
         "lie there"
     )
+    joins = [SimpleNamespace(files=patterns[1:])]
+    find_sources(patterns[1:], tree, joins, warn=warnings.append)
+    assert warnings[2:] == [warnings[1]] * 2
     with refused("../out/*/*.csv: no such file outside of the results of mapmore in ../out/a"):
         find_sources(["../out/*/*.csv"], tree)
     assert [one.id for one in find_sources(["../out/a/*.csv"], tree)] == ["scores"]

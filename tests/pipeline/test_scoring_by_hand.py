@@ -68,7 +68,7 @@ def test_rows_of_models_that_saw_held_out_samples_are_marked(monkeypatch):
 
 
 def test_intervals_are_those_of_held_out_samples_within_the_range(monkeypatch):
-    monkeypatch.setattr(scoring, "half_widths_of", lambda _model, columns, _: 1 + columns["time"])
+    monkeypatch.setattr(scoring, "half_widths_of", lambda _model, columns, **_: 1 + columns["time"])
     monkeypatch.setattr(scoring, "outside", lambda _model, curve: curve.columns["time"] > 2)
     output = Forecast.of(np.zeros(6))
     monkeypatch.setattr(scoring, "forecast_each", lambda *_: (output,))

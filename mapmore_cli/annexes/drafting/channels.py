@@ -13,6 +13,7 @@ from shlex import quote
 from mapmore_cli.annexes.drafting.names import stem_of
 from mapmore_cli.storage.readers import READERS, reader_of
 from mapmore_cli.storage.tables.cells import holds_number
+from mapmore_cli.storage.tables.lines import head_of
 
 MARK = BOM_UTF8.decode("latin-1")
 
@@ -88,6 +89,6 @@ def _pasted(channels: Sequence[Channel], table: str) -> str:
     if not first.has_title:
         titles = "\\t".join(stem_of(one.path.name) for one in channels)
         pasted = f"(printf '%b\\n' {quote(titles)}; {pasted})"
-    if any(b"\r" in one.path.read_bytes()[:1000] for one in channels):
+    if any(b"\r" in head_of(one.path) for one in channels):
         pasted = f"{pasted} | tr -d '\\r'"
     return f"{pasted} > {quote(table)}"

@@ -356,11 +356,7 @@ def _of_width(row: int, record: list[str], layout: Layout) -> list[str]:
         # a short record may be a remark or half a record, so none of its fields is used
         return [""] * width
     if has_nul:
-        raise DataError(
-            f"{request.label}:row {row}: the line contains NUL bytes, so that its "
-            "contents are lost",
-            ("Get the file again, or correct or remove the line. `missing: drop` leaves it out."),
-        )
+        raise _with_nul(request.label, row)
     few = "few" if len(record) < width else "many"
     raise DataError(
         f"{request.label}:row {row}: too {few} fields: {len(record)}, but the first line "
@@ -370,6 +366,14 @@ def _of_width(row: int, record: list[str], layout: Layout) -> list[str]:
             "Correct or remove the line; a last line that is too short means that the file was "
             "cut off. `missing: drop` leaves it out."
         ),
+    )
+
+
+def _with_nul(label: str, row: int) -> DataError:
+    """Return the error for a line with NUL bytes."""
+    return DataError(
+        f"{label}:row {row}: the line contains NUL bytes, so that its contents are lost",
+        "Get the file again, or correct or remove the line. `missing: drop` leaves it out.",
     )
 
 
@@ -415,8 +419,9 @@ def peek_csv(path: Path, most: int) -> Iterable[Top]:
         encoding = guess_encoding(path)
         with open_lines(path, encoding, path.name, errors="replace") as (taken, _):
             lines = [line.rstrip("\r\n") for line in islice(taken, most)]
-    if any("\0" in line for line in lines):
-        raise DataError(f"{path.name}: is not a text file", "save the table as CSV")
+    for row, line in enumerate(lines, start=1):
+        if "\0" in line:
+            raise _with_nul(path.name, row)
     tops = []
     for delimiter, decimal in product((",", ";", "\t", "|", None), (".", ",")):
         settings = {} if encoding == "utf-8" else {"encoding": encoding}

@@ -32,9 +32,14 @@ def loop(lag, size=1.0):
     return size * np.array([np.sin(TURN), 5 * np.sin(TURN - lag)])
 
 
-def test_the_corner_beyond_a_trained_triangle_is_a_new_combination():
+def triangle_and_corner():
+    """A plane that is trained below a diagonal of the grid, and asked above it."""
     corner = GRID[0] / 300 + (GRID[1] + 1) / 2 > 1
-    model, dataset = model_and_data(GRID[:, ~corner], GRID[:, corner])
+    return model_and_data(GRID[:, ~corner], GRID[:, corner])
+
+
+def test_the_corner_beyond_a_trained_triangle_is_a_new_combination():
+    model, dataset = triangle_and_corner()
     ((share, *pair),) = new_combinations(model, dataset)
     assert pair == ["a", "b"]
     assert 0.5 < share < 0.9  # samples within a tenth of the diagonal count as known
@@ -77,8 +82,7 @@ def test_points_between_trained_ones_are_no_new_combination(known, asked):
 
 
 def test_long_records_are_thinned_and_need_no_held_out_samples(monkeypatch):
-    corner = GRID[0] / 300 + (GRID[1] + 1) / 2 > 1
-    model, dataset = model_and_data(GRID[:, ~corner], GRID[:, corner])
+    model, dataset = triangle_and_corner()
     ((whole, *_),) = new_combinations(model, dataset)
     monkeypatch.setattr(coverage, "even_share", partial(even_share, most=100))
     ((thinned, *_),) = new_combinations(model, dataset)
