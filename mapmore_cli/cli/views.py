@@ -79,7 +79,7 @@ def of_stage(stage: str, run_dir: Path) -> View:
 
 
 def _of_run(run_dir: Path) -> View:
-    """Return the parts of a run: why each stage ran, and the scores."""
+    """Return the view of a run: why each stage ran, and its scores."""
     record = run_dir / "run.json"
     if not record.is_file():
         raise DataError(

@@ -130,7 +130,8 @@ def _uneven(dataset: Dataset) -> tuple[str, ...]:
 class Budget:
     """Time for trying structures, the number of structures that were `listed`, and the number that
     were `cut` because the time was over. The time is processor time of each process, s, so that
-    other programs hardly change what is tried. The speed and the number of processors change it.
+    other programs hardly change how many structures are tried. With faster or more processors, more
+    structures are tried.
     """
 
     seconds: float
