@@ -307,8 +307,8 @@ def settle(error: BaseException, debug: bool, as_json: bool) -> int:
     """Print what went wrong on stderr, and return the exit code. The traceback is printed with
     `--debug` only.
 
-    With `--json`, the error is also printed as the document on stdout. This is left out if a
-    document has been printed already; that document then names the limits that were missed.
+    With `--json`, the error is also printed on stdout, as a document. There are two exceptions:
+    Ctrl-C, and limits that were missed, because the result on stdout already names these limits.
     """
     if isinstance(error, BrokenPipeError):
         _silence_stdout()

@@ -87,7 +87,9 @@ BY_OPTIONS = (
 
 @contextmanager
 def remedies_by_options() -> Iterator[None]:
-    """Add to the remedies of errors in a table by which options the keys of a spec are given."""
+    """Add a line to the remedy of an error in a table. The line says which options replace the
+    keys of a spec.
+    """
     try:
         yield
     except DataError as error:

@@ -48,7 +48,7 @@ class Part:
 
     @property
     def is_whole(self) -> bool:
-        """Return True if the part has no fractions; only the finest part may have some."""
+        """Return True if all numbers are whole, as they must be except in the finest part."""
         return all((x == np.round(x)).all() for x in self.numbers)
 
     @property

@@ -62,10 +62,11 @@ def inner(levels: Sequence[float]) -> list[float]:
 
 
 def _last_or_between(done: Experiment, is_free: bool) -> tuple[Section, str]:
-    """Return the last samples of every recording. If `is_free` is True, nobody asked for the last
-    samples, and other samples may replace them if they lie outside the earlier ones. The
-    replacement is the middle of the range of a quantity that moves steadily. Without such a
-    quantity, samples are drawn at random.
+    """Return the last samples of every recording, or other samples instead. `is_free` is True if
+    nobody asked for the last samples. Other samples replace them only if `is_free` is True and the
+    last samples lie outside the range of the earlier ones. The other samples are inner values of a
+    quantity that moves steadily. If no quantity has enough values for that, samples are drawn at
+    random.
     """
     names = _beyond(done)
     if not names:

@@ -1,4 +1,4 @@
-"""Find the structure of a model: `search.json`, and the spec `found.yaml` that it makes."""
+"""Find the structure of a model, and write the results: `search.json` and the spec `found.yaml`."""
 
 from __future__ import annotations
 
