@@ -112,8 +112,8 @@ def _stale(run_dir: Path) -> dict[str, str]:
 
 
 def verdict_lines(run_dir: Path) -> tuple[str, ...]:
-    """Return lines that compare the model of a run with its competitors, and its pieces with their
-    backbone.
+    """Return lines that compare the model of a run with its competitors, and the pieces of
+    the model with their backbone.
     """
     files = RunFiles(run_dir)
     table, data, body = files.scores(), files.dataset(), files.model().body

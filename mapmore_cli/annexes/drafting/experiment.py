@@ -92,7 +92,7 @@ def find_held(
     of = asked or next(iter(levels))
     samples = sum(len(one.columns[of]) for one in recordings)
     if asked is None and is_table and samples < FEWEST * len(levels[of]):
-        # a quantity with so few samples at each value was moved in steps, not held constant
+        # few samples at each value mean that the quantity moved in steps, and was not held
         return None
     swept = next((name for name in inputs if name not in (of, *levels, *conditions)), None)
     at, within = levels.get(of, []), None

@@ -58,15 +58,15 @@ a structure that behaves differently from what its file of candidates says.
 
 
 def way_of(candidate: Tried) -> str:
-    """Return the extrapolation of the pieces of a candidate. If its file of candidates sets none,
+    """Return the extrapolation of the pieces of a candidate. If the candidate sets none,
     the value at the end of a curve is held.
     """
     return str(candidate.sections.get(BEYOND, "saturate"))
 
 
 def going_on(candidate: Tried, way: str | None) -> Tried:
-    """Return the candidate with another extrapolation of its pieces, the candidate itself if `way`
-    is None.
+    """Return the candidate with another extrapolation of its pieces, or the candidate itself if
+    `way` is None.
     """
     if way is None:
         return candidate

@@ -46,8 +46,9 @@ stretches together have the rest.
 
 
 class Parts(NamedTuple):
-    """Folds, (n,) each, that leave out parts of one kind, in words; the `share` of the held-out
-    samples of the study that are of this kind; and the weight of all these folds together.
+    """A kind of parts of the data: its description in `words`; the folds, (n,) each, that leave out
+    one part each; the `share` of the held-out samples of the study that are of this kind; and the
+    weight of all these folds together.
     """
 
     words: str
@@ -82,7 +83,7 @@ def parts_of(dataset: Dataset, situation: Situation, study: Dataset, by_level: b
         end_folds, at_end = _beyond(dataset, situation, study)
     behind, whole = _behind(every), whole | by_level
     if situation.timed and standing is None and len(samples.logs) == 1:
-        # a model runs freely along the left-out end of the only recording, as along a held-out one
+        # the only training recording is left out at its end, to resemble held-out recordings
         behind |= whole
     ends, drift, parts, rest = _shares([at_end, behind, whole], every.held_out | by_level)
     asked, other = (ALONE, ALONE) if len(folds) == 1 else (ASKED, OTHERWISE[situation.timed])
@@ -211,8 +212,7 @@ def _beyond(
                 fold = training & (over >= -reach) & (reach > 0)
                 is_held = fold.any() and np.sum(far[held] > 0) >= SOME * held.sum()
                 rest = values[training & ~fold]
-                # The rest must cover at least half of the range.
-                # So an input with two values keeps both of them.
+                # at least half of the range remains, so that an input with two values keeps both
                 if is_held and len(rest) and 2 * np.ptp(rest) >= np.ptp(values[training]):
                     folds.append(fold)
                     beyond |= far > 0

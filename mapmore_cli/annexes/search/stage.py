@@ -88,9 +88,9 @@ def settings_of(result: Search) -> dict[str, Any]:
 
 
 def formulas_beside(result: Search, every: bool = False) -> list[str]:
-    """Return the formula of the literature with the smallest error of those tried; none if it is
-    the chosen structure. With `every`, return all formulas, so that they are not selected by their
-    errors.
+    """Return the formula of the literature that has the smallest error of all that were tried;
+    none if this formula is the chosen structure. With `every`, return all formulas, so
+    that they are not selected by their errors.
     """
     formulas = [tried for tried in result.tried if tried.family == "formula" and not tried.failure]
     if not every:
@@ -103,10 +103,10 @@ def with_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
     """Return the spec with the structure that its search has found; unchanged if nothing was found
     yet.
 
-    If the spec names no competitors, the formula with the smallest error in the search becomes one,
-    so that the page shows its error on the held-out data. If every level or group is left out once,
-    the search has seen all of them. Then all formulas are competitors, and the spec records that
-    the structure was chosen with all data, in case it is run without the search.
+    If the spec names no competitors, the formula with the smallest error in the search becomes a
+    competitor, so that the page shows its error on the held-out data. If every level or group is
+    left out once, the search has seen all of them. Then all formulas are competitors. The spec also
+    records that the structure was chosen with all data, in case the spec is run without the search.
     """
     from mapmore_cli.study.loader import changed
     from mapmore_cli.study.yaml_dumper import as_overrides
@@ -128,8 +128,8 @@ _SLICE = TypeAdapter(Slice)
 
 
 def searching_again(run_dir: Path) -> Callable[[Dataset], ModelChoices]:
-    """Return a function that finds a structure from the training samples of a dataset, as the
-    search of a run did; it may try longer structures as well, if that search did.
+    """Return a function that finds a structure from the training samples of a dataset, like
+    the search of a run. The function tries longer structures only if the search of the run did.
     """
     recorded = load_records(run_dir)[STAGE.name].slice
     part = _SLICE.validate_json(to_json(recorded))
