@@ -137,8 +137,8 @@ class Unequal:
     @property
     def effects(self) -> list[str]:
         """Names of the effects that explain most of the difference, as they are written in
-        `data.groups`: the effect that explains more, or both effects if together they explain much
-        more than one of them. Empty if most of the difference remains.
+        `data.groups`: the effect that explains more, or both effects if together they leave much
+        less of the difference than either alone. Empty if most of the difference remains.
         """
         best = min(("gain", "offset"), key=lambda effect: self.left[effect])
         both = "offset gain"
@@ -154,8 +154,8 @@ class Unequal:
         return self.apart > SOME
 
     def words(self) -> str:
-        """Return a sentence about the difference of the two outputs, and about the share of its sum
-        of squares that each effect explains.
+        """Return a sentence about the difference of the two outputs, and about the share of this
+        difference (of its sum of squares) that each effect explains.
         """
         gain, offset, both = (f"{1 - (left / self.apart) ** 2:.0%}" for left in self.left.values())
         return (

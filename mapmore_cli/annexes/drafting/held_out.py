@@ -87,7 +87,7 @@ def _last_or_between(done: Experiment, is_free: bool) -> tuple[Section, str]:
 def _whole_recordings(done: Experiment, logs: Sequence[str]) -> Section:
     """Return every third log for holding out, with all its pieces if it was cut. Logs that are
     neither the first nor the last are preferred. If the recordings differ in the value of a single
-    quantity, the held-out recordings are named by their values of it.
+    quantity, the held-out recordings are named by their values of this quantity.
     """
     held = logs[1:-1:3] or logs[1:]
     if len(done.apart) == 1:

@@ -199,8 +199,8 @@ class Problem:
 
     def rmse(self, p1: float, p2: float, weights: Array | None = None) -> float:
         """Return the root mean squared error with `weights`, or with the best weights if `weights`
-        is None. For sections that are unstable, the result is large and finite; without `weights`,
-        also for sections with a pole of a larger modulus than `reach`.
+        is None. For an unstable section, the result is large and finite. Without `weights`, it is
+        also large for a section with a pole whose modulus is larger than `reach`.
         """
         if not stable(p1, p2, self.reach if weights is None else 1.0):
             return PENALTY * self.size * max(abs(poles(p1, p2)[0]), 1.0)

@@ -83,7 +83,7 @@ def parts_of(dataset: Dataset, situation: Situation, study: Dataset, by_level: b
         end_folds, at_end = _beyond(dataset, situation, study)
     behind, whole = _behind(every), whole | by_level
     if situation.timed and standing is None and len(samples.logs) == 1:
-        # the only training recording is left out at its end, to resemble held-out recordings
+        # with one training recording, only its end can be left out like a held-out recording
         behind |= whole
     ends, drift, parts, rest = _shares([at_end, behind, whole], every.held_out | by_level)
     asked, other = (ALONE, ALONE) if len(folds) == 1 else (ASKED, OTHERWISE[situation.timed])

@@ -44,7 +44,7 @@ class Situation:
     level
         The quantity that is constant within a curve; None without levels.
     samples, curves
-        Training samples, and curves that have some.
+        Number of training samples, and of curves that have training samples.
     step, steps
         Time between samples, s, and the number of steps in the longest recording. If steps are not
         equal, `step` is None, and nothing can be said about the past.

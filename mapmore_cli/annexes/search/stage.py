@@ -54,8 +54,8 @@ def search_slice(spec: ExperimentSpec) -> Slice:
 
 def _kin(target: str, spec: ExperimentSpec) -> tuple[str, ...]:
     """Return the quantities that contain the target: the target itself, all quantities that are
-    derived from the target, and the quantity from which the target is derived, if it is derived
-    from a single one.
+    derived from the target, and, if the target is derived from a single quantity, this
+    quantity.
     """
     sources = {
         name: {*parse(rule).names} if isinstance(rule, str) else {rule.source}
