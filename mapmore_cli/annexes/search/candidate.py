@@ -134,7 +134,7 @@ def vocabulary(of: Situation, **more: Any) -> dict[str, Any]:
       moves. `MOVING_REST`: all inputs of `REST` that move.
     - `PLANE`, `QUADRATIC`, `CUBIC`: number of monomials of these polynomials.
     - `SLOW_ORDER`: order of products of slow states.
-    - `MANY`: number of terms that the samples support, `MOST_PARAMETERS` to 200.
+    - `MANY`: number of terms that the samples support, between `MOST_PARAMETERS` and 200.
     - `FORMULAS`: formulas whose quantities the study has.
     - `AROUND_ZERO`: moving inputs that take both signs. `VELOCITIES`: inputs that take both signs
       and, if at most two inputs move, the rates of the other moving inputs.
