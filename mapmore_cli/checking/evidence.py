@@ -20,12 +20,12 @@ from mapmore_cli.study.units import convert
 FEWEST = 30  # smallest number of samples; with fewer, a finding may be due to chance
 # largest number of recordings that are compared with each other, evenly spread over all
 COMPARED = 200
-# Columns are one signal if they differ by less than this fraction of their range.
-# Columns are also one signal if their correlation differs from 1 by less than this.
+# A target was computed from a column if it lies on a line up to this fraction of its range.
+# Two columns are one signal if the magnitude of their correlation is at least 1 minus this number.
 ROUNDING = 1e-4
 LITTLE = 0.01  # below this fraction of the samples or of a range, a finding may be due to chance
 SOME = 0.05  # above this fraction of the samples or of a range, a finding is worth a warning
-# at least this fraction counts as most of the samples, of a value or of a difference
+# this fraction counts as most: of the samples, of a difference, or of the largest value
 MUCH = 0.5
 
 SLOW = 0.04  # largest rate of a settled pressure, as a fraction of the pressure range per second
@@ -137,8 +137,8 @@ class Unequal:
     @property
     def effects(self) -> list[str]:
         """Names of the effects that explain most of the difference, as they are written in
-        `data.groups`: the effect that explains more, or both effects if together they explain much
-        more than one of them. Empty if most of the difference remains.
+        `data.groups`: the effect that explains more, or both effects if together they leave much
+        less of the difference than either alone. Empty if most of the difference remains.
         """
         best = min(("gain", "offset"), key=lambda effect: self.left[effect])
         both = "offset gain"
@@ -154,8 +154,8 @@ class Unequal:
         return self.apart > SOME
 
     def words(self) -> str:
-        """Return a sentence about the difference of the two outputs, and about the share of its sum
-        of squares that each effect explains.
+        """Return a sentence about the difference of the two outputs, and about the share of this
+        difference (of its sum of squares) that each effect explains.
         """
         gain, offset, both = (f"{1 - (left / self.apart) ** 2:.0%}" for left in self.left.values())
         return (
@@ -202,7 +202,7 @@ def unequal(recordings: Sequence[Recording], inputs: Sequence[str], target: str)
 def _with_equal_inputs(
     recordings: Sequence[Recording], ranges: Mapping[str, float]
 ) -> Iterator[tuple[Recording, Recording, int]]:
-    """Yield all pairs of recordings with equal inputs, and their number of common samples."""
+    """Yield all pairs of recordings with equal inputs, and the length of the shorter recording."""
     begins = np.array(
         [
             [recording.columns[x][:FEWEST] / size for x, size in ranges.items()]

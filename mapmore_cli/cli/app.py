@@ -134,7 +134,7 @@ class Commands(TyperGroup):
         if "--no-plugins" in args:
             plugins.leave_out_others()
         if "--no-color" in args:
-            os.environ["NO_COLOR"] = "1"  # Rich and other programs obey this variable
+            os.environ["NO_COLOR"] = "1"  # Rich prints no colours if this is set
         for anywhere in {"--debug", "--no-plugins", "--no-color"} & {*args}:
             args = [anywhere, *(arg for arg in args if arg != anywhere)]
         for _ in range(args.count("--env")):

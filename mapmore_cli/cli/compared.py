@@ -66,8 +66,9 @@ def of_campaigns(
 
 
 def _verdict(before: str, after: str, comparison: Comparison) -> str:
-    """Return a sentence that says whether the model has changed, has not changed, or whether the
-    data cannot show it. It contains the numbers of the test, and the place of the largest change.
+    """Return a sentence that says that the model has changed, that it has not changed, or that the
+    data cannot show a change. The sentence contains the numbers of the test, and the place of the
+    largest change.
     """
     low, high = comparison.interval
     margin = f"{100 * comparison.margin:g} %"

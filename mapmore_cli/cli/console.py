@@ -220,8 +220,8 @@ def folder_of(run: Path, runs: Path) -> Path:
 
 
 def spec_of(config: Path, overrides: list[str], runs: Path) -> tuple[Path, list[str]]:
-    """Return the spec at a path; or the spec of a run, from its name or folder, with the settings
-    of that run, to which the given `overrides` are added.
+    """Return the path of a spec and its settings. `config` is this path, or the name or the folder
+    of a run. For a run, the settings are those of the run, and then the `overrides`.
     """
     from mapmore_cli.storage.run_record import load_origin
 
@@ -307,8 +307,8 @@ def settle(error: BaseException, debug: bool, as_json: bool) -> int:
     """Print what went wrong on stderr, and return the exit code. The traceback is printed with
     `--debug` only.
 
-    With `--json`, the error is also printed as the document on stdout. This is left out if a
-    document has been printed already; that document then names the limits that were missed.
+    With `--json`, the error is also printed on stdout, as a document. There are two exceptions:
+    Ctrl-C, and limits that were missed, because the result on stdout already names these limits.
     """
     if isinstance(error, BrokenPipeError):
         _silence_stdout()

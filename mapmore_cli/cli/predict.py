@@ -190,8 +190,8 @@ def _lines_of(
     options: TableOptions,
     reporter: Reporter,
 ) -> tuple[Iterator[str], str]:
-    """Return the lines of a table in the names and units of the model, and its name in messages.
-    `ways` holds the sets of columns that the table may have.
+    """Return the lines of a table in the names and units of the model, and the name of the table
+    in messages. The lines have the columns of the first set in `ways` that the table has.
     """
     from mapmore_cli.pipeline.foreign import foreign_lines, is_foreign, units_of
 

@@ -42,8 +42,8 @@ def _kind(message: str) -> str:
 class Reporter:
     """Messages of a command on stderr, suppressed by `quiet`; use it as a context manager.
 
-    If stderr is a terminal, progress is shown as a bar, and otherwise as lines. It is shown after
-    `PATIENCE` seconds.
+    If stderr is a terminal, progress is shown as a bar, and otherwise as lines. A bar or a line
+    appears only after `PATIENCE` seconds.
     """
 
     def __init__(self, quiet: bool = False, verbose: bool = False) -> None:

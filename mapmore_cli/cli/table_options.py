@@ -88,8 +88,9 @@ BY_OPTIONS = (
 
 @contextmanager
 def remedies_by_options(table: Path | None) -> Iterator[None]:
-    """Add to the remedies of errors in a table by which options the keys of a spec are given. An
-    error of the model is unchanged, and so is one in stdin, for which there are no options.
+    """Add a line to the remedy of an error in a table. The line says which options replace the
+    keys of a spec. An error of the model is unchanged, and so is an error in stdin, for which there
+    are no such options.
     """
     try:
         yield

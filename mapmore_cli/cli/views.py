@@ -79,7 +79,7 @@ def of_stage(stage: str, run_dir: Path) -> View:
 
 
 def _of_run(run_dir: Path) -> View:
-    """Return the parts of a run: why each stage ran, and the scores."""
+    """Return the view of a run: why each stage ran, and its scores."""
     record = run_dir / "run.json"
     if not record.is_file():
         raise DataError(
@@ -112,8 +112,8 @@ def _stale(run_dir: Path) -> dict[str, str]:
 
 
 def verdict_lines(run_dir: Path) -> tuple[str, ...]:
-    """Return lines that compare the model of a run with its competitors, and its pieces with their
-    backbone.
+    """Return lines that compare the model of a run with its competitors, and the pieces of
+    the model with their backbone.
     """
     files = RunFiles(run_dir)
     table, data, body = files.scores(), files.dataset(), files.model().body

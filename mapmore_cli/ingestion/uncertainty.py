@@ -58,13 +58,13 @@ def _positive_deviation(
     if len(faulty):
         row = int(faulty[0])
         raise DataError(
-            f"data.uncertainty.{name}: the uncertainty is {sigma[row]:.3g} at the value "
-            f"{curve.columns[name][row]:g} (sample {row + 1} of {curve.id}), and its median in "
-            f"this curve is {median:.3g}; it must not be missing or almost zero, because "
-            "this sample would then outweigh all others",
-            "give each group an uncertainty; if it is a fraction of the value, add a minimum "
-            f"with `derive`, for example `sd: sqrt(0.25 + (0.02*{name})^2)`, and name that "
-            "quantity",
+            f"data.uncertainty.{name}: sample {row + 1} of {curve.id} (value "
+            f"{curve.columns[name][row]:g}) has the uncertainty {sigma[row]:.3g}; the median "
+            f"uncertainty in this curve is {median:.3g}. An uncertainty must not be missing or "
+            "almost zero, because the sample would then outweigh all others",
+            "if you gave uncertainties by group, give one for each group; if the uncertainty is a "
+            "fraction of the value, add a minimum with `derive`, for example "
+            f"`sd: sqrt(0.25 + (0.02*{name})^2)`, and name that quantity",
         )
     return sigma
 

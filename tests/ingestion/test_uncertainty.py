@@ -33,8 +33,8 @@ def test_one_far_below_the_others_is_refused(ingest, least):
         ingest({"a.csv": text}, uncertainty={"force": "2 %"})
         return
     with refused(
-        "data.uncertainty.force: the uncertainty is",
-        "(sample 3 of a)",
+        "data.uncertainty.force: sample 3 of a (value ",
+        "has the uncertainty",
         "sqrt(0.25 + (0.02*force)^2)",
     ):
         ingest({"a.csv": text}, uncertainty={"force": "2 %"})

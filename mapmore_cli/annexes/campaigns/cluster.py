@@ -91,9 +91,9 @@ def run_on_cluster(
     """Do numbered jobs on the workers of a scheduler, which is given by its address or by the file
     that it wrote. Yield the same as `workers.ended`.
 
-    If a worker dies, the scheduler starts its job again, at most as often as its setting
-    `allowed-failures` says (3); `tell` is called with the number of the job. `say` is called with
-    further messages.
+    If a worker dies, the scheduler starts its job again, at most as often as the setting
+    `allowed-failures` of the scheduler says (3 by default). `tell` is called with the number of the
+    job. `say` is called with further messages.
     """
     begun = Counter[int]()
 
@@ -166,7 +166,7 @@ def _connected(scheduler: str | Path) -> Client:
     where = {"address": scheduler}
     if isinstance(scheduler, Path):
         where = {"scheduler_file": str(scheduler)}
-        if not scheduler.is_file():  # the client of Dask would wait until the file exists
+        if not scheduler.is_file():  # otherwise, the client would wait for the file
             raise UsageError(
                 f"{scheduler}: this scheduler file does not exist",
                 "start one with `dask scheduler --scheduler-file FILE`",

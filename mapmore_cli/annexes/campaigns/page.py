@@ -89,7 +89,7 @@ def _ways_made(folder: Path, texts: Mapping[str, str], warn: Warn) -> dict[str, 
         files[name] = [sha256(text.encode()).hexdigest()]
         place = folder / name
         if place.is_symlink() or not place.is_file():
-            continue  # a link is refused when a file is written in its place
+            continue  # later, writing the file reports a link as an error
         there = sha256(place.read_bytes()).hexdigest()
         if not isinstance(known, dict) or there in (*files[name], *known.get(name, ())):
             files[name].append(there)

@@ -1,4 +1,4 @@
-"""Recognise runs of a campaign that are up to date by their seals, without planning them.
+"""Find out from seals which runs of a campaign are up to date, without planning these runs.
 
 Like a plan, a seal does not notice changes that keep the size and the time of a file; `--rehash`
 reads the files again. Runs with a searched structure, and runs that need other runs, have no seal.

@@ -50,8 +50,8 @@ class CampaignScores:
 
     @cached_property
     def pooled(self) -> dict[str, Pooled]:
-        """The scores of each run that decide comparisons: all curves pooled, on held-out data if
-        there are any.
+        """The scores by which models are compared, for each run and each model: over all curves
+        pooled, on held-out data if there are any.
         """
         return {
             name: {score.model: score for score in deciding(scores)}

@@ -15,7 +15,7 @@ from mapmore_cli.pipeline.processors import R, T, deaf_to_interrupts, processes
 
 
 def ended(futures: Mapping[Future[R], int]) -> Iterator[tuple[int, R | BaseException]]:
-    """Yield the number of each job with its result or its error, in the order in which they end."""
+    """Yield the number of each job with its result or its error, in the order in which jobs end."""
     for future in as_completed(futures):
         try:
             yield futures[future], future.exception() or future.result()

@@ -122,8 +122,8 @@ def _clock_among(
 
 
 def _refuse_map(table: Table, where: str, path: str) -> UsageError:
-    """Return the error for a map, that is, a table of values over two quantities: nothing in it
-    says what was measured.
+    """Return the error for a map, that is, a table of values over two quantities. A map
+    contains no names of quantities.
     """
     row, column, cell = (range_of(one.values) for one in table.values())
     return UsageError(

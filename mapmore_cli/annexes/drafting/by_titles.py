@@ -138,10 +138,10 @@ def _plainness(one: TitledColumn) -> int:
 def target_of(kinds: Mapping[str, str], is_driven: bool) -> str | None:
     """Return the quantity to predict if plain titles leave no choice, otherwise None.
 
-    This is the only force, if an input or a position is known. Without a force, it is the only
-    position, if an input is known. It is the only column of another kind, if all other columns are
-    inputs. `kinds` holds the results of `kind_to_predict`, by name; `is_driven` is True if names of
-    files give an input.
+    The quantity to predict is the only force, if an input or a position is known. If there is no
+    force, it is the only position, if an input is known. If there is neither, it is the only column
+    of unknown kind, if all other columns are inputs. `kinds` holds the results of
+    `kind_to_predict`, by name; `is_driven` is True if names of files give an input.
     """
     of: dict[str, list[str]] = {}
     for name, kind in kinds.items():
@@ -161,8 +161,8 @@ def kind_to_predict(name: str, titled: TitledColumn | None) -> str:
     """Return `force`, `position` or `drive` for a column whose title plainly says so; an empty text
     if the title says nothing, and `unclear` if the title is ambiguous.
 
-    A column with only two values was set by a switch, so it is a `drive`. If there is no column,
-    the name decides, because a person gave it.
+    A column with only two values was set by a switch, so it is a `drive`. If `titled`
+    is None, the name of the quantity is read instead of a title, because a person gave this name.
     """
     if titled is None:
         label = read_label(name)

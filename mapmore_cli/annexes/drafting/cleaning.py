@@ -35,8 +35,8 @@ def cleaned(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset]:
     """Return the draft with all settings that its recordings need, and the recordings.
 
     A recording is cut where its clock is set back. Unreadable files are left out by name. If most
-    files would have to be left out because of their clock, the clock is left out instead. Raises
-    DataError if no recording can be read, or if another log is joined by such a clock.
+    files would have to be left out because of their clock, the clock is left out instead. A clock
+    by which another log is joined is never left out. Raises DataError if no recording can be read.
     """
     draft = lenient(draft)
     try:

@@ -48,7 +48,7 @@ class Part:
 
     @property
     def is_whole(self) -> bool:
-        """Return True if the part has no fractions; only the finest part may have some."""
+        """Return True if all numbers are whole, as they must be except in the finest part."""
         return all((x == np.round(x)).all() for x in self.numbers)
 
     @property
@@ -59,7 +59,7 @@ class Part:
     def follows(self, coarser: Part) -> bool:
         """Return True if the numbers suit a part that follows the `coarser` part. For seconds that
         follow minutes, all numbers must be smaller than 60; if the seconds restart from zero, the
-        largest must be at least 30. Other units have the same rule.
+        largest must be at least 30. The rule for other units is the same, with other numbers.
         """
         turn = round(coarser.second / self.second)
         highest = max(float(x.max()) for x in self.numbers)

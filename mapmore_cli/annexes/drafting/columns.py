@@ -161,9 +161,9 @@ class TitledColumn:
 
     @property
     def blocks(self) -> int:
-        """Number of recordings that the column may distinguish; 0 if it distinguishes none. The
-        rows of each recording have the same text, or the same counting number, and follow each
-        other in the file.
+        """Number of recordings that the column may distinguish; 0 if it distinguishes none. In
+        such a column, all rows of a recording have the same text or the same number, the numbers
+        count the recordings, and the rows of a recording follow each other.
         """
         series = self.numbered or self.values
         changes = sum(int(np.count_nonzero(np.diff(x))) for x in series)

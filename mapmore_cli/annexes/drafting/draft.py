@@ -60,7 +60,9 @@ class NamedColumn:
     texts: bool | str = False
 
     def refers_to(self, name: str) -> bool:
-        """Return True if a person named the column only by its name or index."""
+        """Return True if `name` is the title or the index of the column, and no person gave the
+        quantity another name.
+        """
         return not self.is_called and self.column in (name, int(name) if name.isdigit() else name)
 
     @property
@@ -72,7 +74,7 @@ class NamedColumn:
         """Return the column in the form of the spec."""
         if self.parts:
             return {"columns": [*self.parts], "format": " ".join(self.parts.values())}
-        # if the title has `%`, the unit 1 is written, or `check` would expect values in per cent
+        # with `%` in the title, `check` would expect per cent if the unit 1 were not written
         plain_units = ("",) if "%" in str(self.column) else ("", "1")
         usual = {"unit": plain_units, "scale": (1.0,), "offset": (0.0,), "texts": (False,)}
         entry = {key: getattr(self, key) for key in usual}
@@ -157,7 +159,7 @@ class Draft:
         return replace(self, spec={**self.spec, key: value}).noted((key,), why)
 
     def without_data(self, key: str) -> Draft:
-        """Return the draft without a key of `data`, and without its note."""
+        """Return the draft without a key of `data`, and without the notes about this key."""
         data = {name: value for name, value in self.data.items() if name != key}
         notes = {loc: note for loc, note in self.notes.items() if loc[:2] != ("data", key)}
         return replace(self, spec={**self.spec, "data": data}, notes=notes)

@@ -92,7 +92,7 @@ def find_held(
     of = asked or next(iter(levels))
     samples = sum(len(one.columns[of]) for one in recordings)
     if asked is None and is_table and samples < FEWEST * len(levels[of]):
-        # a quantity with so few samples at each value was moved in steps, not held constant
+        # few samples at each value mean that the quantity moved in steps, and was not held
         return None
     swept = next((name for name in inputs if name not in (of, *levels, *conditions)), None)
     at, within = levels.get(of, []), None
@@ -136,8 +136,9 @@ def _neat(middle: float, scatter: float) -> float:
 
 
 def set_values(recordings: Sequence[Recording], name: str) -> list[float]:
-    """Return the distinct values of a quantity if it takes each of them at least three times on
-    average. Otherwise return an empty list, also if there are only two values, as for a switch.
+    """Return the distinct values of a quantity if there are more than two, and each of them occurs
+    at least three times on average. Otherwise return an empty list. A quantity with two values may
+    be a switch.
     """
     values, counts = np.unique(
         np.concatenate([one.columns[name] for one in recordings]), return_counts=True

@@ -237,9 +237,10 @@ def _labelled_lines(rows: Sequence[Row], wide: int, top: Top) -> list[Row]:
 def _told_apart(
     titles: Sequence[str], lines: Mapping[int, Sequence[str]], titled: int
 ) -> list[str]:
-    """Return titles that are unique as far as possible. A title that repeats is replaced by the
-    words of all header `lines` in its column. An empty title is replaced by the words below the
-    line `titled`, because words above it may be about the whole file.
+    """Return titles that are unique as far as possible. A title that occurs several times is
+    replaced by the words of all header `lines` in its column. An empty title is replaced by the
+    words below the line of titles, which has the index `titled`. Words above the line of titles are
+    not used for that, because they may be about the whole file.
     """
     counts = Counter(filter(None, titles))
     whole = list[str]()

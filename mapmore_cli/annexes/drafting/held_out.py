@@ -62,10 +62,11 @@ def inner(levels: Sequence[float]) -> list[float]:
 
 
 def _last_or_between(done: Experiment, is_free: bool) -> tuple[Section, str]:
-    """Return the last samples of every recording. If `is_free` is True, nobody asked for the last
-    samples, and other samples may replace them if they lie outside the earlier ones. The
-    replacement is the middle of the range of a quantity that moves steadily. Without such a
-    quantity, samples are drawn at random.
+    """Return the last samples of every recording, or other samples instead. `is_free` is True if
+    nobody asked for the last samples. Other samples replace them only if `is_free` is True and the
+    last samples lie outside the range of the earlier ones. The other samples are inner values of a
+    quantity that moves steadily. If no quantity has enough values for that, samples are drawn at
+    random.
     """
     names = _beyond(done)
     if not names:
@@ -86,7 +87,7 @@ def _last_or_between(done: Experiment, is_free: bool) -> tuple[Section, str]:
 def _whole_recordings(done: Experiment, logs: Sequence[str]) -> Section:
     """Return every third log for holding out, with all its pieces if it was cut. Logs that are
     neither the first nor the last are preferred. If the recordings differ in the value of a single
-    quantity, the held-out ones are named by these values.
+    quantity, the held-out recordings are named by their values of this quantity.
     """
     held = logs[1:-1:3] or logs[1:]
     if len(done.apart) == 1:

@@ -57,7 +57,7 @@ class Number(NamedTuple):
     """A number in the name of a file, the word before the number, and its unit. The word and the
     unit are empty texts if the name has no such word or unit.
 
-    `is_set` is True if an equals sign precedes it.
+    `is_set` is True if an equals sign stands before the number.
     """
 
     word: str
@@ -117,7 +117,9 @@ class Condition:
 
 
 def is_repeat(word: str) -> bool:
-    """Return True for a word, of several letters, whose number counts recordings or specimens."""
+    """Return True for a word of several letters that stands beside a count of recordings or
+    specimens.
+    """
     return len(word) > 1 and _REPEATS.fullmatch(word) is not None
 
 
@@ -205,9 +207,9 @@ def _is_count(numbers: Series) -> bool:
 
 
 def _series_of(names: Sequence[str]) -> list[Series]:
-    """Return the numbers with the same word and unit, by the index of their names. If each name has
-    several such numbers, the first number of each name belongs to one series, the second number to
-    another.
+    """Return the series of numbers that have the same word and unit, each by the index of the name
+    that contains the number. If each name has several such numbers, the first number of each name
+    belongs to one series, the second number to another.
 
     Numbers that are equal in all names are left out.
     """
@@ -226,8 +228,8 @@ def _series_of(names: Sequence[str]) -> list[Series]:
 
 
 def _told_quantity(quantity: str, unit: str, numbers: Series, names: Sequence[str]) -> Condition:
-    """Return the quantity whose values are these numbers in names. A name without a number gives
-    the value zero.
+    """Return a quantity whose values are the `numbers` in the names of files. A name without a
+    number gives the value zero.
     """
     written = next(iter(numbers.values())).unit
     unit = _UNITS[written][1] if written else unit
@@ -258,8 +260,9 @@ def _asked_for(hold: Hold, series: Sequence[Series]) -> Series:
 
 
 def _is_named_by(hold: Hold, number: Number) -> bool:
-    """Return True if the option `--hold` means this number: it gives the word beside the number,
-    the quantity of the number, or a unit to which the unit of the number can be converted.
+    """Return True if the option `--hold` means this number: the option gives the word beside
+    the number, the quantity of the number, or a unit to which the unit of the number can be
+    converted.
     """
     word, name = number.word.casefold(), hold.name.casefold()
     if hold.word:

@@ -112,7 +112,7 @@ def _titles_of(table: Below) -> list[str]:
 def _of_all_sheets(
     best: str, layouts: Mapping[str | None, Layout], sheets: Sequence[str | None]
 ) -> Layout:
-    """Return the layout of the sheet `best`, with the names of all sheets that share it."""
+    """Return the layout of the sheet `best`, with the names of all sheets that have this layout."""
     shapes = {
         sheet: replace(layout, settings={**layout.settings, "sheet": ""})
         for sheet, layout in layouts.items()

@@ -55,8 +55,8 @@ def read_draft(draft: Draft, folder: Path, measured: str, warn: Warn = lambda _:
 
 def with_words(read: Callable[[object], T], known: Sequence[str] = ()) -> tuple[object, T]:
     """Call `read` with a rule for missing values; return the rule that was needed, and the result.
-    The rule takes cells with a few different words, for example `---`, as missing values, in
-    addition to the `known` words.
+    The rule lists words that mean a missing value, for example `---`: the `known` words, and at
+    most `MOST_WORDS` others that were found in cells.
 
     Raises DataError if there are too many different words, or if a cell holds something else than a
     word, for example a date.
@@ -136,8 +136,8 @@ def _some_of(sources: Sequence[Source]) -> Sequence[Source]:
 
 
 def described(study: Study, folder: Path) -> str:
-    """Return a layout in words: numbers of files, rows and columns, and the information in
-    names.
+    """Describe a study in words: its numbers of files, rows and columns, and what the names of its
+    files say.
     """
     try:
         table = table_of(study, folder)

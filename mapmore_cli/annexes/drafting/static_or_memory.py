@@ -24,7 +24,7 @@ FEWEST = 200
 MOST = 6_000
 # smallest number of samples that a usual recording must keep if its time steps are made longer
 LEAST = 100
-# below this fraction of the differences between recordings, a change within one is scatter
+# changes within recordings below this fraction of the differences between recordings are scatter
 MUCH_LESS = 0.1
 COMPETITORS = ("sarosi", "polynomial_2", "polynomial_5", "muscle_like", "polynomial_3")
 
@@ -47,7 +47,7 @@ def with_experiment(
     is_static = _is_at_rest(done) if held is None else held.why == "you" or target == "force"
     if not is_static and done.is_timed and samples >= FEWEST:
         draft = _as_memory_study(draft, recordings).with_section("target", target)
-        if "gaps" in draft.data:  # the pieces of a recording have ids of their own
+        if "gaps" in draft.data:  # read again, because each piece of a recording has its own id
             done = replace(done, recordings=read(draft))
         return with_split(draft, done, held_out, has_memory=True)
     if held is not None:

@@ -150,7 +150,8 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
             left_out.append(fault.message)
             bad[file] = "holds no table that could be read"
             continue
-        if not layout.tables:  # in files with several tables, equal first lines prove nothing
+        # files with several tables can have equal first lines, but different layouts
+        if not layout.tables:
             seen[like] = layout
         above[file] = layout.above
         layouts.setdefault(repr(layout), (layout, []))[1].append(file)

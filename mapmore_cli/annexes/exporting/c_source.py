@@ -142,8 +142,8 @@ class CSource(NamedTuple):
     @property
     def files(self) -> dict[str, str]:
         """Header, source and a small test program, by name. If the model has one output and no
-        memory, there are also its derivatives, and its inverse along every input whose training
-        range is known.
+        memory, there are also the derivatives of the model, and its inverse along every input
+        whose training range is known.
         """
         name, words = self.name, self.words
         files = {f"{name}.h": rendered_template("model.h", **words), f"{name}.c": functions(words)}

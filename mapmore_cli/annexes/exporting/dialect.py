@@ -235,8 +235,8 @@ def _function(program: Program, dialect: Dialect, function: Function) -> dict[st
 
 
 def texts_of(part: object) -> Iterator[str]:
-    """Yield every text within a part of a program, except notes and the functions of expressions,
-    which are known.
+    """Yield every text within a part of a program, except notes and the names of functions in
+    expressions, which mapmore itself defines.
     """
     if isinstance(part, str):
         yield part

@@ -134,7 +134,7 @@ def exported(
 
 
 def _refuse_odd(to: str, files: object) -> None:
-    """Raise UsageError if a plug-in does not return files, or files for other folders."""
+    """Raise UsageError if a plug-in returns no files, or returns files for other folders."""
     fault = ""
     if not isinstance(files, Mapping):
         fault = f"returns {type(files).__name__} instead of files by name"

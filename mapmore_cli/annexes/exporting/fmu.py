@@ -195,7 +195,7 @@ def _variables(written: CSource, taken: list[str]) -> Iterator[Variable]:
                 "value"
             )
         elif low:
-            # the input starts at zero, or at the nearest end of its range at the lowest level
+            # start value: zero, or the end of the training range (at the lowest level) next to zero
             start = float(min(max(0.0, low[0]), high[0]))
             about = f"Trained from {min(low):.6g} to {max(high):.6g} {quantity.unit}"
         about = about if name == quantity.name else f"{quantity.name}. {about}"

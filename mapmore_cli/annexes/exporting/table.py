@@ -82,7 +82,7 @@ def table_files(model: Model, wanted: Wanted) -> dict[str, str | bytes]:
     }
     if len(grid.places) == 2:
         files[f"{stem}.txt"] = _combi_table(model, grid)
-        output = str(name_of_output(model))  # the table stores this name of the output as text
+        output = str(name_of_output(model))
         names = names_of_inputs(model.inputs, [*words_of("Modelica"), *OWN, output])
         files[f"{stem}.mo"] = rendered_template(
             "table.mo", model=model, name=stem, output=output, names=[*names.values()]

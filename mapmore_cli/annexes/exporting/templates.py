@@ -109,8 +109,8 @@ def identifier(name: str) -> Code:
 
 
 def names_of_inputs(inputs: Sequence[Quantity], functions: Sequence[str] = ()) -> dict[str, str]:
-    """Return the name of each input in code, by its own name. No name in code is equal to one of
-    the `functions`.
+    """Return the names of the inputs in code, each by the name that the input has in the model. No
+    name in code is equal to one of the `functions`.
     """
     names = [quantity.name for quantity in inputs]
     reserved = [*PYTHON, *functions, *(f"x_{name}" for name in names)]
@@ -118,7 +118,7 @@ def names_of_inputs(inputs: Sequence[Quantity], functions: Sequence[str] = ()) -
 
 
 def names_in_matlab(inputs: Sequence[Quantity], functions: Sequence[str]) -> dict[str, str]:
-    """Return the name of each input in MATLAB code. No name is equal to one of the `functions`."""
+    """Return what `names_of_inputs` returns, with names that are allowed in MATLAB and Octave."""
     return names_of_inputs(inputs, [*words_of("MATLAB", "Octave"), *functions])
 
 

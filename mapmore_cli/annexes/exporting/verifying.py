@@ -141,8 +141,8 @@ def verify_program(
 
 
 def verify_module(model: Model, text: str, each: bool) -> None:
-    """Import a module and compare it with `predict`; with `each`, sample by sample. Raises
-    MapmoreError like `verify_program`.
+    """Import a module and compare it with `predict`. If `each` is True, the module is called
+    for one sample at a time. Raises MapmoreError like `verify_program`.
     """
     memory, count = program_of(model).step is not None, len(model.inputs)
     driver = rendered_template("verify.py", memory=memory, each=each, count=count)

@@ -204,7 +204,7 @@ LONGEST = 50
 
 def identifiers(names: Iterable[str], taken: Collection[str] = ()) -> list[str]:
     """Return an identifier for every name, valid in all languages. All are different, even if
-    capitals are ignored, and none is `taken`.
+    capitals are ignored, and none is equal to a name in `taken`.
 
     A name stays unchanged if possible, otherwise a number is appended. Characters other than ASCII
     letters and digits become `_`. A `u` precedes names that do not begin with a letter: `_Bool` and

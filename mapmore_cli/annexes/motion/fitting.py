@@ -57,8 +57,8 @@ def fit_motion(
     """Fit every section to its own training samples; if sections share a state, then fit all of
     them together.
 
-    The samples of a section are the samples at which it is active. With hard switching, it still
-    runs along the whole input.
+    The samples of a section are the samples at which it is active. With hard switching, each
+    section still runs along the whole input.
 
     Raises DataError if the input never changes, boundaries leave a section without samples or with
     too few of them; SpecError if the solver refuses the sections; FitError if it finds no stable

@@ -198,9 +198,9 @@ class Problem:
         )
 
     def rmse(self, p1: float, p2: float, weights: Array | None = None) -> float:
-        """Return the root mean squared error with these weights, or with the best weights if None.
-        For sections that are unstable or have a pole beyond the reach, the result is large and
-        finite.
+        """Return the root mean squared error with `weights`, or with the best weights if `weights`
+        is None. For an unstable section, the result is large and finite. Without `weights`, it is
+        also large for a section with a pole whose modulus is larger than `reach`.
         """
         if not stable(p1, p2, self.reach if weights is None else 1.0):
             return PENALTY * self.size * max(abs(poles(p1, p2)[0]), 1.0)
@@ -233,7 +233,7 @@ class Problem:
 
 
 def _weighted(moved: Array, weights: Array) -> Array:
-    """Return `moved @ weights`; the plain product is slow for a single column."""
+    """Return `moved @ weights`, for a single column without the matrix product, which is slow."""
     return moved[:, 0] * weights[0] if len(weights) == 1 else moved @ weights
 
 

@@ -29,7 +29,7 @@ from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.modelling.expressions.operators.play import play
 from mapmore_cli.modelling.memory.records import uninterrupted
 
-# largest reflection coefficient; closer to one, rounding errors decide whether a section is stable
+# largest reflection coefficient; above it, rounding errors would decide the stability
 EDGE = 1.0 - 1e-9
 
 

@@ -161,8 +161,8 @@ def plan(
 
 
 def _values_of(over: Sequence[str]) -> dict[str, list[Any]]:
-    """Return the values of every setting, `fit.max_terms=2,4,8`, each as YAML. Raises UsageError if
-    the text has another form, or if a setting has no value.
+    """Return the values of every setting from texts such as `fit.max_terms=2,4,8`. Values are read
+    as YAML. Raises UsageError if a text has another form, or if a setting has no value.
     """
     from mapmore_cli.study.diagnostics import Mistake
     from mapmore_cli.study.tree import SourceText, written
@@ -196,8 +196,8 @@ def _values_of(over: Sequence[str]) -> dict[str, list[Any]]:
 
 
 def _prices_of(text: str | None) -> dict[str, float]:
-    """Return the price of each quantity, `pressure=1,strain=20`. Raises UsageError for an invalid
-    price.
+    """Return the price of each quantity from a text such as `pressure=1,strain=20`. Raises
+    UsageError for an invalid price.
     """
     prices: dict[str, float] = {}
     for part in text.split(",") if text else []:

@@ -41,7 +41,7 @@ def tuning_drawing(tuning: Tuning) -> Drawing:
         ax.axhline(100 * tuning.best.error, color=style.LIGHT, linewidth=0.8, zorder=0)
         for trial in trials:
             error, colour = 100 * trial.error, colours[str(trial.settings[first])]
-            # the lower end of the bar is one standard error below, on a logarithmic scale
+            # `spread` is the standard error of ln(error); the bar goes down to error*exp(-spread)
             bar = error * (1 - np.exp(-np.clip(trial.spread, *WITHIN)))
             look: dict[str, Any] = {"fmt": "o", "markersize": 4, "elinewidth": 0.8}
             ax.errorbar(trial.parameters, error, yerr=bar, color=colour, **look)

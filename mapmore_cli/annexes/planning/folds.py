@@ -89,8 +89,8 @@ def _block_masks(curve: Curve, along: str | None) -> list[BoolArray]:
 
 
 def errors_of(folds: Folds, remade: Callable[[Dataset], Model]) -> list[float]:
-    """Return the NRMSE on each fold of models that `remade` fits without the fold; infinite if
-    nothing finite was predicted. Raises the errors of the fits.
+    """Return the NRMSE on each fold, of a model that `remade` fits without this fold. The NRMSE is
+    infinite if the model predicts no finite value. Raises the errors of the fits.
     """
     nrmse = []
     target = folds.dataset.target

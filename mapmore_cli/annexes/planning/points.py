@@ -157,8 +157,9 @@ def next_points(
     """Return the next points in the order of their worth, and the half widths of the interval at
     all candidates before and after these points are measured.
 
-    The worth of a point is divided by its cost. The cost is the sum of the prices of the quantities
-    whose value no new point before it has, and at least the lowest price. Only candidates at which
+    The worth of a point is divided by its cost. The cost is the sum of the prices of all
+    quantities whose value differs from that at every point chosen before. The cost is at least the
+    lowest price. Only candidates at which
     `free`, (m,), is True are chosen; None allows all candidates.
     """
     before, places = committee.half, committee.places

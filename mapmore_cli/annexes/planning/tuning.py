@@ -147,8 +147,8 @@ def _ranked(name: str, folds: Folds, trials: Sequence[Trial]) -> Tuning:
 def searched(
     loaded: LoadedSpec, runs: Path, budget: str | None, **listeners: Unpack[Listeners]
 ) -> tuple[Search, Path]:
-    """Search the structure of a study, whatever its spec says about it; return the structures that
-    were tried, and the spec that was found.
+    """Search the structure of a study, even if the spec of the study gives a structure. Return the
+    structures that were tried, and the path of the spec that was found.
 
     Raises SpecError, DataError or FitError if the data cannot be read, or if no structure can be
     fitted.

@@ -57,8 +57,8 @@ class Bench:
     Each fold, (n,), covers all samples, curve after curve. The first `blocks` folds leave out
     stretches of curves, the others whole levels, recordings or their ends. Their `weights`, (f,),
     count relative to each other. `asks_parts` is True if most held-out samples are whole levels,
-    recordings or ends. The `study` holds evenly thinned samples, including held-out ones, whose
-    outputs are not used.
+    recordings or ends. The `study` holds evenly thinned samples, training and held-out samples. The
+    outputs of held-out samples are not used.
     """
 
     dataset: Dataset
@@ -117,7 +117,8 @@ class Bench:
     def range(self) -> tuple[float, float]:
         """Smallest and largest output that a model may reasonably predict: over the measured
         training data, and over the predictions of a plane at all inputs of the study. The plane is
-        included because inputs outside the training data can have outputs outside their range.
+        included because outputs outside the measured range are reasonable at inputs outside the
+        training data.
         """
         target = self.study.target
         plane = polynomial_fit(1, self.study, self.situation.inputs)

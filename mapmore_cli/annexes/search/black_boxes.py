@@ -63,8 +63,7 @@ def black_boxes(
     if not situation.timed and len(inputs) <= MOST_INPUTS:
         learners.append(("gaussian_process", smooth, (0,)))
     if known.sum() >= FEWEST and find_spec("sklearn") is not None:
-        # a neural network is left out, because fitting it takes as long as everything else in a
-        # search
+        # a neural network is not fitted, because this takes as long as the rest of the search
         delays = DELAYS if situation.timed or situation.ordered else (0,)
         learners.append(("gradient_boosting", partial(learned, "gradient_boosting"), delays))
     outcomes = list[Outcome]()

@@ -58,15 +58,15 @@ a structure that behaves differently from what its file of candidates says.
 
 
 def way_of(candidate: Tried) -> str:
-    """Return the extrapolation of the pieces of a candidate. If its file of candidates sets none,
+    """Return the extrapolation of the pieces of a candidate. If the candidate sets none,
     the value at the end of a curve is held.
     """
     return str(candidate.sections.get(BEYOND, "saturate"))
 
 
 def going_on(candidate: Tried, way: str | None) -> Tried:
-    """Return the candidate with another extrapolation of its pieces, the candidate itself if `way`
-    is None.
+    """Return the candidate with another extrapolation of its pieces, or the candidate itself if
+    `way` is None.
     """
     if way is None:
         return candidate
@@ -123,22 +123,23 @@ def _applies(when: Mapping[str, int], of: Situation) -> bool:
 
 
 def vocabulary(of: Situation, **more: Any) -> dict[str, Any]:
-    """Return the values of all placeholders; `more` holds those of the placeholders of a loop
+    """Return the values of all placeholders; `more` holds the values of the placeholders of a loop
     (`for`).
 
-    - `INPUTS`, `MOVING` (within a recording), `SWEPT` (the one that moves most), `OTHERS`, `LEVEL`,
-      `TARGET`: quantities.
-    - `SPARE`: the inputs without which another input still moves.
-    - `REST`: the inputs without the input of the loop. `FIRST_REST`: the first of these that moves.
-      `MOVING_REST`: all of these that move.
-    - `PLANE`, `QUADRATIC`, `CUBIC`: number of their monomials. `SLOW_ORDER`: order of products of
-      slow states.
-    - `MANY`: number of terms that the samples support, `MOST_PARAMETERS` to 200.
+    - `TARGET`, `LEVEL`, `INPUTS`: the target, the level quantity, and all inputs.
+    - `MOVING`: the inputs that move within a recording. `SWEPT`: the input that moves most.
+      `OTHERS`: all inputs but `SWEPT`.
+    - `SPARE`: each input without which another input still moves.
+    - `REST`: the inputs without the input of the loop. `FIRST_REST`: the first input of `REST` that
+      moves. `MOVING_REST`: all inputs of `REST` that move.
+    - `PLANE`, `QUADRATIC`, `CUBIC`: number of monomials of these polynomials.
+    - `SLOW_ORDER`: order of products of slow states.
+    - `MANY`: number of terms that the samples support, between `MOST_PARAMETERS` and 200.
     - `FORMULAS`: formulas whose quantities the study has.
-    - `AROUND_ZERO`: inputs that take both signs. `VELOCITIES`: these, and the rates of at most two
-      others.
+    - `AROUND_ZERO`: moving inputs that take both signs. `VELOCITIES`: inputs that take both signs
+      and, if at most two inputs move, the rates of the other moving inputs.
     - `DECADES`, `MIDDLE_DECADES`: time constants, s.
-    - `BACK`, `NOW_AND_BACK`: 1 .. `ORDER`, and with 0 before.
+    - `BACK`: the lags from 1 to `ORDER`. `NOW_AND_BACK`: the lags from 0 to `ORDER`.
     """
     inputs, moving = [*of.inputs], [*of.moving]
     without = more.get("OUT", more.get("VELOCITY"))

@@ -1,5 +1,5 @@
 """Choose one of the structures that were tried. They are scored on the rows that all of them
-predict, and the rule of the study decides.
+predict. The rule for the choice is `BY_MEAN` for tables and `BY_MEDIAN` for recordings in time.
 """
 
 from __future__ import annotations

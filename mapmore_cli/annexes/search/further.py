@@ -78,8 +78,8 @@ def go_on(
 
 
 def _least(result: Search, number: int) -> int:
-    """Return the index of the structure with the smallest error among all that have no more
-    parameters than one of the structures: this one itself, if no other one dominates it.
+    """Return the index of the structure with the smallest error among all that have at most as many
+    parameters as the structure `number`. At equal errors, the structure `number` is preferred.
     """
     ranked = [
         (rival.excess, place != number, place)

@@ -46,8 +46,9 @@ stretches together have the rest.
 
 
 class Parts(NamedTuple):
-    """Folds, (n,) each, that leave out parts of one kind, in words; the `share` of the held-out
-    samples of the study that are of this kind; and the weight of all these folds together.
+    """A kind of parts of the data: its description in `words`; the folds, (n,) each, that leave out
+    one part each; the `share` of the held-out samples of the study that are of this kind; and the
+    weight of all these folds together.
     """
 
     words: str
@@ -82,7 +83,8 @@ def parts_of(dataset: Dataset, situation: Situation, study: Dataset, by_level: b
         end_folds, at_end = _beyond(dataset, situation, study)
     behind, whole = _behind(every), whole | by_level
     if situation.timed and standing is None and len(samples.logs) == 1:
-        behind |= whole  # a run along the end of the only recording starts free as well
+        # with one training recording, only its end can be left out like a held-out recording
+        behind |= whole
     ends, drift, parts, rest = _shares([at_end, behind, whole], every.held_out | by_level)
     asked, other = (ALONE, ALONE) if len(folds) == 1 else (ASKED, OTHERWISE[situation.timed])
     kinds = (
@@ -94,8 +96,9 @@ def parts_of(dataset: Dataset, situation: Situation, study: Dataset, by_level: b
 
 
 def _shares(kinds: Sequence[BoolArray], held: BoolArray) -> list[float]:
-    """Return the shares of the held-out samples that are of each kind, of the first one that a
-    sample fits, and the share that fits none. Kinds with a share below `SOME` do not count.
+    """Return the share of the held-out samples that belong to each kind, and the share that belong
+    to none. A sample that fits several kinds belongs to the first of them. Kinds with a share below
+    `SOME` do not count.
     """
     first = np.argmax([*kinds, np.ones_like(held)], axis=0)[held]
     counts = np.bincount(first, minlength=len(kinds) + 1)
@@ -139,8 +142,9 @@ def _ends(samples: Curve) -> list[BoolArray]:
 
 
 def _standing(inputs: Sequence[str], study: Dataset, whole: BoolArray) -> str | None:
-    """Return the name of the level quantity, or of an input that is constant in every curve and has
-    other values in the curves that are held out as a whole (`whole`); None if there is neither.
+    """Return the name of the level quantity, or of an input that is constant in every curve, if
+    its values in the curves that are held out as a whole (`whole`) occur in no other curve. Return
+    None if there is neither.
     """
     if study.level is not None:
         return study.level
@@ -153,8 +157,8 @@ def _standing(inputs: Sequence[str], study: Dataset, whole: BoolArray) -> str | 
 
 
 def _values(dataset: Dataset, name: str) -> Array:
-    """Return the value at which the curve of each sample is constant, (n,), without rounding
-    errors.
+    """Return the value that the quantity `name` has in the whole curve of each sample, (n,). The
+    values have single precision, so that rounding errors do not count.
     """
     values = [c.columns[name][0] if c.level is None else c.level for c in dataset.curves]
     return np.repeat(np.array(values, np.float32), [curve.size for curve in dataset.curves])
@@ -208,8 +212,7 @@ def _beyond(
                 fold = training & (over >= -reach) & (reach > 0)
                 is_held = fold.any() and np.sum(far[held] > 0) >= SOME * held.sum()
                 rest = values[training & ~fold]
-                # the rest must cover at least half of the range, so that of two values neither is
-                # left alone
+                # at least half of the range remains, so that an input with two values keeps both
                 if is_held and len(rest) and 2 * np.ptp(rest) >= np.ptp(values[training]):
                     folds.append(fold)
                     beyond |= far > 0

@@ -25,11 +25,11 @@ with as many known outputs.
 
 
 def searchable(dataset: Dataset) -> Dataset:
-    """Return the training samples with the inputs between them, which states need, but without the
-    held-out outputs.
+    """Return each recording from its first to its last training sample, without the held-out
+    outputs.
 
-    Without these inputs, slow states would restart after every held-out piece, and models with them
-    would look worse than they are.
+    The inputs of held-out samples are kept, because slow states would otherwise restart after every
+    held-out piece. Models with slow states would then look worse than they are.
     """
     curves = []
     for curve in dataset.curves:
@@ -46,11 +46,11 @@ def searchable(dataset: Dataset) -> Dataset:
 
 
 def cut_short(dataset: Dataset, run: int, step: float | None) -> Dataset:
-    """Return at most `MOST_SAMPLES` samples: evenly thinned along every curve, or for recordings in
-    time with equal steps of `step` (s), some pieces that are no shorter than a held-out `run`.
+    """Return at most `MOST_SAMPLES` samples. If `step` is None, every curve is thinned evenly.
+    Otherwise, `step` is the equal time step of the recordings (s), and pieces of them are returned.
 
-    Each piece begins with known outputs, so shorter pieces would flatter models that feed their
-    output back.
+    If possible, no piece is shorter than `run`, the length of a held-out run in samples. Each piece
+    begins with known outputs, so shorter pieces would flatter models that feed their output back.
     """
     most = max(MOST_SAMPLES // len(dataset.curves), 1)
     share = min(MOST_SAMPLES / sum(curve.size for curve in dataset.curves), 1.0)

@@ -78,7 +78,7 @@ def search(
     situation = situation_of(training, part.ignored, part.model.inputs)
     ordered = part.in_order(dataset)
     uneven = _uneven(dataset) if situation.timed or ordered else ()
-    # if levels are left out or steps are uneven, no model that counts steps could be fitted
+    # models that count time steps cannot be fitted if levels are left out or time steps are uneven
     step = None if part.by_level or uneven else situation.step
     situation = replace(situation, step=step, ordered=ordered and step is None)
     added = plugins.parts("families", Mapping)  # type: ignore[type-abstract]
@@ -130,7 +130,8 @@ def _uneven(dataset: Dataset) -> tuple[str, ...]:
 class Budget:
     """Time for trying structures, the number of structures that were `listed`, and the number that
     were `cut` because the time was over. The time is processor time of each process, s, so that
-    other programs hardly change what is tried. The speed and the number of processors change it.
+    other programs hardly change how many structures are tried. With faster or more processors, more
+    structures are tried.
     """
 
     seconds: float

@@ -44,7 +44,7 @@ class Situation:
     level
         The quantity that is constant within a curve; None without levels.
     samples, curves
-        Training samples, and curves that have some.
+        Number of training samples, and of curves that have training samples.
     step, steps
         Time between samples, s, and the number of steps in the longest recording. If steps are not
         equal, `step` is None, and nothing can be said about the past.
@@ -124,10 +124,10 @@ def situation_of(
 
 
 def _different(names: Sequence[str], pooled: Mapping[str, Array], level: str | None) -> list[str]:
-    """Return the names without quantities that are a linear function of another quantity. Of two
-    such quantities, one is kept by the first of these rules that decides: the level; the quantity
-    that more formulas of the literature use (the strain instead of a length or a displacement); the
-    later name.
+    """Return the names of the quantities that are no linear function of another returned quantity.
+    If two quantities are linear functions of each other, the first of these rules that decides says
+    which one is returned: the level; the quantity that more formulas of the literature use (the
+    strain instead of a length or a displacement); the later name.
     """
     formulas = map(literature.get, literature.names())
     uses = Counter(name for formula in formulas for name in formula.inputs)

@@ -1,4 +1,4 @@
-"""Find the structure of a model: `search.json`, and the spec `found.yaml` that it makes."""
+"""Find the structure of a model, and write the results: `search.json` and the spec `found.yaml`."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ def search_slice(spec: ExperimentSpec) -> Slice:
 
 def _kin(target: str, spec: ExperimentSpec) -> tuple[str, ...]:
     """Return the quantities that contain the target: the target itself, all quantities that are
-    derived from the target, and the quantity from which the target is derived, if it is derived
-    from a single one.
+    derived from the target, and, if the target is derived from a single quantity, this
+    quantity.
     """
     sources = {
         name: {*parse(rule).names} if isinstance(rule, str) else {rule.source}
@@ -88,9 +88,9 @@ def settings_of(result: Search) -> dict[str, Any]:
 
 
 def formulas_beside(result: Search, every: bool = False) -> list[str]:
-    """Return the formula of the literature with the smallest error of those tried; none if it is
-    the chosen structure. With `every`, return all formulas, so that they are not selected by their
-    errors.
+    """Return the formula of the literature that has the smallest error of all that were tried;
+    none if this formula is the chosen structure. With `every`, return all formulas, so
+    that they are not selected by their errors.
     """
     formulas = [tried for tried in result.tried if tried.family == "formula" and not tried.failure]
     if not every:
@@ -103,10 +103,10 @@ def with_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
     """Return the spec with the structure that its search has found; unchanged if nothing was found
     yet.
 
-    If the spec names no competitors, the formula with the smallest error in the search becomes one,
-    so that the page shows its error on the held-out data. If every level or group is left out once,
-    the search has seen all of them. Then all formulas are competitors, and the spec records that
-    the structure was chosen with all data, in case it is run without the search.
+    If the spec names no competitors, the formula with the smallest error in the search becomes a
+    competitor, so that the page shows its error on the held-out data. If every level or group is
+    left out once, the search has seen all of them. Then all formulas are competitors. The spec also
+    records that the structure was chosen with all data, in case the spec is run without the search.
     """
     from mapmore_cli.study.loader import changed
     from mapmore_cli.study.yaml_dumper import as_overrides
@@ -128,8 +128,8 @@ _SLICE = TypeAdapter(Slice)
 
 
 def searching_again(run_dir: Path) -> Callable[[Dataset], ModelChoices]:
-    """Return a function that finds a structure from the training samples of a dataset, as the
-    search of a run did; it may try longer structures as well, if that search did.
+    """Return a function that finds a structure from the training samples of a dataset, like
+    the search of a run. The function tries longer structures only if the search of the run did.
     """
     recorded = load_records(run_dir)[STAGE.name].slice
     part = _SLICE.validate_json(to_json(recorded))

@@ -60,8 +60,9 @@ long lags say nothing about short recordings.
 
 def tried_ways(candidate: Tried, bench: Bench) -> list[Outcome]:
     """Fit a structure, and return it once for each of the `WAYS` in which its pieces can continue
-    outside the range of a curve, its own way first. If the study sets the extrapolation, only this
-    is tried. A way with the same errors as an earlier one on every sample is left out.
+    outside the range of a curve. The way that the candidate itself sets comes first. If the study
+    sets the extrapolation, only this is tried. A way with the same errors as an earlier one on
+    every sample is left out.
     """
     choices = choices_of(candidate.sections, bench.part)
     model, whole = refit_near(choices, bench.dataset, None)
@@ -143,8 +144,8 @@ def _refusal(model: Model, bench: Bench) -> str:
 
 
 def rings(model: Model, curve: Curve, bench: Bench) -> bool:
-    """Return True if a free run that starts a tenth of the range higher still oscillates around the
-    measured one late in a recording.
+    """Return True if the start of a free run still makes it oscillate late in a recording. Two free
+    runs are compared: one starts at the measured output, the other a tenth of the range higher.
 
     If inputs repeat, a model with poles on the unit circle continues the record like a clock,
     whatever drives it. An integrator keeps its offset and does not oscillate.
@@ -173,8 +174,8 @@ def with_larger_inputs(curve: Curve, names: Sequence[str]) -> Curve:
 
 
 def astray(model: Model, curves: Sequence[Curve], bench: Bench) -> bool:
-    """Return True if a prediction deviates from the measured values, and from the prediction of a
-    plane, by more than their range, at any sample of the curves.
+    """Return True if the prediction at any sample of the curves lies outside the range of
+    reasonable outputs (`bench.range`) by more than the width of this range.
 
     A steep formula may pass through all training samples, including those that were left out, and
     explode in a gap between them.

@@ -107,7 +107,7 @@ def _value(m: Writer, part: Part, inputs: Inputs) -> Expression:
 
 
 def _own(part: Part, names: Iterable[str]) -> frozenset[str]:
-    """Return the names of the sum's inputs from which the inputs `names` of a part are made."""
+    """Return the inputs of the sum from which the inputs `names` of a part are computed."""
     fed = {inner.model.output.name: _own(inner, inner.model.input_names) for inner in part.fed}
     return frozenset().union(
         *(fed[name] if name in fed else parse(part.inputs.get(name, name)).names for name in names)

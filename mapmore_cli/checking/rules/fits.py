@@ -58,8 +58,8 @@ def short_segments(subject: Subject) -> Issues:
 
 
 def _most_terms(subject: Subject) -> int:
-    """Return the largest number of terms that a segment can have; it is limited by the
-    dictionary.
+    """Return the largest number of terms that a segment can have. The spec limits this number, and
+    a dictionary without memory limits it too.
     """
     most, dictionary = subject.spec.fit.max_terms, subject.spec.dictionary
     return most if remembers(dictionary) else min(most, len(terms_of(dictionary)) or most)
@@ -86,8 +86,8 @@ def _short(subject: Subject, message: str) -> Issue:
 
 
 def few_for_formula(subject: Subject) -> Issues:
-    """Find formulas with more parameters than training samples: the model, its backbone, and
-    competitors.
+    """Find formulas with more parameters than training samples, among the model, its backbone and
+    the competitors.
     """
     spec, dataset = subject.spec, subject.dataset
     count = sum(int(np.count_nonzero(curve.training)) for curve in dataset.curves)

@@ -23,7 +23,7 @@ def computed_from(subject: Subject) -> Issues:
     others = [name for name in subject.spec.data.columns if name not in (target, "time")]
     for name in (quantity for quantity in others if subject.has(quantity)):
         if same_signals([subject.pooled(name), subject.pooled(target)]):
-            continue  # another rule reports this as an error
+            continue  # the rule `same_signal` reports such a column as an error
         slopes = [
             _slope_of_line(recording.columns[name], recording.columns[target])
             for recording in subject.recordings

@@ -17,7 +17,8 @@ from mapmore_cli.modelling.signals.sampling import PART, even_share
 FAR_MORE = 10
 # quantities that hardly ever keep exactly one value unless their sensor is saturated
 FROM_SENSORS = ("force", "pressure", "load")
-PARTS_OF_FORCE = ("hysteresis", "damping")  # these targets vary around zero whatever the force is
+# these targets vary around zero, even if the force does not
+PARTS_OF_FORCE = ("hysteresis", "damping")
 
 
 def constant(subject: Subject) -> Issues:
@@ -39,8 +40,8 @@ def constant(subject: Subject) -> Issues:
 
 
 def offset(subject: Subject) -> Issues:
-    """Find a target far from zero, for which the error of any model is a small fraction of its
-    largest value.
+    """Find a target far from zero, so that the error of any model is a small fraction of
+    the largest target value.
     """
     spec = subject.spec
     name = spec.validation.as_ or subject.target

@@ -84,7 +84,7 @@ def strain_turned(subject: Subject) -> Issues:
     if muscle is None or muscle.kind not in KINDS or not subject.has("strain"):
         return
     if any(force_never_pulls(subject)):
-        return  # a wrong sign of the force would give the same correlation
+        return  # the force probably has the wrong sign, and not the strain
     strain, pressure, force = (
         even_share(subject.pooled(name)) if subject.has(name) else np.zeros(1)
         for name in ("strain", "pressure", "force")

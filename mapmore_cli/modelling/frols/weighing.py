@@ -214,13 +214,15 @@ def reweighted(
     select: Callable[[Sequence[Array | None]], Sequence[Selection]],
     only: Sequence[Callable[[IntArray], Blocks]],
 ) -> tuple[Choice, ...]:
-    """Return a weighted selection for each output. For a robust loss, the terms are selected twice:
-    with the weights of a robust start, and with the final weights.
+    """Return a weighted selection for each output. For a robust loss, the terms are selected
+    three times: with robust starting weights, with the weights of Huber's loss, and with the
+    weights of the chosen loss. Huber's loss comes first because it has a single minimum.
 
-    `select` is a function of the uncertainties of all outputs; each function in `only` returns the
-    blocks of the given candidates. For the chosen terms, weights and least-squares fits are
-    computed in turn, at most ten times. Huber's loss is used first, because it has a single
-    minimum; the chosen loss follows.
+    The weights of a loss are computed for the terms of the selection before, in turn with
+    least-squares fits, at most ten times.
+
+    - `select`: function that selects terms for all outputs, given the uncertainties of each.
+    - `only`: for each output, a function that returns the data of the given candidate terms.
     """
     weights = [one.start for one in weighings]
     found = select([one.by(w) for one, w in zip(weighings, weights, strict=True)])

@@ -120,7 +120,8 @@ class Formula:
         """
         if self.expression.names != {*self.inputs, *self.parameters}:
             raise ValueError(
-                f"{self.name}: the names in the text must be exactly its inputs and parameters"
+                f"{self.name}: the expression must contain all declared inputs and parameters of "
+                "the formula, and no other name"
             )
         without = with_numbers(self._fitted_expression, dict.fromkeys(self.linear, 0.0))
         if not (self.dimensions or self.definition) and without != Number(0.0):

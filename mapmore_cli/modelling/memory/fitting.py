@@ -118,9 +118,11 @@ def fit_outputs(records: Sequence[Record], recipes: Sequence[MemoryRecipe]) -> l
 def _refined(
     problem: FreeRunProblem, choice: TermChoice, numbers: Array, near: MemoryFit | None
 ) -> Point:
-    """Return the point with the smallest error in free run. If the fit `near` has the same terms,
-    the search begins at its coefficients, with free runs over whole pieces. If there is no such
-    fit, or if its runs diverge, the search begins at the coefficients of the one-step-ahead fit.
+    """Return the coefficients and operator parameters with the smallest error in free run.
+
+    If the fit `near` has the terms of `choice`, the search begins at the coefficients of `near`,
+    with free runs over whole pieces. If there is no such fit, or if these runs diverge, the search
+    begins at the coefficients of the one-step-ahead fit.
     """
     chosen = choice.selection.chosen.tolist()
     if near is not None and {*near.selection.chosen.tolist()} == {*chosen}:

@@ -28,8 +28,8 @@ from mapmore_cli.modelling.program.writing import Inputs, Writer, renamed_all
 
 
 def pieces_value(m: Writer, body: Pieces, inputs: Inputs) -> Expression:
-    """Write the pieces without their backbone, and return the output. `inputs` holds the inputs in
-    the order in which the model lists them.
+    """Write the statements of the pieces, without their backbone, and return the expression of
+    their output. `inputs` holds the inputs in the order in which the model lists them.
     """
     free = [name for name in inputs if name != body.level]
     functions = [_curve_function(m, curve, body, free) for curve in body.curves]

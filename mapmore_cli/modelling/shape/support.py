@@ -46,7 +46,8 @@ LEVEL = 0.01
 # number of simulations of noise alone
 # A contradiction of fewer than `UNLIKELY` standard errors is too weak to need a simulation.
 RUNS, UNLIKELY = 199, 2.0
-CONFIRMED = 3.0  # number of standard errors by which a fitted surface must contradict a sign
+# A contradiction counts only if a fitted surface contradicts the sign by this many standard errors.
+CONFIRMED = 3.0
 # for each width of the means, number of contradictions that are tested with a fitted surface
 TRIED = 32
 # The noise of a cell is the mean over at least `LOCAL` cells around it.

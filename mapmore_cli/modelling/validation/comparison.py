@@ -300,7 +300,8 @@ def _ranges(model: Model) -> tuple[CurveRange, ...]:
     ranges: tuple[CurveRange, ...] = getattr(model.body, "ranges", ())
     if not ranges or model.memories:
         raise ValueError(
-            f"{model.name} has no curves to compare, because it runs along recordings or is a sum"
+            f"{model.name} has no curves to compare, because it is a model over time or a sum of "
+            "models"
         )
     return ranges
 

@@ -342,7 +342,7 @@ is allowed. Logs shrink to a tenth, or to a fiftieth at most.
 
 def refuse_bombs(where: str, unpacked: float, packed: int, size: int | None = None) -> None:
     """Raise DataError for data that unpack, or claim to unpack, to more than `size` bytes
-    (`BOMB_SIZE` by default) and to far more than a compressed log would.
+    (default `BOMB_SIZE`) and also to more than `BOMB_RATIO` times their packed size.
     """
     if unpacked > max(BOMB_SIZE if size is None else size, BOMB_RATIO * packed):
         sizes = f"from {packed / 1e6:.2g} MB to {unpacked / 1e6:.0f} MB or more"

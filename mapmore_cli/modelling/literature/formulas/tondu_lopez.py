@@ -135,7 +135,7 @@ that `tondu_lopez` can describe the same forces as `chou_hannaford`.""",
     braided(
         "tondu_lopez_corrected",
         "Tondu and Lopez, corrected",
-        "W eq 8 with 10",
+        "W eq 8 with eq 10",
         CORRECTED_STRAIN,
         CORRECTION,
         """Tondu and Lopez' static force with a factor on the strain, because the ends of
@@ -147,7 +147,7 @@ area pi D^2/4 is fitted, whereas W fits only theta, a_k and b_k.""",
     braided(
         "tondu_lopez_corrected_fixed_area",
         "Tondu and Lopez, corrected, fixed area",
-        "W eq 8 with 10, as printed",
+        "W eq 8 with eq 10, as printed",
         CORRECTED_STRAIN,
         CORRECTION,
         """Tondu and Lopez' static force with a factor on the strain, as W prints it: with
@@ -160,7 +160,7 @@ The equations are W eq 8 with eq 10, in which theta, a_k and b_k are fitted. In 
     Formula(
         name="kerscher",
         title="Kerscher",
-        reference="W eq 9 with 10, 11",
+        reference="W eq 9 with eq 10 and 11",
         inputs=("pressure", "strain"),
         parameters=("theta", "a_k", "b_k", "a_e", "b_e"),
         text=f"(a_e*exp(-40*strain) - b_e)*pressure*{braid(CORRECTED_STRAIN)}",
