@@ -81,8 +81,8 @@ class Verbs(Protocol):
         return ()
 
     def outside_range(self, model: Model, columns: Columns) -> BoolArray:
-        """Return True for rows at which an input lies outside the `ranges` of the body, shape
-        (n,).
+        """Return True for rows at which an input lies outside its training range, shape (n,). The
+        training ranges are the attribute `ranges` of the model's body.
         """
         return outside_limits(getattr(model.body, "ranges", ()), model.level, columns)
 

@@ -73,8 +73,8 @@ class Arithmetic:
     """Operations for recursions, in addition to `+ - * / **` and comparisons. This class computes
     with whole columns; its subclasses compute with single numbers or write statements of a program.
 
-    `then` and `otherwise` are values, or functions without arguments that compute a value. For
-    columns, both values are computed.
+    In `where`, the arguments `then` and `otherwise` are values, or functions without arguments that
+    compute a value. For columns, both values are computed.
     """
 
     def where(self, condition: Amount, then: Amount, otherwise: Amount) -> Amount:

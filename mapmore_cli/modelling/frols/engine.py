@@ -92,7 +92,10 @@ class GramRemainders(Remainders):
         )
 
     def choose(self, pick: int) -> Array:
-        """Choose a candidate, as the method of `Remainders` does."""
+        """Choose the candidate `pick`, and return its row of the triangular factor.
+
+        `Remainders.choose` describes this row.
+        """
         length = np.sqrt(self.squares[pick])
         row: Array = (
             np.append(self.gram[pick] - self.rows[:, pick] @ self.rows[:, :-1], self.products[pick])
@@ -159,7 +162,10 @@ class BasisRemainders(Remainders):
         self.remainders = np.empty((len(y), 0))
 
     def choose(self, pick: int) -> Array:
-        """Choose a candidate, as the method of `Remainders` does."""
+        """Choose the candidate `pick`, and return its row of the triangular factor.
+
+        `Remainders.choose` describes this row.
+        """
         held = self.explicit == pick
         unit = self._cleared(
             self._cleared(self.remainders[:, held][:, 0] if held.any() else self.P[:, pick])

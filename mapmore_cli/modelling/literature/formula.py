@@ -38,8 +38,8 @@ RANDOM = "random"
 
 @dataclass(frozen=True)
 class LinearForm:
-    """A formula with new parameters in place of the published ones, chosen so that it is linear in
-    most of them.
+    """A formula with new parameters in place of the published ones. They are chosen so that the
+    formula is linear in most of the new parameters.
 
     `text` is the formula with the new parameters, and `linear` names those in which it is linear.
     `printed` gives each published parameter as an expression of the new parameters.

@@ -132,7 +132,7 @@ def descend(
 
 
 # A coordinate within this fraction of its range from a bound counts as being at the bound.
-# For an infinite range, `TOUCHING` is the distance itself.
+# If the range of a coordinate is infinite, `TOUCHING` is the largest distance from the bound.
 TOUCHING = 1e-6
 
 
@@ -260,8 +260,8 @@ def variable_projection(problem: LeastSquares) -> Solution:
 
 
 def _starts(problem: LeastSquares) -> list[Array]:
-    """Return the starts of a search for several coordinates: drawn ones, and the places with the
-    smallest sums of squares among many others.
+    """Return the starts of a search for several coordinates: random points, and the points with the
+    smallest sums of squares among many further random points.
     """
     places = [*drawn_starts(problem.nonlinear, PLACES, SEED + 1)]
     with np.errstate(all="ignore"):  # where the formula overflows, the sum is not finite

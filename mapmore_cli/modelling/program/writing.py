@@ -154,8 +154,8 @@ class Writer:
         self.statements.append(Keep(name.name, expression(value)))
 
     def program(self, inputs: Sequence[str], *values: Expression) -> Program:
-        """Return the program with the named inputs and the given outputs, without statements that
-        no output needs.
+        """Return the program with the named inputs and the given outputs. Statements that no output
+        needs are left out.
         """
         knots = {name: tuple(sorted(places)) for name, places in self.knots.items()}
         body = Block(tuple(self.statements), values)

@@ -424,8 +424,8 @@ def term_changes(before: Model, after: Model) -> tuple[TermChange, ...]:
 
 
 def _coefficients(segment: SegmentFunction) -> dict[str, tuple[float, float]]:
-    """Return the coefficient of every term of a segment and its standard error, in the unit of the
-    output.
+    """Return, for every term of a segment, the coefficient and the standard error of the
+    coefficient, in the unit of the output.
     """
     scale = segment.scaling.y_slope
     pairs = zip(

@@ -242,7 +242,7 @@ class Offsets:
     @property
     def errs_between(self) -> bool:
         """Return True if the errors of left-out levels are clearly larger than the variances
-        between samples and curves explain.
+        between samples and between curves explain.
         """
         from scipy.special import fdtri
 
@@ -268,7 +268,9 @@ class Offsets:
 
 
 def offsets_of(left_out: LeftOut) -> Offsets | None:
-    """Return the variances between samples and curves; None if the data do not determine them."""
+    """Return the variances between samples and between curves; None if the data do not determine
+    them.
+    """
     n, count = np.array(left_out.repeats), len(left_out.places)
     known = math.isfinite(left_out.apart)
     between_curves, repeats = (left_out.apart**2, float(np.sum(n - 1))) if known else (0.0, 0.0)

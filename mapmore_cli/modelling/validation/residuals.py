@@ -64,7 +64,7 @@ def residual_tests(
                 residuals.append(piece)
                 for name in columns.keys() & curve.columns.keys():
                     x = picked(curve.columns[name], rows)
-                    # the level is constant within a curve, so noise of its sensor is no movement
+                    # the level is constant within a curve; its measured changes are noise
                     held = name == dataset.level and curve.level is not None
                     columns[name].append(np.full(len(x), curve.level) if held else x)
     known, low, high = _finite(residuals)
