@@ -161,11 +161,11 @@ class Weighing:
 @dataclass(frozen=True)
 class Choice:
     """A selection for one output, whose standard errors do not take the weights into account yet.
-    Computing these standard errors takes about as long as the selection itself, so they are
-    computed only for the selection that is used in the end.
+    Standard errors that do so need about as much time as the selection itself. Therefore,
+    `with_errors` computes them only for the selection that is used in the end.
 
     - `only`: function that returns the blocks of some candidates.
-    - `weights`: weights of a robust loss, (n,); None for squares.
+    - `weights`: weights of a robust loss, (n,); None for the loss `squares`.
     """
 
     selection: Selection
@@ -174,8 +174,8 @@ class Choice:
     weights: Array | None
 
     def with_errors(self) -> Selection:
-        """Return the selection with its standard errors. They take into account that residuals are
-        correlated within curves or along a few recordings, and that samples have robust weights.
+        """Return the selection with standard errors that take two facts into account: residuals are
+        correlated within curves or along a few recordings, and samples have robust weights.
         """
         found, how, weights = self.selection, self.weighing, self.weights
         k, n = len(found.chosen), found.samples

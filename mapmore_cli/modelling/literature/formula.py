@@ -293,8 +293,8 @@ class Formula:
         )
 
     def _printed(self, problem: LeastSquares, beta: Array, c: Array) -> dict[str, float]:
-        """Return the published parameters, which are computed from the parameters of the linear
-        form, together with the dimensions of the muscle.
+        """Return all published parameters by name: the fitted ones, computed from the parameters of
+        the linear form, and the dimensions of the muscle.
         """
         dimensions = {name: np.asarray(value) for name, value in self.given.items()}
         values = {**problem.values(beta, c), **dimensions}

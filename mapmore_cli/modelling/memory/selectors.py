@@ -142,7 +142,7 @@ class _Plain:
 
     def among(self, chosen: IntArray, stop: str) -> TermChoice:
         """Return the model with the given candidates, in the order of their error reduction. `stop`
-        is the reason for the number of terms that is stored with the selection.
+        is the reason for the number of terms, and is stored with the selection.
         """
         choice = self._selected(chosen, len(chosen))
         return replace(choice, selection=replace(choice.selection, stop=stop))

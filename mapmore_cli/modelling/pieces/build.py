@@ -390,7 +390,7 @@ def _chosen_terms(
     z, target = outputs[0].scaled(slice(0, n), scalings[0])
     P = dictionary_matrix(terms, z, n)
     choice = choose(P, target, stopping, weighings[0])
-    # `only` keeps no dictionary, so that a wide one is released before the next one is built
+    # `only` does not refer to P, so that a wide dictionary is released before the next is built
     return (replace(choice, only=problems[0].of),)
 
 

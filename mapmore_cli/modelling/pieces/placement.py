@@ -36,13 +36,13 @@ def placements(
     variables: Sequence[str],
     weights: Array | None = None,
 ) -> tuple[Scaling, ...]:
-    """Return all scalings of the samples of v `inputs` and of `y`, (n,) each, that satisfy a rule.
-    The caller chooses the scaling with the smallest error.
+    """Return all scalings of the samples of v `inputs` and of `y`, (n,) each, that the `rule`
+    allows. The caller chooses the scaling with the smallest error.
 
-    - `unit_square`: x and y span one unit, and the trend passes through the origin, which lies at
-      the left or at the right end of each variable, so that scaled data lie in [0, 1] or [-1, 0].
-      The two ends give different one-term fits. For a falling curve, a power with its origin on the
-      left is concave, and a power with its origin on the right is convex.
+    - `unit_square`: x and y span one unit, and the trend passes through the origin. The origin lies
+      at the left or at the right end of each variable, so that scaled data lie in [0, 1] or
+      [-1, 0]. The two ends give different one-term fits. For a falling curve, a power with its
+      origin on the left is concave, and a power with its origin on the right is convex.
     - `max_abs`: division by the largest magnitude, no offset.
     - `none`: no scaling.
 

@@ -25,8 +25,9 @@ def outliers(dataset: Dataset, forecasts: Sequence[Forecast], fit: Fit) -> tuple
     ahead.
 
     Because a model with memory uses measured outputs, it may also be wrong at the sample after an
-    outlier. Residuals are divided by their uncertainty if it is known. The scale is that of the
-    section `fit`, or 1.4826 times the median absolute residual of all training samples.
+    outlier. Residuals are divided by their uncertainty if it is known. The scale is the number
+    `scale` in the section `fit` of the spec; without this number, it is 1.4826 times the median
+    absolute residual of all training samples.
     """
     curves, target = dataset.curves, dataset.target
     predicted = np.concatenate(
