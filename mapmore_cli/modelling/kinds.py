@@ -171,7 +171,7 @@ def alone(model: Model) -> Model:
 
 
 def predict(model: Model, columns: Columns) -> Array:
-    """Return the output of the model at every row, shape (n,), like `simulate`."""
+    """Return the output of the model at every row, shape (n,), as `simulate` computes it."""
     return simulate(model, columns).values
 
 

@@ -271,7 +271,7 @@ def run_recursion(rule: Recursion, x: Array, own: list[float], past: list[float]
         from scipy.signal import lfilter
 
         a, b = [1.0, *(-weight for weight in rule.weights[: rule.own])], rule.weights[rule.own :]
-        # contribution of earlier values; SciPy's `lfiltic` computes the same, but is slow
+        # contribution of earlier values, computed without SciPy's `lfiltic`, which is slow
         # For short pieces, `lfiltic` would take longer than the filter itself.
         carried = [
             sum(map(mul, b[step:], past)) - sum(map(mul, a[step:], own))

@@ -133,7 +133,7 @@ class GramRemainders(Remainders):
             raise DigitsLost
 
 
-# A dictionary with at most this many values is small: accuracy matters more than speed.
+# A dictionary with at most this many values counts as small, so accuracy precedes speed.
 SMALL = 2**16
 # `LOST` is for a large dictionary, and `LOST_OF_SMALL` is for a small one.
 # If a downdated `q'q` is below this fraction of `p'p`, the candidate's remainder becomes explicit.

@@ -235,7 +235,7 @@ def nominal(column: Array) -> Array:
 
 def dependence(rank: int, count: int, inputs: Columns, choice: str) -> str:
     """Return a note which says that the data do not determine all parameters. `choice` is the end
-    of the note, which says which of the equally good solutions is used.
+    of the note: it says which of the equally good solutions is used.
     """
     distinct = ", ".join(f"{len(np.unique(column))} of {name}" for name, column in inputs.items())
     return (

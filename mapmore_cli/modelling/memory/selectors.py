@@ -57,7 +57,7 @@ class Regressors:
 def regressors(
     records: Sequence[Record], states: StateSet, terms: Sequence[Expression], target: str
 ) -> Regressors:
-    """Return the training samples of all pieces on which every state has a value.
+    """Return the training samples of all pieces at which every state has a value.
 
     Raises DataError if there are none, or the output is missing.
     """

@@ -80,8 +80,8 @@ class Writer:
     def choose(
         self, stem: str, cases: Iterable[tuple[Condition, Side]], otherwise: Side
     ) -> Expression:
-        """Write a branch statement, and return the name of its result: that of the first case whose
-        condition holds, or `otherwise`.
+        """Write a branch statement, and return the name of its result. The result is the value of
+        the first case whose condition holds, or `otherwise` if no condition holds.
         """
         branches = tuple((condition, self.side(side)) for condition, side in cases)
         if not branches:

@@ -62,7 +62,7 @@ def match_levels(values: Array, levels: Array, within: float) -> IntArray:
     """Return for each value, (n,), the index of the nearest level, (m,), or -1 if no level lies
     within `within`.
 
-    For a value in the middle between two levels, it is the lower level.
+    For a value in the middle between two levels, the result is the index of the lower level.
     """
     order = np.argsort(levels, kind="stable")
     middles = (levels[order][1:] + levels[order][:-1]) / 2

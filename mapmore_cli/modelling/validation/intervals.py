@@ -73,7 +73,7 @@ FEW: Mapping[int, float] = {3: 5.06, 4: 4.03, 5: 3.23}
 five.
 """
 
-LEAST = 1e-3  # smaller errors, as a fraction of the largest |target|, are replaced by this
+LEAST = 1e-3  # smallest error with which the rule computes, as a fraction of the largest |target|
 # quantile of the normal distribution for which the constants in `FEW` were computed
 NORMAL = 1.959964
 # a sample counts as at a level if it is closer than this fraction of the gap between levels
