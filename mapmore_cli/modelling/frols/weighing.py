@@ -161,7 +161,7 @@ class Weighing:
 @dataclass(frozen=True)
 class Choice:
     """A selection for one output, whose standard errors do not take the weights into account yet.
-    Standard errors that do so need about as much time as the selection itself. Therefore,
+    Standard errors with the weights need about as much time as the selection itself. Therefore,
     `with_errors` computes them only for the selection that is used in the end.
 
     - `only`: function that returns the blocks of some candidates.

@@ -296,8 +296,9 @@ def _onto_bounds_of(
     problem: LeastSquares, c: Array, bounds: tuple[Array, Array]
 ) -> tuple[Array, list[int]]:
     """Return coordinates moved onto the bounds that they almost touch, as `onto_bounds` does. They
-    are not moved if the sum of squares is larger at the bounds: in a wide interval, a value may be
-    many times a small bound and yet near to it as a fraction of the range.
+    are not moved if the sum of squares is larger at the bounds. For example, if the interval is
+    wide, a value may be many times as large as a small bound, although the distance of both is a
+    small fraction of the interval.
     """
     moved, touched = onto_bounds(c, bounds)
     if touched:

@@ -223,8 +223,8 @@ def minimise(
     largest number of iterations, and the relative decrease of the error below which the search
     stops.
 
-    SciPy's trust-region method is not used: it ends in other minima, which are on average not
-    lower.
+    SciPy's trust-region method is not used, because it ends in other minima, which are on average
+    not lower.
     """
     point, damping = problem.at(start, horizon), DAMPING
     iterations, least_gain = effort

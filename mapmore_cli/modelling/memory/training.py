@@ -4,8 +4,8 @@ one-step-ahead prediction, and pieces for free runs.
 If the name of an operator contains no parameters, for example `wen(force[k-1])`, training estimates
 them. Sets of starting values are taken from a grid. For every set, FROLS chooses the terms, and the
 one-step-ahead error is computed. The sets with the smallest errors are then refined, together with
-all coefficients, in free run. Most of these searches end at the best model. From random starting
-values, few would.
+all coefficients, in free run. Most of these searches end at the best model. Of searches from
+random starting values, few would end there.
 """
 
 from __future__ import annotations

@@ -89,7 +89,7 @@ class TermChange:
 
     `error` is the standard error of the difference (the root of the sum of squares of both standard
     errors), NaN if one of them is missing. `errors_note` is the assumption about residuals on which
-    the standard errors are based. If the models have different assumptions, it is the stronger one.
+    the standard errors are based; if the models have different assumptions, the stronger one.
     """
 
     segment: str

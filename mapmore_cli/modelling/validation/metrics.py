@@ -143,7 +143,7 @@ def ends_of(columns: Sequence[Array], masks: Sequence[BoolArray]) -> tuple[float
 
 def on_common_rows(forecasts: Mapping[str, Sequence[Forecast]]) -> dict[str, tuple[Forecast, ...]]:
     """Return the forecasts of every model, restricted to the rows that all models predict. Without
-    this restriction, models that need earlier samples would be scored on fewer rows than the others.
+    this restriction, models that need earlier samples would be scored on fewer rows than others.
     """
     common = [
         np.logical_and.reduce([forecast.ready for forecast in curve])
