@@ -334,7 +334,7 @@ def in_units(found: Selection, scale: Array) -> Selection:
         theta_error=found.theta_error * y / chosen,
         a=found.a * chosen / chosen[:, None],
         g_all=found.g_all * y / columns,
-        sse=found.sse * y * y,  # a product overflows to infinity; a power raises an error
+        sse=found.sse * y * y,  # on overflow, `y * y` is infinite, but `y**2` would raise an error
         yy=found.yy * y * y,
     )
 

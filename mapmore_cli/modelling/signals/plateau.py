@@ -23,9 +23,10 @@ def find_levels(values: Array) -> Array:
     at either end. The quantity dwells in a bin if the bin, or the mean of the bin and its two
     neighbours, holds more than twice the number of samples that an even spread would give. Such
     bins with fewer than two other bins between them are one level, so that levels closer than about
-    2 % of the range are not distinguished. Ramps between holds are sparse and give no level. A level is the median of its
-    samples, rounded to the power of ten below their standard deviation (149.73 +- 1.6 gives 150),
-    and exact if they are all equal. Values that vary by less than 5 % of their size are one level.
+    2 % of the range are not distinguished. Ramps between holds are sparse and give no level. A
+    level is the median of its samples, rounded to the power of ten below their standard deviation
+    (149.73 +- 1.6 gives 150), and exact if they are all equal. Values that vary by less than 5 % of
+    their size are one level.
 
     The result is empty if the quantity never dwells, for example in a steady sweep.
     """

@@ -18,7 +18,7 @@ LEAST_FOR_PERMUTATION, MOST_FOR_PERMUTATION = 6, 14
 combination is rarer than 1 in 20; with more, only a random part of the combinations is tried.
 """
 
-# relative tolerance of one standard error, so that the order of summation has no influence
+# relative tolerance of the limit of one standard error, so that the order of folds has no influence
 ROUNDING = 1e-9
 
 
