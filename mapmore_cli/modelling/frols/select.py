@@ -237,8 +237,8 @@ def fewest_terms(criterion: str, unexplained: Array, n: int, candidates: int) ->
 
 
 FULL_LEVERAGE = 1e-8
-"""A sample with `1 - h` below this determines a coefficient alone, so that its error when left out
-is unknown.
+"""A sample with `1 - h` below this determines a coefficient alone, so that the prediction error in
+a fit without this sample is unknown.
 """
 
 

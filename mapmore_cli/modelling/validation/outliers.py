@@ -12,8 +12,8 @@ from mapmore_cli.modelling.frols.weighing import LOSSES, scale_of
 from mapmore_cli.modelling.selection import Fit
 
 FAR = LOSSES["bisquare"].tuning
-"""Size of a residual from which on a sample is listed, in units of the scale. The `bisquare` loss
-ignores residuals of this size.
+"""A sample is listed if its residual is larger than this number of scales. The `bisquare` loss
+ignores such residuals.
 """
 
 MOST = 500  # largest number of outliers that are listed
