@@ -54,7 +54,7 @@ CHUNK, BISECTIONS = (
 )
 SAME = 1e-9  # smaller differences, as a fraction of the range of outputs, count as zero
 # largest relative difference between the output at a solution and the wanted output
-# If the output differs more, the bisection has found a jump of the output instead of a solution.
+# A larger difference means that bisection has found a jump of the output instead of a solution.
 REACHED = 1e-6
 
 

@@ -81,8 +81,8 @@ class Verbs(Protocol):
         return ()
 
     def outside_range(self, model: Model, columns: Columns) -> BoolArray:
-        """Return True for rows at which an input lies outside the `ranges` of the body, shape
-        (n,).
+        """Return True for rows at which an input lies outside its training range, shape (n,). The
+        training ranges are the attribute `ranges` of the model's body.
         """
         return outside_limits(getattr(model.body, "ranges", ()), model.level, columns)
 
@@ -171,7 +171,7 @@ def alone(model: Model) -> Model:
 
 
 def predict(model: Model, columns: Columns) -> Array:
-    """Return the output of the model at every row, shape (n,), like `simulate`."""
+    """Return the output of the model at every row, shape (n,), as `simulate` computes it."""
     return simulate(model, columns).values
 
 

@@ -275,8 +275,8 @@ def _run(curve: Curve, fitted: Arx) -> Array:
     most = LARGEST * max(np.abs(x[np.isfinite(x)]).max(initial=1e-300) for (x,) in in_blocks(y))
 
     def at_rest(coefficients: Array, first: float) -> Array:
-        """Return the contribution of values before the beginning to the samples 0, 1, ..., if all
-        these values are equal to `first`.
+        """Return what values before the beginning of a recording add to the samples 0, 1, ..., if
+        all these earlier values are equal to `first`.
         """
         return np.array([coefficients[step:].sum() * first for step in range(order)])
 

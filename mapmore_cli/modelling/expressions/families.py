@@ -19,8 +19,8 @@ from mapmore_cli.modelling.expressions.syntax import MAX_EXPONENT, Expression, m
 
 def lags(of: Sequence[str], steps: Sequence[int]) -> tuple[str, ...]:
     """Return the names of all states in `of`, delayed by each number of samples in `steps`, for
-    example `force[k-1]`. The names are in the order of `steps`, and within it in the order of `of`.
-    A delay of 0 gives the state itself.
+    example `force[k-1]`. All states with the first delay come first, in the order of `of`, then all
+    states with the next delay. A delay of 0 gives the state itself.
     """
     return tuple(
         (Lagged(state(name), step) if step else state(name)).name for step in steps for name in of

@@ -73,8 +73,8 @@ class Arithmetic:
     """Operations for recursions, in addition to `+ - * / **` and comparisons. This class computes
     with whole columns; its subclasses compute with single numbers or write statements of a program.
 
-    `then` and `otherwise` are values, or functions without arguments that compute a value. For
-    columns, both values are computed.
+    In `where`, the arguments `then` and `otherwise` are values, or functions without arguments that
+    compute a value. For columns, both values are computed.
     """
 
     def where(self, condition: Amount, then: Amount, otherwise: Amount) -> Amount:
@@ -271,7 +271,7 @@ def run_recursion(rule: Recursion, x: Array, own: list[float], past: list[float]
         from scipy.signal import lfilter
 
         a, b = [1.0, *(-weight for weight in rule.weights[: rule.own])], rule.weights[rule.own :]
-        # contribution of earlier values; SciPy's `lfiltic` computes the same, but is slow
+        # contribution of earlier values, computed without SciPy's `lfiltic`, which is slow
         # For short pieces, `lfiltic` would take longer than the filter itself.
         carried = [
             sum(map(mul, b[step:], past)) - sum(map(mul, a[step:], own))

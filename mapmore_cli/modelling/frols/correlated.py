@@ -138,12 +138,12 @@ class _Records:
 
     @cached_property
     def pairs(self) -> Array:
-        """For each lag, the number of pairs of samples at this distance."""
+        """For each lag, the number of pairs of samples that are this lag apart."""
         return np.array([sum(max(one - lag, 0) for one in self.lengths) for lag in self.lags])
 
     @cached_property
     def sums(self) -> Array:
-        """For each lag, the sum of the products of two residuals at this distance."""
+        """For each lag, the sum of the products of two residuals that are this lag apart."""
         e = self.residual[:, None]
         return np.array([float(np.sum(e * _shifted(e, self.lengths, lag))) for lag in self.lags])
 

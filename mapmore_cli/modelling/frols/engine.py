@@ -92,7 +92,10 @@ class GramRemainders(Remainders):
         )
 
     def choose(self, pick: int) -> Array:
-        """Choose a candidate, as the method of `Remainders` does."""
+        """Choose the candidate `pick`, and return its row of the triangular factor.
+
+        `Remainders.choose` describes this row.
+        """
         length = np.sqrt(self.squares[pick])
         row: Array = (
             np.append(self.gram[pick] - self.rows[:, pick] @ self.rows[:, :-1], self.products[pick])
@@ -130,7 +133,7 @@ class GramRemainders(Remainders):
             raise DigitsLost
 
 
-# A dictionary with at most this many values is small: accuracy matters more than speed.
+# A dictionary with at most this many values counts as small, so accuracy precedes speed.
 SMALL = 2**16
 # `LOST` is for a large dictionary, and `LOST_OF_SMALL` is for a small one.
 # If a downdated `q'q` is below this fraction of `p'p`, the candidate's remainder becomes explicit.
@@ -159,7 +162,10 @@ class BasisRemainders(Remainders):
         self.remainders = np.empty((len(y), 0))
 
     def choose(self, pick: int) -> Array:
-        """Choose a candidate, as the method of `Remainders` does."""
+        """Choose the candidate `pick`, and return its row of the triangular factor.
+
+        `Remainders.choose` describes this row.
+        """
         held = self.explicit == pick
         unit = self._cleared(
             self._cleared(self.remainders[:, held][:, 0] if held.any() else self.P[:, pick])

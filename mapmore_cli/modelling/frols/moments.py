@@ -19,7 +19,7 @@ Blocks = Callable[[], Iterable[tuple[Array, Array]]]
 one block after the other.
 """
 
-# number of rows of a block; a block of a common dictionary then stays in the processor's cache
+# number of rows of a block, so that a block of a usual dictionary stays in the processor's cache
 BLOCK = 4096
 # sums of squares within these limits can be multiplied without overflow or underflow
 SMALLEST, LARGEST = 1e-140, 1e140

@@ -13,7 +13,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import SegmentFit
 from mapmore_cli.domain.results import FitResult
 
-# largest ratio of an input's mean to its standard deviation
+# largest ratio of an input's mean to its standard deviation for which there is no note
 # The error of a coefficient is about the rounding error times (mean/standard deviation)^2.
 FAR = 1e4
 PLACED = ("unit_square", "range")

@@ -84,8 +84,8 @@ class Stopping:
         unexplained: Array,
         shape: tuple[int, int],
     ) -> tuple[list[Iteration], str]:
-        """Return the steps up to the number of terms that the criterion prefers, and the reason why
-        they end there. `stop` is the reason why the selection ended.
+        """Return the steps up to the number of terms that the criterion prefers, and the reason for
+        this number: the criterion if it removes steps, otherwise `stop`, for which all steps ended.
 
         `errors` is a function that returns the PRESS after 1, 2, ... terms. `unexplained` is
         described in `fewest_terms`. `shape` is the shape (n, M) of the dictionary.
@@ -237,8 +237,8 @@ def fewest_terms(criterion: str, unexplained: Array, n: int, candidates: int) ->
 
 
 FULL_LEVERAGE = 1e-8
-"""A sample with `1 - h` below this determines a coefficient alone, so that its error when left out
-is unknown.
+"""A sample with `1 - h` below this determines a coefficient alone, so that the prediction error in
+a fit without this sample is unknown.
 """
 
 
@@ -334,7 +334,7 @@ def in_units(found: Selection, scale: Array) -> Selection:
         theta_error=found.theta_error * y / chosen,
         a=found.a * chosen / chosen[:, None],
         g_all=found.g_all * y / columns,
-        sse=found.sse * y * y,  # unlike a power, a product may overflow
+        sse=found.sse * y * y,  # on overflow, `y * y` is infinite, but `y**2` would raise an error
         yy=found.yy * y * y,
     )
 

@@ -57,7 +57,7 @@ beyond 4.685.
 """
 
 LARGEST_TUNING = max(loss.tuning for loss in LOSSES.values())
-DEPENDENT = 1e-10  # ratio to the largest singular value below which columns are dependent
+DEPENDENT = 1e-10  # singular values below this fraction of the largest one count as zero
 FREEDOM, GROSS = 3, 20.0
 """Smallest number of degrees of freedom of the other samples, and the studentised residual, with
 which a sample counts as a gross outlier. With so few degrees of freedom, normal noise has such a
@@ -112,19 +112,19 @@ class Weighing:
 
     def by(self, weights: Array | None) -> Array | None:
         """Return the numbers, (n,), by which rows must be divided to have the robust `weights`,
-        (n,), in addition to those of their uncertainty.
+        (n,), in addition to the weights that follow from the uncertainty.
         """
         if weights is None:
             return self.sigma
         return (1.0 if self.sigma is None else self.sigma) / np.sqrt(weights)
 
     def in_unit(self, unit: float) -> Weighing:
-        """Return the same weighing for a target whose values are divided by `unit`."""
+        """Return the weighing with its scale divided by `unit`, as the values of the target are."""
         return self if self.scale is None else replace(self, scale=self.scale / unit)
 
     def without(self, outlier: int | None, weights: Array) -> Weighing:
-        """Return the weighing that starts with the given weights, (n,), and gives the outlier no
-        weight.
+        """Return the weighing that starts with the given weights, (n,), and gives the sample with
+        the number `outlier` no weight.
         """
         start = weights.copy()
         if outlier is not None:
@@ -140,7 +140,7 @@ class Weighing:
     ) -> tuple[Array, float, Array]:
         """Compute robust weights for a fit with the chosen columns. Return the weights after
         convergence, the scale of the residuals, and the numbers by which rows must be divided to
-        give them these weights too.
+        have these weights in addition to the weights that follow from the uncertainty.
         """
         P, y = map(np.concatenate, zip(*self.rows(chosen)(), strict=True))
         weights = np.ones(len(y)) if weights is None else weights
@@ -161,11 +161,11 @@ class Weighing:
 @dataclass(frozen=True)
 class Choice:
     """A selection for one output, whose standard errors do not take the weights into account yet.
-    Computing these standard errors takes about as long as the selection itself, so they are
-    computed only for the selection that is used in the end.
+    Standard errors with the weights need about as much time as the selection itself. Therefore,
+    `with_errors` computes them only for the selection that is used in the end.
 
     - `only`: function that returns the blocks of some candidates.
-    - `weights`: weights of a robust loss, (n,); None for squares.
+    - `weights`: weights of a robust loss, (n,); None for the loss `squares`.
     """
 
     selection: Selection
@@ -174,8 +174,8 @@ class Choice:
     weights: Array | None
 
     def with_errors(self) -> Selection:
-        """Return the selection with its standard errors. They take into account that residuals are
-        correlated within curves or along a few recordings, and that samples have robust weights.
+        """Return the selection with standard errors that take two facts into account: residuals are
+        correlated within curves or along a few recordings, and samples have robust weights.
         """
         found, how, weights = self.selection, self.weighing, self.weights
         k, n = len(found.chosen), found.samples

@@ -38,8 +38,8 @@ RANDOM = "random"
 
 @dataclass(frozen=True)
 class LinearForm:
-    """A formula with new parameters in place of the published ones, chosen so that it is linear in
-    most of them.
+    """A formula with new parameters in place of the published ones. They are chosen so that the
+    formula is linear in most of the new parameters.
 
     `text` is the formula with the new parameters, and `linear` names those in which it is linear.
     `printed` gives each published parameter as an expression of the new parameters.
@@ -294,8 +294,8 @@ class Formula:
         )
 
     def _printed(self, problem: LeastSquares, beta: Array, c: Array) -> dict[str, float]:
-        """Return the published parameters, which are computed from the parameters of the linear
-        form, together with the dimensions of the muscle.
+        """Return all published parameters by name: the fitted ones, computed from the parameters of
+        the linear form, and the dimensions of the muscle.
         """
         dimensions = {name: np.asarray(value) for name, value in self.given.items()}
         values = {**problem.values(beta, c), **dimensions}

@@ -138,7 +138,7 @@ class LeastSquares:
 
         It is used to compute the rank for a note, because the scatter of nominally equal values
         raises the numerical rank. For example, `polynomial_5` has rank 18 of 21 at four pressures.
-        A fit uses the measured values, on which it is scored.
+        A fit uses the measured values, because it is scored on them.
         """
         return replace(self, columns={name: nominal(x) for name, x in self.columns.items()})
 
@@ -153,7 +153,7 @@ class LeastSquares:
 
         The problem is returned unchanged if a parameter is searched as a fraction `of` a quantity,
         for example of a rate. Only a few samples, for example those with the slowest rates, may
-        depend on such a parameter, and means would hide this.
+        depend on such a parameter, and means would hide this dependence.
         """
         if any(parameter.of for parameter in self.nonlinear):
             return self
@@ -178,10 +178,10 @@ def condensed(columns: Columns, y: Array) -> tuple[Columns, Array, Array]:
     """Return `columns` and `y`, shape (n,) each, averaged over the finest grid with at most `LIMIT`
     cells, and the number of rows in each cell.
 
-    For a model that is linear within each cell, the sum of squares over the cells, weighted by the
-    counts, differs from the sum over the rows only by the scatter of rows within their cells, which
-    does not depend on the model. For a hinge of slope one and width w, the difference is 1/(96 w
-    512^2) of the full scale, which is 4e-6 for w = 0.01.
+    The sum of squares over the cells is weighted by the counts. For a model that is linear within
+    each cell, it differs from the sum over the rows only by the scatter of rows within their cells.
+    This scatter does not depend on the model. For a hinge of slope one and width w, the difference
+    is 1/(96 w 512^2) of the full scale, which is 4e-6 for w = 0.01.
     """
     if len(y) <= LIMIT:
         return columns, y, np.ones(len(y))
@@ -235,7 +235,7 @@ def nominal(column: Array) -> Array:
 
 def dependence(rank: int, count: int, inputs: Columns, choice: str) -> str:
     """Return a note which says that the data do not determine all parameters. `choice` is the end
-    of the note, which says which of the equally good solutions is used.
+    of the note: it says which of the equally good solutions is used.
     """
     distinct = ", ".join(f"{len(np.unique(column))} of {name}" for name, column in inputs.items())
     return (

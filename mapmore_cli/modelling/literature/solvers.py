@@ -132,7 +132,7 @@ def descend(
 
 
 # A coordinate within this fraction of its range from a bound counts as being at the bound.
-# For an infinite range, `TOUCHING` is the distance itself.
+# If the range of a coordinate is infinite, `TOUCHING` is the largest distance from the bound.
 TOUCHING = 1e-6
 
 
@@ -260,8 +260,8 @@ def variable_projection(problem: LeastSquares) -> Solution:
 
 
 def _starts(problem: LeastSquares) -> list[Array]:
-    """Return the starts of a search for several coordinates: drawn ones, and the places with the
-    smallest sums of squares among many others.
+    """Return the starts of a search for several coordinates: random points, and the points with the
+    smallest sums of squares among many further random points.
     """
     places = [*drawn_starts(problem.nonlinear, PLACES, SEED + 1)]
     with np.errstate(all="ignore"):  # where the formula overflows, the sum is not finite
@@ -296,8 +296,9 @@ def _onto_bounds_of(
     problem: LeastSquares, c: Array, bounds: tuple[Array, Array]
 ) -> tuple[Array, list[int]]:
     """Return coordinates moved onto the bounds that they almost touch, as `onto_bounds` does. They
-    are not moved if the sum of squares is larger at the bounds: in a wide interval, a value may be
-    many times a small bound and yet near to it as a fraction of the range.
+    are not moved if the sum of squares is larger at the bounds. For example, if the interval is
+    wide, a value may be many times as large as a small bound, although the distance of both is a
+    small fraction of the interval.
     """
     moved, touched = onto_bounds(c, bounds)
     if touched:

@@ -20,7 +20,7 @@ from mapmore_cli.modelling.memory.selectors import TermChoice, problem_of
 from mapmore_cli.modelling.memory.training import DIGITS, TrainingData, Unknown, left_open
 from mapmore_cli.modelling.selection import MemoryRecipe
 
-# last fraction of each piece, on which the number of terms is chosen by free runs
+# The number of terms is chosen by free runs over this fraction of each piece, at its end.
 LATE = 0.25
 STARTS = 3  # number of sets of starting values of operator parameters that are refined
 SHORT = 2048  # number of training samples on which the refined sets of starting values are compared

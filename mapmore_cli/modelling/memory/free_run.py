@@ -44,8 +44,8 @@ class Along:
         self._begin_anew()
 
     def _begin_anew(self) -> None:
-        """Forget the current piece: its states, its past values, and the rows that are too few for
-        a first prediction.
+        """Forget the current piece: its states, its past values, and its first rows, which are kept
+        until they are enough for a prediction.
         """
         self.past: Past = {}
         self.recalled: Array | None = None

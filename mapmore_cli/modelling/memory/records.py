@@ -110,8 +110,8 @@ def time_step(curves: Sequence[Curve]) -> float:
 def sampled(
     curves: Sequence[Curve], ordered: bool = False
 ) -> tuple[float, bool, tuple[Record, ...]]:
-    """Return the time between samples, s, True if it is uneven, and the recordings cut into
-    uninterrupted pieces.
+    """Return three values: the time between samples in s, True if the time steps are uneven, and
+    the recordings cut into uninterrupted pieces.
 
     Time steps may be uneven if the model depends only on the order of the samples (`ordered`). The
     returned time is then the median step, and pieces end only at steps backwards in time. Raises

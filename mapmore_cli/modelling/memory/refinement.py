@@ -28,7 +28,7 @@ from mapmore_cli.modelling.memory.simulation import ReadyPiece, Trajectory
 
 # number of samples of the shortest horizon, and the factor from one horizon to the next
 FIRST, GROWTH = 16, 8
-# the search ends if the next horizon were less than this many times as long as the last one
+# the search ends if the next horizon is less than this many times the last one without divergence
 LEAST_GROWTH = 1.2
 # Levenberg-Marquardt factor at the start, and the largest one, at which the search ends
 DAMPING, MOST_DAMPING = 1e-3, 1e8
@@ -223,8 +223,8 @@ def minimise(
     largest number of iterations, and the relative decrease of the error below which the search
     stops.
 
-    SciPy's trust-region method is not used: it ends in other minima, which are on average not
-    lower.
+    SciPy's trust-region method is not used, because it ends in other minima, which are on average
+    not lower.
     """
     point, damping = problem.at(start, horizon), DAMPING
     iterations, least_gain = effort

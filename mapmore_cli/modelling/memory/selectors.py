@@ -57,7 +57,7 @@ class Regressors:
 def regressors(
     records: Sequence[Record], states: StateSet, terms: Sequence[Expression], target: str
 ) -> Regressors:
-    """Return the training samples of all pieces on which every state has a value.
+    """Return the training samples of all pieces at which every state has a value.
 
     Raises DataError if there are none, or the output is missing.
     """
@@ -142,7 +142,7 @@ class _Plain:
 
     def among(self, chosen: IntArray, stop: str) -> TermChoice:
         """Return the model with the given candidates, in the order of their error reduction. `stop`
-        is the reason for the number of terms that is stored with the selection.
+        is the reason for the number of terms, and is stored with the selection.
         """
         choice = self._selected(chosen, len(chosen))
         return replace(choice, selection=replace(choice.selection, stop=stop))

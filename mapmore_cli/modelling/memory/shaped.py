@@ -35,11 +35,11 @@ from mapmore_cli.modelling.shape.violations import CLEARLY, verified, violations
 OTHER: Mapping[Word, Word] = MappingProxyType(
     {"increasing": "decreasing", "decreasing": "increasing"}
 )
-"""Signs of a gain, each with the other one."""
+"""Opposite of each sign of a gain."""
 
 VANISHED = 1e-3
-"""A static gain is zero if the output at rest changes by less than this fraction of its change
-without the sign.
+"""A static gain is zero if the output at rest changes by less than this fraction of its change in
+the fit without the required sign.
 """
 
 REMEDY = (

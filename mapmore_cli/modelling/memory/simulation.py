@@ -26,7 +26,7 @@ DIVERGED = 100.0
 class Trajectory:
     """A run, and the samples at which it was restarted.
 
-    - `values`: (q, n) the output, and the other values of which later samples need the past. If the
+    - `values`: (q, n) the output, and all other values that are needed at later samples. If the
       run diverged, it has fewer samples than the piece.
     - `begins`: (n,) for each sample, the sample at which its run was last restarted.
     """
@@ -46,8 +46,8 @@ class ReadyPiece:
 
     - `inputs`: (n, k) factor of each term that depends only on inputs.
     - `measured`: (start + n,) output; NaN if it is unknown.
-    - `history`: (q, start + n) values of which later samples need the past, computed from the
-      measured output. Before the first measured output, they are at rest.
+    - `history`: (q, start + n) values that are needed at later samples, computed from the measured
+      output. Before the first measured output, they are at rest.
     - `past`: the last values of the states in an earlier piece, if this piece continues it.
     """
 
@@ -162,7 +162,7 @@ class ReadyPiece:
 
 
 def refuse_unknown_beginning(piece: ReadyPiece) -> None:
-    """Raise AtSample if one of the measured outputs is missing from which the run starts."""
+    """Raise AtSample if a measured output from which the run starts is missing."""
     first = piece.start - piece.feedback.longest
     known = np.isfinite(piece.measured[first : piece.start])
     if piece.size and not known.all():

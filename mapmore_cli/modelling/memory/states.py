@@ -31,8 +31,9 @@ another starts from them.
 def evaluate_states(
     states: StateSet, columns: Columns, past: Past | None = None, *, still: bool = False
 ) -> dict[str, Array]:
-    """Return every state along one uninterrupted piece, shape (n,) each, scaled and clipped as
-    `states` says. A state is NaN at the first rows if it needs earlier values.
+    """Return every state along one uninterrupted piece, shape (n,) each. If `states` has training
+    ranges (`low` and `high`), each state is scaled by its range and clipped. At the first rows, a
+    state that needs earlier values is NaN.
 
     With `past`, the piece continues an earlier piece. `past` holds the last values of the earlier
     piece, and the function replaces them by the last values of this piece. With `still`, every row

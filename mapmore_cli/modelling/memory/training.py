@@ -4,8 +4,8 @@ one-step-ahead prediction, and pieces for free runs.
 If the name of an operator contains no parameters, for example `wen(force[k-1])`, training estimates
 them. Sets of starting values are taken from a grid. For every set, FROLS chooses the terms, and the
 one-step-ahead error is computed. The sets with the smallest errors are then refined, together with
-all coefficients, in free run. Most of these searches end at the best model. From random starting
-values, few would.
+all coefficients, in free run. Most of these searches end at the best model. Of searches from
+random starting values, few would end there.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ class Unknown:
     """The m parameters of operators that are not written in the terms, and are therefore estimated.
     For a parameter that must be positive, the search coordinate is its logarithm.
 
-    - `states`: operators without parameters, without repetitions and the innermost first. For a
-      subset of the terms, they have the same order.
+    - `states`: operators without parameters, without repetitions and the innermost first.
+      Operators that occur in two sets of terms have the same order in both sets.
     - `step`, `longest`: time between samples and duration of the longest piece, s.
     """
 
@@ -103,7 +103,9 @@ class Unknown:
         return tuple(float(f"{value:.{digits}g}") + 0.0 for value in values)
 
     def those_of(self, part: Unknown) -> BoolArray:
-        """Return True for each parameter that also occurs in `part`, (m,)."""
+        """Return a mask, (m,), of the parameters that occur in `part`, the unknown parameters of
+        some of the terms.
+        """
         return np.array([operated in part.states for operated, _ in self.places], dtype=np.bool_)
 
     def filled(self, texts: Sequence[str], numbers: Sequence[float]) -> tuple[str, ...]:
@@ -178,7 +180,7 @@ class Unknown:
 
 
 def left_open(records: Sequence[Record], terms: Sequence[str], step: float) -> Unknown:
-    """Return the operators' parameters whose numbers the terms do not contain. `step` is the time
+    """Return the operators' parameters that are not written in the terms. `step` is the time
     between samples in s.
     """
     parts = {
@@ -295,7 +297,7 @@ class TrainingData:
         return replace(selection, theta_error=errors, worth=worth)
 
     def open_in(self, chosen: IntArray) -> Unknown:
-        """Return the operators' parameters whose numbers the chosen candidates do not contain."""
+        """Return the operators' parameters that are not written in the chosen candidates."""
         return left_open(
             self.records, [self.recipe.dictionary[i] for i in chosen], self.recipe.step
         )
@@ -305,11 +307,12 @@ class TrainingData:
     ) -> FreeRunProblem:
         """Return the simulation error of some candidates as a problem to be minimised.
 
-        It is computed from all training samples, or from those that are `counted`, (n,) for each
-        record. With `search`, the free parameters of operators are variables of the problem too.
+        The error is computed from all training samples, or only from the samples in the masks
+        `counted`, (n,) for each record. The variables of the problem are the coefficients, the
+        constant and, with `search`, the free parameters of operators.
 
-        Raises DataError if no sample has enough earlier samples, or if a measured output is missing
-        from which a run starts.
+        Raises DataError if no sample has enough earlier samples, or if a measured output from which
+        a run starts is missing.
         """
         wanted = [record.training for record in self.records] if counted is None else counted
         parts = []  # runs stop at the last sample that counts

@@ -196,9 +196,9 @@ def _best_placement(
     """Return the placement with the smallest training SSE, and the terms that were chosen for it.
     If several placements are equally good, the first is returned.
 
-    All placements have the same slope of y, so that their scaled SSE can be compared. If there are
-    at most a million rows, they are sorted first, so that the result does not depend on the order
-    in which they were recorded.
+    All placements scale y by the same factor (`y_slope`), so that their scaled SSE can be compared.
+    If there are at most a million rows, they are sorted first, so that the result does not depend
+    on the order in which they were recorded.
     """
     recipe, n = recipes[0], len(segment.rows)
     most = min(recipe.fit.max_terms, len(terms))
@@ -212,7 +212,7 @@ def _best_placement(
     variables = quantities_in(terms)
     outputs = [_samples_of(segment, columns, variables, each, origin) for each in recipes]
     robust = recipe.fit.loss != "squares"
-    # robust weights differ between placements, so their scales are compared, not their SSE
+    # robust weights differ between placements, so the scale of residuals is compared, not the SSE
     missed = "scale" if robust else "sse"
     ends = {
         name: np.array(extremes(x)) for name, x in zip(variables, outputs[0].inputs, strict=True)
@@ -390,7 +390,7 @@ def _chosen_terms(
     z, target = outputs[0].scaled(slice(0, n), scalings[0])
     P = dictionary_matrix(terms, z, n)
     choice = choose(P, target, stopping, weighings[0])
-    # `only` keeps no dictionary, so that a wide one is released before the next one is built
+    # `only` does not refer to P, so that a wide dictionary is released before the next is built
     return (replace(choice, only=problems[0].of),)
 
 

@@ -55,7 +55,7 @@ class LeftOutErrors:
     each.
 
     The predictions are from a fit without the sample. A prediction is the sum of `backbone` and
-    `residual`, the output of the pieces.
+    of `residual`, which is the output of the pieces.
     """
 
     measured: Array

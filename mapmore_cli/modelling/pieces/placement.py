@@ -16,14 +16,15 @@ from mapmore_cli.domain.arrays import Array, extremes
 from mapmore_cli.domain.fits import Scaling
 from mapmore_cli.modelling.signals.sampling import even_share
 
-# fraction, and smallest number, of the samples of a segment whose mean is the end of the trend
+# The end of the trend is computed from the fraction `END_FRACTION` of the samples of a segment.
+# `FEWEST` is the smallest number of samples from which the end of the trend is computed.
 END_FRACTION, FEWEST = 0.05, 3
 # with more variables, only two of the `2^v` corners are tried as origins: all left and all right
 EVERY_CORNER_UP_TO = 3
-# a direction counts if its variation near the anchor is at least this fraction of the largest
+# singular values of the parabola's fit below this fraction of the largest one count as zero
 FLAT = 1e-3
 # `ALIKE` is the relative difference up to which weights count as equal.
-# `EXTRA` is the number of samples that are added if the weights are not equal.
+# `EXTRA` more samples are used for the parabola if the weights are not equal.
 ALIKE, EXTRA = 1e-12, 1
 ROUNDING = 1e-9  # relative rounding error of a sum of weights
 
@@ -35,13 +36,13 @@ def placements(
     variables: Sequence[str],
     weights: Array | None = None,
 ) -> tuple[Scaling, ...]:
-    """Return all scalings of the samples of v `inputs` and of `y`, (n,) each, that satisfy a rule.
-    The caller chooses the scaling with the smallest error.
+    """Return all scalings of the samples of v `inputs` and of `y`, (n,) each, that the `rule`
+    allows. The caller chooses the scaling with the smallest error.
 
-    - `unit_square`: x and y span one unit, and the trend passes through the origin, which lies at
-      the left or at the right end of each variable, so that scaled data lie in [0, 1] or [-1, 0].
-      The two ends give different one-term fits. For a falling curve, a power with its origin on the
-      left is concave, and a power with its origin on the right is convex.
+    - `unit_square`: x and y span one unit, and the trend passes through the origin. The origin lies
+      at the left or at the right end of each variable, so that scaled data lie in [0, 1] or
+      [-1, 0]. The two ends give different one-term fits. For a falling curve, a power with its
+      origin on the left is concave, and a power with its origin on the right is convex.
     - `max_abs`: division by the largest magnitude, no offset.
     - `none`: no scaling.
 

@@ -14,9 +14,9 @@ from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.pieces.recipe import Recipe
 
 REACH, ASTRAY = 0.1, 1.5
-"""How far outside all samples a piece is evaluated, as a fraction of each input's range; and the
-distance of a value from the middle of the output, as a fraction of its range, that counts as
-explosion.
+"""How far outside all samples a piece is evaluated, as a fraction of each input's range. The second
+number is the distance from the middle of the output beyond which a value counts as extreme, as a
+fraction of the output's range.
 """
 
 LOOKED_AT = 400

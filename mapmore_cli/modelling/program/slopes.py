@@ -45,8 +45,8 @@ def with_slopes(model: Program) -> Program:
 
 
 def functions_with_slopes(functions: Sequence[Function]) -> tuple[Function, ...]:
-    """Return functions that return the original value, followed by its derivatives with respect to
-    all parameters.
+    """Return each function with more results: the original value is followed by its derivatives
+    with respect to all parameters of the function.
     """
     return tuple(
         Function(

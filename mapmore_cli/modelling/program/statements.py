@@ -80,8 +80,8 @@ class Keep:
 
 @dataclass(frozen=True)
 class Queue:
-    """Statement that appends `value` to a queue. The queue keeps as many values as its longest
-    recall needs.
+    """Statement that appends `value` to a queue. The queue keeps as many values as its `Recall`
+    with the most steps needs.
     """
 
     queue: str

@@ -80,8 +80,8 @@ class Writer:
     def choose(
         self, stem: str, cases: Iterable[tuple[Condition, Side]], otherwise: Side
     ) -> Expression:
-        """Write a branch statement, and return the name of its result: that of the first case whose
-        condition holds, or `otherwise`.
+        """Write a branch statement, and return the name of its result. The result is the value of
+        the first case whose condition holds, or `otherwise` if no condition holds.
         """
         branches = tuple((condition, self.side(side)) for condition, side in cases)
         if not branches:
@@ -154,8 +154,8 @@ class Writer:
         self.statements.append(Keep(name.name, expression(value)))
 
     def program(self, inputs: Sequence[str], *values: Expression) -> Program:
-        """Return the program with the named inputs and the given outputs, without statements that
-        no output needs.
+        """Return the program with the named inputs and the given outputs. Statements that no output
+        needs are left out.
         """
         knots = {name: tuple(sorted(places)) for name, places in self.knots.items()}
         body = Block(tuple(self.statements), values)

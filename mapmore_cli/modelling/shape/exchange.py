@@ -168,8 +168,8 @@ class Exchange:
         )
 
     def _at_nodes(self, every: Sequence[Stencils], of: Callable[[Columns], Array]) -> list[Array]:
-        """Return the values of the function `of` (the output or its derivatives) at the nodes of
-        each element of `every`. All nodes are computed in one call.
+        """Return, for each group of stencils in `every`, the values of the function `of` (the
+        output or its derivatives) at the nodes of the group. One call computes all nodes.
         """
         nodes = {id(stencils.columns): stencils.columns for stencils in every}
         sizes = [len(columns[self.inputs[0]]) for columns in nodes.values()]

@@ -14,7 +14,7 @@ from mapmore_cli.domain.arrays import Array
 # About one step is needed for each inequality that binds.
 STEPS = 50
 # tolerance of the inequalities, as a fraction of the largest right-hand side
-# Rounding errors are far smaller; if inequalities contradict each other, errors are far larger.
+# The tolerance is far above rounding errors, and far below the errors of a contradiction.
 MISSED = 1e-6
 # a residual of the dual problem below this counts as zero
 NOTHING_LEFT = 1e-30

@@ -154,8 +154,9 @@ class Region:
 
 
 def region_of(model: Model, curves: Sequence[Curve], fit: Fit) -> Region | None:
-    """Return the region of a model in which the training `curves` vary; None if nothing varies, or
-    if the range of the model is unknown.
+    """Return the region in which a model must keep a shape, from the training samples of `curves`.
+    Return None if no input varies, if the output is constant, or if the range of the model is
+    unknown.
     """
     ranges = tuple(limits(getattr(model.body, "ranges", ()), model.level))
     return region_within(ranges, curves, model.output.name, model.input_names, fit)

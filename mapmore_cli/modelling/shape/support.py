@@ -32,11 +32,11 @@ from mapmore_cli.modelling.shape.stencils import (
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-# Number of places of the grid on which training data are compared.
+# Number of places of the grid on which differences of the training output are examined.
 # Smallest and largest number of places along one input.
 COMPARED, LEAST_ALONG, MOST_ALONG = 4096, 24, 1000
 # Smallest number of differences that can support a sign.
-# Fraction of the differences that may contradict the sign without a test.
+# If at most this fraction of the differences contradicts a sign, noise is not tested as the cause.
 FEWEST, CONTRADICTED = 10, 0.05
 # a fall by less than this fraction of the range of the output is a rounding error
 ROUNDING = 1e-9
@@ -131,7 +131,7 @@ def _ranges_of(
 
 
 def _axes(region: Region, level: str | None) -> dict[str, Array]:
-    """Return the places along each input at which the training output is compared."""
+    """Return, for each input, the places of the grid on which the training output is examined."""
     most = np.clip(round(COMPARED ** (1 / len(region.names))), LEAST_ALONG, MOST_ALONG)
     axes = dict(region.fixed)
     for name, x in zip(region.names, region.places.T, strict=True):

@@ -20,12 +20,13 @@ def find_levels(values: Array) -> Array:
     """Return the levels at which a quantity was held constant, `(m,)`, in ascending order.
 
     The samples are counted in 128 bins over the range of the values, without 0.1 % of the samples
-    at either end. The quantity dwells in a bin if the bin, or the mean of three, holds more than
-    twice the number of samples that an even spread would give. Dense bins with fewer than two other
-    bins between them are one level, so that levels closer than about 2 % of the range are not
-    distinguished. Ramps between holds are sparse and give no level. A level is the median of its
-    samples, rounded to the power of ten below their standard deviation (149.73 +- 1.6 gives 150),
-    and exact if they are all equal. Values that vary by less than 5 % of their size are one level.
+    at either end. The quantity dwells in a bin if the bin, or the mean of the bin and its two
+    neighbours, holds more than twice the number of samples that an even spread would give. Such
+    bins with fewer than two other bins between them are one level, so that levels closer than about
+    2 % of the range are not distinguished. Ramps between holds are sparse and give no level. A
+    level is the median of its samples, rounded to the power of ten below their standard deviation
+    (149.73 +- 1.6 gives 150), and exact if they are all equal. Values that vary by less than 5 % of
+    their size are one level.
 
     The result is empty if the quantity never dwells, for example in a steady sweep.
     """
@@ -62,7 +63,7 @@ def match_levels(values: Array, levels: Array, within: float) -> IntArray:
     """Return for each value, (n,), the index of the nearest level, (m,), or -1 if no level lies
     within `within`.
 
-    For a value in the middle between two levels, it is the lower level.
+    For a value in the middle between two levels, the result is the index of the lower level.
     """
     order = np.argsort(levels, kind="stable")
     middles = (levels[order][1:] + levels[order][:-1]) / 2

@@ -153,7 +153,7 @@ def signal_values(signal: Signal, columns: Columns) -> Array:
 
 
 def with_signals(signals: Sequence[Signal], columns: Columns) -> dict[str, Array]:
-    """Return the columns of one recording, and compute all signals that are not among them."""
+    """Return the columns of one recording, with every signal added that is not among them."""
     known = dict(columns)
     for signal in signals:
         if signal.name not in known:

@@ -89,7 +89,7 @@ class TermChange:
 
     `error` is the standard error of the difference (the root of the sum of squares of both standard
     errors), NaN if one of them is missing. `errors_note` is the assumption about residuals on which
-    the standard errors are based. If the models have different assumptions, it is the stronger one.
+    the standard errors are based; if the models have different assumptions, the stronger one.
     """
 
     segment: str
@@ -425,8 +425,8 @@ def term_changes(before: Model, after: Model) -> tuple[TermChange, ...]:
 
 
 def _coefficients(segment: SegmentFunction) -> dict[str, tuple[float, float]]:
-    """Return the coefficient of every term of a segment and its standard error, in the unit of the
-    output.
+    """Return, for every term of a segment, the coefficient and the standard error of the
+    coefficient, in the unit of the output.
     """
     scale = segment.scaling.y_slope
     pairs = zip(

@@ -58,9 +58,9 @@ def outside_hull(known: Array, asked: Array) -> BoolArray:
     Both coordinates are divided by their range over the known points. If such a range is zero, no
     point is outside.
 
-    A point is outside the hull if no known point is as far away as this point in some direction. A
-    fixed number of evenly spaced directions is tested, so that points slightly outside a corner of
-    the hull count as inside.
+    A point is outside the hull if there is a direction in which it lies farther than every known
+    point. A fixed number of evenly spaced directions is tested, so that points slightly outside a
+    corner of the hull count as inside.
     """
     spans = np.ptp(known, axis=1) if known.size else np.zeros(2)
     if not spans.all():

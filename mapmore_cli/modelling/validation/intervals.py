@@ -73,7 +73,7 @@ FEW: Mapping[int, float] = {3: 5.06, 4: 4.03, 5: 3.23}
 five.
 """
 
-LEAST = 1e-3  # smaller errors, as a fraction of the largest |target|, are replaced by this
+LEAST = 1e-3  # smallest error with which the rule computes, as a fraction of the largest |target|
 # quantile of the normal distribution for which the constants in `FEW` were computed
 NORMAL = 1.959964
 # a sample counts as at a level if it is closer than this fraction of the gap between levels
@@ -242,7 +242,7 @@ class Offsets:
     @property
     def errs_between(self) -> bool:
         """Return True if the errors of left-out levels are clearly larger than the variances
-        between samples and curves explain.
+        between samples and between curves explain.
         """
         from scipy.special import fdtri
 
@@ -268,7 +268,9 @@ class Offsets:
 
 
 def offsets_of(left_out: LeftOut) -> Offsets | None:
-    """Return the variances between samples and curves; None if the data do not determine them."""
+    """Return the variances between samples and between curves; None if the data do not determine
+    them.
+    """
     n, count = np.array(left_out.repeats), len(left_out.places)
     known = math.isfinite(left_out.apart)
     between_curves, repeats = (left_out.apart**2, float(np.sum(n - 1))) if known else (0.0, 0.0)

@@ -133,8 +133,8 @@ def divisor(dataset: Dataset, kind: str) -> Normaliser:
 
 
 def ends_of(columns: Sequence[Array], masks: Sequence[BoolArray]) -> tuple[float, float]:
-    """Return the smallest and the largest value over all columns, of which only the rows in their
-    masks are used.
+    """Return the smallest and the largest value in all columns. In each column, only the rows in
+    its mask are used.
     """
     ends = [extremes(x, mask) for x, mask in zip(columns, masks, strict=True) if mask.any()]
     low, high = zip(*ends, strict=True)
@@ -143,7 +143,7 @@ def ends_of(columns: Sequence[Array], masks: Sequence[BoolArray]) -> tuple[float
 
 def on_common_rows(forecasts: Mapping[str, Sequence[Forecast]]) -> dict[str, tuple[Forecast, ...]]:
     """Return the forecasts of every model, restricted to the rows that all models predict. Without
-    this, models that need earlier samples would be scored on fewer rows than the others.
+    this restriction, models that need earlier samples would be scored on fewer rows than others.
     """
     common = [
         np.logical_and.reduce([forecast.ready for forecast in curve])

@@ -12,8 +12,8 @@ from mapmore_cli.modelling.frols.weighing import LOSSES, scale_of
 from mapmore_cli.modelling.selection import Fit
 
 FAR = LOSSES["bisquare"].tuning
-"""Size of a residual from which on a sample is listed, in units of the scale. The `bisquare` loss
-ignores residuals of this size.
+"""A sample is listed if its residual is larger than this number of scales. The `bisquare` loss
+ignores such residuals.
 """
 
 MOST = 500  # largest number of outliers that are listed
@@ -25,8 +25,9 @@ def outliers(dataset: Dataset, forecasts: Sequence[Forecast], fit: Fit) -> tuple
     ahead.
 
     Because a model with memory uses measured outputs, it may also be wrong at the sample after an
-    outlier. Residuals are divided by their uncertainty if it is known. The scale is that of the
-    section `fit`, or 1.4826 times the median absolute residual of all training samples.
+    outlier. Residuals are divided by their uncertainty if it is known. The scale is the number
+    `scale` in the section `fit` of the spec; without this number, it is 1.4826 times the median
+    absolute residual of all training samples.
     """
     curves, target = dataset.curves, dataset.target
     predicted = np.concatenate(

@@ -64,7 +64,7 @@ def residual_tests(
                 residuals.append(piece)
                 for name in columns.keys() & curve.columns.keys():
                     x = picked(curve.columns[name], rows)
-                    # the level is constant within a curve, so noise of its sensor is no movement
+                    # the level is constant within a curve; its measured changes are noise
                     held = name == dataset.level and curve.level is not None
                     columns[name].append(np.full(len(x), curve.level) if held else x)
     known, low, high = _finite(residuals)
@@ -143,7 +143,7 @@ def cross_correlation(
     most = min(LAGS, max(map(len, residuals)) // 4)
     lags, sums, squares = np.arange(-most, most + 1), np.zeros(2 * most + 1), np.zeros(2)
     for pair in pairs:
-        before = 0  # number of samples repeated from the block before
+        before = 0  # number of samples repeated from the previous block
         for block in in_blocks(*pair, overlap=most):
             centred = np.array(block) - means[:, None]
             known = np.where(np.isfinite(centred).all(axis=0), centred, 0.0)

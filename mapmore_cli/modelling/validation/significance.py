@@ -18,7 +18,7 @@ LEAST_FOR_PERMUTATION, MOST_FOR_PERMUTATION = 6, 14
 combination is rarer than 1 in 20; with more, only a random part of the combinations is tried.
 """
 
-# relative tolerance of a bound, so that the order in which folds are summed has no influence
+# relative tolerance of the limit of one standard error, so that the order of folds has no influence
 ROUNDING = 1e-9
 
 
@@ -60,8 +60,8 @@ def sign_permutation(x: Array) -> float | None:
     the mean is at least as large in magnitude as the observed mean. Return None if there are too
     few numbers.
 
-    The test assumes that, if nothing changed, a change and its opposite are equally likely for
-    every curve. For more than 14 numbers, 16384 combinations are drawn with a fixed seed.
+    The test assumes that, if nothing changed, each number is as likely as its opposite. For more
+    than 14 numbers, 16384 combinations are drawn with a fixed seed.
     """
     n = len(x)
     if n < LEAST_FOR_PERMUTATION:

@@ -9,7 +9,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.expressions.operator import Operator, Parameter, Recursion, Setting
 
-WIDEST = 0.5  # half-width as a fraction of the range of x; with a larger one, play never moves
+WIDEST = 0.5  # as a fraction of the range of x; with a larger half-width, play never moves
 
 WIDTHS = Parameter("widths", "1", "0.1", below=1.0, between=lambda _step, _longest: (1e-3, WIDEST))
 # half-widths at which the search begins, as fractions of the range of x

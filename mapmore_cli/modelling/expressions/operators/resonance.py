@@ -25,8 +25,8 @@ def position(setting: Setting) -> Recursion:
 
 
 def velocity(setting: Setting) -> Recursion:
-    """Return the rule `v[k] = (y[k] - y[k-1])/(w step)`: the velocity of the oscillator of
-    `position`, measured in units of time of 1/w.
+    """Return the rule `v[k] = (y[k] - y[k-1])/(w step)`: the velocity of the oscillator
+    `position`, with 1/w as the unit of time.
 
     It is computed as an oscillator that is driven by the change of x.
     """

@@ -36,7 +36,7 @@ converted to a fraction, and `printed` holds the numbers as printed.
 
 
 def sarosi(letter: str, curvature: Intervals = DECAY) -> Formula:
-    """Return Sárosi's formula. Its parameters are called by `letter` and a number, for example `a1`
+    """Return Sárosi's formula. Its parameters are named by `letter` and a number, for example `a1`
     to `a6`. The exponent is searched in the intervals `curvature`.
     """
     names = tuple(f"{letter}{number}" for number in range(1, 7))

@@ -38,7 +38,7 @@ from mapmore_cli.modelling.literature.formulas.sarosi import DECAY, sarosi
 # below this training RMSE (fraction of max|F|), a part hardly gains weight by a smaller RMSE
 GOOD_ENOUGH = 0.01
 
-PLAIN = sarosi("s", (*DECAY, (1e-3, 50.0)))  # the exponent s3 may also be positive
+PLAIN = sarosi("s", (*DECAY, (1e-3, 50.0)))  # the exponent s3 may be negative or positive
 HIGH, LOW = sarosi("a").text, "b0 + b1*pressure + b2*strain"
 PRINTED = f"share*({LOW} + w*log(1 + exp(({HIGH} - ({LOW}))/w))) + (1 - share)*({PLAIN.text})"
 # This form cannot overflow, because ln(1 + exp(z)) = (z + |z|)/2 + ln(1 + exp(-|z|)).

@@ -182,7 +182,7 @@ class HysteresisLoss(Formula):
 
     @cached_property
     def expression(self) -> Expression:
-        """Expression of `text`, in which the stiffness is replaced by its expression."""
+        """Expression of the damping force `text`, with a formula in place of the stiffness."""
         stiffness = derivative(UPPER.expression, "strain")
         return substitute(parse(self.text), {"stiffness": stiffness / Name("length")})
 

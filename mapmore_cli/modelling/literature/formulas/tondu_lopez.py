@@ -57,8 +57,8 @@ def braided(
     """Return `area P braid(strain)` with a fitted area, or with the area of the muscle's diameter
     if `of_diameter` is true.
 
-    If the diameter is known, the formula is linear in h, because `y = 1 + h/3`. The angle then
-    follows from `theta = atan(sqrt(3/h))`.
+    In `braid`, y is equal to `1 + h/3`. If the diameter is known, the formula is therefore linear
+    in h, and the angle follows from `theta = atan(sqrt(3/h))`.
     """
     own = tuple(parameter.name for parameter in correction)
     area, form = "area", None
