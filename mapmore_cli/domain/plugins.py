@@ -149,8 +149,7 @@ def _is_ours(point: EntryPoint) -> bool:
     return point.module.partition(".")[0] == OUR_MODULE and _owner(point) == OURS
 
 
-# The result is cached, because reading the list of installed packages takes most of the time at
-# the start.
+# cached, because reading the list of installed packages takes most of the time of a start
 @cache
 def _installed() -> tuple[EntryPoint, ...]:
     """Return the entry points of mapmore itself, and the entry points that other packages provide

@@ -460,7 +460,7 @@ MEGABYTE = 10**6
 class Meter:
     """Counter of the bytes that were read from all logs of a study, which reports them by calling
     `progress`. A joined log counts each time that it is read. `texts` holds the number that stands
-    for each text in a column of texts; it is the same in all logs.
+    for each text in a column of texts. A text has the same number in all logs.
     """
 
     def __init__(self, sources: Sequence[Source], progress: Progress) -> None:

@@ -67,7 +67,7 @@ class Finished:
         cls, loaded: LoadedSpec, outcome: RunOutcome, warnings: Sequence[str], started: float
     ) -> Finished:
         """Return the result of a spec whose run is up to date, with the `warnings` of this run.
-        `started` is the value of `time.perf_counter` at its start.
+        `started` is the value of `time.perf_counter` at the start of the run.
         """
         table = RunFiles(outcome.run_dir).scores()
         published = loaded.spec.report.published

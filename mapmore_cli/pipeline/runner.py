@@ -176,7 +176,7 @@ def bring_up_to_date(
 
 def _origin(loaded: LoadedSpec, run_dir: Path, campaign: Path | None) -> Origin:
     """Return the present origin of the run. Raises WriteError if the run folder contains a run of
-    the same name that was made from another spec, which still exists.
+    the same name that was made from another spec, and this other spec still exists.
     """
     here = Origin(
         _from(run_dir, loaded.path),

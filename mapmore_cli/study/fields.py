@@ -101,7 +101,7 @@ class Context:
     """
 
     folder: Path
-    # units of the quantities for which the spec gives one
+    # units that the spec gives, by quantity
     units: Mapping[str, str] = field(default_factory=dict)
     quantities: frozenset[str] = frozenset(CANONICAL)
     target: str = "force"  # the quantity that is modelled

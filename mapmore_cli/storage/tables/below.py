@@ -38,8 +38,9 @@ class Below:
 
 
 def tables_below(rows: Iterable[Row], header: int, is_number: Callable[[Any], bool]) -> list[Below]:
-    """Return the tables in `rows`, which contain no blank rows, from the top to the bottom. Tables
-    that stand side by side follow each other from the left to the right.
+    """Return the tables in `rows` from the top to the bottom. Tables that stand side by side follow
+    each other from the left to the right. `rows` contains no blank lines; the numbers of the rows
+    show where the file has one.
 
     A table has `header` lines of words directly above its numbers. It ends at a line without
     numbers. If tables have no header lines, there are two further ends: a blank line, and the
@@ -87,7 +88,7 @@ def _without_head(tables: Sequence[Below]) -> list[Below]:
     """
     later = [len(one.above) for one in tables if one.begin > tables[0].begin]
     lines = max(later, default=0)
-    # no later table has more lines than `lines`, so only the first tables change
+    # no later table has more than `lines` lines of words, so only the first tables lose some
     return [replace(one, above=one.above[-lines:]) for one in tables] if lines else [*tables]
 
 

@@ -188,8 +188,8 @@ class CellReader:
         return self.texts is not None or is_stamped
 
     def __call__(self, cell: object) -> float:
-        """Return the number in the cell, or the number of its time stamp or of its text; NaN if it
-        is missing. Raises NotANumber for any other cell.
+        """Return the number in the cell, or the number that stands for its time stamp or its text;
+        NaN for a missing value. Raises NotANumber for any other cell.
         """
         if isinstance(cell, Lacking):
             if self.texts is not None and not cell.text:

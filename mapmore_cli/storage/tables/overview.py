@@ -193,7 +193,7 @@ def _first_recording(here: Member) -> Member | None:
     """Return the first element of an array, or the first of at least two groups with the same
     member names.
 
-    Single values, and groups that have none of these names, may stand beside these groups.
+    Beside these groups, there may be single values, and groups without any of these member names.
     Simulink's structs with time are no recordings, because they are signals of one recording.
     """
     if not here.count or not here.names:

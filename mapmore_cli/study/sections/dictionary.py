@@ -176,8 +176,8 @@ class Spline(AlongRange):
 
     @property
     def functions(self) -> list[str]:
-        """Powers of the input, and cubed distances from the knots, which are better conditioned
-        than truncated powers.
+        """Powers of the input, and cubed distances from the knots. A fit with these distances is
+        better conditioned than a fit with truncated powers.
         """
         places = [round(place / (self.knots + 1), 4) for place in range(1, self.knots + 1)]
         return [
