@@ -280,7 +280,7 @@ class ScoreTable:
 
     @property
     def each(self) -> tuple[ScoreTable, ...]:
-        """The score table of each target. If there is only one target, it is the table itself."""
+        """A score table for each target. With only one target, the only element is this table."""
         targets = dict.fromkeys(score.target for score in self.scores)
         if len(targets) < 2:
             return (self,)

@@ -180,8 +180,8 @@ class LevelPart:
         return len(self.places)
 
     def behind(self, share: float) -> BoolArray:
-        """Return True for the samples in the last part of their log, (n,), after the fraction
-        `share` of its samples.
+        """Return a mask, (n,), that is True for samples in the last part of their log. This part
+        begins after the fraction `share` of all samples of the log.
         """
         late: BoolArray = by_blocks(
             lambda part: (row_numbers(part) + 0.5) / self.whole > share, self.places

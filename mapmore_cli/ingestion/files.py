@@ -388,8 +388,8 @@ def _folders(
 
 
 def relative_name(path: Path, folder: Path) -> str:
-    """Return the POSIX path relative to `folder`, which is the same on every machine with the same
-    tree.
+    """Return the POSIX path relative to `folder`. This relative path is the same on every machine
+    that has the same tree of folders.
     """
     # for a path inside the folder, this takes a tenth of the time of the general way below
     with suppress(ValueError):
@@ -458,8 +458,8 @@ MEGABYTE = 10**6
 
 
 class Meter:
-    """Counter of the bytes that were read from all logs of a study, which reports them by calling
-    `progress`. A joined log counts each time that it is read. `texts` holds the number that stands
+    """Counter that calls `progress` with the number of bytes that were read from all logs of a
+    study. A joined log counts each time that it is read. `texts` holds the number that stands
     for each text in a column of texts. A text has the same number in all logs.
     """
 

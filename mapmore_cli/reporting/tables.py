@@ -189,8 +189,9 @@ def _term_rows(segment: SegmentFit) -> Iterator[Cells]:
 def coefficient_rows(
     fit: FitResult, model: Model | None = None
 ) -> Iterator[tuple[SegmentFit, dict[str, Any]]]:
-    """Yield each segment, or the model with memory, with a row for each of its terms: the row of
-    `Selection.table`, and half the `width` of the 95 % interval of the coefficient.
+    """Yield a row for each term of each segment, or of the model with memory. A row comes with its
+    segment; it is the row of `Selection.table`, with half the width of the 95 % interval of the
+    coefficient under `width`.
 
     If a `model` that keeps a shape is given, its coefficients replace the coefficients of the fit.
     """

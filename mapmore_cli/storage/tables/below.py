@@ -33,7 +33,7 @@ class Below:
 
     @property
     def begin(self) -> int:
-        """The number of the first line of the table, which may have no rows."""
+        """The number of the first line of the table, also if the table has no rows."""
         return (self.header or self.rows)[0][0]
 
 

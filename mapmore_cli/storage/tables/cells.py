@@ -162,7 +162,7 @@ class CellReader:
     - `clock`: True for the column of the time; `format`: format of its stamps for `strptime`.
     - `second`: one second in the unit of the column.
     - `usual`: default remedy.
-    - `form`: form of the stamps read so far; all must have the same.
+    - `form`: form of the stamps read so far; all stamps of a column must have the same form.
     - `texts`: for a column of texts, the number of each text that was read so far.
     """
 

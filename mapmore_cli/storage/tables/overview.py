@@ -140,9 +140,9 @@ def _places(top: Member, separator: str) -> list[Place]:
 
 
 def _title_of(here: Member, name: str, variable: str) -> str:
-    """Return the name of a member. The data of a signal get the text that stands beside them as
-    `name` or `label`. The values of a signal that Simulink logged get its label, or otherwise the
-    name of its block or variable.
+    """Return the name of a member. For the data of a signal, this is the text in the member `name`
+    or `label` beside them, if there is one. For the values of a signal that Simulink logged, it is
+    the label of the signal, or otherwise the name of its block or variable.
     """
     if name == "values" and "dimensions" in here.names:
         block = _text(here, "blockName").rpartition("/")[2]
