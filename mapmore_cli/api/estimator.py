@@ -186,7 +186,7 @@ class FROLS:
         """Return R² of the prediction."""
         predicted = self.predict(X)
         target = _target(y, len(predicted))
-        unit = float(np.abs(target).max()) or 1.0  # so that no square overflows
+        unit = float(np.abs(target).max()) or 1.0  # division by it keeps squares from overflowing
         predicted, target = predicted / unit, target / unit
         spread = float(np.sum((target - target.mean()) ** 2))
         return 1.0 - float(np.sum((target - predicted) ** 2)) / spread if spread else 0.0

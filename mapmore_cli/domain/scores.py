@@ -248,7 +248,7 @@ class Published:
     nrmse: Mapping[str, float] = field(default_factory=dict)  # fractions
     # RMSE of each model, in the unit of the target
     rmse: Mapping[str, float] = field(default_factory=dict)
-    # lower bounds of the RMSE, if the publication gives no more
+    # lower bound of the RMSE of each model for which the publication gives only a bound
     rmse_at_least: Mapping[str, float] = field(default_factory=dict)
 
     def shown_rmse(self, model: str) -> float | str | None:

@@ -402,8 +402,8 @@ def relative_name(path: Path, folder: Path) -> str:
 
 @lru_cache(maxsize=1000)
 def _way_to(parent: Path, folder: Path, _current: Path) -> str:
-    """Return the POSIX path from a folder to another. Both may be relative to the current folder,
-    on which the result therefore depends.
+    """Return the POSIX path that leads from `folder` to `parent`. Both may be relative to the
+    current folder, so that the result depends on the current folder, too.
     """
     return Path(os.path.relpath(parent, folder)).as_posix()
 

@@ -124,7 +124,7 @@ def explain(
     run_dir = runs / loaded.spec.name
     how = (run_dir, load_records(run_dir, warn), options.rehash, options.force)
     reasons = {plan.stage.name: plan.reason for plan in plan_stages(stages, until, loaded, *how)}
-    if until not in reasons:  # later stages depend on the search
+    if until not in reasons:  # the plans of later stages depend on the search
         every = [stage.name for stage in pipeline()]
         reasons |= dict.fromkeys(every[1 : every.index(until) + 1], f"follows from {SEARCH_STAGE}")
     return list(reasons.items())

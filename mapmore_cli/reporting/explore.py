@@ -111,7 +111,7 @@ def wrapped(key: str, model: Model, more: str = "") -> str:
     Raises DataError if a part of the model has no closed expression.
     """
     (text,) = plugins.load("python", "export")(model, "js", verify=False).values()
-    code = _COMMENTS.sub("", text.decode())  # comments are for readers of exported files
+    code = _COMMENTS.sub("", text.decode())  # nobody reads comments in a page
     inside = _EXPORTED.sub(rf"\nreturn {{ \1{more} }};\n", code)
     return f"mapmore.models[{json_text(key)}] = (() => {{\n{inside}}})();\n"
 

@@ -289,7 +289,7 @@ def changes_table(comparison: Comparison) -> Table:
 
 
 def drift_table(names: Sequence[str], results: Sequence[Comparison]) -> Table:
-    """Return a table that compares every later model with the first."""
+    """Return a table that compares the first of the named models with each of the others."""
     later = zip(names[1:], results, strict=True)
     rows = ((name, one.ratio, *one.interval, one.answer) for name, one in later)
     columns = (MODEL, "ratio .4f", "from .4f", "to .4f", "answer")

@@ -215,7 +215,7 @@ def _records(lines: Lines, delimiter: str | None, request: TableRequest) -> Iter
 
 
 def _without_comments(lines: Iterable[str], mark: str | None) -> Iterable[str]:
-    """Return the lines, with a blank line in place of each comment (a line that begins with `mark`)."""
+    """Return the lines, with a blank line in place of each line that is a comment."""
     if mark is None:
         return lines
     return ("\n" if line.lstrip().startswith(mark) else line for line in lines)
