@@ -283,8 +283,9 @@ class Tried:
         float, ...
         # RMSE on each left-out fold, divided by `Search.scale`; empty if a fit failed
     ] = ()
-    error: float = math.nan  # root mean square of the errors in `errors`
-    # like `error`, but of folds without whole levels or recordings; NaN if such folds are too few
+    # root mean square of `errors` on the folds that leave out stretches; NaN without such folds
+    error: float = math.nan
+    # root mean square of `errors` on the folds that leave out whole parts; NaN without such folds
     parts: float = math.nan
     # mean over all folds of log(error / error of the best structure)
     excess: float = math.nan
@@ -301,7 +302,7 @@ class Search:
 
     name: str
     target: str
-    left_out: str  # what each fold for `Tried.errors` leaves out
+    left_out: str  # what each fold for `Tried.error` leaves out
     parts: str  # what each fold for `Tried.parts` leaves out
     scale: float  # divisor of errors, in the unit of the target
     tried: tuple[Tried, ...]
