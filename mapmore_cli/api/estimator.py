@@ -37,7 +37,7 @@ ROUNDING = 1e-13
 
 
 class NotFitted(ValueError, AttributeError):
-    """Error for calling a method that needs a fit before `fit` was called."""
+    """Error for a method that needs the result of `fit`, but was called before `fit`."""
 
 
 @dataclass(eq=False, repr=False)

@@ -228,8 +228,8 @@ class Validation:
 class SimulatedRun:
     """Predictions of one recording, (n,).
 
-    A prediction is NaN if there are not enough earlier samples. After a run diverges, all
-    predictions up to the end of its uninterrupted piece are NaN.
+    A prediction is NaN if there are not enough earlier samples. After a free run diverges, all
+    predictions are NaN up to the end of this uninterrupted piece of the recording.
     """
 
     values: Array

@@ -174,7 +174,9 @@ def find_sources(
 
 
 def is_file_named(name: str, pattern: str, folder: Path) -> bool:
-    """Return True if a path or a glob, with or without its folders, names a file."""
+    """Return True if `pattern`, a path or a glob, matches the file `name`. A pattern without
+    folders matches files in all folders.
+    """
     paths = (name, PurePosixPath(name).name)
     if pattern in paths:
         return True

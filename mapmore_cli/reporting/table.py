@@ -41,8 +41,8 @@ class Column:
     """A column of a table. Its `unit` is empty if the table shows none, and `spec` is the format of
     its floats.
 
-    Equations have two forms: `text`, which LaTeX leaves out, and LaTeX `source`, which LaTeX
-    typesets. A column `model` holds names of models.
+    The `form` is `text` for equations as text, which LaTeX tables leave out; `source` for equations
+    as LaTeX source, which LaTeX tables typeset; and `model` for names of models.
     """
 
     name: str

@@ -107,8 +107,8 @@ def _is_next(rows: Sequence[Row], row: Row) -> bool:
 def _side_by_side(above: Sequence[Row], header: Sequence[Row], rows: Sequence[Row]) -> list[Below]:
     """Return the tables that stand side by side; a single one unless the header lines repeat.
 
-    A line above the header that has words over every table belongs to their titles. All tables get
-    the header lines of the first, because a spec names the same columns for all of them.
+    A line above the header that has words over every table belongs to the titles of the tables. All
+    tables get the header lines of the first, because a spec names the same columns for all of them.
     """
     blocks = _repeated_columns([cells for _, cells in header])
     if not blocks:
