@@ -119,7 +119,7 @@ def _swing(name: str, width: float) -> dict[str, Any]:
 
 
 def _numbers(values: Array) -> list[float | None]:
-    """Return numbers with seven digits; null for a missing number."""
+    """Return numbers with seven significant digits; None for a missing number."""
     return [float(f"{one:.7g}") if np.isfinite(one) else None for one in values.tolist()]
 
 

@@ -122,7 +122,7 @@ class Table:
         return tuple(column.heading for column in self.columns)
 
     def head(self, most: int) -> Table:
-        """Return the first rows, with a note that says where the others are."""
+        """Return the first `most` rows, with a note that names the file with all rows."""
         if len(self.rows) <= most:
             return self
         note = f"The first {most} of {len(self.rows)} rows; all are in tables/{self.name}.csv."
