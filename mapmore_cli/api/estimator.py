@@ -37,7 +37,7 @@ ROUNDING = 1e-13
 
 
 class NotFitted(ValueError, AttributeError):
-    """Error for calling a method that needs a fit before `fit` was called."""
+    """Error for a method that needs the result of `fit`, but was called before `fit`."""
 
 
 @dataclass(eq=False, repr=False)
@@ -186,7 +186,7 @@ class FROLS:
         """Return R² of the prediction."""
         predicted = self.predict(X)
         target = _target(y, len(predicted))
-        unit = float(np.abs(target).max()) or 1.0  # so that no square overflows
+        unit = float(np.abs(target).max()) or 1.0  # division by it keeps squares from overflowing
         predicted, target = predicted / unit, target / unit
         spread = float(np.sum((target - target.mean()) ** 2))
         return 1.0 - float(np.sum((target - predicted) ** 2)) / spread if spread else 0.0

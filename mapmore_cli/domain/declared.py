@@ -310,8 +310,8 @@ def always_in(unit: str) -> InUnit:
 
 
 def of_sibling(name: str, mark: type[InUnit] = InUnit) -> InUnit:
-    """Return the mark of a number whose unit is that of a quantity, which another key of the
-    section names.
+    """Return the mark of a number in the unit of a quantity. The key `name` of the same section
+    says which quantity this is.
     """
     return mark(lambda place: place.unit_of(place.siblings.get(name)), f"that of `{name}`")
 

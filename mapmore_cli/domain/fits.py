@@ -135,8 +135,8 @@ class Selection(ChosenTerms):
         )
 
     def predict(self, P: ArrayLike) -> Array:
-        """Return the model's output at every row of a dictionary `P` with the same columns,
-        (n,).
+        """Return the output of the selection, (n,), at every row of `P`. The columns of `P` are the
+        candidate terms from which the selection chose.
         """
         return np.asarray(P, dtype=np.float64)[:, self.chosen] @ self.theta
 
@@ -368,7 +368,7 @@ class MemoryModel:
     """Model with memory, whose output at sample k is `constant + sum_j theta_j D_j(states[k])`.
 
     A free run begins with measured outputs. It has diverged if an output lies outside `limits` by
-    more than a hundred times their range.
+    more than a hundred times the distance between these limits.
     """
 
     output: Annotated[QuantityName, "the quantity whose delays are fed back"]

@@ -21,8 +21,9 @@ class Transition(NamedTuple):
     """Course of a weight over a transition zone (M2 figure 5).
 
     - `words`: formula of the weight as text, for example `w = 3*t^2 - 2*t^3`.
-    - `s`: function of the operations `m` and of t, where t runs from 0 to 1 over the zone. It
-      branches with `m.where`. It rises from 0 to 1, and `s(t) + s(1 - t) = 1`.
+    - `s`: function that returns the weight. Its first argument `m` provides `m.where`, which the
+      function uses instead of `if`. Its second argument t runs from 0 to 1 over the zone. The
+      weight rises from 0 to 1, and `s(t) + s(1 - t) = 1`.
     """
 
     words: str

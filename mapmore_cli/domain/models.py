@@ -115,8 +115,8 @@ class Pieces(Body):
         return cls(None, names, (curve,), fusion)
 
     def joined(self, **how: Any) -> Pieces:
-        """Return the same pieces, with some of the rules by which they are joined (fields of
-        `Fusion`) replaced.
+        """Return a copy of the model in which some of the rules for joining the pieces (fields of
+        `Fusion`) have other values.
         """
         return replace(self, fusion=replace(self.fusion, **how))
 
@@ -316,7 +316,7 @@ class Model:
 
     @property
     def each(self) -> tuple[Model, ...]:
-        """The model of each output. If there is only one output, it is the model itself."""
+        """The model of each output. With only one output, the only element is this model."""
         return self.body.models if isinstance(self.body, Outputs) else (self,)
 
     @property

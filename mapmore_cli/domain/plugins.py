@@ -1,12 +1,12 @@
 """Find extensions of `mapmore`: files in one of its own folders, or entry points of other packages.
 
 Files and entry points have the same form. An entry point `NAME = "module"` or `NAME =
-"module:OBJECT"` in the group `mapmore.GROUP` leads to the same contents as one of mapmore's own
-files: for `readers`, a `READER` or several `READERS`. Groups are `formulas`, `readers`,
-`operators`, `families`, `figures`, `exports`, `kinds` and `commands`; mapmore's annexes also use
-`stages` and `python`. Nothing is imported before it is needed. If an extension is broken, or has
-the name of one of mapmore's own, it is left out with a warning. If the environment variable
-MAPMORE_NO_PLUGINS is set, only mapmore's own extensions are used.
+"module:OBJECT"` in the group `mapmore.GROUP` names a module or an object with the same contents as
+one of mapmore's own files. In the group `readers`, this is a `READER`, or several `READERS`. Groups
+are `formulas`, `readers`, `operators`, `families`, `figures`, `exports`, `kinds` and `commands`;
+mapmore's annexes also use `stages` and `python`. Nothing is imported before it is needed. If an
+extension is broken, or has the name of one of mapmore's own, it is left out with a warning. If the
+environment variable MAPMORE_NO_PLUGINS is set, only mapmore's own extensions are used.
 """
 
 from __future__ import annotations
@@ -149,8 +149,7 @@ def _is_ours(point: EntryPoint) -> bool:
     return point.module.partition(".")[0] == OUR_MODULE and _owner(point) == OURS
 
 
-# The result is cached, because reading the list of installed packages takes most of the time at
-# the start.
+# cached, because reading the list of installed packages takes most of the time of a start
 @cache
 def _installed() -> tuple[EntryPoint, ...]:
     """Return the entry points of mapmore itself, and the entry points that other packages provide

@@ -116,7 +116,7 @@ class CurveRange:
     limits: Annotated[Ranges, "smallest and largest training value of each input", "[*]"]
 
     def of(self, names: Iterable[str]) -> CurveRange:
-        """Return the same range for only some of the inputs."""
+        """Return the training ranges of only the inputs with these names."""
         return CurveRange(self.curve, self.level, {name: self.limits[name] for name in names})
 
 
@@ -191,7 +191,7 @@ class Curve:
 
     def limits(self, name: str) -> Ends:
         """Return the smallest and the largest value of a quantity over the training samples. If the
-        training samples are means, the raw samples are included.
+        training samples are means of branches, the measured samples are included.
         """
         least, largest = extremes(self.columns[name], self.training)
         low, high = self.measured.get(name, (least, largest))
@@ -203,8 +203,8 @@ class Curve:
         return (slice(None),) if self.origin is None else self.logs
 
     def together(self, parts: Sequence[Array]) -> Array:
-        """Return one column, (n,). `parts` holds its values in each of the `stretches`, in the same
-        order.
+        """Return one column of the curve, (n,), from its `parts`. There is one part for each of the
+        `stretches`, that is for each recording, in their order.
         """
         if self.origin is None:
             return parts[0]

@@ -228,12 +228,12 @@ class Validation:
 class SimulatedRun:
     """Predictions of one recording, (n,).
 
-    A prediction is NaN if there are not enough earlier samples. After a run diverges, all
-    predictions up to the end of its uninterrupted piece are NaN.
+    A prediction is NaN if there are not enough earlier samples. After a free run diverges, all
+    predictions are NaN up to the end of this uninterrupted piece of the recording.
     """
 
     values: Array
-    diverged: tuple[int, ...] = ()  # rows at which a run diverged
+    diverged: tuple[int, ...] = ()  # rows at which a free run diverged
 
 
 @dataclass(frozen=True)
@@ -283,8 +283,9 @@ class Tried:
         float, ...
         # RMSE on each left-out fold, divided by `Search.scale`; empty if a fit failed
     ] = ()
-    error: float = math.nan  # root mean square of the errors in `errors`
-    # `error` for folds that leave out whole levels or recordings; NaN if too few folds do so
+    # root mean square of `errors` on the folds that leave out stretches; NaN without such folds
+    error: float = math.nan
+    # root mean square of `errors` on the folds that leave out whole parts; NaN without such folds
     parts: float = math.nan
     # mean over all folds of log(error / error of the best structure)
     excess: float = math.nan
@@ -301,8 +302,8 @@ class Search:
 
     name: str
     target: str
-    left_out: str  # what each fold leaves out
-    parts: str  # what each fold of `Tried.parts` leaves out
+    left_out: str  # what each fold for `Tried.error` leaves out
+    parts: str  # what each fold for `Tried.parts` leaves out
     scale: float  # divisor of errors, in the unit of the target
     tried: tuple[Tried, ...]
     best: int  # index of the structure with the smallest error
@@ -312,7 +313,7 @@ class Search:
     # index of the choice before structures with more terms were tried; None if none were tried
     short: int | None = None
     notes: tuple[str, ...] = ()  # notes for the user
-    outdone: str = ""  # message if a black box has a clearly smaller error; else empty
+    outdone: str = ""  # message if a black box has a clearly smaller error; otherwise ""
 
     @property
     def found(self) -> Tried:

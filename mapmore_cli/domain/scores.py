@@ -248,7 +248,7 @@ class Published:
     nrmse: Mapping[str, float] = field(default_factory=dict)  # fractions
     # RMSE of each model, in the unit of the target
     rmse: Mapping[str, float] = field(default_factory=dict)
-    # lower bounds of the RMSE, if the publication gives no more
+    # lower bound of the RMSE of each model for which the publication gives only a bound
     rmse_at_least: Mapping[str, float] = field(default_factory=dict)
 
     def shown_rmse(self, model: str) -> float | str | None:
@@ -280,7 +280,7 @@ class ScoreTable:
 
     @property
     def each(self) -> tuple[ScoreTable, ...]:
-        """The score table of each target. If there is only one target, it is the table itself."""
+        """A score table for each target. With only one target, the only element is this table."""
         targets = dict.fromkeys(score.target for score in self.scores)
         if len(targets) < 2:
             return (self,)

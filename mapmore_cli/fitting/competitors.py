@@ -64,8 +64,8 @@ class Contest:
     the run's own model; `static_run` is the run of the static force in `needs`.
 
     `lengths` are the muscle's `length` and `diameter` (m). Paths of frozen models are relative to
-    the folder `spec_dir`. In a cross-validation, `refit` fits the model of another run again to the
-    training samples of `dataset`, which is then one fold.
+    the folder `spec_dir`. In a cross-validation, `dataset` is one fold, and `refit` fits the model
+    of another run again to the training samples of this fold.
     """
 
     dataset: Dataset

@@ -21,7 +21,7 @@ from mapmore_cli.study.sections.logs import Join
 from mapmore_cli.study.units import convert
 
 REPEATS = "time stamps repeat"
-# if glitches were a larger share of the samples, the clock was set back, and none is removed
+# glitches are removed only up to this share of the samples; otherwise the clock was set back
 MOST_GLITCHES = 0.01
 # without `gaps` in the spec, a gap longer than this multiple of the usual step gets a warning
 CONSPICUOUS = 10

@@ -103,8 +103,8 @@ def static_model(run_dir: Path, force: Quantity, units: Mapping[str, str]) -> Mo
 
 
 def with_damping(recording: Recording, force: str, static: Model, warn: Warn) -> Recording:
-    """Return the recording with the columns `static_force`, F_s, and `damping`, `F_d = F - F_s`
-    minus its mean on the plateau (M2 eq 1).
+    """Return the recording with two more columns: `static_force`, F_s, and `damping`, F_d. The
+    damping is the difference F - F_s, minus the mean of this difference on the plateau (M2 eq 1).
     """
     columns = recording.columns
     static_force = predict(static, columns)
@@ -180,8 +180,8 @@ class LevelPart:
         return len(self.places)
 
     def behind(self, share: float) -> BoolArray:
-        """Return True for the samples in the last part of their log, (n,), after the fraction
-        `share` of its samples.
+        """Return a mask, (n,), that is True for samples in the last part of their log. This part
+        begins after the fraction `share` of all samples of the log.
         """
         late: BoolArray = by_blocks(
             lambda part: (row_numbers(part) + 0.5) / self.whole > share, self.places
@@ -316,8 +316,8 @@ def joined_curves(
 def _joined_parts(
     key: str, parts: Sequence[LevelPart], masks: Sequence[BoolArray], nominal: str | None
 ) -> Curve:
-    """Return the curve that some parts form together. For the quantity `nominal`, the measured
-    values are replaced by the value of the level.
+    """Return the curve that some parts form together. If `nominal` names a quantity, the measured
+    values of this quantity are replaced by the value of the level.
     """
     columns = {name: joined([part.columns[name] for part in parts]) for name in parts[0].columns}
     plateau = columns.pop(PLATEAU, None)

@@ -359,8 +359,8 @@ def _matching(
     kind: str, patterns: Sequence[str], names: Sequence[str], matches: Callable[[str, str], bool]
 ) -> list[bool]:
     """Return True for each name that the patterns select. A pattern selects the names that equal
-    it; if there are none, it selects the names that match it as a glob. Brackets can be part of a
-    name (`book[Run1]`) as well as of a glob.
+    it. If no name equals the pattern, it selects the names that match it as a glob. Brackets can be
+    part of a name (`book[Run1]`) as well as of a glob.
     """
     held: set[str] = set()
     for pattern in patterns:

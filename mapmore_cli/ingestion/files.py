@@ -174,7 +174,9 @@ def find_sources(
 
 
 def is_file_named(name: str, pattern: str, folder: Path) -> bool:
-    """Return True if a path or a glob, with or without its folders, names a file."""
+    """Return True if `pattern`, a path or a glob, matches the file `name`. A pattern without
+    folders matches files in all folders.
+    """
     paths = (name, PurePosixPath(name).name)
     if pattern in paths:
         return True
@@ -388,8 +390,8 @@ def _folders(
 
 
 def relative_name(path: Path, folder: Path) -> str:
-    """Return the POSIX path relative to `folder`, which is the same on every machine with the same
-    tree.
+    """Return the POSIX path relative to `folder`. This relative path is the same on every machine
+    that has the same tree of folders.
     """
     # for a path inside the folder, this takes a tenth of the time of the general way below
     with suppress(ValueError):
@@ -402,8 +404,8 @@ def relative_name(path: Path, folder: Path) -> str:
 
 @lru_cache(maxsize=1000)
 def _way_to(parent: Path, folder: Path, _current: Path) -> str:
-    """Return the POSIX path from a folder to another. Both may be relative to the current folder,
-    on which the result therefore depends.
+    """Return the POSIX path that leads from `folder` to `parent`. Both may be relative to the
+    current folder, so that the result depends on the current folder, too.
     """
     return Path(os.path.relpath(parent, folder)).as_posix()
 
@@ -458,9 +460,9 @@ MEGABYTE = 10**6
 
 
 class Meter:
-    """Counter of the bytes that were read from all logs of a study, which reports them by calling
-    `progress`. A joined log counts each time that it is read. `texts` holds the number that stands
-    for each text in a column of texts; it is the same in all logs.
+    """Counter that calls `progress` with the number of bytes that were read from all logs of a
+    study. A joined log counts each time that it is read. `texts` holds the number that stands
+    for each text in a column of texts. A text has the same number in all logs.
     """
 
     def __init__(self, sources: Sequence[Source], progress: Progress) -> None:

@@ -66,7 +66,7 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
         )
     _check_finished(run_dir)
     name = _entry(run_dir / RUN_RECORD, "name")
-    # checked, because the record of somebody else's run may contain any path as its name
+    # the name is checked, because in a record from somebody else it may be any path
     if not isinstance(name, str) or not TAG.fullmatch(name):
         raise DataError(
             f"{run_dir / RUN_RECORD}: does not contain the name of the run",

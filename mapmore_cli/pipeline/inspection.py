@@ -81,7 +81,7 @@ def inspect(
             return _sorted(None, [*issues_of_other, _no_curves(fault, loaded)], read_by)
         raise
     issues = issues_of(loaded, dataset, hints=True)
-    # the run also fails if another run fails that it needs, or with which it is compared
+    # the run also fails if one of the runs fails that it needs, or is compared with
     for key, other in needed.items():
         try:
             issues_of_other = issues_of(

@@ -36,8 +36,9 @@ class Job:
     until: str = "report"
 
     def elsewhere(self) -> Job:
-        """Return the same job for another machine. Its paths are absolute. If the job was started
-        before, but the connection was lost and that process is still writing, the job waits for it.
+        """Return the job for another machine, with absolute paths. The job waits while another
+        process is writing its run: if the connection was lost, the job may be started a second time
+        while the process of the first start still works.
         """
         campaign = self.options.campaign
         options = replace(
@@ -67,7 +68,7 @@ class Finished:
         cls, loaded: LoadedSpec, outcome: RunOutcome, warnings: Sequence[str], started: float
     ) -> Finished:
         """Return the result of a spec whose run is up to date, with the `warnings` of this run.
-        `started` is the value of `time.perf_counter` at its start.
+        `started` is the value of `time.perf_counter` at the start of the run.
         """
         table = RunFiles(outcome.run_dir).scores()
         published = loaded.spec.report.published

@@ -97,7 +97,7 @@ class Predictor:
                 inputs = with_signals(reading.signals, inputs)
             except DataError:  # the window of a rate may contain too few samples
                 continue
-            # terms may overflow far outside the range, which the flag reports
+            # terms may overflow far outside the training range; the flag marks such rows
             with np.errstate(all="ignore"), numbered(rows[part]):
                 outcomes = [run(inputs) for run in runs]
                 beyond = outside[part] = outside_range(model, inputs)

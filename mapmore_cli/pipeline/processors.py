@@ -113,7 +113,7 @@ def _begin(parent: int, work: object) -> None:
     _shared = work
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    warnings.simplefilter("ignore", PluginLeftOut)  # the parent process warns
+    warnings.simplefilter("ignore", PluginLeftOut)  # the parent process shows them
     if sys.platform == "linux":
         import ctypes
 

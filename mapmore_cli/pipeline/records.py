@@ -221,7 +221,7 @@ class Sheet:
         return {name: values for name, _, values, _ in columns}
 
     def _reader(self, name: str) -> CellReader:
-        """Return the reader of the cells of a column, which is the same for all blocks."""
+        """Return the reader of the cells of a column. It is the same reader in all blocks."""
         usual = "correct the cell, or leave it empty"
         return self._readers.setdefault(name, CellReader(clock=name == "time", usual=usual))
 

@@ -124,7 +124,7 @@ def explain(
     run_dir = runs / loaded.spec.name
     how = (run_dir, load_records(run_dir, warn), options.rehash, options.force)
     reasons = {plan.stage.name: plan.reason for plan in plan_stages(stages, until, loaded, *how)}
-    if until not in reasons:  # later stages depend on the search
+    if until not in reasons:  # the plans of later stages depend on the search
         every = [stage.name for stage in pipeline()]
         reasons |= dict.fromkeys(every[1 : every.index(until) + 1], f"follows from {SEARCH_STAGE}")
     return list(reasons.items())
@@ -176,7 +176,7 @@ def bring_up_to_date(
 
 def _origin(loaded: LoadedSpec, run_dir: Path, campaign: Path | None) -> Origin:
     """Return the present origin of the run. Raises WriteError if the run folder contains a run of
-    the same name that was made from another spec, which still exists.
+    the same name that was made from another spec, and this other spec still exists.
     """
     here = Origin(
         _from(run_dir, loaded.path),

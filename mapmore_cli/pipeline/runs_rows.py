@@ -83,8 +83,8 @@ def rows_of(place: Path) -> list[Row] | None:
 
 
 def known_alerts(run_dir: Path) -> tuple[Alert, ...] | None:
-    """Return the alerts of a run from the page of all runs, without reading the results of the run;
-    None if the page has older scores of the run or none.
+    """Return the alerts of a run from the page of all runs, without reading the results of the run.
+    None if the page lacks this run, or has older scores of it.
     """
     scores = run_dir / "scores.json"
     ended = scores.stat().st_mtime if scores.is_file() else None

@@ -173,8 +173,8 @@ def _with_interval(model: Model, curve: Curve, output: Forecast) -> Forecast:
 
 
 def _diverged(name: str, curve: Curve, row: int, dataset: Dataset) -> str:
-    """Return a warning that names the row at which a free run diverged, and says that its scores
-    are therefore empty.
+    """Return a warning that names the sample at which the free run of a model diverged, and says
+    that the model therefore has no scores there.
     """
     log = next(number for number, rows in enumerate(curve.logs) if row in rows)
     at = f"sample {int(np.searchsorted(curve.logs[log], row))}"

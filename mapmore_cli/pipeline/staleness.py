@@ -30,8 +30,8 @@ MODEL_STAGE = "fuse"
 
 
 def pipeline(searched: bool = False) -> tuple[Stage, ...]:
-    """Return the six stages in order, and among them the stage that searches the structure if it is
-    `searched`. Stages are imported when they are first needed.
+    """Return the six stages in order. If the structure of the model is `searched`, the stage of the
+    search follows the stage `ingest`. Stages are imported when they are first needed.
     """
     from mapmore_cli.pipeline import report, stages, validate
 
@@ -336,8 +336,7 @@ def place_in_spec(key: str, stage: str) -> str:
     sections = {field.alias or name: field.annotation for name, field in fields}
     if key in sections:
         return key
-    # `levels` is a key of two sections, `data` and `fuse`, of which `data` comes first.
-    # A difference in `fuse` has `fuse` in its name already.
+    # `levels` is also a key of `fuse`, but a change in `fuse` has the key `fuse` (returned above).
     for name, section in sections.items():
         if key in getattr(section, "model_fields", getattr(section, "__dataclass_fields__", ())):
             return f"{name}.{key}"

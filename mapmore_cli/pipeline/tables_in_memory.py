@@ -168,8 +168,8 @@ def tables_of(
 
 
 def section_of(tables: Iterable[str], columns: Mapping[str, Entry]) -> dict[str, object]:
-    """Return the section `data` with which the tables in memory are read. Their columns are named
-    after their quantities. `columns` is the section that the caller gave for the frames.
+    """Return the section `data` with which the tables in memory are read. In this section, each
+    column has the name of its quantity. `columns` is the section that the caller gave.
     """
     read = {}
     for name, entry in columns.items():

@@ -137,9 +137,9 @@ def _of_held_out(dataset: Dataset, model: Model, left_out: bool) -> Iterator[tup
 
 
 def _of_competitors(scores: Sequence[Score], unit: str) -> Iterator[tuple[str, str]]:
-    """Yield an alert for each competitor whose error is smaller by more than 1 %, as in the
-    verdict. Yield another alert that names the competitors whose errors on the curves equal the
-    errors of the model within one standard error.
+    """Yield an alert for each competitor whose pooled error is smaller than the error of the run's
+    own model by more than 1 %. The verdict has the same limit. Yield another alert that names the
+    competitors whose errors on the curves equal those of the model within one standard error.
     """
     compared = [s for s in deciding(scores) if math.isfinite(s.rmse) and s.model != REPEATABILITY]
     ours = next((score for score in compared if score.model == OWN), None)

@@ -111,7 +111,7 @@ def wrapped(key: str, model: Model, more: str = "") -> str:
     Raises DataError if a part of the model has no closed expression.
     """
     (text,) = plugins.load("python", "export")(model, "js", verify=False).values()
-    code = _COMMENTS.sub("", text.decode())  # comments are for readers of exported files
+    code = _COMMENTS.sub("", text.decode())  # nobody reads comments in a page
     inside = _EXPORTED.sub(rf"\nreturn {{ \1{more} }};\n", code)
     return f"mapmore.models[{json_text(key)}] = (() => {{\n{inside}}})();\n"
 
@@ -168,8 +168,8 @@ def bare_of(model: Model) -> tuple[Model, str]:
 
 
 def _course(words: str) -> str:
-    """Return a function in JavaScript for a transition between pieces, which is given as a formula
-    such as `w = 3*t^2 - 2*t^3`.
+    """Return a function in JavaScript for a transition between pieces. The transition is given as a
+    formula such as `w = 3*t^2 - 2*t^3`.
     """
     first, _, rest = words.removeprefix("w = ").partition(" up to t = 1/2, then ")
     text = f"t < 0.5 ? {first} : {rest}" if rest else first

@@ -119,7 +119,7 @@ def _swing(name: str, width: float) -> dict[str, Any]:
 
 
 def _numbers(values: Array) -> list[float | None]:
-    """Return numbers with seven digits; null for a missing number."""
+    """Return numbers with seven significant digits; None for a missing number."""
     return [float(f"{one:.7g}") if np.isfinite(one) else None for one in values.tolist()]
 
 
@@ -168,8 +168,9 @@ def _samples(inputs: ReportInputs, spans: Mapping[str, Ends]) -> dict[str, Any]:
 
 
 def middle_of(rows: IntArray, places: Array) -> int:
-    """Return the row whose value in `places`, (n,), is the median. The row in the middle of the
-    list would not do: in a loop, it lies where the motion turns, at an end of the range.
+    """Return the row of a curve at which the varying quantity has its median value. `places`, (n,),
+    are the values of this quantity at the `rows`. The row in the middle of the list is not used,
+    because in a loop it lies where the motion turns, at an end of the range.
     """
     return int(rows[np.argsort(places, kind="stable")[len(rows) // 2]])
 

@@ -229,7 +229,7 @@ class ReportInputs:
 
     @property
     def failed(self) -> tuple[str, ...]:
-        """Names of the competitors whose fit failed, which have no predictions and no scores."""
+        """Names of the competitors without predictions and scores, because their fit failed."""
         scored = {row.model for row in self.validation.scores}
         return tuple(name for name in self.models if name not in scored)
 

@@ -49,8 +49,8 @@ def score_table(
     order.
 
     `units` holds the unit of every target. A publication's numbers are shown beside the validation
-    rows, because only these are comparable. Models in `failed` have no scores; they get a row that
-    says so.
+    rows only, because they are errors on held-out data. Models in `failed` have no scores; they get
+    a row that says so.
     """
     pooled = sorted((s for s in scores if s.curve == "all"), key=lambda s: s.split != "validate")
     unit = units.get(pooled[0].target, "") if pooled else ""
@@ -133,9 +133,9 @@ def verdict_sentence(
     of the other models, on held-out data if there are any.
 
     `target` is the scored quantity. `failed` names the competitors without scores, because their
-    fit failed. If one of the `warnings` says that held-out data chose the structure, this warning
-    comes first, followed by an `alert`. Competitors that were trained with held-out data are named
-    but not compared.
+    fit failed. The sentence begins with the warning that held-out data chose the structure, if it
+    is among the `warnings`. The `alert` follows, if there is one, and then the comparison.
+    Competitors that were trained with held-out data are named but not compared.
     """
     head = f"Alert: {alert}. " if alert else ""
     compared = deciding(scores)
@@ -289,7 +289,7 @@ def changes_table(comparison: Comparison) -> Table:
 
 
 def drift_table(names: Sequence[str], results: Sequence[Comparison]) -> Table:
-    """Return a table that compares every later model with the first."""
+    """Return a table that compares the first of the named models with each of the others."""
     later = zip(names[1:], results, strict=True)
     rows = ((name, one.ratio, *one.interval, one.answer) for name, one in later)
     columns = (MODEL, "ratio .4f", "from .4f", "to .4f", "answer")

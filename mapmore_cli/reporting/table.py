@@ -41,8 +41,8 @@ class Column:
     """A column of a table. Its `unit` is empty if the table shows none, and `spec` is the format of
     its floats.
 
-    Equations have two forms: `text`, which LaTeX leaves out, and LaTeX `source`, which LaTeX
-    typesets. A column `model` holds names of models.
+    The `form` is `text` for equations as text, which LaTeX tables leave out; `source` for equations
+    as LaTeX source, which LaTeX tables typeset; and `model` for names of models.
     """
 
     name: str
@@ -122,7 +122,7 @@ class Table:
         return tuple(column.heading for column in self.columns)
 
     def head(self, most: int) -> Table:
-        """Return the first rows, with a note that says where the others are."""
+        """Return the first `most` rows, with a note that names the file with all rows."""
         if len(self.rows) <= most:
             return self
         note = f"The first {most} of {len(self.rows)} rows; all are in tables/{self.name}.csv."

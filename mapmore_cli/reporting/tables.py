@@ -76,9 +76,9 @@ def levels_table(dataset: Dataset, along: str | None = None, whole: Dataset | No
     """Return a table of the curves, with their numbers of training and validation samples in the
     `whole` dataset.
 
-    `along` is the quantity that varies within a curve, and for each value of which a static model
-    has a single output. If curves have several outputs at one value, a column says by how much
-    these differ.
+    `along` is the quantity that varies within a curve. A static model has a single output for each
+    value of `along`. If measured curves have several outputs at one value, a column gives the error
+    of the best single-valued function through each curve.
     """
     level = f"level [{dataset.unit(dataset.level)}] .6g" if dataset.level else "level"
     columns = ["curve", level, "train", "validate", "recordings"]
@@ -97,8 +97,8 @@ def levels_table(dataset: Dataset, along: str | None = None, whole: Dataset | No
 
 
 def _single_valued(dataset: Dataset, along: str | None) -> list[float]:
-    """Return for each level the error of its best single-valued curve as a fraction of the largest
-    target; empty if none is worth mentioning.
+    """Return the error of the best single-valued function through each curve, as a fraction of the
+    largest target. The list is empty if all these errors are small.
     """
     if along is None or dataset.level is None or along == dataset.level:
         return []
@@ -189,8 +189,9 @@ def _term_rows(segment: SegmentFit) -> Iterator[Cells]:
 def coefficient_rows(
     fit: FitResult, model: Model | None = None
 ) -> Iterator[tuple[SegmentFit, dict[str, Any]]]:
-    """Yield each segment, or the model with memory, with a row for each of its terms: the row of
-    `Selection.table`, and half the `width` of the 95 % interval of the coefficient.
+    """Yield a row for each term of each segment, or of the model with memory. A row comes with its
+    segment; it is the row of `Selection.table`, with half the width of the 95 % interval of the
+    coefficient under `width`.
 
     If a `model` that keeps a shape is given, its coefficients replace the coefficients of the fit.
     """

@@ -53,8 +53,8 @@ def is_special(path: Path) -> bool:
 
 def _is_of_system(path: Path) -> bool:
     """Return True if a path has a name in `/dev`, `/dev/fd` or `/proc`, for example `/dev/stdout`.
-    Data are written into it even if it is a file or a link to one, because another program holds it
-    open.
+    Such a path may be a regular file, or a link to one, that another program holds open. Data are
+    therefore written into this file, and it is not replaced.
 
     A file in a folder of `/dev`, for example `/dev/shm`, is an ordinary file.
     """
@@ -118,7 +118,7 @@ def unfinished_beside(path: Path, folder: bool = False) -> Iterator[Path]:
         handle = _locked(unfinished)
         if unfinished.exists():
             break
-        # another process removed it before it was locked, because it looked abandoned
+        # another process took the file for abandoned, and removed it before it was locked
         _let_go(handle)
     try:
         yield unfinished
@@ -190,8 +190,9 @@ def replacing(path: Path) -> Iterator[BufferedRandom]:
     """Open a file that replaces `path` when the block ends without error: the new file is written
     beside `path`, flushed to the disk, and moved over it.
 
-    In an unfinished folder, it is written directly and not flushed, because `sync_tree` flushes the
-    whole folder before it is moved. Raises WriteError if `path` is a link or a special file.
+    In an unfinished folder, the file is written directly and not flushed, because `sync_tree`
+    flushes the whole folder before the folder is moved. Raises WriteError if `path` is a link or a
+    special file.
     """
     refuse_irregular(path)
     alone = not any(UNFINISHED.fullmatch(part) for part in path.parent.parts)

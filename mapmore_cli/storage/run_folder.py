@@ -237,8 +237,8 @@ def stage_folder(run_dir: Path, stage: str) -> Iterator[Path]:
 
 def make_way(run_dir: Path, name: str, known: Mapping[str, Stamp]) -> list[str]:
     """Move a file to the trash before a new file takes its place, unless the record `known` lists
-    it and it is unchanged. Return its path if it was moved. Raises WriteError as `refuse_irregular`
-    does.
+    the file and it is unchanged. Return a list with the `name` of the file if it was moved,
+    otherwise an empty list. Raises WriteError as `refuse_irregular` does.
     """
     refuse_irregular(run_dir / name)
     if not (run_dir / name).is_file() or is_as_written(run_dir / name, known.get(name)):

@@ -187,8 +187,8 @@ def _document(text: str) -> Any:
 
 
 def stale_stages(records: Mapping[str, StageRecord]) -> dict[str, str]:
-    """Return each stage whose results were made from old results of an earlier stage, with the name
-    of the earlier stage, which was repeated since.
+    """Return each stage that used results of an earlier stage which was repeated later, with the
+    name of that earlier stage.
     """
     reasons: dict[str, str] = {}
     done = [name for name in STAGES if name in records]

@@ -89,7 +89,7 @@ def write_seal(run_dir: Path, sealed: Sealed) -> None:
 
 
 def read_seal(run_dir: Path) -> Sealed | None:
-    """Return the seal of a run, or None if it has none or its seal file was changed."""
+    """Return the seal of a run; None if the run has no seal, or if the seal file was changed."""
     try:
         digest, _, body = content_of(run_dir / SEAL).partition(b"\n")
     except OSError:

@@ -74,8 +74,8 @@ class Entry:
     """A spec to run, with overrides as on the command line; `campaign` is the file that lists it,
     or None.
 
-    `called` is the name of the run, or the name of its spec if the run has none. If another run of
-    the campaign has the same name, the folder is added.
+    `called` is the name of the run, or the name of its spec if the run has none. If several runs of
+    the campaign have this name, `called` is the path of the spec instead.
     """
 
     config: Path

@@ -101,7 +101,7 @@ class Context:
     """
 
     folder: Path
-    # units of the quantities for which the spec gives one
+    # units that the spec gives, by quantity
     units: Mapping[str, str] = field(default_factory=dict)
     quantities: frozenset[str] = frozenset(CANONICAL)
     target: str = "force"  # the quantity that is modelled
@@ -180,13 +180,13 @@ class Place:
 
     @property
     def key(self) -> str:
-        """The nearest key of the spec above the number."""
+        """Name of the key of the spec whose value is, or contains, the number."""
         return next(str(step) for step in reversed(self.text.way) if isinstance(step, str))
 
     @property
     def quantity(self) -> str | None:
-        """The nearest key that is a quantity, for example `pressure` in `set: {pressure: 2
-        bar}`.
+        """Name of the innermost key around the number that is a quantity, for example `pressure` in
+        `set: {pressure: 2 bar}`; None if there is none.
         """
         for step in map(str, reversed(self.text.way)):
             base = step.removesuffix("_rate").removeprefix("step_")

@@ -225,7 +225,7 @@ def _further_mistakes(
         misspelt = [(loc, meant[-1]) for loc, meant in parts if meant not in (None, loc)]
         for loc, key in misspelt:
             root = renamed(root, loc, key)
-        # a section that lacks its key is complete once the key is spelt correctly
+        # after a key was corrected, nothing is removed yet, because its section may be complete now
         for loc, meant in () if misspelt else parts:
             if meant is not None and _echoes(meant):
                 return below
@@ -273,7 +273,7 @@ def questions_in(text: str) -> tuple[str, ...]:
     for match in _QUESTION.finditer(text) if "CHECK" in text else ():
         words = [match["text"]]
         start = text.rfind("\n", 0, match.start()) + 1
-        key = _KEY.search(text, start)  # key of the same line, or of the line below the comment
+        key = _KEY.search(text, start)  # key on the line of the comment or below it
         # a comment above the line of its key may have several lines
         if not text[start : match.start()].strip():
             below = text[match.end() + 1 :].splitlines()

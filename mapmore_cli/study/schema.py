@@ -122,8 +122,8 @@ def json_schema() -> JsonSchemaValue:
 
 
 def write_schema_beside(spec: Path) -> Path | None:
-    """Write the schema file that the first line of a spec names, and return its path; return None
-    if it exists.
+    """Write the schema file that the first line of a spec names, and return its path. If the file
+    exists already, write nothing and return None.
     """
     path = spec.with_name(SCHEMA)
     if path.exists():

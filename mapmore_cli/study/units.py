@@ -310,7 +310,7 @@ def unit_of(text: str, like: str | None = None) -> str | None:
     whole = _spelt(text)
     bracket = _BRACKETS.search(whole)
     word = _spelt(bracket[1]) if bracket else whole
-    # a single letter keeps its case without `like`, because `s` and `S` are different units
+    # without `like`, the case of a single letter matters: `s` and `S` are different units
     unit = _ANY_CASE.get(word.casefold(), word) if like is not None or len(word) > 1 else word
     factors = [factor.partition("^")[0] for factor in re.split(r"[*/]", unit)]
     if (unit not in _KNOWN and not _KNOWN.issuperset(factors)) or unit.casefold() == "n/a":

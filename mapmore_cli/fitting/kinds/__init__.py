@@ -80,7 +80,7 @@ class FitsSums(Protocol):
     def fit_sum(
         self, name: str, summands: Sequence[Summand], dataset: Dataset, method: str | None
     ) -> tuple[FormulaFit, Model]:
-        """Fit all summands together. Return the fit, and the sum as a model with this name."""
+        """Fit all summands together. Return the fit, and the sum as a model called `name`."""
 
 
 @runtime_checkable

@@ -1,4 +1,4 @@
-"""Draw errors in bands of the measured value, which show how good a model is at small values."""
+"""Draw errors in bands of the measured value, to show how good a model is at small values."""
 
 from __future__ import annotations
 

@@ -139,7 +139,7 @@ def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:
 
 @cache
 def _modules() -> dict[str, ModuleType]:
-    """Return the modules that draw figures, by name, and the modules that these share."""
+    """Return all modules of figures by name: those that draw, and those that they import."""
     assert __package__ is not None
     return {part.name: part.value for part in plugins.parts("figures", ModuleType, __package__)}
 

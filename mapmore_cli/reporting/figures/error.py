@@ -1,4 +1,4 @@
-"""Draw errors over the measured value, which shows where in the range a model fails."""
+"""Draw errors over the measured value, to show where in the range a model fails."""
 
 from __future__ import annotations
 

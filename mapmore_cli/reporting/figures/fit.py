@@ -321,7 +321,7 @@ def loop_figures(inputs: ReportInputs) -> list[Drawing]:
 
 
 def _loops(inputs: ReportInputs, number: int, styles: Mapping[str, ModelStyle]) -> Iterator[Panel]:
-    """Yield a panel for each model. Each run of held-out samples is a separate path."""
+    """Yield a panel for each model. Consecutive held-out samples are joined by a line."""
     curve, along, target = inputs.dataset.curves[number], inputs.in_curve, inputs.target
     x, measured = (curve.columns[name] for name in (along.name, inputs.dataset.target))
     held = [rows[curve.held_out[rows]] for rows in curve.logs]

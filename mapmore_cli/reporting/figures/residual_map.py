@@ -1,4 +1,4 @@
-"""Draw the errors of the model over two inputs, which shows where it is too high and too low."""
+"""Draw the errors of the model over two inputs, to show where the output is too high or too low."""
 
 from __future__ import annotations
 

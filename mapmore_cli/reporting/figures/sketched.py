@@ -83,8 +83,8 @@ def _sketched(drawing: Drawing, style: FigureStyle) -> RenderedFigure:
 def _legend(
     entries: Sequence[tuple[str, float]], width: float, style: FigureStyle
 ) -> tuple[str, float]:
-    """Return the entries of a legend, line by line in a figure of this `width` in inches, and the
-    height of the lines in points.
+    """Return the entries of a legend, and the height of the legend in points. A new line begins
+    if an entry does not fit into the `width` of the figure, in inches.
     """
     parts, x, y, line = [], 0.0, 0.0, 1.4 * (style.size - 1)
     for inside, wide in entries:

@@ -1,4 +1,4 @@
-"""Draw a model of two inputs as contours, with the samples in the same colours."""
+"""Draw a model of two inputs as coloured contours, and samples in the colours of their values."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ def left_unexplained(fit: SegmentFit) -> tuple[Array, Array]:
 
 
 def whole_curves(fits: Sequence[SegmentFit], most: int) -> list[SegmentFit]:
-    """Return the segments of evenly spread curves, about `most` of them in all."""
+    """Return all segments of evenly spread curves. The number of segments is about `most`."""
     curves = list(dict.fromkeys(fit.curve for fit in fits))
     if len(fits) <= most:
         return list(fits)

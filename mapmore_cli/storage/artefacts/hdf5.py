@@ -95,9 +95,10 @@ def put_arrays(file: h5py.File, arrays: Sequence[Waiting], digest: Digest) -> No
     """Store arrays and add them to a checksum. A long array that occurs twice, for example as a
     column of a recording and of its curve, is stored once and linked.
 
-    Short arrays of the members of lists share a dataset, because writing a separate one for each
-    would take longer than everything else. Their references in the document are changed
-    accordingly. An array whose type or unit differs from the first gets its own dataset.
+    Short arrays of the members of lists share a dataset, because writing a separate dataset for
+    each would take longer than everything else. The references to these arrays in the document are
+    changed accordingly. A short array gets its own dataset if its type or unit differs from that of
+    the first array in the shared one.
     """
     datasets: dict[str, list[Waiting]] = {}
     once: dict[tuple[int, str], str] = {}

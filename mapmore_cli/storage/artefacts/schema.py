@@ -184,8 +184,9 @@ def hints_of_members(hint: Hint, count: int) -> Sequence[Any]:
 
 
 def units_of(record: object) -> Units:
-    """Return the units of the quantities that an object contains. The keys are names: the unit of a
-    field may be given as a name in brackets, for example `[target]`, which `resolved` replaces.
+    """Return the units of the quantities that an object contains, by name. The function `resolved`
+    needs these units, because a field may have the name of a quantity in brackets in place of its
+    unit, for example `[target]`.
     """
     match record:
         case Dataset():

@@ -128,7 +128,9 @@ def _parse(lines: Lines, raw: BufferedReader, request: TableRequest) -> RawTable
 
 
 def _records_of(lines: Lines, request: TableRequest) -> tuple[Iterator[Numbered], str | None]:
-    """Return the records after the skipped rows, and the delimiter; None for runs of blanks."""
+    """Return the records after the skipped rows, and the delimiter, which is None if runs of blanks
+    separate the fields.
+    """
     deque(islice(lines, request.skip_rows), maxlen=0)
     delimiter = _delimiter_of(request)
     return _records(lines, delimiter, request), delimiter
@@ -143,8 +145,8 @@ def _delimiter_of(request: TableRequest) -> str | None:
 def _begin(
     lines: Lines, request: TableRequest
 ) -> tuple[Layout, list[Numbered], Iterator[Numbered]]:
-    """Return the layout of the table, a list that contains the first record if this is no header,
-    and an iterator over the records that follow.
+    """Return the layout of the table, a list, and an iterator over the records that follow. The
+    list contains the first record if this record is no header; otherwise it is empty.
     """
     records, split_at = _records_of(lines, request)
     first = next((record for record in records if record[1]), None)
@@ -213,7 +215,7 @@ def _records(lines: Lines, delimiter: str | None, request: TableRequest) -> Iter
 
 
 def _without_comments(lines: Iterable[str], mark: str | None) -> Iterable[str]:
-    """Return the lines with a blank line instead of each comment, which begins with `mark`."""
+    """Return the lines, with a blank line in place of each line that is a comment."""
     if mark is None:
         return lines
     return ("\n" if line.lstrip().startswith(mark) else line for line in lines)

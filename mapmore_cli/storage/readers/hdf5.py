@@ -110,8 +110,8 @@ def _below(group: h5py.Group, name: str) -> Member:
     return _member(node)
 
 
-# largest size of an attribute that is read, and the size of a reference to a text, in bytes
 LONGEST, REFERENCE = 4096, 16
+"""Largest size of an attribute that is read, and size of a reference to a text, both in bytes."""
 UNIT = ("units", "unit", "Units", "Unit")
 UNSIGNED, MISSING = "_Unsigned", ("_FillValue", "missing_value")
 LIMITS = ("valid_range", "valid_min", "valid_max")
@@ -149,7 +149,8 @@ def _meant(stored: Values, said: Mapping[str, Any]) -> Array:
         }
     factor, offset = said.get("scale_factor", [1.0])[0], said.get("add_offset", [0.0])[0]
     numbers = stored.astype(np.float64) * factor + offset
-    # netCDF's limits of valid values are stored values; float limits of integers are scaled values
+    # Limits of valid values are compared with the stored values, as netCDF prescribes.
+    # But if the stored values are integers and a limit is a float, the scaled values are compared.
     limits = [said[key] for key in LIMITS if key in said]
     as_meant = kind != "f" and any(limit.dtype.kind == "f" for limit in limits)
     limited = numbers if as_meant else stored

@@ -1,5 +1,5 @@
 """Read archives of NumPy arrays (.npz). An array is addressed by its name, and a field of a
-structured array as its member.
+structured array as a member of this array.
 """
 
 from __future__ import annotations

@@ -87,7 +87,7 @@ def _channel(channel: Any, size: int) -> Member:
 
 
 def _waveform(properties: Mapping[str, Any]) -> Noted:
-    """Return the unit and the times that LabVIEW stored about a waveform."""
+    """Return what LabVIEW stored about a waveform: the unit, the time step and the start."""
     start = properties.get("wf_start_time", np.datetime64(0, "s"))
     began = float(as_numbers(start, "wf_start_time", CellReader(clock=True)))
     return Noted(

@@ -86,7 +86,7 @@ class TableRequest:
     def cells(self, column: SourceColumn) -> CellReader:
         """Return the reader of the cells of a column."""
         thousands = self.thousands_of.get(column, self.thousands)
-        # if the point separates thousands in a column, the comma is its decimal mark, or vice versa
+        # if one of point and comma separates thousands, the other is the decimal mark
         other = "," if thousands == "." else "."
         return CellReader(
             self.missing,
@@ -140,8 +140,8 @@ class Cut:
 
 @dataclass(frozen=True)
 class OpenEnd:
-    """The cells of the last lines of a text whose last line, number `row`, has no line end; and the
-    decimal separator of the text.
+    """End of a text whose last line has no line end. `row` is the number of this line, `rows` are
+    the cells of the last lines, and `decimal` is the decimal separator of the text.
     """
 
     row: int

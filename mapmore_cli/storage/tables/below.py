@@ -33,13 +33,14 @@ class Below:
 
     @property
     def begin(self) -> int:
-        """The number of the first line of the table, which may have no rows."""
+        """The number of the first line of the table, also if the table has no rows."""
         return (self.header or self.rows)[0][0]
 
 
 def tables_below(rows: Iterable[Row], header: int, is_number: Callable[[Any], bool]) -> list[Below]:
-    """Return the tables in `rows`, which contain no blank rows, from the top to the bottom. Tables
-    that stand side by side follow each other from the left to the right.
+    """Return the tables in `rows` from the top to the bottom. Tables that stand side by side follow
+    each other from the left to the right. `rows` contains no blank lines; the numbers of the rows
+    show where the file has one.
 
     A table has `header` lines of words directly above its numbers. It ends at a line without
     numbers. If tables have no header lines, there are two further ends: a blank line, and the
@@ -87,7 +88,7 @@ def _without_head(tables: Sequence[Below]) -> list[Below]:
     """
     later = [len(one.above) for one in tables if one.begin > tables[0].begin]
     lines = max(later, default=0)
-    # no later table has more lines than `lines`, so only the first tables change
+    # no later table has more than `lines` lines of words, so only the first tables lose some
     return [replace(one, above=one.above[-lines:]) for one in tables] if lines else [*tables]
 
 
@@ -106,8 +107,8 @@ def _is_next(rows: Sequence[Row], row: Row) -> bool:
 def _side_by_side(above: Sequence[Row], header: Sequence[Row], rows: Sequence[Row]) -> list[Below]:
     """Return the tables that stand side by side; a single one unless the header lines repeat.
 
-    A line above the header that has words over every table belongs to their titles. All tables get
-    the header lines of the first, because a spec names the same columns for all of them.
+    A line above the header that has words over every table belongs to the titles of the tables. All
+    tables get the header lines of the first, because a spec names the same columns for all of them.
     """
     blocks = _repeated_columns([cells for _, cells in header])
     if not blocks:

@@ -162,7 +162,7 @@ class CellReader:
     - `clock`: True for the column of the time; `format`: format of its stamps for `strptime`.
     - `second`: one second in the unit of the column.
     - `usual`: default remedy.
-    - `form`: form of the stamps read so far; all must have the same.
+    - `form`: form of the stamps read so far; all stamps of a column must have the same form.
     - `texts`: for a column of texts, the number of each text that was read so far.
     """
 
@@ -188,8 +188,8 @@ class CellReader:
         return self.texts is not None or is_stamped
 
     def __call__(self, cell: object) -> float:
-        """Return the number in the cell, or the number of its time stamp or of its text; NaN if it
-        is missing. Raises NotANumber for any other cell.
+        """Return the number in the cell, or the number that stands for its time stamp or its text;
+        NaN for a missing value. Raises NotANumber for any other cell.
         """
         if isinstance(cell, Lacking):
             if self.texts is not None and not cell.text:

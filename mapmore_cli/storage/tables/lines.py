@@ -173,7 +173,7 @@ class Lines(Iterator[str]):
     def last_lines(self) -> list[str]:
         """Return the last lines that were consumed, at most `LAST_LINES`."""
         text = self._held[: self._at]
-        # the first of the lines that were kept may be the rest of a line
+        # the first line in the buffer may lack its beginning
         lines = text.splitlines()[0 if len(text) == self.taken else 1 :]
         return [line.decode("utf-8", TEXT_ERRORS) for line in lines[-LAST_LINES:]]
 

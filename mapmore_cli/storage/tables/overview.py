@@ -140,9 +140,9 @@ def _places(top: Member, separator: str) -> list[Place]:
 
 
 def _title_of(here: Member, name: str, variable: str) -> str:
-    """Return the name of a member. The data of a signal get the text that stands beside them as
-    `name` or `label`. The values of a signal that Simulink logged get its label, or otherwise the
-    name of its block or variable.
+    """Return the name of a member. For the data of a signal, this is the text in the member `name`
+    or `label` beside them, if there is one. For the values of a signal that Simulink logged, it is
+    the label of the signal, or otherwise the name of its block or variable.
     """
     if name == "values" and "dimensions" in here.names:
         block = _text(here, "blockName").rpartition("/")[2]
@@ -193,7 +193,7 @@ def _first_recording(here: Member) -> Member | None:
     """Return the first element of an array, or the first of at least two groups with the same
     member names.
 
-    Single values, and groups that have none of these names, may stand beside these groups.
+    Beside these groups, there may be single values, and groups without any of these member names.
     Simulink's structs with time are no recordings, because they are signals of one recording.
     """
     if not here.count or not here.names:

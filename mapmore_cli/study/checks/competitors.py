@@ -50,7 +50,7 @@ def unknown_formula(
     spec: ExperimentSpec, name: str | None, loc: Loc, others: Sequence[str] = ()
 ) -> Iterator[Finding]:
     """Yield a finding if no formula has the given name."""
-    # a faulty own formula is reported at its definition
+    # faults of a formula that the spec itself defines are reported at its definition
     if name is not None and name not in spec.own_formulas:
         known = (*literature.names(), *spec.own_formulas, *others)
         yield Finding(loc, f"there is no literature model `{name}`", did_you_mean(name, known))

@@ -15,8 +15,8 @@ from mapmore_cli.study.tree import Loc
 
 
 def segmented(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check that each segmented quantity can be cut as the spec says, and that no level is the
-    target.
+    """Check that each segmented quantity can be cut as the spec says, and that the level quantity
+    is not the target.
     """
     level = spec.data.levels.of if spec.data.levels else None
     has_terms = spec.model.type == "mapmore" and bool(spec.dictionary)

@@ -78,8 +78,8 @@ def _about_numbers(operator: Operator, shape: tuple[Any, ...]) -> Iterator[str]:
 
 
 def _number_fields(operator: Operator) -> dict[str, Any]:
-    """Return the fields of a section by which a spec gives the values of an operator's only
-    parameter.
+    """Return the fields in which the section of an operator has the values of its parameter. The
+    operator must have exactly one parameter.
     """
     (one,) = operator.parameters
     bounds = Field(gt=one.above) if one.below == float("inf") else Field(gt=one.above, lt=one.below)
@@ -176,8 +176,8 @@ class Spline(AlongRange):
 
     @property
     def functions(self) -> list[str]:
-        """Powers of the input, and cubed distances from the knots, which are better conditioned
-        than truncated powers.
+        """Powers of the input, and cubed distances from the knots. A fit with these distances is
+        better conditioned than a fit with truncated powers.
         """
         places = [round(place / (self.knots + 1), 4) for place in range(1, self.knots + 1)]
         return [
