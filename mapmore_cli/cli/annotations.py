@@ -28,7 +28,8 @@ def annotate(kind: Kind, text: str) -> None:
 
 
 def workflow_commands(kind: Kind, text: str) -> Iterator[str]:
-    """Yield a workflow command for each mistake of a message, with the indented lines below it.
+    """Yield a command of GitHub Actions (an annotation) for each mistake in a message. The indented
+    lines below a mistake belong to the mistake.
 
     A mistake that begins with a position in an existing file (`spec.yaml:17:3`, `a.csv:row 17`)
     gets the properties `file`, `line` and `col`. Paths are relative to the root of the checkout,

@@ -247,7 +247,7 @@ def residuals(
         raise SpecError(
             "validate.intervals: a sum of models needs at least three levels or recordings "
             "that can be left out in turn, and there are fewer",
-            "remove `intervals`, or compute the intervals of each added model",
+            "remove `intervals` here, or set it in the spec of each run that is part of the sum",
         )
     y = np.concatenate([curve.columns[dataset.target][curve.training] for curve in dataset.curves])
     errors: dict[str, list[Array]] = {}

@@ -206,7 +206,7 @@ def test_tables_below_each_other_are_recordings(tmp_path, mark):
     dataset = dataset_of(draft, tmp_path)
     assert [one.rows_kept for one in dataset.recordings] == [20] * 4
     draft = draft.with_data("files", [{"path": "tables.csv", "table": 9, "set": {"distance": 0}}])
-    with pytest.raises(DataError, match="there is no table 9: the file has 5, with 1 header"):
+    with pytest.raises(DataError, match="there is no table 9: with `header: 1`, 5 tables"):
         dataset_of(draft.without_data("levels").without_data("split"), tmp_path)
 
 

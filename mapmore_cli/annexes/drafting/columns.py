@@ -304,9 +304,9 @@ def find(table: Table, wanted: Column, option: str, texts: bool = False) -> Titl
     )
     if texts and empty is not None:
         raise UsageError(
-            f"{option}: {empty.called} has neither numbers nor texts that occur in several rows",
-            "write the text into every row to which it belongs; empty cells take the text above "
-            "them only if the first row of the table contains a text",
+            f"{option}: {empty.called} has no numbers, and no text of it stands in several rows",
+            "fill the empty cells: write each text into every row that it describes (`init` does "
+            "so itself only if the first row of the table has a text)",
         )
     if len(near) != 1:
         kind = "" if texts else " of numbers"

@@ -79,7 +79,8 @@ def find_held(
         return None
     if asked not in (None, *inputs):
         raise UsageError(
-            f"--hold: no input is called {asked}", f"name one of {', '.join(inputs)}, or none"
+            f"--hold: no input is called {asked}",
+            f"name one of {', '.join(inputs)}, or write `--hold none`",
         )
     levels = {
         name: values for name in inputs if (values := own_levels(recordings, name, conditions))

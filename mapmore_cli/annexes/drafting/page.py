@@ -47,8 +47,8 @@ def draft_page(draft: Draft) -> str:
 
 
 def drawing(up: Sequence[Array], across: Sequence[Array] | None = None) -> Markup:
-    """Return a small drawing (SVG) of a column of all recordings: over the samples of another
-    column, `across`, or over the number of the sample.
+    """Return a small drawing (SVG) of one column, with all recordings one after the other. The
+    horizontal axis is the column `across`, or the number of the sample if `across` is None.
     """
     from markupsafe import Markup
 

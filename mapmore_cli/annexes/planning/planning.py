@@ -42,9 +42,10 @@ def plan(
     used. `until` is the wanted half width, in per cent of the largest |target| (`2%`) or in the
     target's unit; `prices` holds the cost of a change of each quantity.
 
-    Raises SpecError for a model that runs over time, and a sum of other runs; DataError if there is
-    too little to plan with (a single level, or a single place); UsageError if `until` is malformed
-    or the plan is for levels, or if a price is given for a quantity that the plan does not choose.
+    Raises SpecError for a model that runs over time and for a sum of other runs. Raises DataError
+    if there is too little to plan with (a single level, or a single place). Raises UsageError if
+    `until` is malformed, if `until` is given although the plan is for levels, or if there is a
+    price for a quantity that the plan does not choose.
     """
     searched = loaded.spec.model.type == "auto"
     if not searched:

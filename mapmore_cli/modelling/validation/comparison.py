@@ -219,13 +219,13 @@ def compare(before: Model, after: Model, margin: float = MARGIN) -> Comparison:
 def _of_interpolation(
     before: Model, after: Model, curves: Sequence[CurveChange], shares: Array
 ) -> float:
-    """Return the part of the uncertainty of the factor between both models that is due to
-    interpolation between levels. It is computed from the models' intervals (`validate.intervals`).
+    """Return how uncertain the factor between both models is because curves were interpolated
+    between levels. This uncertainty is computed from the models' intervals (`validate.intervals`).
 
-    This part is `1.96 sqrt(sum(share^2 u^2))`, where u is the standard deviation of a model
-    between its levels, divided by the root mean square of the output of `before`. It is 0 if no
-    curve is interpolated or no model has intervals, and infinite if the intervals of a model cannot
-    be computed.
+    It is `1.96 sqrt(sum(share^2 u^2))`. Here, `share` is the weight of a curve in the factor, and u
+    is the standard deviation of a model between its levels, divided by the root mean square of the
+    output of `before`. The uncertainty is 0 if no curve is interpolated or no model has intervals,
+    and infinite if the intervals of a model cannot be computed.
     """
     squares = 0.0
     for curve, share in zip(curves, shares, strict=True):

@@ -73,7 +73,8 @@ FEW: Mapping[int, float] = {3: 5.06, 4: 4.03, 5: 3.23}
 five.
 """
 
-LEAST = 1e-3  # smallest error with which the rule computes, as a fraction of the largest |target|
+# errors of left-out parts below this fraction of the largest |target| are raised to it
+LEAST = 1e-3
 # quantile of the normal distribution for which the constants in `FEW` were computed
 NORMAL = 1.959964
 # a sample counts as at a level if it is closer than this fraction of the gap between levels

@@ -210,7 +210,7 @@ def key(label: str, **look: Any) -> Key:
 
 
 def heading(quantity: Quantity) -> str:
-    """Return the heading of a quantity's column in the numbers of a panel."""
+    """Return the heading of a quantity's column in the table of the numbers that a panel shows."""
     return f"{quantity.name} [{quantity.unit}]"
 
 

@@ -163,8 +163,8 @@ def chosen_table(
     if request.table > len(tables):
         raise DataError(
             (
-                f"{request.label}: there is no table {request.table}: the file has {len(tables)}, "
-                f"with {request.header} header lines each"
+                f"{request.label}: there is no table {request.table}: with `header: "
+                f"{request.header}`, {len(tables)} tables were found in the file"
             ),
             "correct `table` or `header`",
         )

@@ -410,7 +410,7 @@ def _step_into(here: Member, step: str | Selection, address: str, label: str) ->
     if index >= here.count:
         raise DataError(
             f"{label}: there is no element {index} on the way to '{address}'",
-            f"Elements count from 0 to {here.count - 1}.",
+            f"Elements are numbered from 0 to {here.count - 1}.",
         )
     return here.element(index)
 
