@@ -459,3 +459,9 @@ def test_a_fault_of_a_file_is_named_in_few_words(written):
     ) as caught:
         artefacts.read_dataset(path)
     assert len(str(caught.value)) < len(str(path)) + 400
+
+
+def test_a_folder_in_place_of_a_model_names_the_file_that_is_meant(tmp_path):
+    with pytest.raises(DataError, match="is a folder") as caught:
+        artefacts.read_model(tmp_path)
+    assert "runs/NAME/model.h5" in caught.value.remedy

@@ -296,8 +296,9 @@ def _opened_file(path: Path) -> Iterator[tuple[h5py.File, str, str]]:
     invalid contents, and for a file that mapmore did not write.
     """
     if not path.is_file():
-        fault = "is a folder or a special file, not a file" if path.exists() else "no such file"
-        raise DataError(f"{path}: {fault}", "`mapmore run CONFIG` makes it")
+        if path.exists():
+            raise DataError(f"{path}: is a folder or a special file, not a file", _GIVE_OURS)
+        raise DataError(f"{path}: no such file", "`mapmore run CONFIG` makes it")
     note_read([path])
     try:
         file = h5py.File(path, "r")
