@@ -162,8 +162,15 @@ def test_effects_do_not_depend_on_held_out_outputs_and_move_with_the_target():
     assert sum(equal.values()) == pytest.approx(0, abs=1e-9)
 
 
-@pytest.mark.parametrize(("target", "factor"), [("static", 1.0), ("hysteresis", 1.02)])
-def test_groups_are_not_compared_at_equal_outputs(tmp_path, mapmore, target, factor):
+@pytest.mark.parametrize(
+    ("target", "factor", "derived"),
+    [
+        ("static", 1.0, {}),
+        ("hysteresis", 1.02, {}),
+        ("static", 1.02, {"half": "0.5*force", "part": "half + 30*sin(20*strain)"}),
+    ],
+)
+def test_groups_are_not_compared_at_equal_outputs(tmp_path, mapmore, target, factor, derived):
     """The hysteresis of a cycle is computed from the force, so it has the gain of its group. Both
     campaigns of the example measured one simulated muscle; the forces of the second are scaled.
     """
@@ -178,7 +185,9 @@ def test_groups_are_not_compared_at_equal_outputs(tmp_path, mapmore, target, fac
         both,
         "extends: study.yaml",
         f"target: {target}",
+        f"units: {dict.fromkeys(derived, 'N')}",
         "data:",
+        f"  derive: {derived}",
         "  files:",
         "    - {path: load_cycle_*.csv, set: {session: 1}}",
         "    - {path: autumn/load_cycle_*.csv, set: {session: 2}}",
