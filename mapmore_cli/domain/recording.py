@@ -241,6 +241,10 @@ class Grouping:
     of: Annotated[QuantityName, "the quantity that distinguishes the groups"]
     offset: Annotated[bool, "whether offsets are subtracted"] = False
     gain: Annotated[bool, "whether the target is divided by gains"] = False
+    outputs: Annotated[
+        tuple[QuantityName, ...],
+        "outputs and quantities computed from them, at which groups are not compared",
+    ] = ()
 
 
 @dataclass(frozen=True)

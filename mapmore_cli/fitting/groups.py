@@ -97,9 +97,10 @@ def group_effects(curves: Sequence[Curve], groups: Grouping) -> GroupEffects:
     """Estimate the gain and the offset of each group on training samples: `y = gain_g p(x) + b_g`,
     with `sum_g b_g = 0` and `sum_g log gain_g = 0`.
 
-    `p` is a polynomial of order 3 of all quantities that vary within a group. This is an analysis
-    of covariance: groups are compared at equal inputs, so that a group that was measured at other
-    strains does not get an offset for that reason.
+    `p` is a polynomial of order 3 of all quantities that vary within a group, without
+    `groups.outputs`: the hysteresis, for example, is computed from the force and changes with its
+    gain. This is an analysis of covariance: groups are compared at equal inputs, so that a group
+    that was measured at other strains does not get an offset for that reason.
 
     The logarithm of a gain has a normal prior with mean zero and standard deviation `SPREAD`. The
     residuals are assumed to be as large as the residuals of a separate polynomial for each group.
@@ -111,7 +112,7 @@ def group_effects(curves: Sequence[Curve], groups: Grouping) -> GroupEffects:
         If inputs and groups are so correlated that an offset cannot be distinguished from the
         effect of the inputs.
     """
-    group, y, inputs = _training(curves, groups.of, groups.target)
+    group, y, inputs = _training(curves, groups)
     values, member = np.unique(group, return_inverse=True)
     names = [
         name for name in inputs if any(np.ptp(inputs[name][group == value]) > 0 for value in values)
@@ -189,25 +190,18 @@ class _GroupFit:
         return self.coded @ (least_squares(unlikely, start).x if start.size else start)
 
 
-def _training(
-    curves: Sequence[Curve], of: str, target: str
-) -> tuple[Array, Array, dict[str, Array]]:
-    """Return groups, target and all other measured quantities of training samples, (n,) each,
-    evenly thinned.
-    """
+def _training(curves: Sequence[Curve], groups: Grouping) -> tuple[Array, Array, dict[str, Array]]:
+    """Return groups, target and all inputs of training samples, (n,) each, evenly thinned."""
     uncertainties = {uncertainty_of(name) for name in curves[0].columns}
+    not_inputs = (uncertainties | {"time", *groups.outputs}) - {groups.target}
     columns = {
         name: even_share(np.concatenate([curve.columns[name][curve.training] for curve in curves]))
         for name in curves[0].columns
-        if name not in uncertainties
+        if name not in not_inputs
     }
     usable = np.logical_and.reduce([np.isfinite(values) for values in columns.values()])
     columns = {name: values[usable] for name, values in columns.items()}
-    return (
-        columns.pop(of),
-        columns.pop(target),
-        {name: values for name, values in columns.items() if name != "time"},
-    )
+    return columns.pop(groups.of), columns.pop(groups.target), columns
 
 
 def _polynomial(inputs: Sequence[Array], size: int) -> Array:

@@ -140,7 +140,10 @@ def build_dataset(
     notes += meant_levels(data.split.hold_out, levels)
     grouping = None
     if (groups := data.groups) is not None and groups.has_effects:
-        grouping = Grouping(target, groups.of, groups.offset, groups.gain)
+        measured = (slice_.measured, *slice_.also)
+        made = (*sorted(data.computed_from(*measured)), "hysteresis", STATIC_FORCE, DAMPING)
+        outputs = (*measured, *made)
+        grouping = Grouping(target, groups.of, groups.offset, groups.gain, outputs)
         curves, effects = without_effects(curves, grouping)
         notes += effects.describe(target, units[target])
     return Dataset(

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve, Grouping
 from mapmore_cli.fitting.groups import GroupEffects, _require_apart, group_effects
+from mapmore_cli.pipeline.example import write_example
 from mapmore_cli.storage.run_folder import RunFiles
 
 SPEC = """\
@@ -159,6 +160,55 @@ def test_effects_do_not_depend_on_held_out_outputs_and_move_with_the_target():
         )
     equal = effects(of_groups() / np.repeat([*GAINS.values()], 100), out, offset=True).offsets
     assert sum(equal.values()) == pytest.approx(0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("target", "factor", "derived"),
+    [
+        ("static", 1.0, {}),
+        ("hysteresis", 1.02, {}),
+        ("static", 1.02, {"half": "0.5*force", "part": "half + 30*sin(20*strain)"}),
+    ],
+)
+def test_groups_are_not_compared_at_equal_outputs(tmp_path, mapmore, target, factor, derived):
+    """The hysteresis of a cycle is computed from the force, so it has the gain of its group. Both
+    campaigns of the example measured one simulated muscle; the forces of the second are scaled.
+    """
+    spec, *_ = write_example(tmp_path / "muscle")
+    for log in sorted((tmp_path / "muscle" / "autumn").iterdir()):
+        title, *lines = log.read_text().splitlines()
+        samples = np.loadtxt(lines, delimiter=",")
+        samples[:, 3] *= factor
+        np.savetxt(log, samples, "%.6f", ",", header=title, comments="")
+    both = spec.with_name("both.yaml")
+    write_lines(
+        both,
+        "extends: study.yaml",
+        f"target: {target}",
+        f"units: {dict.fromkeys(derived, 'N')}",
+        "data:",
+        f"  derive: {derived}",
+        "  files:",
+        "    - {path: load_cycle_*.csv, set: {session: 1}}",
+        "    - {path: autumn/load_cycle_*.csv, set: {session: 2}}",
+        "  groups: {of: session, gain: true}",
+        "validate: null",
+        "report: null",
+    )
+    mapmore("ingest", both, "--runs", tmp_path / "runs", "-q", code=0)
+    notes = RunFiles(tmp_path / "runs" / "muscle").dataset().notes
+    (note,) = (each for each in notes if each.startswith("gains"))
+    first, second = (float(part.rpartition(": ")[2]) for part in note.split(", ")[-2:])
+    assert second / first == pytest.approx(factor, abs=0.003 if target == "static" else 0.01)
+
+
+def test_another_output_is_not_an_input_of_the_groups():
+    y, x = of_groups(0.1), np.random.default_rng(2).uniform(-1, 1, 300)
+    columns = {"x": x, "g": GROUP, "y": y}
+    out = np.zeros(300, dtype=bool)
+    curves = [Curve("all", None, each, out, ("a",)) for each in (columns, columns | {"z": 2 * y})]
+    alone = group_effects(curves[:1], Grouping("y", "g", gain=True))
+    assert group_effects(curves[1:], Grouping("y", "g", gain=True, outputs=("y", "z"))) == alone
 
 
 def test_what_goes_with_the_group_is_no_offset():

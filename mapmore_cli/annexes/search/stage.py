@@ -17,7 +17,6 @@ from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Search
 from mapmore_cli.fitting.kinds.choices import ModelChoices
 from mapmore_cli.fitting.stage import Stage, Workspace
-from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.storage.atomic import write_own
 from mapmore_cli.storage.run_folder import SEARCH, RunFiles
 from mapmore_cli.storage.run_record import load_records
@@ -57,15 +56,9 @@ def _kin(target: str, spec: ExperimentSpec) -> tuple[str, ...]:
     derived from the target, and, if the target is derived from a single quantity, this
     quantity.
     """
-    sources = {
-        name: {*parse(rule).names} if isinstance(rule, str) else {rule.source}
-        for name, rule in spec.data.derive.items()
-    }
-    made = {target}
-    while more := {name for name, of in sources.items() if of & made} - made:
-        made |= more
-    of = sources.get(target, ())
-    return (target, *sorted(made - {target}), *(sorted(of) if len(of) == 1 else ()))
+    of = spec.data.sources.get(target, ())
+    made = spec.data.computed_from(target)
+    return (target, *sorted(made), *(sorted(of) if len(of) == 1 else ()))
 
 
 def run_search(part: Slice, workspace: Workspace) -> None:

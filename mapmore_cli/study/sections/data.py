@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from mapmore_cli.domain.declared import Difference, Either, Seconds, of_sibling
+from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.study.fields import PathOrName, Quantity, Row, Section, SignedSeconds, Uncertainty
 from mapmore_cli.study.sections.logs import FileEntry, Join, Keep, Logs
 from mapmore_cli.study.sections.split import Apart, Groups, Split
@@ -273,3 +274,20 @@ class Data(Logs):
         )
         stepped = (STEP_PRESSURE,) if self.plateau is not None else ()
         return tuple(dict.fromkeys((*self.measured, *beside, *self.derive, *stepped)))
+
+    @property
+    def sources(self) -> dict[str, set[str]]:
+        """Quantities from which each derived quantity is computed, by its name."""
+        return {
+            name: {*parse(rule).names} if isinstance(rule, str) else {rule.source}
+            for name, rule in self.derive.items()
+        }
+
+    def computed_from(self, *names: str) -> set[str]:
+        """Return the derived quantities that are computed from any of `names`, also through other
+        derived quantities.
+        """
+        made = {*names}
+        while more := {name for name, of in self.sources.items() if of & made} - made:
+            made |= more
+        return made - {*names}
