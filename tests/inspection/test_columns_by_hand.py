@@ -554,7 +554,7 @@ def test_columns_are_found_by_name_place_title_then_a_word():
     empty = {**table, "day": column(title="day", place=4)}
     with pytest.raises(UsageError, match="no column of numbers is called day"):
         find(empty, "day", "--x")
-    with pytest.raises(UsageError, match="day has neither numbers nor texts"):
+    with pytest.raises(UsageError, match="day has no numbers, and no text"):
         find(empty, "day", "--x", texts=True)
     with pytest.raises(UsageError, match="no column is called y"):
         find(empty, "y", "--x", texts=True)

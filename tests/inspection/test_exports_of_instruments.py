@@ -100,7 +100,7 @@ def test_a_remark_in_a_row_names_no_recordings(tmp_path):
     lines = rows(P, X).splitlines()
     lines = [f"{'bubble' if at == 40 else ''},{line}" for at, line in enumerate(lines)]
     (tmp_path / "a.csv").write_text("\n".join(["Remark,P [kPa],x [mm]", *lines]))
-    with pytest.raises(UsageError, match="Remark has neither numbers nor texts"):
+    with pytest.raises(UsageError, match="Remark has no numbers, and no text"):
         drafted(tmp_path, answers=answers_of(target="x", inputs="P", recordings="Remark"))
 
 
