@@ -180,8 +180,8 @@ def figure(
     )
     if data is not None and curve is None:
         raise UsageError(
-            "--data writes the numbers of one panel, and no panel is named",
-            "name the panel with --curve",
+            "--data writes the numbers of one panel of the figure, and no panel is named",
+            "name its curve with --curve",
         )
     if chosen:
         refuse_foreign_file(out)

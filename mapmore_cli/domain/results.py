@@ -302,8 +302,8 @@ class Search:
 
     name: str
     target: str
-    left_out: str  # what each fold for `Tried.error` leaves out
-    parts: str  # what each fold for `Tried.parts` leaves out
+    left_out: str  # what the folds leave out from which `Tried.error` is computed
+    parts: str  # what the folds leave out from which `Tried.parts` is computed
     scale: float  # divisor of errors, in the unit of the target
     tried: tuple[Tried, ...]
     best: int  # index of the structure with the smallest error

@@ -119,7 +119,6 @@ def _fault(draft: Draft, folder: Path) -> SpecError | DataError | None:
     if "dictionary" in draft.spec or most >= FEWEST:
         return None
     return DataError(
-        f"no curve has more than {most} training samples, which are too few for the search for a "
-        "structure",
+        f"the search for a structure needs more training samples: the longest curve has {most}",
         "measure more, or name terms in a `dictionary` by hand",
     )

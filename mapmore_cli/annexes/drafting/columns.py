@@ -320,7 +320,7 @@ def find(table: Table, wanted: Column, option: str, texts: bool = False) -> Titl
 
 
 def listed(table: Table, but: Iterable[Column] = ()) -> dict[int, TitledColumn]:
-    """Return the columns whose values change, by the numbers that `init` prints beside them."""
+    """Return the columns whose values change. Their keys are the numbers that `init` prints."""
     return {one.place: one for one in table.values() if one.moves and one.column not in {*but}}
 
 

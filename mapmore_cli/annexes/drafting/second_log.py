@@ -24,8 +24,8 @@ BREAK = 5
 
 
 def second_of(study: Study, studies: Sequence[Study]) -> Study | None:
-    """Return the log with the pressure of the same tests: the only other layout in the folder whose
-    titles name the pressure and that has as many files as the study.
+    """Return the log with the pressure of the same tests. It is the only other layout in the folder
+    that has as many files as the study and a title that names the pressure.
 
     Return None if the study has its own pressure, or if several other layouts are possible.
     """

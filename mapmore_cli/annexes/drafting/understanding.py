@@ -22,10 +22,10 @@ from mapmore_cli.domain.errors import UsageError
 
 @dataclass(frozen=True)
 class Understood:
-    """Interpretation of a study. It says which columns are targets or inputs, and which columns are
-    left out. It says which quantities have their values in names of files. A quantity may
-    distinguish groups; it is a column, or a word in names. The columns in `apart` have values that
-    distinguish recordings.
+    """Interpretation of a study: the columns that are targets or inputs, the columns that are left
+    out, the quantities whose values stand in names of files, and the quantity that distinguishes
+    groups, which is a column or a word in names. The values of the columns in `apart` distinguish
+    recordings.
     """
 
     columns: Named

@@ -26,8 +26,8 @@ TOLERANCE = 1e-12
 
 
 def least_squares(problem: Problem, _recipe: MotionRecipe) -> Found:
-    """Return the parameters that Gauss-Newton iterations over the poles find. The iterations begin
-    at the best of the starting values that linear regressions give.
+    """Find the parameters by Gauss-Newton iterations over the poles. The iterations begin at the
+    best of the starting values that linear regressions give.
     """
     reach = problem.reach
     starts = (linear_start(problem.pieces, stride) for stride in STRIDES)

@@ -148,7 +148,7 @@ def onto_bounds(x: Array, bounds: tuple[Array, Array]) -> tuple[Array, list[int]
 
 
 AGREEMENT = 1e-6  # sums of squares with a smaller relative difference count as equal
-# other minima with up to this multiple of the smallest sum of squares are reported
+# another minimum is reported if its sum of squares is at most this multiple of the smallest one
 RIVAL = 1.25
 DISTINCT = 1e-3  # minima with a larger relative difference of sums of squares count as different
 

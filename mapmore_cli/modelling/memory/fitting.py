@@ -22,7 +22,7 @@ from mapmore_cli.modelling.selection import MemoryRecipe
 
 # The number of terms is chosen by free runs over this fraction of each piece, at its end.
 LATE = 0.25
-STARTS = 3  # number of sets of starting values of operator parameters that are refined
+STARTS = 3  # so many sets of starting values (of the operator parameters) are refined
 SHORT = 2048  # number of training samples on which the refined sets of starting values are compared
 
 DIVERGES = (

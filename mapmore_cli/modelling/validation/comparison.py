@@ -219,8 +219,8 @@ def compare(before: Model, after: Model, margin: float = MARGIN) -> Comparison:
 def _of_interpolation(
     before: Model, after: Model, curves: Sequence[CurveChange], shares: Array
 ) -> float:
-    """Return how uncertain the factor between both models is because curves were interpolated
-    between levels. This uncertainty is computed from the models' intervals (`validate.intervals`).
+    """Return the part of the uncertainty of the factor between both models that comes from the
+    interpolation between levels. It is computed from the models' intervals (`validate.intervals`).
 
     It is `1.96 sqrt(sum(share^2 u^2))`. Here, `share` is the weight of a curve in the factor, and u
     is the standard deviation of a model between its levels, divided by the root mean square of the
