@@ -43,7 +43,7 @@ LINES = """
 2  figure RUN fat -o x.pdf                   choose one of data, fit
 2  figure RUN fit -o x.docx                  choose .svg
 2  figure RUN fit --curve 201 -o x.pdf       pressure=200
-2  figure RUN fit -o x.svg --data x.csv      name the panel with --curve
+2  figure RUN fit -o x.svg --data x.csv      name its curve with --curve
 2  figure RUN fit -o x.svg --models plane,parrot  no model called 'parrot'
 2  figure RUN fit -o x.svg --set fit.max_terms=1  set a key of report.style
 3  figure RUN fit -o x.svg --set report.style.widht=80mm  did you mean `width`
