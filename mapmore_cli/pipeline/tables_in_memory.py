@@ -33,8 +33,9 @@ Entry = Column | Mapping[str, Any]
 
 
 def columns_in(frame: object, column: Column) -> list[Hashable]:
-    """Return the labels of a frame to which the `column` of a spec can refer. There is none if the
-    frame has no such column, and there are several if the reference is ambiguous.
+    """Return the labels of all columns of a frame to which the `column` of a spec can refer. If the
+    frame has no such column, the list is empty. If the reference is ambiguous, it has several
+    labels.
 
     A `column` refers to labels that are equal to it. If no label is equal, the text "2" refers to
     the label 2, because both are written alike. If no label is a number, a number is an index,

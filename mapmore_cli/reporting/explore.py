@@ -96,9 +96,7 @@ def explored(every: Sequence[ReportInputs]) -> Explored | None:
 
 
 def uncomputed_segments(model: Model) -> int:
-    """Return the number of segments of a model if the page cannot show so many; otherwise return
-    zero.
-    """
+    """Return the number of segments of a model that has too many for the page, or zero."""
     count = len(model.pieces.segments) if model.pieces else 0
     return count if count > MOST_SEGMENTS else 0
 

@@ -165,19 +165,20 @@ def note_chosen(folder: Path, names: Iterable[str]) -> None:
     """Note the contents of files whose names mapmore has chosen, so that it may replace them later
     (`refuse_foreign_file`). If the note is lost, these files are refused.
     """
-    known = {**_hashes_in(folder), **hashes_of(folder, names)}
-    hashes = {name: known[name] for name in sorted(known) if (folder / name).is_file()}
-    text = json.dumps(hashes, indent=1, ensure_ascii=False) + "\n"
+    hashes = {**_hashes_in(folder), **hashes_of(folder, names)}
+    text = json.dumps(hashes, indent=1, ensure_ascii=False, sort_keys=True) + "\n"
     if not holds(folder / WRITTEN, text.encode()):
         write_own(folder / WRITTEN, text)
 
 
 def _hashes_in(folder: Path) -> dict[str, str]:
-    """Return the hashes that `note_chosen` has noted, by name; empty if they cannot be read."""
-    with suppress(OSError, ValueError):
+    """Return the hashes that `note_chosen` has noted for the files of a folder, by name; empty if
+    the note cannot be read.
+    """
+    with suppress(OSError, ValueError, RecursionError):
         noted = json.loads(content_of(folder / WRITTEN))
         if isinstance(noted, dict):
-            return noted
+            return {path.name: noted[path.name] for path in folder.iterdir() if path.name in noted}
     return {}
 
 

@@ -136,7 +136,11 @@ def test_a_file_with_a_chosen_name_replaces_those_of_mapmore_alone(tmp_path):
     assert [(folder / "a.c").read_bytes() for folder in (place, moved)] == [b"2", b"3"]
 
 
-@pytest.mark.parametrize("left", [None, "", "[1]", "{", '{"a.c": 1}'])
+@pytest.mark.parametrize(
+    "left",
+    [None, "", "[1]", "{", '{"a.c": 1}', "[" * 100_000, f'{{"{"x" * 5000}": ""}}'],
+    ids=range(7),
+)
 def test_without_its_note_a_file_with_a_chosen_name_is_kept(tmp_path, left):
     write_chosen(tmp_path, {"a.c": b"1"})
     (tmp_path / WRITTEN).unlink() if left is None else (tmp_path / WRITTEN).write_text(left)

@@ -287,7 +287,7 @@ class Data(Logs):
         """Return the derived quantities that are computed from any of `names`, also through other
         derived quantities.
         """
-        made = {*names}
-        while more := {name for name, of in self.sources.items() if of & made} - made:
+        made, sources = {*names}, self.sources
+        while more := {name for name, of in sources.items() if of & made} - made:
             made |= more
         return made - {*names}
