@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from codecs import BOM_UTF8
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from shlex import quote
 
@@ -23,14 +23,15 @@ LARGEST = 50_000_000
 
 @dataclass(frozen=True)
 class Channel:
-    """A text with one column of numbers, or with a clock and one column.
+    """A text with one column of numbers, or with a clock and one column. Channels are equal if they
+    can stand in one table.
 
     - `has_title`: True if the first line holds titles instead of numbers.
     - `delimiter`: the mark between the clock and the column; empty if there is no clock.
     - `clock`: the cells of the clock; without a clock, an empty text for each row.
     """
 
-    path: Path
+    path: Path = field(compare=False)
     has_title: bool
     delimiter: str
     clock: tuple[str, ...]
@@ -43,13 +44,15 @@ def command_for_one_table(folder: Path) -> str | None:
     """
     if not folder.is_dir():
         return None
-    texts = [file for file in sorted(folder.iterdir()) if reader_of(file) is READERS["csv"]]
-    channels = [one for file in texts if (one := _channel_in(file)) is not None]
-    alike = {(one.has_title, one.delimiter, one.clock) for one in channels}
-    if len(channels) < max(2, len(texts)) or len(alike) != 1:
-        return None
-    ((has_title, delimiter, _),) = alike
-    if delimiter and not has_title:
+    channels = list[Channel]()
+    for file in sorted(folder.iterdir()):
+        if reader_of(file) is READERS["csv"]:
+            channel = _channel_in(file)
+            # a folder may have thousands of other texts, which need not be read
+            if channel is None or channel != next(iter(channels), channel):
+                return None
+            channels.append(channel)
+    if len(channels) < 2 or (channels[0].delimiter and not channels[0].has_title):
         return None
     return _pasted(channels, f"{folder.resolve().name}.csv")
 
