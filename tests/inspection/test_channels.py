@@ -47,7 +47,11 @@ def test_channels_become_one_table_by_the_command(has_title, delimiter, end, tmp
 
 
 @pytest.mark.parametrize(
-    "change", ["another clock", "shorter", "a second column", "words", "alone", "blank", "mark"]
+    "change",
+    [
+        *("another clock", "shorter", "a second column", "words", "alone", "blank", "mark"),
+        "a title of another file",
+    ],
 )
 def test_files_that_do_not_fit_get_no_such_command(change, tmp_path):
     written(tmp_path / "a", True, ",", "\n")
@@ -65,6 +69,7 @@ def test_files_that_do_not_fit_get_no_such_command(change, tmp_path):
             "alone": text,
             "blank": text.replace("0.50,", "\n0.50,"),
             "mark": f"\ufeff{text}",
+            "a title of another file": text.replace("force [N]", "strain [1]"),
         }[change]
     )
     with pytest.raises(Exception, match=r"(?s)^((?!one channel).)*$"):

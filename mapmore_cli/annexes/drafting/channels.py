@@ -26,12 +26,14 @@ class Channel:
     """A text with one column of numbers, or with a clock and one column. Channels are equal if they
     can stand in one table.
 
+    - `title`: title of the column; empty without titles.
     - `has_title`: True if the first line holds titles instead of numbers.
     - `delimiter`: the mark between the clock and the column; empty if there is no clock.
     - `clock`: the cells of the clock; without a clock, an empty text for each row.
     """
 
     path: Path = field(compare=False)
+    title: str = field(compare=False)
     has_title: bool
     delimiter: str
     clock: tuple[str, ...]
@@ -39,7 +41,7 @@ class Channel:
 
 def command_for_one_table(folder: Path) -> str | None:
     """Return the shell command that writes the channels of a folder side by side into one table;
-    None unless there are at least two files, and each holds one channel with the same number of
+    None unless there are at least two files, and each holds another channel with the same number of
     rows and the same clock.
     """
     if not folder.is_dir():
@@ -53,6 +55,9 @@ def command_for_one_table(folder: Path) -> str | None:
                 return None
             channels.append(channel)
     if len(channels) < 2 or (channels[0].delimiter and not channels[0].has_title):
+        return None
+    # files with equal titles are recordings of one channel
+    if channels[0].has_title and len({one.title for one in channels}) < len(channels):
         return None
     return _pasted(channels, f"{folder.resolve().name}.csv")
 
@@ -75,7 +80,8 @@ def _channel_in(file: Path) -> Channel | None:
         return None
     if not all(holds_number(cell) for row in numbers for cell in row):
         return None
-    return Channel(file, bool(title), delimiter, tuple(row[0] if delimiter else "" for row in rows))
+    clock = tuple(row[0] if delimiter else "" for row in rows)
+    return Channel(file, rows[0][-1] if title else "", bool(title), delimiter, clock)
 
 
 def _pasted(channels: Sequence[Channel], table: str) -> str:
