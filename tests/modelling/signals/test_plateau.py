@@ -1,6 +1,7 @@
 """Levels at which a quantity was held, the plateau of a step response, directions and signals."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -72,6 +73,35 @@ def test_what_is_a_level_and_what_is_none():
     np.testing.assert_allclose(find_levels(glitches), [80, 150, 250], atol=1)
     noisy = find_levels(held([149.734, 351.2], 1.0, seed=5))
     np.testing.assert_array_equal(noisy, np.round(noisy, 1))  # written no finer than its noise
+
+
+def in_bins(**extra):
+    """Four samples in each of 128 bins from 0 to 128, and more in some of them."""
+    middles = np.arange(128) + 0.5
+    middles[[0, -1]] = 0, 128
+    return np.repeat(middles, [4 + extra.get(f"bin_{number}", 0) for number in range(128)])
+
+
+@pytest.mark.parametrize(
+    ("values", "levels"),
+    [
+        (in_bins(bin_20=4), []),  # 8 are less than twice the mean of 516/128
+        (in_bins(bin_20=5), [20.5]),
+        (in_bins(bin_20=5, bin_100=59), [100.5]),  # 9 are exactly twice the mean
+        (in_bins(bin_60=6, bin_62=6), [61.5]),
+        (in_bins(bin_60=6, bin_63=6), [60.5, 63.5]),
+        (np.linspace(100, 105.2, 1000), [103]),  # less than 5 % of its size
+        (np.linspace(-105.2, -100, 1000), [-103]),
+        (np.linspace(100, 105.4, 1000), []),
+        *((149.73 + np.array([-a, 0, a]), [level]) for a, level in ((1.9, 150), (0.9, 149.7))),
+        (1497.3 + np.array([-19.0, 0, 19]), [1500]),
+        (2.0 / 3 + np.array([-1e-13, 0, 1e-13]), [2 / 3]),
+    ],
+)
+def test_bins_of_more_than_twice_the_mean_are_levels_and_written_as_finely_as_they_scatter(
+    values, levels
+):
+    assert find_levels(values).tolist() == levels
 
 
 @given(
@@ -199,4 +229,7 @@ def test_signals_follow_in_order_and_only_where_they_are_missing():
     moving = np.abs(found["strain_rate"]) > 0.01
     assert np.array_equal(found["way"][moving], np.sign(found["strain_rate"][moving]))
     assert with_signals(signals, {**columns, "strain_rate": -np.ones(len(TIME))})["way"][-1] == -1
+    percent = replace(signals[0], factor=100.0, seconds=1e-3)  # a log whose clock counts ms
+    told = with_signals([percent], columns | {"time": 1000 * TIME})["strain_rate"]
+    np.testing.assert_allclose(told, 100 * found["strain_rate"], rtol=1e-6)
     assert needed_signals(signals, ["strain"]) == ()

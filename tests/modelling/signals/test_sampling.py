@@ -291,6 +291,22 @@ def test_blocks_of_an_even_record_are_plain_means(samples):
     )
 
 
+@pytest.mark.parametrize(("step", "first"), [(1.45, 0.0), (1.5, 0.25), (1.55, 0.275)])
+def test_a_step_of_one_and_a_half_samples_is_averaged(step, first):
+    time = np.arange(12.0)
+    stamps, _ = resample(time, {}, step)
+    assert stamps[0] == pytest.approx(first)
+
+
+def test_stamps_of_a_calendar_hold_their_windows_up_to_their_rounding():
+    """The stamps of a day in the year 2023 are rounded to 2e-7 s, so that a sample on the edge of a
+    window may seem to lie beyond.
+    """
+    time, values = 0.01 * np.arange(300), np.random.default_rng(1).normal(size=300)
+    found = rate(1.7e9 + time, values, 0.06, 2)
+    np.testing.assert_allclose(found, rate(time, values, 0.06, 2), atol=0.5)
+
+
 def test_finer_steps_are_interpolated_and_coarser_ones_than_the_record_say_nothing():
     time, x = np.array([0.0, 1.0, 2.0]), np.array([0.0, 4.0, 0.0])
     stamps, columns = resample(time, {"x": x}, 0.25)

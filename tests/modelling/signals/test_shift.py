@@ -1,12 +1,14 @@
 """The clock of a second log: recovered where the data tell it, refused where they do not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from mapmore_cli.modelling.signals.shift import correlation_by_lag, find_shift
+from mapmore_cli.modelling.signals.shift import Shift, changes, correlation_by_lag, find_shift
 
 TIME = np.arange(0.0, 60.0, 0.05)
 OTHER = np.arange(0.3, 55.0, 0.08)
@@ -138,6 +140,48 @@ def test_a_quantity_that_falls_while_the_other_rises():
 def test_nothing_changes():
     assert find_shift(TIME, np.ones(len(TIME)), OTHER, ramps(0)(OTHER)) is None
     assert find_shift(TIME[:5], TIME[:5], OTHER, OTHER) is None
+
+
+def test_a_record_of_eight_samples_is_long_enough():
+    event = np.array([0.0, 0, 0, 5, 5, 5, 5, 5])
+    assert find_shift(np.arange(8.0), event, np.arange(8.0), event) is not None
+    assert find_shift(np.arange(7.0), event[:7], np.arange(8.0), event) is None
+    assert find_shift(np.arange(8.0), event, np.arange(7.0), event[:7]) is None
+
+
+def test_a_peak_is_certain_if_it_is_high_above_noise_and_above_the_next_one():
+    one = Shift(1.0, 0.1, 0.05, -0.92, 0.7, 3.0, 7.0)
+    assert one.ratio == pytest.approx(0.92 / 0.7)
+    assert sure(one)
+    assert replace(one, next_best=0.801).ambiguous
+    assert not replace(one, next_best=0.799).ambiguous
+    alone = replace(one, next_best=0.0, rival=None)
+    assert (alone.ratio, alone.ambiguous) == (np.inf, False)
+    assert replace(one, sigmas=6.99).lost_in_noise
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_height_of_a_peak_is_fishers_z_over_its_standard_deviation(seed):
+    """Of the width that stands out most. Changes over w samples leave one independent value in 2 w
+    of the overlap.
+    """
+    random, grid = np.random.default_rng(seed), np.arange(0.0, 60.0, 0.1)
+    first = ramps(seed)(grid) + 30 * random.standard_normal(len(grid))
+    second = ramps(seed)(grid + 2) + 30 * random.standard_normal(len(grid))
+    heights = []
+    even = [np.interp(np.arange(0, grid[-1], 0.1), grid, y) for y in (first, second)]
+    for width in (1, 2, 4, 8, 16, 32, 64):
+        r, _, overlap = correlation_by_lag(*(changes(y, width) for y in even))
+        top = int(np.argmax(r))
+        heights.append(np.arctanh(r[top]) * np.sqrt(overlap[top] / (2 * width) - 3))
+    one = find_shift(grid, first, grid, second, same_sign=True)
+    assert one.sigmas == pytest.approx(max(heights), rel=1e-6)
+
+
+def test_changes_are_differences_of_means():
+    y = np.random.default_rng(0).normal(size=12)
+    found = [y[i : i + 3].mean() - y[i - 3 : i].mean() for i in range(3, 10)]
+    np.testing.assert_allclose(changes(y, 3), found)
 
 
 def test_the_correlation_is_pearsons_over_the_overlap():
