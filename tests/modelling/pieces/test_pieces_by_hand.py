@@ -8,6 +8,7 @@ from common import curve_of
 
 from mapmore_cli.domain.declared import Contradiction
 from mapmore_cli.domain.recording import Dataset, Recording, united
+from mapmore_cli.modelling.pieces.build import _labels_of_curves
 from mapmore_cli.modelling.pieces.placement import placements, span
 from mapmore_cli.modelling.pieces.recipe import CutByDirection, Cuts
 from mapmore_cli.modelling.pieces.segmentation import (
@@ -126,6 +127,40 @@ def test_boundaries_by_hand():
     ):
         with pytest.raises(Contradiction):
             Cuts(method, **wrong)
+
+
+@pytest.mark.parametrize(
+    ("method", "needed", "others"),
+    [
+        ("even", "count", {"min_samples"}),
+        ("breakpoints", "at", {"min_samples"}),
+        ("gradient", "count", set()),
+        ("optimal", "count", {"min_samples"}),
+    ],
+)
+def test_each_method_needs_a_key_and_refuses_those_that_it_does_not_use(method, needed, others):
+    values = {"count": 2, "at": (1.0,), "min_samples": 3}
+    with pytest.raises(Contradiction, match=f"method `{method}` needs `{needed}`"):
+        Cuts(method)
+    own = {needed: values.pop(needed)}
+    assert getattr(Cuts(method, **own), needed) == own[needed]
+    for key, value in values.items():
+        if key in others:
+            assert getattr(Cuts(method, **own, **{key: value}), key) == value
+            continue
+        with pytest.raises(Contradiction, match=f"method `{method}` does not use `{key}`"):
+            Cuts(method, **own, **{key: value})
+
+
+def test_residuals_go_together_within_a_pooled_curve_or_within_a_recording():
+    rows = np.array([0, 2, 4])
+    one = curve_of({"x": np.zeros(2)})
+    pooled = _labels_of_curves(rows, [one, one, one], curve_of({"x": np.zeros(6)}), True)
+    assert pooled.tolist() == [0, 1, 2]
+    assert _labels_of_curves(rows, [MIXED], MIXED, False).tolist() == [2, 2, 1]
+    assert _labels_of_curves(rows, [MIXED], replace(MIXED, origin=None), False) is None
+    single = replace(MIXED, recordings=("a",))
+    assert _labels_of_curves(rows, [single], single, False) is None
 
 
 def test_long_curves_are_thinned_for_the_costs_of_intervals():
