@@ -24,10 +24,10 @@ from mapmore_cli.modelling.pieces.definition import (
     held_between,
     pieces_program,
     pieces_value,
-    rule_of_levels,
     rule_of_weights,
     zones_of,
 )
+from mapmore_cli.modelling.pieces.levels import rule_of_levels
 from mapmore_cli.modelling.program.values import evaluator
 from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
 

@@ -28,7 +28,7 @@ QUANTITIES = {name: Quantity(name, "1") for name in NAMES}
 
 def built(names, theta, backbone=None, **more):
     """A model whose terms are these states."""
-    limits = {name: (0.0, 1.0) for name in NAMES}
+    limits = dict.fromkeys(NAMES, (0.0, 1.0))
     memory = memory_model(names, theta, state_set(*names), **more)
     return model_of("m", memory, backbone, [CurveRange("a", 1.0, limits)], QUANTITIES)
 
@@ -93,9 +93,12 @@ def test_a_recording_may_come_in_blocks(cuts, ahead):
     columns = {"time": time + np.where(np.arange(100) < 50, 0, 1.0), "x": x, "y": narx_truth(x)}
     whole = Along(model, ahead)(columns).values
     assert np.flatnonzero(np.isnan(whole)).tolist() == [0, 1, 50, 51]
-    next_rows, found = Along(model, ahead), []
-    for rows in np.split(np.arange(100), cuts):
-        found.append(next_rows({name: column[rows] for name, column in columns.items()}).values)
+    next_rows = Along(model, ahead)
+    blocks = [
+        {name: column[rows] for name, column in columns.items()}
+        for rows in np.split(np.arange(100), cuts)
+    ]
+    found = [next_rows(block).values for block in blocks]
     np.testing.assert_allclose(np.concatenate(found), whole, rtol=1e-12)
 
 

@@ -184,12 +184,12 @@ def test_residuals_are_tested_from_twenty_samples_on(monkeypatch):
     assert tests[1].values == pytest.approx(np.sin(np.arange(n)).reshape(10, 2).mean(axis=1))
     over_time = residual_tests(MODEL, given, said, None)
     assert [one.x[0] for one in over_time] == [0, -5]
-    # of a longer curve than 10 samples, at most 5 in the order of the strain
-    monkeypatch.setattr(residuals, "PART", 10)
-    monkeypatch.setattr(residuals, "MANY", 5)
+    # of a longer curve than `PART`, at most 9 in the order of the strain
+    monkeypatch.setattr(residuals, "MANY", 9)
     monkeypatch.setattr(residuals, "FEWEST", 4)
-    thinned, _ = residual_tests(MODEL, given, said, "strain")
-    assert thinned.x.tolist() == [0, 1]  # a quarter of 5 samples
+    for part, lags in ((19, [0, 1]), (20, [*range(6)])):  # a quarter of 7 samples, or of all 20
+        monkeypatch.setattr(residuals, "PART", part)
+        assert residual_tests(MODEL, given, said, "strain")[0].x.tolist() == lags
     # errors that are all alike tell nothing
     same = [replace(one, columns={**one.columns, "force": np.zeros(n)}) for one in given.curves]
     assert residual_tests(MODEL, dataset_of(same), [np.ones(n)] * 4, "strain") == ()

@@ -56,8 +56,8 @@ def test_a_model_is_inverted_if_the_target_is_one_of_its_inputs():
 
 @pytest.mark.parametrize("most", [120, 40])
 def test_of_long_curves_the_extremes_of_values_and_errors_are_kept(most, monkeypatch):
-    """In each of ten parts of the 120 samples of a curve. A long log is thinned as well, even if all
-    curves are short.
+    """In each of ten parts of the 120 samples of a curve. A long log is thinned as well, even if
+    all curves are short.
     """
     monkeypatch.setattr(shown, "MANY", most)
     samples, model = curves(), built()

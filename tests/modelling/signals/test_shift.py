@@ -8,7 +8,13 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from mapmore_cli.modelling.signals.shift import Shift, changes, correlation_by_lag, find_shift
+from mapmore_cli.modelling.signals.shift import (
+    Shift,
+    _peak,
+    changes,
+    correlation_by_lag,
+    find_shift,
+)
 
 TIME = np.arange(0.0, 60.0, 0.05)
 OTHER = np.arange(0.3, 55.0, 0.08)
@@ -147,6 +153,9 @@ def test_a_record_of_eight_samples_is_long_enough():
     assert find_shift(np.arange(8.0), event, np.arange(8.0), event) is not None
     assert find_shift(np.arange(7.0), event[:7], np.arange(8.0), event) is None
     assert find_shift(np.arange(8.0), event, np.arange(7.0), event[:7]) is None
+    longer = np.append(event, 5.0)  # changes over two samples need more than eight
+    assert _peak(longer, event, 2, 0.0, 1.0, same_sign=True) is None
+    assert _peak(longer, longer, 2, 0.0, 1.0, same_sign=True) is not None
 
 
 def test_a_peak_is_certain_if_it_is_high_above_noise_and_above_the_next_one():
@@ -185,17 +194,22 @@ def test_changes_are_differences_of_means():
 
 
 def test_the_correlation_is_pearsons_over_the_overlap():
+    """If this is half of the shorter record, and holds 0.3 of the squared changes of both."""
     random = np.random.default_rng(1)
-    u, v = random.standard_normal(40), random.standard_normal(30)
+    u, v = random.standard_normal(40) ** 3, random.standard_normal(30) ** 3
     r, lags, overlap = correlation_by_lag(u, v)
+    known = 0
     for place, lag in enumerate(lags.astype(int)):
         start, end = max(lag, 0), min(40, 30 + lag)
         assert overlap[place] == end - start
-        if r[place] != 0.0:
-            assert r[place] == pytest.approx(
-                np.corrcoef(u[start:end], v[start - lag : end - lag])[0, 1], abs=1e-9
-            )
-    assert np.count_nonzero(r) > 20
+        parts = u[start:end], v[start - lag : end - lag]
+        shares = [part @ part / (whole @ whole) for part, whole in zip(parts, (u, v), strict=True)]
+        if end - start >= 15 and min(shares) >= 0.3:
+            assert r[place] == pytest.approx(np.corrcoef(*parts)[0, 1], abs=1e-9)
+            known += 1
+        else:
+            assert r[place] == 0
+    assert 20 < known < np.count_nonzero(overlap >= 15)
 
 
 def test_of_smooth_records_without_noise_the_shift_is_told_to_a_tenth_of_a_sample():
