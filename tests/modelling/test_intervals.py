@@ -82,6 +82,16 @@ def test_curves_with_offsets_of_their_own_are_covered(curves):
     assert 0.92 < np.mean(inside) < 0.995
 
 
+def test_a_summary_has_the_numbers_of_each_part():
+    parts = {"a": [np.array([1.0, 3.0]), np.array([5.0])], "b": [np.array([-2.0, -2.0])]}
+    found = left_out_summary("recordings", 7, parts)
+    assert (found.kind, found.curves, found.parts) == ("recordings", 7, ("a", "b"))
+    assert (found.samples.tolist(), found.offset.tolist()) == ([3, 2], [3, -2])
+    assert found.scatter.tolist() == [pytest.approx(np.sqrt(8 / 3)), 0]
+    assert found.sizes[0, [0, 50, 100]].tolist() == [1, 3, 5]
+    assert found.sizes[1].tolist() == [2] * 101
+
+
 @pytest.mark.parametrize("residuals", [[], [1.0, np.nan], [np.inf]])
 def test_a_part_without_a_prediction_is_refused_by_name(residuals):
     with pytest.raises(FitError, match="fitted without b cannot predict it"):
@@ -183,6 +193,8 @@ def test_a_level_with_repeats_has_the_interval_of_the_repeats():
     half = half_widths(few(4, repeats=3, apart=0.3), np.array([100.0, 150.0]), 0.95)
     assert half[0] ** 2 == pytest.approx(student(0.25 - 0.09 * 2 / 3, 0.09 * 4 / 3, 8))
     assert half[1] == between_levels(few(4), np.array([150.0]), 0.95)[0]
+    alike = half_widths(few(4, repeats=3, apart=0.0), np.array([100.0]), 0.95)
+    assert alike == pytest.approx([0.5 * stats.norm.ppf(0.975)], rel=1e-4)
 
 
 def test_errors_that_chance_makes_in_a_fifth_of_all_cases_are_not_the_models():
@@ -259,6 +271,20 @@ def test_what_neighbouring_residuals_share():
     assert two.smooth == pytest.approx(np.sqrt(6.0))  # one product: its mean is itself
 
 
+def test_levels_and_repeats_are_known_of_levels_and_blocks_alone():
+    e = np.array([1.0, -1.0, 2.0])
+    bare, repeated = replace(few(4), places=(), repeats=()), {5.0: [e, 2 * e], 2.0: [e]}
+    for kind in ("levels", "blocks"):
+        found = with_levels(replace(bare, kind=kind), repeated, 0)
+        assert (found.places, found.repeats) == ((2.0, 5.0), (1, 2))
+    for kind, training in (("recordings", repeated), ("blocks", {None: [e]})):
+        found = with_levels(replace(bare, kind=kind), training, 0)
+        assert (found.places, found.residual > 0) == ((), True)
+    # as many parameters as samples leave no error to correct by
+    assert with_levels(bare, {1.0: [e]}, 3).residual == pytest.approx(np.sqrt(2))
+    assert with_levels(bare, {1.0: [e]}, 2).residual == pytest.approx(np.sqrt(2 * 5))
+
+
 def test_recordings_of_fewer_samples_than_stretches_are_taken_as_their_means():
     first, second = np.array([1.0, 2.0, 4.5]), np.array([0.0, 1.0, -1.0, 0.0, 5.0])
     noise = (first.var() / 3 + second.var() / 5) / 2
@@ -318,4 +344,6 @@ def test_a_model_that_goes_astray_without_a_level_has_no_interval():
     found = few(4, astray=0.6)
     assert "60 % of their range" in (interval_limits(found) or "")
     assert np.isnan(half_widths(found, np.array([50.0]), 0.95)).all()
-    assert interval_limits(few(4, astray=0.1)) is None
+    assert interval_limits(few(4, astray=0.24)) is None
+    assert np.isfinite(half_widths(few(4, astray=0.25), np.array([50.0]), 0.95)).all()
+    assert interval_limits(few(4, astray=0.26)) is not None

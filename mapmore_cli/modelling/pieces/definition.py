@@ -108,24 +108,9 @@ def _curve_function(m: Writer, curve: CurveFunction, body: Pieces, free: Sequenc
     x = {name: Name(m.fresh(f"at_{name}")) for name in names}
     for name, boundaries in zip(body.variables, curve.boundaries, strict=True):
         m.knot(name, *boundaries.tolist(), *np.concatenate(zones(boundaries, fusion)).tolist())
-
-    def segment(one: SegmentFunction) -> str:
-        held, asked = (
-            {name: Name(m.fresh(f"at_{name}")) for name in some} for some in (names, straight)
-        )
-        beyond = {
-            name: _beyond_with(
-                asked[name], limits[name], fusion.extrapolation[name], "continue_linear"
-            )
-            for name in straight
-        }
-        parameters = [name.name for name in (*held.values(), *asked.values())]
-        value = lambda: segment_value(  # noqa: E731
-            m, one, {**held, **_reached(m, one, curve, body, held)}, beyond
-        )
-        return m.function(m.fresh("segment"), parameters, value, f"the segment {one.id}")
-
-    functions = {one.cell: segment(one) for one in curve.segments}
+    functions = {
+        one.cell: _segment_function(m, one, curve, body, names, straight) for one in curve.segments
+    }
 
     def inside() -> Expression:
         held = {
@@ -157,6 +142,37 @@ def _curve_function(m: Writer, curve: CurveFunction, body: Pieces, free: Sequenc
         parameters,
         lambda: m.choose("curve", nothing, inside),
         f"the curve {curve.curve}",
+    )
+
+
+def _segment_function(
+    m: Writer,
+    segment: SegmentFunction,
+    curve: CurveFunction,
+    body: Pieces,
+    names: Sequence[str],
+    straight: Sequence[str],
+) -> str:
+    """Write a segment as a function of the program, and return the name of the function. Its
+    arguments are the inputs `names`, which are held at the limits of the curve, and then, without
+    these limits, the inputs along which the curve continues as a straight line (`straight`).
+    """
+    held, asked = (
+        {name: Name(m.fresh(f"at_{name}")) for name in some} for some in (names, straight)
+    )
+    beyond = {
+        name: _beyond_with(
+            x, curve.limits[name], body.fusion.extrapolation[name], "continue_linear"
+        )
+        for name, x in asked.items()
+    }
+    return m.function(
+        m.fresh("segment"),
+        [name.name for name in (*held.values(), *asked.values())],
+        lambda: segment_value(
+            m, segment, {**held, **_reached(m, segment, curve, body, held)}, beyond
+        ),
+        f"the segment {segment.id}",
     )
 
 

@@ -142,8 +142,8 @@ def left_out_summary(
 def with_levels(
     left_out: LeftOut, training: Mapping[float | None, Sequence[Array]], parameters: int
 ) -> LeftOut:
-    """Return the summary with statistics of the training residuals added. `residuals` holds the
-    training residuals of each recording, by level (None without levels).
+    """Return the summary with statistics of the training residuals added. `training` holds the
+    residuals of each training recording, by level (None without levels).
 
     The root mean square of the training residuals is multiplied by `sqrt((n + p)/(n - p))` for n
     samples and p parameters, if n is larger than p. The result is the error to be expected on n new
@@ -263,7 +263,7 @@ class Offsets:
             squares = ndtri(quantile) ** 2 * of_samples
             return np.asarray(np.sqrt(squares + stdtrit(self.freedom, quantile) ** 2 * of_curves))
         both = of_samples + of_curves
-        part = np.divide(of_curves, both, out=np.ones_like(both), where=both > 0)
+        part = of_curves / np.maximum(both, np.finfo(float).tiny)
         freedom = self.freedom / np.maximum(part, 1e-6)
         return np.asarray(stdtrit(freedom, quantile) * np.sqrt(both))
 

@@ -15,24 +15,28 @@ from surfaces import QUANTITIES, at, built, changed, curves, force, joined, reci
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
-from mapmore_cli.modelling.pieces.cross_validation import (
-    BACKBONE,
+from mapmore_cli.modelling.pieces.backbone_choice import (
     FEW,
     MARGIN,
-    RESIDUAL,
-    SHRUNKEN,
-    LeftOutErrors,
-    _of_fewer_samples,
     choose_backbone,
-    inner_folds,
-    leave_out,
     possible_backbones,
-    repeats_left_out,
     simplest_backbone,
     thin,
-    with_trusted_residual,
+)
+from mapmore_cli.modelling.pieces.cross_validation import (
+    LeftOutErrors,
+    _of_fewer_samples,
+    inner_folds,
+    leave_out,
+    repeats_left_out,
 )
 from mapmore_cli.modelling.pieces.recipe import Cuts
+from mapmore_cli.modelling.pieces.residual_share import (
+    BACKBONE,
+    RESIDUAL,
+    SHRUNKEN,
+    with_trusted_residual,
+)
 
 LEVELS = (80.0, 150.0, 250.0, 350.0)
 SETTINGS = {

@@ -15,9 +15,11 @@ from mapmore_cli.modelling.expressions import dictionary_matrix, parse, to_text
 from mapmore_cli.modelling.expressions.families import products
 from mapmore_cli.modelling.frols import frols, reads_once
 from mapmore_cli.modelling.frols.weighing import Choice
-from mapmore_cli.modelling.pieces.build import fit_together, scaled_inputs, segment
+from mapmore_cli.modelling.pieces.build import segment
 from mapmore_cli.modelling.pieces.placement import end_of_trend, placements
 from mapmore_cli.modelling.pieces.recipe import Cuts
+from mapmore_cli.modelling.pieces.segment_fit import fit_together
+from mapmore_cli.modelling.pieces.segmentation import scaled_inputs
 
 seeds = st.integers(0, 2**32 - 1)
 

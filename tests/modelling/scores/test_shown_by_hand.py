@@ -14,13 +14,17 @@ from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.validation import shown
 from mapmore_cli.modelling.validation.shown import course_quantity, is_turned, varying_input
 
-RANGES = [{"a": (0.0, 1.0), "b": (0.0, 9.0)}, {"a": (3.0, 5.0), "b": (1.0, 10.0), "c": (2.0, 2.0)}]
+RANGES = [
+    {"a": (0.0, 1.0), "b": (0.0, 9.0), "d": (0.0, 8.98)},
+    {"a": (3.0, 5.0), "b": (1.0, 10.0), "c": (2.0, 2.0), "d": (1.0, 10.0)},
+]
 
 
 @pytest.mark.parametrize(
     ("inputs", "level", "segmented", "found"),
     [
         ("ab", None, None, "b"),  # a curve covers .3 of the range of a and .9 of that of b
+        ("db", None, None, "d"),  # .899 is as good as .9, so the first is taken
         ("ab", "b", None, "a"),
         ("ab", None, ("a", "b"), "a"),
         ("ab", None, (), "b"),
