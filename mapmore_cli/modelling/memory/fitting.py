@@ -14,10 +14,11 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import MemoryFit
 from mapmore_cli.modelling.expressions import NotFinite
 from mapmore_cli.modelling.frols import frols_together
+from mapmore_cli.modelling.memory.free_parameters import DIGITS, Unknown, left_open
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.memory.refinement import COARSE, FreeRunProblem, Point, minimise, refine
 from mapmore_cli.modelling.memory.selectors import TermChoice, problem_of
-from mapmore_cli.modelling.memory.training import DIGITS, TrainingData, Unknown, left_open
+from mapmore_cli.modelling.memory.training import TrainingData
 from mapmore_cli.modelling.selection import MemoryRecipe
 
 # The number of terms is chosen by free runs over this fraction of each piece, at its end.
