@@ -205,26 +205,6 @@ def test_between_two_levels_the_backbone_stands_alone():
     np.testing.assert_allclose(predict(model, middle), backbone_of(model, middle))
 
 
-@settings(max_examples=3)
-@given(st.integers(0, 1000))
-def test_held_out_forces_decide_nothing(seed):
-    samples = curves(seed=seed)
-    rng = np.random.default_rng(seed)
-    spoilt = [
-        changed(
-            c,
-            force=np.where(c.held_out, rng.permutation(c.columns["force"]) * 9, c.columns["force"]),
-        )
-        for c in samples
-    ]
-    one, two = trusted(samples), trusted(spoilt)
-    assert (one.body.fusion, one.body.cross_validation, one.notes) == (
-        two.body.fusion,
-        two.body.cross_validation,
-        two.notes,
-    )
-
-
 def of_formula(name):
     """Curves that a formula with made-up parameters has made."""
     rng = np.random.default_rng(0)

@@ -61,26 +61,6 @@ def test_an_offset_changes_neither_the_terms_nor_the_curve(far):
     )
 
 
-@settings(max_examples=15)
-@given(seeds, st.floats(1e-3, 1e3), st.floats(1e-3, 1e3), st.integers(1, 3))
-def test_positive_units_change_neither_selection_nor_scaled_theta(seed, a, b, k):
-    plain = built(curves(seed=seed), max_terms=k)
-    other = built(
-        [
-            changed(c, strain=a * c.columns["strain"], force=b * c.columns["force"])
-            for c in curves(seed=seed)
-        ],
-        max_terms=k,
-    )
-    for f, g in segments_of(plain, other):
-        assert (f.terms, f.scaling.placement) == (g.terms, g.scaling.placement)
-        np.testing.assert_allclose(g.theta, f.theta, rtol=1e-6, atol=1e-9)
-    x = np.linspace(0, 0.1, 50)
-    np.testing.assert_allclose(
-        predict(other, at(200, a * x)), b * predict(plain, at(200, x)), rtol=1e-6, atol=1e-6 * b
-    )
-
-
 def shuffled(curve, rng):
     order = rng.permutation(curve.size)
     return replace(

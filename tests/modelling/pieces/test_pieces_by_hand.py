@@ -14,7 +14,6 @@ from mapmore_cli.modelling.pieces.recipe import CutByDirection, Cuts
 from mapmore_cli.modelling.pieces.segmentation import (
     cut_points,
     segment_id,
-    slope_change,
     trained_at,
     training_curves,
 )
@@ -177,18 +176,6 @@ def test_long_curves_are_thinned_for_the_costs_of_intervals():
             lambda _, rows, most=most: most.append(len(rows)) or 1.0,
         )
         assert max(most) == thinned
-
-
-def test_a_straight_line_has_no_change_of_slope_and_a_corner_has_its_own():
-    x = np.linspace(0.0, 10.0, 2001)
-    at, change = slope_change(x, 3 * x + 1, 1.0)
-    np.testing.assert_allclose(change, 0, atol=1e-9)
-    at, change = slope_change(x, np.where(x < 5, 0.0, 2 * (x - 5)), 1.0)
-    middle = change[np.argmin(np.abs(at - 5))]
-    assert middle == pytest.approx(change.max(), rel=1e-6)
-    # a window has 10 steps; the mean of its 11 places at the corner is 2 (1 + ... + 5)/11 steps
-    assert middle == pytest.approx(2 * (1 - 2 * 15 / 11 / 10))
-    np.testing.assert_allclose(change[np.abs(at - 5) > 1.6], 0, atol=1e-9)
 
 
 @pytest.mark.parametrize(("count", "corners"), [(0, 1), (1, 2), (2, 4), (3, 8), (4, 2), (5, 2)])
