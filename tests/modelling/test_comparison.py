@@ -21,12 +21,11 @@ from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Cuts
+from mapmore_cli.modelling.validation.common_curves import common_curves, grid
 from mapmore_cli.modelling.validation.comparison import (
     Comparison,
     TermChange,
-    common_curves,
     compare,
-    grid,
     reference_points,
     term_changes,
 )
