@@ -96,7 +96,8 @@ class Unknown:
 
     def filled(self, texts: Sequence[str], numbers: Sequence[float]) -> tuple[str, ...]:
         """Return the terms with the parameters inserted in the names of their states."""
-        rest, by_state = list(numbers), {}
+        rest = list(numbers)
+        by_state = {}
         for operated in self.states:
             count = len(OPERATORS[operated.operator].parameters)
             by_state[operated], rest = tuple(rest[:count]), rest[count:]

@@ -41,7 +41,8 @@ class TrainingData:
     def __init__(
         self, records: Sequence[Record], recipe: MemoryRecipe, numbers: Sequence[float] = ()
     ) -> None:
-        self.records, self.recipe = records, recipe
+        self.records = records
+        self.recipe = recipe
         self.dictionary = left_open(records, recipe.dictionary, recipe.step).filled(
             recipe.dictionary, numbers
         )
@@ -66,12 +67,15 @@ class TrainingData:
         vector, which were found by a search in free run, and their standard errors. The
         coefficients are in the order of the choice.
         """
-        selection, constant, identified = choice.selection, choice.constant, None
+        selection = choice.selection
+        constant = choice.constant
+        identified = None
         chosen = selection.chosen
         if vector is None:
             selection = self._with_errors(selection, choice)
         else:
-            problem, numbers = self.problem(chosen, search=True), self.open_in(chosen)
+            problem = self.problem(chosen, search=True)
+            numbers = self.open_in(chosen)
             errors_of_all, worth = free_run_errors(problem, vector)
             errors, _, of_numbers = problem.split(errors_of_all)
             theta, constant, at = problem.split(vector)
@@ -102,12 +106,14 @@ class TrainingData:
         the recordings into account. With a robust loss or weighted samples, the standard errors are
         not changed; they assume independent samples.
         """
-        data, k = self.data, len(selection.chosen)
+        data = self.data
+        k = len(selection.chosen)
         weighed = self.recipe.loss != "squares" or data.uncertainty is not None
         if weighed or not k or k * len(data.y) > MOST:
             return selection
         P, y = map(np.concatenate, zip(*data.blocks(selection.chosen), strict=True))
-        residual, ridge = y - P @ selection.theta - choice.constant, np.zeros(k)
+        residual = y - P @ selection.theta - choice.constant
+        ridge = np.zeros(k)
         if choice.ridge:
             P, ridge = P - P.mean(axis=0), choice.ridge * len(y) * P.var(axis=0)
         errors, worth = correlated_errors(P, residual, data.lengths, ridge)
@@ -145,7 +151,8 @@ class TrainingData:
             """Return all pieces, prepared with the operator parameters that belong to the search
             coordinates `at`.
             """
-            terms, states = tuple(self.dictionary[i] for i in chosen), self._states_of(chosen)
+            terms = tuple(self.dictionary[i] for i in chosen)
+            states = self._states_of(chosen)
             if at:
                 terms = numbers.filled(texts, numbers.numbers(np.array(at)))
                 resonances = self.states.resonances
@@ -180,7 +187,8 @@ class TrainingData:
 
     def _states_of(self, chosen: IntArray) -> StateSet:
         """Return the states that occur in the chosen candidates, with their parameters."""
-        states, used = self.states, names_in(self.terms[i] for i in chosen)
+        states = self.states
+        used = names_in(self.terms[i] for i in chosen)
         places = [place for place, name in enumerate(states.names) if name in used]
         kept = replace(states, names=tuple(states.names[place] for place in places))
         return (

@@ -69,7 +69,8 @@ def segment(
     def cost(curve: Curve, rows: IntArray) -> float:
         if len(rows) <= min(recipe.fit.max_terms, len(terms)):
             return float("inf")
-        trial, columns = Segment(f"{curve.id}/trial", curve.id, (), rows), fitted[curve.id].columns
+        trial = Segment(f"{curve.id}/trial", curve.id, (), rows)
+        columns = fitted[curve.id].columns
         _, scalings, choices = best_placement(trial, columns, terms, recipes)
         spans = [span(np.ptp(columns[each.target])) if also else 1.0 for each in recipes]
         return float(
@@ -140,7 +141,8 @@ def fuse(
     If there is a backbone, this function joins the fitted residual in its full size, also between
     levels. Later, `cross_validation` chooses the factor by which it is reduced between levels.
     """
-    backbone, level = result.backbone, recipe.level
+    backbone = result.backbone
+    level = recipe.level
     needed = {
         *quantities_in(map(candidate, recipe.dictionary)),
         *recipe.cuts,

@@ -58,7 +58,8 @@ class LeftOutErrors:
         residual of the backbone, and f is the prediction of r by the pieces. Of all factors from 0
         to 1, g gives the smallest squared difference between `g f` and r.
         """
-        f, r = self.residual, self.measured - self.backbone
+        f = self.residual
+        r = self.measured - self.backbone
         power = float(f @ f)
         return float(np.clip(f @ r / power, 0.0, 1.0)) if power > 0 else 0.0
 
@@ -119,7 +120,8 @@ def _of_fewer_samples(recipe: Recipe) -> Recipe:
     """Return the recipe for fits without one fold. In such fits, segments with too few remaining
     samples are joined with their neighbours.
     """
-    cuts, least = dict(recipe.cuts), recipe.fit.max_terms + 1
+    cuts = dict(recipe.cuts)
+    least = recipe.fit.max_terms + 1
     for name, cut in recipe.cuts.items():
         if isinstance(cut, Cuts) and cut.joins:
             cuts[name] = replace(cut, min_samples=max(cut.least, least))

@@ -35,10 +35,8 @@ def pieces_value(m: Writer, body: Pieces, inputs: Inputs) -> Expression:
     functions = [_curve_function(m, curve, body, free) for curve in body.curves]
     if body.level is None:
         return m.use("pieces", functions[0], inputs.values())
-    levels, sides = (
-        [float(curve.level) for curve in body.curves if curve.level is not None],
-        body.fusion.extrapolation[body.level],
-    )
+    levels = [float(curve.level) for curve in body.curves if curve.level is not None]
+    sides = body.fusion.extrapolation[body.level]
     m.knot(body.level, *levels)
     level = m.choose(
         "level",

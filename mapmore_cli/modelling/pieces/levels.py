@@ -137,10 +137,8 @@ def _inner_slope(m: Writer) -> str:
     before, after, h_before, h_after = map(Name, names)
 
     def mean() -> Expression:
-        w_before, w_after = (
-            m.let("w_before", h_before + 2 * h_after),
-            m.let("w_after", 2 * h_before + h_after),
-        )
+        w_before = m.let("w_before", h_before + 2 * h_after)
+        w_after = m.let("w_after", 2 * h_before + h_after)
         return (w_before + w_after) * (before / (w_after * before + w_before * after)) * after
 
     return m.function(

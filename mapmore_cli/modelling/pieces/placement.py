@@ -49,7 +49,8 @@ def placements(
     `weights` of the samples, (n,), are used for the anchor (`end_of_trend`); None for equal
     weights.
     """
-    names, count = tuple(variables), len(variables)
+    names = tuple(variables)
+    count = len(variables)
     ends = np.array([extremes(x) for x in (*inputs, y)])
     if rule == "unit_square":
         every = (
@@ -60,10 +61,12 @@ def placements(
         weights = np.ones(len(y)) if weights is None else weights
         shares = list(map(even_share, (*inputs, y, weights)))
         return tuple(_anchored(shares, names, right, ends) for right in every)
-    slope, y_slope = np.ones(count), 1.0
+    slope = np.ones(count)
+    y_slope = 1.0
     if rule == "max_abs":
         sizes = span(np.abs(ends).max(axis=1))
-        slope, y_slope = 1 / sizes[:-1], float(sizes[-1])
+        slope = 1 / sizes[:-1]
+        y_slope = float(sizes[-1])
     elif rule != "none":
         raise ValueError(f"unknown scaling rule {rule!r}: unit_square, max_abs or none")
     return (Scaling(rule, "-", names, slope, np.zeros(count), y_slope, 0.0),)
@@ -73,7 +76,8 @@ def _anchored(
     samples: Sequence[Array], variables: tuple[str, ...], right: tuple[bool, ...], ends: Array
 ) -> Scaling:
     low, high = ends[:-1].T
-    slope, anchor = 1 / span(high - low), np.where(right, high, low)
+    slope = 1 / span(high - low)
+    anchor = np.where(right, high, low)
     *inputs, y, weights = samples
     away = np.array([(x - a) * m for x, a, m in zip(inputs, anchor, slope, strict=True)])
     y_anchor = end_of_trend(away, y, weights) if variables else 0.0

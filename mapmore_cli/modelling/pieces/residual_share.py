@@ -116,7 +116,8 @@ def _times(body: Pieces, share: float) -> Pieces:
     """
 
     def multiplied(segment: SegmentFunction) -> SegmentFunction:
-        y_slope, y_intercept = segment.scaling.y_slope, segment.scaling.y_intercept
+        y_slope = segment.scaling.y_slope
+        y_intercept = segment.scaling.y_intercept
         return replace(
             segment,
             scaling=replace(

@@ -163,7 +163,8 @@ class _Samples:
         """Return all scalings. Samples are weighted by their uncertainty and by the `robust`
         weights.
         """
-        sigma, weights = self.weighing.sigma, robust
+        sigma = self.weighing.sigma
+        weights = robust
         if sigma is not None:
             weights = (1.0 if robust is None else robust) / sigma**2
         return placements(recipe.fit.scaling, self.inputs, self.y, variables, weights)
@@ -232,11 +233,15 @@ def _robust(
     then chosen twice, starting with these weights or with equal weights. Of all results, the one
     with the smallest scale of the residuals is used.
     """
-    free, n, most = [*terms, parse("1")], len(outputs[0].y), recipe.fit.max_terms
+    free = [*terms, parse("1")]
+    n = len(outputs[0].y)
+    most = recipe.fit.max_terms
     ways = []
     for count in dict.fromkeys((most + 1, max(most + 1, min(len(free), n // SAMPLES_PER_TERM)))):
         more = replace(recipe, fit=replace(recipe.fit, max_terms=count, tolerance=0.0))
-        choices, anchored, starting = _chosen_terms(free, scalings, outputs, more), [], []
+        choices = _chosen_terms(free, scalings, outputs, more)
+        anchored = []
+        starting = []
         for output, scaling, choice in zip(outputs, scalings, choices, strict=True):
             selection = choice.selection
             chosen = [free[i] for i in selection.chosen]
@@ -269,7 +274,8 @@ def _chosen_terms(
     The dictionary is built block by block if one or two passes over it are enough, so that it is
     never in memory as a whole.
     """
-    n, how = len(outputs[0].y), recipe.fit
+    n = len(outputs[0].y)
+    how = recipe.fit
     stopping = Stopping(how.max_terms, how.tolerance, how.stop)
     weighings = [
         output.weighing.in_unit(scaling.y_slope)

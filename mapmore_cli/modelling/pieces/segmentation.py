@@ -74,7 +74,8 @@ def slope_change(x: Array, y: Array, window: float) -> tuple[Array, Array]:
     """
     at, smooth = running_median(x, y, window)
     here = np.arange(len(at))
-    first, last = np.maximum(here - STEPS // 2, 0), np.minimum(here + STEPS // 2 + 1, len(at))
+    first = np.maximum(here - STEPS // 2, 0)
+    last = np.minimum(here + STEPS // 2 + 1, len(at))
 
     def mean(values: Array) -> Array:
         total = np.concatenate([[0.0], np.cumsum(values)])
@@ -90,10 +91,8 @@ def slope_change(x: Array, y: Array, window: float) -> tuple[Array, Array]:
             )
         )
 
-    left, right = (
-        slope(np.maximum(here - STEPS, 0), here),
-        slope(here, np.minimum(here + STEPS, len(at) - 1)),
-    )
+    left = slope(np.maximum(here - STEPS, 0), here)
+    right = slope(here, np.minimum(here + STEPS, len(at) - 1))
     # at the ends of the curve, one of the slopes is NaN
     return at, np.nan_to_num(right - left)
 
@@ -115,7 +114,8 @@ def optimal_partition(
         for j in range(i + 1, cells + 1):
             table[i, j] = cost(i, j)
     tie = TIE_TOLERANCE * float(table[np.isfinite(table)].max(initial=0.0))
-    best, came_from = table[0], []
+    best = table[0]
+    came_from = []
     for _ in range(count - 1):
         sums = best[:, None] + table
         least = sums.min(axis=0)
@@ -123,7 +123,8 @@ def optimal_partition(
         best = least
     if not np.isfinite(best[cells]):
         return None
-    places, end = [], cells
+    places = []
+    end = cells
     for previous in reversed(came_from):
         end = int(previous[end])
         places.append(end)
@@ -281,9 +282,11 @@ def segment_curve(
     boundaries = {
         name: cut_points(curve, training, name, target, cut, cost) for name, cut in cuts.items()
     }
-    inputs, segments = [curve.columns[name] for name in cuts], []
+    inputs = [curve.columns[name] for name in cuts]
+    segments = []
     for cell in product(*(enumerate(pairwise(ends), 1) for ends in boundaries.values())):
-        place, sides = tuple(i for i, _ in cell), [ends for _, ends in cell]
+        place = tuple(i for i, _ in cell)
+        sides = [ends for _, ends in cell]
 
         def inside(trains: BoolArray, *values: Array, limits: Sequence[Ends] = sides) -> BoolArray:
             within = [

@@ -65,14 +65,19 @@ class Exchange:
         bounds: tuple[Array, Array],
         step: float = 1.0,
     ) -> None:
-        self.model, self.value, self.start = model, value, start
-        self.inputs, self.linear = model.input_names, step == 1.0
+        self.model = model
+        self.value = value
+        self.start = start
+        self.inputs = model.input_names
+        self.linear = step == 1.0
         self.D, self.d = bounds
-        y, lengths = R @ self.start, np.linalg.norm(R, axis=0)
+        y = R @ self.start
+        lengths = np.linalg.norm(R, axis=0)
         lengths[lengths == 0] = 1.0
         self.steps = step * (np.linalg.norm(y) or 1.0) / lengths
         _, self.R = np.linalg.qr(np.vstack([R, RIDGE * np.diag(lengths)]))
-        self.f, self.R_inverse = self.R @ self.start, np.linalg.inv(self.R)
+        self.f = self.R @ self.start
+        self.R_inverse = np.linalg.inv(self.R)
         self.rounding = np.finfo(float).eps * np.linalg.norm(self.R_inverse / self.steps[:, None])
         self.stencils: list[tuple[int, Stencils]] = []
         self._solve()
@@ -83,7 +88,8 @@ class Exchange:
         """
         solution = least_squares_under(self.R, self.f, self.D, self.d)
         kept = (self.D @ self.start >= self.d).all()
-        self.theta, self.force = self.start if kept else solution.theta, solution.force
+        self.theta = self.start if kept else solution.theta
+        self.force = solution.force
         if not solution.met:
             places = dict.fromkeys(stencils.told for stencils in self.binding())
             raise FitError(
@@ -120,7 +126,8 @@ class Exchange:
         rounding errors are larger at large coefficients.
         """
         about = np.zeros_like(self.theta) if self.linear else self.theta
-        start, parts = self.value(about, columns), []
+        start = self.value(about, columns)
+        parts = []
         for first in range(0, len(self.theta), TOGETHER):
             moves = np.diag(self.steps)[:, first : first + TOGETHER]
             moved = np.repeat(about[:, None] + moves, len(start), axis=1)
@@ -132,10 +139,8 @@ class Exchange:
         """Add inequalities until the shape is kept on a fine grid, and near the places at which an
         inequality binds.
         """
-        axes, cells = (
-            region.axes(program_of(self.model).knots, FINE),
-            region.nodes_along(FINE),
-        )
+        axes = region.axes(program_of(self.model).knots, FINE)
+        cells = region.nodes_along(FINE)
         clear = _widened(axes, region.holds(nodes_of(axes)))
         self._on([stencils_on(axes, word, clear) for word in asked], region)
         for closer in range(CLOSER):

@@ -55,7 +55,8 @@ def least_squares_under(R: Array, f: Array, D: Array, d: Array) -> Constrained:
     reach = float(h.max(initial=0.0))
     if reach <= 0.0:
         return Constrained(solve_triangular(R, f), np.zeros(len(D)))
-    E, right = np.vstack([H.T, h / reach]), np.append(np.zeros(len(f)), 1.0)
+    E = np.vstack([H.T, h / reach])
+    right = np.append(np.zeros(len(f)), 1.0)
     force, _ = nnls(E, right, maxiter=STEPS * len(D))
     rest = E @ force - right
     z = -rest[:-1] / min(rest[-1], -NOTHING_LEFT)

@@ -96,7 +96,8 @@ def refuse_unsupported(
     inside, output = region.holds(columns) & amid, between @ region.values
     for word in (word for word in known if word.word in ("increasing", "decreasing")):
         rises = stencils_on(axes, word, inside).of(output)
-        count, wrong = len(rises), int((rises < -ROUNDING * region.span).sum())
+        count = len(rises)
+        wrong = int((rises < -ROUNDING * region.span).sum())
         against = None
         if wrong > CONTRADICTED * count:
             against = _contradiction(region, axes, word, inside, between)
@@ -176,7 +177,8 @@ def _contradiction(
     near = _near(region)
     sigma = _noise(region, near)
     noise = sigma[:, None] * np.random.default_rng(0).normal(size=(len(sigma), RUNS))
-    contradictions, by_noise = list[_Against](), np.zeros(RUNS)
+    contradictions = list[_Against]()
+    by_noise = np.zeros(RUNS)
     for power in range(len(axes[asked.quantity]).bit_length() - 1):
         stencils = stencils_on(axes, asked, inside, 2**power)
         if not len(stencils.nodes):

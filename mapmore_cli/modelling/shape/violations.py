@@ -62,7 +62,8 @@ def violations(
     """Return the violation of each condition of the shape by a model, computed on a grid over the
     region.
     """
-    axes, result = region.axes(program_of(model).knots, nodes), []
+    axes = region.axes(program_of(model).knots, nodes)
+    result = []
     columns = nodes_of(axes)
     values = settled(model, columns)
     inside = region.holds(columns) & np.isfinite(values)
@@ -125,7 +126,8 @@ def with_shape(
         [_rms_error(each, curves, training) for training in (True, False)]
         for each in (model, unshaped)
     )
-    notes, unit = model.notes, model.output.unit
+    notes = model.notes
+    unit = model.output.unit
     if with_it[0] > CLEARLY * without[0]:
         notes += (
             (

@@ -29,10 +29,8 @@ def running_median(x: Array, y: Array, window: float) -> tuple[Array, Array]:
     grid = np.linspace(x[0], x[-1], max(1, round(STEPS * float(x[-1] - x[0]) / window)) + 1)
     # tolerance, so that a sample exactly on the edge of the window is inside
     reach = window / 4 * (1 + 1e-9)
-    first, last = (
-        np.searchsorted(x, grid - reach, "left"),
-        np.searchsorted(x, grid + reach, "right"),
-    )
+    first = np.searchsorted(x, grid - reach, "left")
+    last = np.searchsorted(x, grid + reach, "right")
     known = last > first
     near = [slice(begin, end) for begin, end in zip(first[known], last[known], strict=True)]
     over_x, over_y = (

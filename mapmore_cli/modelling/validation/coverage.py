@@ -66,7 +66,8 @@ def outside_hull(known: Array, asked: Array) -> BoolArray:
     if not spans.all():
         return np.zeros(asked.shape[1], dtype=np.bool_)
     directions = np.column_stack([np.cos(ANGLES), np.sin(ANGLES)]) / spans
-    reached, along = directions @ known, (directions @ asked).T
+    reached = directions @ known
+    along = (directions @ asked).T
     outside: BoolArray = (
         (along > reached.max(axis=1) + MARGIN) | (along < reached.min(axis=1) - MARGIN)
     ).any(axis=1)

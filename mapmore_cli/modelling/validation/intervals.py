@@ -140,7 +140,8 @@ def with_levels(
     every = np.concatenate(
         [recording for level in training.values() for recording in level] or [np.zeros(1)]
     )
-    n, p = len(every), parameters if parameters < len(every) else 0
+    n = len(every)
+    p = parameters if parameters < len(every) else 0
     pairs = [recording[1:] * recording[:-1] for level in training.values() for recording in level]
     products = np.concatenate([*pairs, np.zeros(0)])
     smooth = max(float(products.mean()), 0.0) if len(products) else 0.0
@@ -166,7 +167,9 @@ def scatter_of_recordings(levels: Sequence[Sequence[Array]]) -> float:
     recordings but also different slopes are found. The contribution of the noise of the samples is
     subtracted.
     """
-    squares, freedom, noise = 0.0, 0, list[float]()
+    squares = 0.0
+    freedom = 0
+    noise = list[float]()
     for level in levels:
         if len(level) > 1:
             count = BLOCKS if min(map(len, level)) >= BLOCKS else 1
@@ -228,13 +231,15 @@ def of_levels(left_out: LeftOut, at: Array, level: float) -> Array:
     # imported here, because the import is slow and most runs do not need it
     from scipy.special import stdtrit
 
-    offsets, count = offsets_of(left_out), len(left_out.places)
+    offsets = offsets_of(left_out)
+    count = len(left_out.places)
     if offsets is None:
         return np.full(len(at), np.nan)
     gap, t, _ = gaps(left_out, at)
     n = np.array(left_out.repeats)
     share = 1 + (1 - t) ** 2 / n[gap] + t**2 / n[np.minimum(gap + 1, count - 1)]
-    half, between = offsets.half_width(share, level), np.minimum(t, 1 - t) >= AT_LEVEL
+    half = offsets.half_width(share, level)
+    between = np.minimum(t, 1 - t) >= AT_LEVEL
     if count == 2:
         return np.where(between, np.nan, half)
     least = np.zeros(len(at))
@@ -257,7 +262,8 @@ def gaps(left_out: LeftOut, at: Array) -> tuple[IntArray, Array, Array]:
     gap = np.clip(np.searchsorted(places, at, side="right") - 1, 0, max(len(places) - 2, 0))
     if len(places) == 1:
         return gap, np.zeros(len(at)), np.zeros(len(at))
-    width, t = np.diff(places)[gap], (at - places[gap]) / np.diff(places)[gap]
+    width = np.diff(places)[gap]
+    t = (at - places[gap]) / np.diff(places)[gap]
     return gap, np.where(np.isnan(t), 0.5, np.clip(t, 0.0, 1.0)), width
 
 
@@ -289,7 +295,8 @@ def many_curves(left_out: LeftOut, level: float) -> float:
     """
     from scipy.special import stdtrit
 
-    new, t = 1 + 1 / left_out.curves, float(stdtrit(left_out.curves - 1, 0.5 + level / 2))
+    new = 1 + 1 / left_out.curves
+    t = float(stdtrit(left_out.curves - 1, 0.5 + level / 2))
     normal = t * math.sqrt(
         float(np.mean(left_out.offset**2)) * new + float(np.mean(left_out.scatter**2))
     )

@@ -83,11 +83,13 @@ def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tup
     `predictions` holds, for each model, the predictions of every curve of the dataset. A band
     without samples is left out.
     """
-    masks, curves = judged(dataset), dataset.curves
+    masks = judged(dataset)
+    curves = dataset.curves
     measured = [curve.columns[dataset.target] for curve in curves]
     largest = max(map(abs, ends_of(measured, masks)), default=0.0)
     edges, count = np.array(EDGES) * largest, len(EDGES) - 1
-    samples, known = np.zeros(count, dtype=int), {model: np.zeros(count) for model in predictions}
+    samples = np.zeros(count, dtype=int)
+    known = {model: np.zeros(count) for model in predictions}
     squares = {model: np.zeros(count) for model in predictions}
     for place, (y, mask) in enumerate(zip(measured, masks, strict=True)):
         predicted = {model: every[place] for model, every in predictions.items()}
@@ -206,7 +208,8 @@ class ScoredSamples:
 
     def blocks(self) -> Iterator[SampleBlock]:
         """Yield the samples as one `SampleBlock` after the other."""
-        y, forecast = self.curve.columns[self.target], self.forecast
+        y = self.curve.columns[self.target]
+        forecast = self.forecast
         sigma = self.curve.columns.get(uncertainty_of(self.target))
         columns = (y, forecast.values, forecast.one_step, forecast.half, sigma)
         for rows in row_blocks(self.curve.size):

@@ -79,7 +79,8 @@ def offsets_of(left_out: LeftOut) -> Offsets | None:
     """Return the variances between samples and between curves; None if the data do not determine
     them.
     """
-    n, count = np.array(left_out.repeats), len(left_out.places)
+    n = np.array(left_out.repeats)
+    count = len(left_out.places)
     known = math.isfinite(left_out.apart)
     between_curves, repeats = (left_out.apart**2, float(np.sum(n - 1))) if known else (0.0, 0.0)
     noise = max(left_out.residual**2 - between_curves * float(np.mean(1 - 1 / n)), 0.0)

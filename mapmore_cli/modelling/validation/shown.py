@@ -35,7 +35,8 @@ def for_report(validation: Validation, model: Model, dataset: Dataset) -> Valida
     made = replace(
         validation, along=course, bands=bands(dataset, predictions), residual_tests=tests
     )
-    recordings, curves = dataset.recordings, dataset.curves
+    recordings = dataset.recordings
+    curves = dataset.curves
     if (
         max([recording.rows_kept for recording in recordings] + [curve.size for curve in curves])
         <= MANY
