@@ -225,7 +225,12 @@ class MemoryVerbs(Verbs):
             ]
         )
         return *formula_equations(body.backbone, units), equation(
-            *(PIECE, own.terms, own.theta, own.scaling, limits, units),
+            PIECE,
+            own.terms,
+            own.theta,
+            own.scaling,
+            limits,
+            units,
             tolerance=RECURSIVE if self.fed_back(model) else TOLERANCE,
         )
 

@@ -26,16 +26,17 @@ from mapmore_cli.domain.arrays import Array, BoolArray, Ends
 from mapmore_cli.modelling.frols.correlated import correlated_errors
 from mapmore_cli.modelling.memory.simulation import ReadyPiece, Trajectory
 
-# number of samples of the shortest horizon, and the factor from one horizon to the next
-FIRST, GROWTH = 16, 8
+FIRST = 16  # number of samples of the shortest horizon
+GROWTH = 8  # factor from one horizon to the next
 # the search ends if the next horizon is less than this many times the last one without divergence
 LEAST_GROWTH = 1.2
-# Levenberg-Marquardt factor at the start, and the largest one, at which the search ends
-DAMPING, MOST_DAMPING = 1e-3, 1e8
-# largest number of iterations, and relative decrease of the error below which the search stops
-# `THOROUGH` is for free runs, and `QUICK` is for runs over a horizon.
-# `COARSE` is for folds, whose errors need less accuracy.
-THOROUGH, QUICK, COARSE = (40, 1e-7), (6, 1e-2), (40, 1e-4)
+DAMPING = 1e-3  # Levenberg-Marquardt factor at the start
+MOST_DAMPING = 1e8  # largest Levenberg-Marquardt factor; with a larger one, the search would end
+# Each pair contains the largest number of iterations, and the relative decrease of the error below
+# which the search stops.
+THOROUGH = (40, 1e-7)  # for free runs
+QUICK = (6, 1e-2)  # for runs over a horizon
+COARSE = (40, 1e-4)  # for folds, whose errors need less accuracy
 # step of the difference quotient for the derivative with respect to a parameter of an operator
 NUDGE = 1e-5
 

@@ -30,13 +30,11 @@ from mapmore_cli.modelling.pieces.cross_validation import (
 )
 from mapmore_cli.modelling.pieces.recipe import Recipe
 
-FEW, FEWEST_FOLDS = "sarosi_hinged", 2
-"""Formula that is used without a comparison if there are fewer than `FEWEST_FOLDS` folds."""
-
+FEWEST_FOLDS = 2  # smallest number of folds with which formulas are compared
+FEW = "sarosi_hinged"  # formula that is used without a comparison if there are fewer folds
+# fraction of the smallest error within which the formula with fewer parameters is preferred
+# Wider margins were worse on measured muscles.
 MARGIN = 0.02
-"""Fraction of the smallest error within which the formula with fewer parameters is preferred. Wider
-margins were worse on measured muscles.
-"""
 
 # largest number of samples of a curve for the choice of a backbone, evenly spread along the curve
 SAMPLES = 300

@@ -101,14 +101,12 @@ class PiecesVerbs(Verbs):
         body = model.body_of(Pieces)
         pieces = (
             equation(
-                *(
-                    segment.id,
-                    segment.terms,
-                    segment.theta,
-                    segment.scaling,
-                    {**curve.limits, **segment.limits},
-                    units,
-                ),
+                segment.id,
+                segment.terms,
+                segment.theta,
+                segment.scaling,
+                {**curve.limits, **segment.limits},
+                units,
                 weight=_weight(segment, curve, body, units),
             )
             for curve in body.curves
@@ -152,10 +150,7 @@ class PiecesVerbs(Verbs):
             return base
         return m.let(
             "model",
-            base
-            + pieces_value(
-                m, body, {quantity.name: inputs[quantity.name] for quantity in model.inputs}
-            ),
+            base + pieces_value(m, body, {name: inputs[name] for name in model.input_names}),
         )
 
     def faults(self, model: Model) -> Iterator[str]:

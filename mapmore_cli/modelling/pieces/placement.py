@@ -16,16 +16,15 @@ from mapmore_cli.domain.arrays import Array, extremes
 from mapmore_cli.domain.fits import Scaling
 from mapmore_cli.modelling.signals.sampling import even_share
 
-# The end of the trend is computed from the fraction `END_FRACTION` of the samples of a segment.
-# `FEWEST` is the smallest number of samples from which the end of the trend is computed.
-END_FRACTION, FEWEST = 0.05, 3
+# the end of the trend is computed from this fraction of the samples of a segment
+END_FRACTION = 0.05
+FEWEST = 3  # smallest number of samples from which the end of the trend is computed
 # with more variables, only two of the `2^v` corners are tried as origins: all left and all right
 EVERY_CORNER_UP_TO = 3
 # singular values of the parabola's fit below this fraction of the largest one count as zero
 FLAT = 1e-3
-# `ALIKE` is the relative difference up to which weights count as equal.
-# `EXTRA` more samples are used for the parabola if the weights are not equal.
-ALIKE, EXTRA = 1e-12, 1
+ALIKE = 1e-12  # relative difference up to which weights count as equal
+EXTRA = 1  # number of further samples that are used for the parabola if weights are not equal
 ROUNDING = 1e-9  # relative rounding error of a sum of weights
 
 

@@ -201,7 +201,10 @@ def joined_segments(boundaries: Array, x: Array, least: int, training: BoolArray
     kept = boundaries.tolist()
     while len(kept) > 2:
         parts = blocks_where(x, training)
-        counts = np.sum([[*map(np.sum, _members(part, kept))] for part in parts], axis=0)
+        counts = np.sum(
+            [[np.sum((x >= low) & (x <= high)) for low, high in pairwise(kept)] for x in parts],
+            axis=0,
+        )
         i = int(np.argmin(counts))
         if counts[i] >= least:
             break
@@ -327,7 +330,3 @@ def segment_id(curve: str, variables: Sequence[str], cell: Sequence[int]) -> str
     if direction is not None:
         curve = f"{curve};direction={('fall', 'rise')[direction - 1]}"
     return f"{curve}/" + (";".join(f"{name}:{place}" for name, place in places.items()) or "all")
-
-
-def _members(x: Array, boundaries: Sequence[float] | Array) -> list[BoolArray]:
-    return [(x >= low) & (x <= high) for low, high in pairwise(boundaries)]

@@ -22,13 +22,11 @@ from mapmore_cli.modelling.shape.least_squares import least_squares_under
 from mapmore_cli.modelling.shape.region import Region
 from mapmore_cli.modelling.shape.stencils import ShapeWord, Stencils, nodes_of, stencils_on
 
-# Number of nodes of the grid on which the shape must hold.
-# Number of nodes along each input of the finer grid around a binding inequality.
-# Number of refinements of the finer grid around a binding inequality.
-FINE, CLOSE, CLOSER = 40_000, 9, 3
-# Largest number of rounds on one grid.
-# Largest number of inequalities that a round adds for one entry of `shape`.
-ROUNDS, ADDED = 60, 200
+FINE = 40_000  # number of nodes of the grid on which the shape must hold
+CLOSE = 9  # number of nodes along each input of the finer grid around a binding inequality
+CLOSER = 3  # number of refinements of the finer grid around a binding inequality
+ROUNDS = 60  # largest number of rounds on one grid
+ADDED = 200  # largest number of inequalities that a round adds for one entry of `shape`
 # smaller violations, as a fraction of the range of the training output, are ignored
 ROUNDING = 1e-11
 # square root of a small ridge, as a fraction of the length of each column
@@ -162,9 +160,7 @@ class Exchange:
                 for stencils, rise, rows in zip(every, rises, worst, strict=True)
                 if rise.min(initial=0.0) < least
             ]
-            if not violated:
-                return
-            if not self._add(violated):
+            if not violated or not self._add(violated):
                 return
             self._solve()
         raise FitError(

@@ -243,12 +243,8 @@ def _rows_of(
         values = curve.columns[group]
         parts = map(np.unique, blocks_where(values, wanted))
         for value in {value for part in parts for value in part.tolist()}:
-            same = _where_equal(values, value)
+            same = by_blocks(np.equal, values, np.broadcast_to(value, curve.size))
             yield (2, value), f"{group}={value:g}", wanted & same
-
-
-def _where_equal(column: Array, value: float) -> BoolArray:
-    return np.asarray(by_blocks(lambda part: part == value, column))
 
 
 def row_of_samples(parts: Sequence[ScoredSamples], scale: Normaliser, free: int) -> Compared:

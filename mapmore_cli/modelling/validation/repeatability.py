@@ -80,8 +80,7 @@ def rising_samples(values: Array) -> BoolArray:
 def _rows_by_recording(curve: Curve) -> Iterator[tuple[str, IntArray]]:
     """Yield the id of each recording with its rows, in the order of time."""
     if curve.origin is not None:
-        for number, name in enumerate(curve.recordings):
-            yield name, np.flatnonzero(curve.origin == number)
+        yield from zip(curve.recordings, curve.logs, strict=True)
 
 
 def _branches(
