@@ -21,7 +21,7 @@ from mapmore_cli.domain.arrays import (
     in_blocks,
     row_blocks,
 )
-from mapmore_cli.domain.compared import Compared, Normaliser, SampleBlock, ratio
+from mapmore_cli.domain.compared import Compared, Normaliser, SampleBlock
 from mapmore_cli.domain.recording import DIRECTION, Curve, Dataset, uncertainty_of
 from mapmore_cli.domain.results import ErrorBand, Forecast
 from mapmore_cli.domain.scores import Score
@@ -42,14 +42,6 @@ def normaliser(kind: str, ends: tuple[float, float], quantity: str, split: str) 
     """
     name, size = NORMALISERS[kind]
     return Normaliser(name.format(quantity, split), size(*ends), ends[1] - ends[0])
-
-
-def relative(error: Array, measured: Array) -> float:
-    """Return the relative error `sqrt(sum error^2 / sum (y - mean y)^2)`, where y are the measured
-    values; NaN for a constant y.
-    """
-    spread = float(np.sum((measured - measured.mean()) ** 2))
-    return math.sqrt(ratio(float(np.sum(error**2)), spread))
 
 
 def information_criteria(n: int, rmse: float, parameters: int) -> tuple[float, float]:

@@ -20,7 +20,7 @@ from mapmore_cli.modelling.equations import summed
 from mapmore_cli.modelling.expressions import evaluate, families
 from mapmore_cli.modelling.expressions.families import lags, operated
 from mapmore_cli.modelling.expressions.operators.play import play
-from mapmore_cli.modelling.memory.fitting import fit_with_memory
+from mapmore_cli.modelling.memory.fitting import fit_outputs, fit_with_memory
 from mapmore_cli.modelling.memory.free_run import Along
 from mapmore_cli.modelling.memory.model import memory_model, outliers_fed_back
 from mapmore_cli.modelling.memory.training import TrainingData
@@ -241,3 +241,22 @@ def test_a_free_run_ends_with_the_last_sample_that_counts():
         60,
         [True] * (60 - piece.start),
     )
+
+
+def test_outputs_share_their_terms():
+    """`y` and `w` have other coefficients of the terms that explain both best."""
+    rng = np.random.default_rng(1)
+    x, z, u = rng.normal(size=(3, 90))
+    columns = {"x": x, "z": z, "u": u, "y": 3 * x + z, "w": z - x + 0.1 * u}
+    recipes = [recipe_of(target, ("u", "x", "z"), STEP, max_terms=2) for target in "yw"]
+    first, second = fit_outputs([record(**columns)], recipes)
+    assert {*first.model.terms} == {"x", "z"}
+    assert {*second.model.terms} == {"x", "z"}
+    assert (first.model.output, second.model.output) == ("y", "w")
+    for fit in (first, second):
+        P = np.column_stack([columns[name] for name in fit.model.terms])
+        expected = np.linalg.lstsq(P, columns[fit.model.output])[0]
+        assert fit.model.theta == pytest.approx(expected)
+    free = [replace(recipe, dictionary=("slow(x)",), max_terms=1) for recipe in recipes]
+    with pytest.raises(DataError, match="for one target only, and this spec has y, w"):
+        fit_outputs([record(**columns)], free)

@@ -135,11 +135,16 @@ def test_weights_are_repeated_rows(scaling, terms, n):
     assert weighted == pytest.approx(fitted(np.repeat(x, k), np.repeat(y, k), **how), abs=1e-9)
 
 
-@pytest.mark.parametrize("rule", ["unit_square", "max_abs", "none"])
-def test_constant_variables_and_constant_force_divide_by_nothing(rule):
-    for scaling in placements(rule, [np.full(10, 3.0)], np.zeros(10), ["x"]):
-        assert np.isfinite(scaling.slope).all()
-        assert scaling.y_slope > 0
+def test_a_segment_needs_more_samples_than_terms():
+    x, y = falling(1)
+    for n in (3, 4):
+        own = Segment("all/all", "all", (), np.arange(n))
+        made = recipe(dictionary=tuple(map(to_text, POWERS)), max_terms=3)
+        if n == 4:
+            assert fit_together(own, {"strain": x, "force": y}, POWERS, [made])
+            continue
+        with pytest.raises(DataError, match=r"3 training sample\(s\), too few for 3 term"):
+            fit_together(own, {"strain": x, "force": y}, POWERS, [made])
 
 
 TERMS = products(["pressure", "strain"], 5)

@@ -118,6 +118,10 @@ def test_boundaries_by_hand():
     assert points(x, at).tolist() == [0, 4, 10]
     fewest = [points(np.arange(21), Cuts("optimal", 2, min_samples=n))[1] for n in (2, 5, None)]
     assert fewest == [1, 4, 9]  # ends included; of equal costs, the first
+    kink = np.abs(np.linspace(0, 10, 501) - 4)
+    curve = curve_of({"x": np.linspace(0, 10, 501), "y": kink}, np.linspace(0, 10, 501) > 9)
+    found = cut_points(curve, curve.training, "x", "y", Cuts("gradient", 2), None)
+    assert found == pytest.approx([0, 4, 9], abs=0.1)
     assert Cuts("optimal", 20).segments == 20
     for method, wrong in (
         ("breakpoints", {"at": (1.0, 1.0)}),

@@ -78,6 +78,14 @@ def test_optimal_cuts_of_several_outputs_do_not_hang_on_their_units():
     assert found[1] == found[2]
 
 
+def test_optimal_cuts_pass_over_segments_with_as_many_samples_as_terms():
+    x = np.arange(21.0)
+    asked = recipe(level=None, cuts={"strain": Cuts("optimal", 2, min_samples=1)},
+                   dictionary=("1", "strain"), max_terms=2)  # fmt: skip
+    (cut,) = segment([curve_of({"strain": x, "force": np.abs(x - 1)})], asked)
+    assert cut.boundaries[0].tolist() == [0, 2, 20]
+
+
 def test_a_grid_of_two_variables():
     rng = np.random.default_rng(0)
     curve = changed(curves(n=400, held_out=())[0], load=rng.uniform(0, 10, 400))

@@ -201,11 +201,6 @@ def test_a_planted_part_is_found(name, error):
         assert max(others) < 0.35 * one.rms[name]
 
 
-def test_without_two_training_cycles_one_tells_nothing():
-    assert [one.split for one in of(np.ones(len(X)), held=CYCLE != 0)] == ["validate"]
-    assert of(np.where(CYCLE > 1, np.nan, 1.0), held=CYCLE > 0) == ()
-
-
 def forces(measured, held_out=None):
     return dataset_of({"force": measured}, held_out=held_out, output="force")
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -18,18 +18,6 @@ from mapmore_cli.modelling.signals.plateau import (
     match_levels,
 )
 from mapmore_cli.modelling.signals.rates import direction, needed_signals, with_signals
-
-
-@given(
-    levels=st.lists(
-        st.integers(-20, 20).map(lambda k: k * 0.0137), min_size=1, max_size=12, unique=True
-    ),
-    count=st.integers(2, 30),
-)
-def test_constant_levels_are_found_exactly(levels, count):
-    # closer ones are one level with ripple, by the rule
-    assume(len(levels) == 1 or np.ptp(levels) > 0.05 * np.abs(levels).max())
-    np.testing.assert_array_equal(find_levels(np.repeat(levels, count)), np.sort(levels))
 
 
 def in_bins(**extra):
