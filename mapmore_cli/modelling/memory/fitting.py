@@ -21,9 +21,9 @@ from mapmore_cli.modelling.memory.selectors import TermChoice, problem_of
 from mapmore_cli.modelling.memory.training import TrainingData
 from mapmore_cli.modelling.selection import MemoryRecipe
 
-# The number of terms is chosen by free runs over this fraction of each piece, at its end.
+# the number of terms is chosen by free runs over this fraction of each piece, at its end
 LATE = 0.25
-STARTS = 3  # so many sets of starting values (of the operator parameters) are refined
+STARTS = 3  # number of sets of starting values (of the operators' parameters) that are refined
 SHORT = 2048  # number of training samples on which the refined sets of starting values are compared
 
 DIVERGES = (

@@ -27,7 +27,7 @@ from mapmore_cli.modelling.memory.records import Record
 
 DIGITS = 10  # number of significant digits to which estimated parameters are rounded
 ALL = 64  # if there are at most this many sets of starting values, all are tried
-# A parameter within this fraction of its range from a bound counts as being at the bound.
+# a parameter within this fraction of its range from a bound counts as being at the bound
 AT_BOUND = 1e-6
 
 

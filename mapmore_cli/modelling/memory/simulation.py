@@ -18,7 +18,7 @@ from mapmore_cli.modelling.memory.feedback import Feedback
 from mapmore_cli.modelling.memory.records import AtSample, complete
 from mapmore_cli.modelling.memory.states import Past, evaluate_states, value_of
 
-# A free run has diverged if it leaves the training range by this multiple of the range.
+# a free run has diverged if it leaves the training range by more than this multiple of the range
 DIVERGED = 100.0
 
 

@@ -81,8 +81,9 @@ class PiecesVerbs(Verbs):
     """Operations of a model of fused pieces."""
 
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
-        """Return `backbone(inputs) + sum_i f_i(E(x)) prod_j w_ij(x_j)` at every row, shape (n,) (M1
-        eq 5, M2 eq 9); NaN if an input is NaN.
+        """Return `backbone(inputs) + sum_i f_i(E(x)) prod_j w_ij(E(x_j))` at every row, shape (n,);
+        NaN if an input is NaN. The sum is that of M2 eq 9, except that the weights are evaluated at
+        E(x) too. Inside the limits, it is M1 eq 5.
         """
         body = model.body_of(Pieces)
         names = model.input_names

@@ -149,7 +149,7 @@ IntervalCost = Callable[[Curve, IntArray], float]
 the squared unit of the target.
 """
 
-# Costs of intervals are computed on at most this many samples of a curve, evenly spread.
+# costs of intervals are computed on at most this many samples of a curve, evenly spread
 MOST_SAMPLES = 500
 
 
@@ -233,8 +233,9 @@ def _optimal_points(
 
 
 def training_curves(curves: Sequence[Curve], by_level: bool) -> tuple[Curve, ...]:
-    """Return the curves that are cut into segments: every single curve, or one curve called `all`
-    with the samples of all curves.
+    """Return the curves that are cut into segments. If curves are interpolated `by_level`, these
+    are all curves with training samples. Otherwise, it is one curve called `all` with the samples
+    of all curves; a single curve is returned unchanged.
     """
     if by_level:
         return tuple(curve for curve in curves if curve.training.any())
@@ -256,8 +257,8 @@ def training_curves(curves: Sequence[Curve], by_level: bool) -> tuple[Curve, ...
 
 
 def trained_at(curves: Sequence[Curve], level: str | float) -> tuple[Curve, ...]:
-    """Return the curves, of which only those at `level` keep training samples. `level` is a number,
-    `highest` for the highest training level, or `all` for unchanged curves.
+    """Return the curves without the training samples of other levels than `level`. `level` is a
+    number, `highest` for the highest training level, or `all` for unchanged curves.
     """
     if level == "all":
         return tuple(curves)

@@ -29,13 +29,13 @@ ROUNDS = 60  # largest number of rounds on one grid
 ADDED = 200  # largest number of inequalities that a round adds for one entry of `shape`
 # smaller violations, as a fraction of the range of the training output, are ignored
 ROUNDING = 1e-11
-# square root of a small ridge, as a fraction of the length of each column
-# If the data do not determine coefficients, the ridge keeps them near their start.
+# Square root of a small ridge, as a fraction of the length of each column. The ridge keeps
+# coefficients near their start if the data do not determine them.
 RIDGE = 1e-11
 # number of coefficients whose derivatives are computed together, to limit the memory
 TOGETHER = 16
-# Inequalities between very close places may consist of rounding errors only.
-# An inequality that is smaller than this many rounding errors is ignored.
+# An inequality between very close places may consist of rounding errors only. An inequality that
+# is smaller than this many rounding errors is ignored.
 ROUNDING_ERRORS = 1000
 
 

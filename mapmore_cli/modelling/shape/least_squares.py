@@ -10,11 +10,12 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 
-# largest number of steps of the non-negative least squares per inequality
+# Largest number of steps of the non-negative least squares, divided by the number of inequalities.
 # About one step is needed for each inequality that binds.
 STEPS = 50
-# tolerance of the inequalities, as a fraction of the largest right-hand side
-# The tolerance is far above rounding errors, and far below the errors of a contradiction.
+# Tolerance of the inequalities, as a fraction of the largest right-hand side. It is far above
+# rounding errors, and far below the violations that inequalities cause if they contradict each
+# other.
 MISSED = 1e-6
 # a residual of the dual problem below this counts as zero
 NOTHING_LEFT = 1e-30

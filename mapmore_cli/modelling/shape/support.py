@@ -48,7 +48,7 @@ LEVEL = 0.01
 RUNS = 199  # number of simulations of noise alone
 # a contradiction of fewer standard errors is never significant
 UNLIKELY = 2.0
-# A contradiction counts only if a fitted surface contradicts the sign by this many standard errors.
+# a contradiction counts only if a fitted surface contradicts the sign by this many standard errors
 CONFIRMED = 3.0
 # for each width of the means, number of contradictions that are tested with a fitted surface
 TRIED = 32

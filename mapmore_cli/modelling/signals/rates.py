@@ -128,8 +128,8 @@ RISE, FALL = 1.0, -1.0
 def direction(rate: Array, dead_band: float) -> Array:
     """Return the sign of a rate, +1 (rise) or -1 (fall), shape (n,). While `|rate| <= dead_band`,
     the last direction is kept. At the beginning of a recording, the direction is +1. So the
-    direction depends on past samples only. M2 eq 16 uses the sign of the change of pressure
-    instead, which would change with the noise on every plateau.
+    direction depends on past samples only. In M2 eq 16, the direction is the sign of the change of
+    pressure. This sign would change with the noise on every plateau.
     """
     moving = np.abs(rate) > dead_band
     last = np.maximum.accumulate(np.where(moving, np.arange(len(rate)), -1))

@@ -29,9 +29,10 @@ tests of 5 % each).
 """
 
 CHANGED, SAME, UNCLEAR = "changed", "same", "cannot tell"  # possible results of a comparison
-# result if both models were fitted to the same recordings, so that only settings can differ
+# result for two models that were fitted to the same recordings, so that only settings can differ
 OF_SETTINGS = "settings"
-# a smaller relative change of force is of no interest, because repeats differ by as much
+# A relative change of force below this margin is of no interest, because repeated measurements
+# differ by as much.
 MARGIN = 0.01
 MOST_POINTS = 6  # largest number of reference points
 

@@ -74,7 +74,7 @@ FEW: Mapping[int, float] = {3: 5.06, 4: 4.03, 5: 3.23}
 five.
 """
 
-# errors of left-out parts below this fraction of the largest |target| are raised to it
+# errors below this fraction of the largest |target| are replaced by this fraction of it
 LEAST = 1e-3
 # quantile of the normal distribution for which the constants in `FEW` were computed
 NORMAL = 1.959964
@@ -82,8 +82,8 @@ NORMAL = 1.959964
 AT_LEVEL = 0.02
 
 MANY = 7  # smallest number of levels for which the rule for few levels is not needed
-# number of parts into which each recording is divided
-# The mean of each part is compared with the means of the same part of repeated recordings.
+# Number of parts into which each recording is divided. The mean of each part is compared with the
+# means of the same part of repeated recordings.
 BLOCKS = 4
 
 SAME_RECORDINGS = (

@@ -14,8 +14,8 @@ from mapmore_cli.domain.arrays import Array, BoolArray, IntArray, root_mean_squa
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.signals.cycles import SWING, bin_means, cycle_starts, turning_points
 
-# number of bins over the range of a curve, in which the samples of a branch are averaged
-# With bins, a rest at one place has no more weight than a movement past this place.
+# Number of bins over the range of a curve, in which the samples of a branch are averaged. With
+# bins, a rest at one place has no more weight than a movement past this place.
 BINS = 200
 
 
