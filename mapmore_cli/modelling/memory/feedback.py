@@ -249,7 +249,7 @@ class Feedback:
 
 
 def fed_back_states(states: StateSet, output: str) -> dict[str, int]:
-    """Return the states that depend on the output, each with its smallest delay in samples.
+    """Return the states that depend on the output, each with its delay in samples.
 
     Raises DataError if a state depends on the output at the present sample, because this is the
     value to be predicted.

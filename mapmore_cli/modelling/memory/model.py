@@ -68,8 +68,8 @@ def memory_model(
 
 
 def outliers_fed_back(model: Model, loss: str) -> list[str]:
-    """Return a note if a robust loss does not protect the model from outliers, because its past
-    outputs are inputs.
+    """Return a note if a robust loss does not protect the model from outliers, because past outputs
+    are inputs of the model.
     """
     memory = model.body_of(Memory).model
     if loss == "squares" or not fed_back_states(memory.states, memory.output):

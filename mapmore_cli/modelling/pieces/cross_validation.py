@@ -152,8 +152,8 @@ def inner_folds(curves: Sequence[Curve], recipe: Recipe) -> Folds:
 
 
 def _folds_along(curves: Sequence[Curve], recipe: Recipe) -> list[Folds]:
-    """Return the inner folds along each quantity, without the quantities that have fewer than three
-    folds. `along` holds the folds of each quantity in ascending order.
+    """Return the folds along each quantity in ascending order, including the outermost folds.
+    Quantities with fewer than three folds are left out.
     """
     numbers = [number for number, curve in enumerate(curves) if curve.training.any()]
     levels = [

@@ -16,8 +16,8 @@ STEPS = 10  # number of grid points per window
 
 
 def running_median(x: Array, y: Array, window: float) -> tuple[Array, Array]:
-    """Return the medians of x and of y over half a window around each point of an even grid over
-    the range of x, shape (m,) each.
+    """Return the medians of x and of y around each point of an even grid over the range of x, shape
+    (m,) each. Each median is taken over half of the window: a quarter on both sides of the point.
 
     If the samples lie on a straight line, the medians lie on this line too. A spike that is
     narrower than a quarter of the window has no effect. If a grid point has no samples around it,

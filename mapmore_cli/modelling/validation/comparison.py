@@ -268,8 +268,8 @@ def reference_points(models: Sequence[Model]) -> list[ReferencePoint]:
 
 
 def term_changes(before: Model, after: Model) -> tuple[TermChange, ...]:
-    """Return the terms of the segments that occur in both models, with the coefficients `y_slope
-    theta` of both models. The result is empty if a model has no segments.
+    """Return all terms of the segments that both models have, with the coefficients `y_slope theta`
+    of both models. The result is empty if a model has no segments.
 
     Scalings depend on the ranges of the data, so that a coefficient also changes if the ends of its
     segment move.

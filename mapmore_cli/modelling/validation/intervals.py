@@ -290,8 +290,9 @@ def between_levels(
 
 
 def many_curves(left_out: LeftOut, level: float) -> float:
-    """Return half of the width of the interval. It is the larger one of two values: one from
-    Student's t distribution over curves, and the quantile of the absolute residuals.
+    """Return half of the width of the interval for left-out recordings, specimens or blocks. It is
+    the larger of two values: one from Student's t distribution over curves, and one from the
+    quantile of the absolute residuals.
     """
     from scipy.special import stdtrit
 

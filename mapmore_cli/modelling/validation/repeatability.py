@@ -33,8 +33,8 @@ class _Branch(NamedTuple):
 def repeats(
     curves: Sequence[Curve], target: str, inputs: Sequence[str], logs: Mapping[str, str]
 ) -> tuple[Array, ...] | None:
-    """Return for each sample the mean of the other recordings at the same level, coordinate and
-    direction, shape (n_c,) for every curve.
+    """Return for each sample the mean of the other recordings at the same level, at the same value
+    of the varying input and in the same direction, shape (n_c,) for every curve.
 
     Recordings of one curve repeat each other if every constant input has the same value in them.
     Each recording is split into a rising and a falling branch along the single input that varies. A

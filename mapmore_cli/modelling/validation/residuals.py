@@ -181,8 +181,8 @@ def means_over(name: str, residuals: Array, x: Array) -> ResidualTest:
 
 def explained_by_inputs(model: Model, dataset: Dataset) -> Iterator[str]:
     """Yield, for each input of known uncertainty, the fraction of the mean squared training
-    residual that this uncertainty explains. An error of the input changes the output by the slope
-    of the model times the error; a fit does not correct for this.
+    residual that this uncertainty explains. An error of the input changes the output of the model
+    by the slope of the model times the error. No fit can remove this change.
     """
     unsure = [
         quantity for quantity in model.inputs if uncertainty_of(quantity.name) in dataset.quantities

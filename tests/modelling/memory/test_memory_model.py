@@ -65,8 +65,8 @@ def test_rules_say_with_which_samples_a_run_begins_and_how_it_counts_time(names,
 
 
 def test_faults_are_states_that_terms_lack_and_another_output():
-    model = built(["x", "y[k-1]"], [0.5, 0.5])
-    assert list(verbs_of(model).faults(model)) == []
+    alone, model = built(["x"], [0.5]), built(["x", "y[k-1]"], [0.5, 0.5])
+    assert list(verbs_of(model).faults(alone)) == list(verbs_of(model).faults(model)) == []
     memory = model.body.model
     for other in (
         replace(model, output=QUANTITIES["z"]),

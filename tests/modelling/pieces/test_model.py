@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from surfaces import at, built, changed, curves, joined
 
-from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.kinds import (
     equations,
     parameters,
@@ -97,18 +96,6 @@ def test_several_terms_saturate_by_default_and_one_term_continues():
     assert any("the output is kept constant" in note for note in several.notes)
     asked = built(max_terms=3, extrapolation="continue")
     assert any("pressure=80" in note and "very large" in note for note in asked.notes)
-
-
-def test_too_few_samples_for_a_segment():
-    with pytest.raises(
-        DataError, match=r"pressure=80/strain:1: 2 training sample\(s\), too few for 3 term"
-    ):
-        built(curves(n=5), max_terms=3)
-
-
-def test_a_term_that_is_not_finite_names_the_segment():
-    with pytest.raises(DataError, match="pressure=80/strain:1"):
-        built(dictionary=("log(strain - 2)",))
 
 
 def words_of(model):
