@@ -31,17 +31,6 @@ def score(measured, predicted, scale=None, **more):
     return next(metrics.score_rows("m", "static", [forecast], dataset, scale))
 
 
-def test_errors_by_the_range_do_not_depend_on_where_zero_lies():
-    measured = np.array([110.0, 112, 130])
-    scale = normaliser("range", extremes(measured), "displacement", "validate")
-    row = score(measured, measured + 2, scale)
-    assert (row.nrmse, row.normaliser_name) == (
-        pytest.approx(0.1),
-        "range of displacement over validate",
-    )
-    assert normaliser("range", extremes(measured - 1000), "displacement", "validate") == scale
-
-
 @given(st.integers(0, 10**6))
 def test_numbers_of_long_recordings_are_those_of_whole_arrays(seed):
     """With every formula of the table by hand, and read block by block."""
