@@ -2,6 +2,8 @@
 chosen by their runs.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from memory_samples import memory_model, recipe_of, record, state_set, wandering
@@ -13,6 +15,7 @@ from mapmore_cli.modelling.memory.free_run import Along
 from mapmore_cli.modelling.memory.refinement import (
     THOROUGH,
     FreeRunProblem,
+    free_run_errors,
     minimise,
     refine,
     sensitivities,
@@ -147,6 +150,9 @@ def test_an_error_is_that_of_the_samples_that_count_and_the_penalty():
     np.testing.assert_allclose(found.residuals, left)
     assert found.error == pytest.approx(left @ left + 2 * 0.5**2 + 0.5 * 0.8**2)
     assert problem.at(np.array([0.5, 0.8, 6.0])).error == np.inf
+    for count in (3, 4):  # of three parameters, three samples leave no error to estimate
+        few = replace(problem, counted=(np.arange(29) < count,))
+        assert np.isfinite(free_run_errors(few, np.array([0.4, 0.8, 0.1]))[0]).all() == (count > 3)
 
 
 def test_states_are_scaled_by_their_training_range():
