@@ -59,7 +59,7 @@ class CurveChange:
     rms: float
     largest: float
     place: Mapping[str, float]
-    interpolated: bool = False
+    interpolated: bool
 
 
 @dataclass(frozen=True)
