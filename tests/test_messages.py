@@ -20,7 +20,8 @@ PAGE = (PACKAGE.parent / "docs" / "messages.md").read_text("utf-8")
 NOTES_OF_MODELS = (
     "modelling/frols/offsets.py: far_from_zero constant_alone",
     "modelling/pieces/remarks.py: beyond_remarks",
-    "modelling/pieces/cross_validation.py: choose_backbone with_trusted_residual",
+    "modelling/pieces/backbone_choice.py: choose_backbone",
+    "modelling/pieces/residual_share.py: with_trusted_residual",
     "modelling/shape/violations.py: with_shape",
     "modelling/memory/shaped.py: _warnings_of_zero_gain",
     "modelling/memory/model.py: outliers_fed_back",

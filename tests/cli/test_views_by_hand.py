@@ -21,8 +21,10 @@ from mapmore_cli.storage import run_record
 from mapmore_cli.storage.run_record import Origin
 
 CURVES = (
-    CurveChange("p=1", 1.0, 50, 1.04, 0.6, 1.0, 2.0, -3.25, {"strain": 0.123456, "pressure": 1.0}),
-    CurveChange("p=2", 2.0, 50, 1.08, 0.4, 2.0, 4.0, 7.5, {"strain": 0.1, "pressure": 2.0}),
+    CurveChange(
+        "p=1", 1.0, 50, 1.04, 0.6, 1.0, 2.0, -3.25, {"strain": 0.123456, "pressure": 1.0}, False
+    ),
+    CurveChange("p=2", 2.0, 50, 1.08, 0.4, 2.0, 4.0, 7.5, {"strain": 0.1, "pressure": 2.0}, False),
 )
 CHANGED = Comparison(
     "a", "b", "N", CURVES, 1.056, (1.05, 1.062), (1.052, 1.06), 0.001, None, 0.02, 0.006,

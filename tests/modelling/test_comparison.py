@@ -21,12 +21,11 @@ from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Cuts
+from mapmore_cli.modelling.validation.common_curves import common_curves, grid
 from mapmore_cli.modelling.validation.comparison import (
     Comparison,
     TermChange,
-    common_curves,
     compare,
-    grid,
     reference_points,
     term_changes,
 )
@@ -179,6 +178,10 @@ class TestCompare:
         places = common_curves(a, b)
         assert [place.level for place in places] == [level + 0.75 for level in LEVELS]
         assert not any(place.interpolated for place in places)
+        for apart, interpolated in ((4.9, False), (5.1, True)):  # of levels 100 apart
+            b = muscle("b", levels=tuple(level + apart for level in LEVELS))
+            assert {place.interpolated for place in common_curves(a, b)} == {interpolated}
+        assert compare(a, a).margin == 0.01
 
     @pytest.mark.parametrize(
         ("other", "words"),

@@ -81,7 +81,7 @@ def _backbone(
     name = part.model.backbone
     notes: tuple[str, ...] = ()
     if name == AUTO:
-        from mapmore_cli.modelling.pieces.cross_validation import choose_backbone
+        from mapmore_cli.modelling.pieces.backbone_choice import choose_backbone
 
         choice = choose_backbone(
             curves,
@@ -127,7 +127,7 @@ class PiecesMaker(Maker):
         whether the segments are used, and whether they are shrunk between levels.
         """
         from mapmore_cli.modelling.pieces import build as method
-        from mapmore_cli.modelling.pieces.cross_validation import with_trusted_residual
+        from mapmore_cli.modelling.pieces.residual_share import with_trusted_residual
         from mapmore_cli.modelling.pieces.shaped import shaped
 
         quantities = given.dataset.quantities

@@ -59,7 +59,8 @@ class StateWriter:
         """Write the statements that compute the scaled value of a state, which terms use.
         `states.evaluate_states` computes the same value for whole columns.
         """
-        states, value = self.states, self.value(state(name))
+        states = self.states
+        value = self.value(state(name))
         if not states.scaled:
             return value
         place = states.names.index(name)
@@ -99,7 +100,8 @@ class StateWriter:
             return self._recalled(source.source, steps + source.steps)
         if source not in self.queues:
             self.queues[source] = self.m.fresh("queue")
-        queue, sizes = self.queues[source], self.m.kept.queues
+        queue = self.queues[source]
+        sizes = self.m.kept.queues
         if (queue, steps) not in self.recalls:
             sizes[queue] = max(sizes.get(queue, 0), steps)
             self.recalls[queue, steps] = Recall(self.m.fresh("past"), queue, steps)
@@ -110,7 +112,8 @@ class StateWriter:
         """Write the statements of an operator, which use past values. Up to the first sample at
         which its source has a value, the state of the operator is at rest.
         """
-        m, rule = self.m, OPERATORS[operated.operator].recursion(setting_of(operated, self.states))
+        m = self.m
+        rule = OPERATORS[operated.operator].recursion(setting_of(operated, self.states))
         x = m.let("source", self.value(operated.source))
         own_past, past = self._past(operated, rule.own), self._past(operated.source, rule.source)
         if self.seen is None or not (own_past or past):
@@ -129,7 +132,8 @@ class StateWriter:
         m = self.m
         if self.seen is not None:
             return m.let(stem, rule(m, *values))
-        function, names = m.fresh(stem), [m.fresh("argument") for _ in values]
+        function = m.fresh(stem)
+        names = [m.fresh("argument") for _ in values]
         self.rules[function] = rule
         m.function(function, names, lambda: rule(m, *map(Name, names)), "")
         return m.use(stem, function, values)
@@ -199,9 +203,11 @@ class Feedback:
     """
 
     def __init__(self, terms: Sequence[str], states: StateSet, output: str) -> None:
-        self.states, self.output = states, output
+        self.states = states
+        self.output = output
         lags = fed_back_states(states, output)
-        self.names, self.longest = tuple(lags), max(lags.values(), default=0)
+        self.names = tuple(lags)
+        self.longest = max(lags.values(), default=0)
         self.parts = parts_of_terms(terms, lags)
         self.weights = [f"weight_{group}" for group in range(len(self.parts.owns))]
         m = Writer()
@@ -219,10 +225,8 @@ class Feedback:
         computed = tuple(
             statement for statement in m.statements if not isinstance(statement, Recall)
         )
-        self.block, self.functions = (
-            Block(computed, tuple(pushed.values())),
-            tuple(m.functions.values()),
-        )
+        self.block = Block(computed, tuple(pushed.values()))
+        self.functions = tuple(m.functions.values())
         self.rules = writer.rules
 
     @cached_property
@@ -245,7 +249,7 @@ class Feedback:
 
 
 def fed_back_states(states: StateSet, output: str) -> dict[str, int]:
-    """Return the states that depend on the output, each with its smallest delay in samples.
+    """Return the states that depend on the output, each with its delay in samples.
 
     Raises DataError if a state depends on the output at the present sample, because this is the
     value to be predicted.

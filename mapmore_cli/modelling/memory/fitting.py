@@ -14,15 +14,16 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import MemoryFit
 from mapmore_cli.modelling.expressions import NotFinite
 from mapmore_cli.modelling.frols import frols_together
+from mapmore_cli.modelling.memory.free_parameters import DIGITS, Unknown, left_open
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.memory.refinement import COARSE, FreeRunProblem, Point, minimise, refine
 from mapmore_cli.modelling.memory.selectors import TermChoice, problem_of
-from mapmore_cli.modelling.memory.training import DIGITS, TrainingData, Unknown, left_open
+from mapmore_cli.modelling.memory.training import TrainingData
 from mapmore_cli.modelling.selection import MemoryRecipe
 
-# The number of terms is chosen by free runs over this fraction of each piece, at its end.
+# the number of terms is chosen by free runs over this fraction of each piece, at its end
 LATE = 0.25
-STARTS = 3  # so many sets of starting values (of the operator parameters) are refined
+STARTS = 3  # number of sets of starting values (of the operators' parameters) that are refined
 SHORT = 2048  # number of training samples on which the refined sets of starting values are compared
 
 DIVERGES = (
@@ -59,7 +60,8 @@ def fit_with_memory(
     start = np.empty(0)
     if numbers.states:
         start = numbers.begun_at(near.identified) if near else _start(records, recipe, numbers)
-    training, held_out = TrainingData(records, recipe, numbers.numbers(start)), None
+    training = TrainingData(records, recipe, numbers.numbers(start))
+    held_out = None
     if recipe.stop == "free_run":
         chosen, held_out = _sized_in_free_run(records, recipe, numbers.numbers(start), progress)
         choice = training.selector.among(chosen, "free_run")
@@ -154,7 +156,8 @@ def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) ->
             except NotFinite:
                 return np.inf  # a state with these parameters grows without bound
 
-    best, least = np.empty(0), np.inf
+    best = np.empty(0)
+    least = np.inf
     # the sets of starting values are compared on the first training samples of all pieces
     before = np.cumsum([0, *(record.training.sum() for record in records)])
     short = [
@@ -162,10 +165,8 @@ def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) ->
         for record, count in zip(records, before, strict=False)
     ]
     for numbers_tried in numbers.scan(ahead, STARTS):
-        training, searched = (
-            TrainingData(records, recipe, numbers_tried),
-            numbers.searched(numbers_tried),
-        )
+        training = TrainingData(records, recipe, numbers_tried)
+        searched = numbers.searched(numbers_tried)
         choice = training.selector.best()
         chosen = choice.selection.chosen
         if not len(best):
@@ -175,7 +176,8 @@ def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) ->
         problem = training.problem(chosen, short, search=True)
         point = refine(problem, _ahead(choice, searched[part]))
         if point.error < least:
-            best, least = searched, point.error
+            best = searched
+            least = point.error
             *_, best[part] = problem.split(point.vector)
     return best
 

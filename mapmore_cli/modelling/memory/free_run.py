@@ -77,7 +77,8 @@ class Along:
 
     def _one_step(self, piece: Columns, n: int) -> Array:
         states = evaluate_states(self.model.states, piece, self.past)
-        known, predicted = complete(states.values(), n), np.full(n, np.nan)
+        known = complete(states.values(), n)
+        predicted = np.full(n, np.nan)
         there = columns_at(states, known)
         matrix = dictionary_matrix(self.terms, there, int(known.sum()))
         predicted[known] = matrix @ self.model.theta + self.model.constant
@@ -91,7 +92,8 @@ class Along:
             piece = {name: np.concatenate([self.waiting[name], x]) for name, x in piece.items()}
         ready = ReadyPiece(self.feedback, piece, self.past)
         if not ready.size:
-            self.waiting, self.past = piece, {}
+            self.waiting = piece
+            self.past = {}
             return np.full(n, np.nan)
         if self.recalled is None:
             refuse_unknown_beginning(ready)
@@ -99,7 +101,8 @@ class Along:
         bounds = divergence_bounds(self.model.limits)
         run = ready.run(self.model.theta, self.model.constant, bounds, before=self.recalled)
         whole = np.concatenate([self.recalled, run.values], axis=1)
-        self.recalled, self.waiting = whole[:, whole.shape[1] - self.feedback.depth :], {}
+        self.recalled = whole[:, whole.shape[1] - self.feedback.depth :]
+        self.waiting = {}
         return np.concatenate([np.full(ready.start, np.nan), run.output])[-n:]
 
     def _pieces(self, columns: Columns, n: int) -> Iterator[tuple[IntArray, Columns, bool]]:
@@ -107,13 +110,15 @@ class Along:
         inputs, one time step apart. For each piece, yield its row numbers, its columns, and True if
         it continues the last piece of the previous block.
         """
-        inputs, states = memory_inputs(self.model), self.model.states
+        inputs = memory_inputs(self.model)
+        states = self.model.states
         needed = (columns[name] for name in ("time", *inputs) if name in columns)
         rows = np.flatnonzero(complete(needed, n))
         time: Array = (self.rows + rows).astype(np.float64) * states.step
         if "time" in columns:
             time = np.asarray(columns["time"], dtype=np.float64)[rows]
-        before, stamps = len(self.last), joined([self.last, time])
+        before = len(self.last)
+        stamps = joined([self.last, time])
         with numbered(np.concatenate([rows[:before], rows])):
             if not self.rows:
                 _refuse_other_steps(stamps, rows, states.longest_step)
@@ -131,7 +136,8 @@ def _refuse_other_steps(time: Array, rows: IntArray, step: float) -> None:
     """Refuse a recording in which most time steps are longer than those of the model, because every
     such step would count as a gap. A few longer steps are allowed and count as gaps.
     """
-    neighbours, longest = np.flatnonzero(np.diff(rows) == 1), step * (1 + UNEVEN)
+    neighbours = np.flatnonzero(np.diff(rows) == 1)
+    longest = step * (1 + UNEVEN)
     distances = np.diff(time)[neighbours]
     if len(distances) < 2:
         return

@@ -68,8 +68,8 @@ def memory_model(
 
 
 def outliers_fed_back(model: Model, loss: str) -> list[str]:
-    """Return a note if a robust loss does not protect the model from outliers, because its past
-    outputs are inputs.
+    """Return a note if a robust loss does not protect the model from outliers, because past outputs
+    are inputs of the model.
     """
     memory = model.body_of(Memory).model
     if loss == "squares" or not fed_back_states(memory.states, memory.output):
@@ -161,7 +161,9 @@ class MemoryVerbs(Verbs):
         """Return the free run of the model along one recording, shape (n,), or, with `ahead`, its
         one-step-ahead predictions.
         """
-        next_rows, diverged, rows = self.running(model, ahead), list[int](), 0
+        next_rows = self.running(model, ahead)
+        diverged = list[int]()
+        rows = 0
 
         def values(block: Columns) -> Array:
             nonlocal rows
@@ -189,8 +191,10 @@ class MemoryVerbs(Verbs):
         """
         from scipy.optimize import fixed_point
 
-        memory, base = model.body_of(Memory).model, _base(model, columns)
-        terms, start = list(map(parse, memory.terms)), np.full(len(base), memory.limits[1])
+        memory = model.body_of(Memory).model
+        base = _base(model, columns)
+        terms = list(map(parse, memory.terms))
+        start = np.full(len(base), memory.limits[1])
 
         def following(y: Array) -> Array:
             """Return the output at the next sample if all earlier outputs were y."""
@@ -213,17 +217,20 @@ class MemoryVerbs(Verbs):
         sample.
         """
         body = model.body_of(Memory)
-        own, limits = (
-            body.model,
-            united(
-                [
-                    *(curve_range.limits for curve_range in body.ranges),
-                    {body.model.output: body.model.limits},
-                ]
-            ),
+        own = body.model
+        limits = united(
+            [
+                *(curve_range.limits for curve_range in body.ranges),
+                {body.model.output: body.model.limits},
+            ]
         )
         return *formula_equations(body.backbone, units), equation(
-            *(PIECE, own.terms, own.theta, own.scaling, limits, units),
+            PIECE,
+            own.terms,
+            own.theta,
+            own.scaling,
+            limits,
+            units,
             tolerance=RECURSIVE if self.fed_back(model) else TOLERANCE,
         )
 

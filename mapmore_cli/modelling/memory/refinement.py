@@ -26,16 +26,17 @@ from mapmore_cli.domain.arrays import Array, BoolArray, Ends
 from mapmore_cli.modelling.frols.correlated import correlated_errors
 from mapmore_cli.modelling.memory.simulation import ReadyPiece, Trajectory
 
-# number of samples of the shortest horizon, and the factor from one horizon to the next
-FIRST, GROWTH = 16, 8
+FIRST = 16  # number of samples of the shortest horizon
+GROWTH = 8  # factor from one horizon to the next
 # the search ends if the next horizon is less than this many times the last one without divergence
 LEAST_GROWTH = 1.2
-# Levenberg-Marquardt factor at the start, and the largest one, at which the search ends
-DAMPING, MOST_DAMPING = 1e-3, 1e8
-# largest number of iterations, and relative decrease of the error below which the search stops
-# `THOROUGH` is for free runs, and `QUICK` is for runs over a horizon.
-# `COARSE` is for folds, whose errors need less accuracy.
-THOROUGH, QUICK, COARSE = (40, 1e-7), (6, 1e-2), (40, 1e-4)
+DAMPING = 1e-3  # Levenberg-Marquardt factor at the start
+MOST_DAMPING = 1e8  # largest Levenberg-Marquardt factor; with a larger one, the search would end
+# Each pair contains the largest number of iterations, and the relative decrease of the error below
+# which the search stops.
+THOROUGH = (40, 1e-7)  # for free runs
+QUICK = (6, 1e-2)  # for runs over a horizon
+COARSE = (40, 1e-4)  # for folds, whose errors need less accuracy
 # step of the difference quotient for the derivative with respect to a parameter of an operator
 NUDGE = 1e-5
 
@@ -44,8 +45,11 @@ def sensitivities(piece: ReadyPiece, run: Trajectory, theta: Array) -> Array:
     """Return the derivatives of the outputs of a run with respect to theta and the constant, shape
     (n, k + 1). They are infinite or NaN if the run is unstable.
     """
-    feedback, n, q = piece.feedback, len(run.begins), len(piece.history)
-    inputs, groups = piece.inputs[:n], feedback.parts.groups
+    feedback = piece.feedback
+    n = len(run.begins)
+    q = len(piece.history)
+    inputs = piece.inputs[:n]
+    groups = feedback.parts.groups
     phi = np.ones((n, len(theta) + 1))
     phi[:, :-1] = inputs
     if not feedback.weights:
@@ -71,7 +75,8 @@ def _banded(piece: ReadyPiece, run: Trajectory, slopes: Array) -> Array:
     so their derivatives are zero.
     """
     q, _, n = slopes.shape
-    recalls, rows = list(piece.feedback.recalls.values()), np.arange(n)
+    recalls = list(piece.feedback.recalls.values())
+    rows = np.arange(n)
     matrix = np.zeros((max(steps for _, steps in recalls) * q + q, n * q))
     for place, (column, steps) in enumerate(recalls):
         moves = rows[rows - steps >= run.begins]
@@ -129,7 +134,8 @@ class FreeRunProblem:
         """
         vector = np.clip(vector, *self.between)
         theta, constant, numbers = self.split(vector)
-        runs, residuals = list[Trajectory](), list[Array]()
+        runs = list[Trajectory]()
+        residuals = list[Array]()
         for piece, rows in zip(self.pieces(numbers), self.counted, strict=True):
             run = piece.run(theta, constant, self.bounds, horizon)
             if len(run.begins) < piece.size:
@@ -146,7 +152,8 @@ class FreeRunProblem:
         entries of the vector, and r the residuals. The results are infinite or NaN if the
         derivatives are too large.
         """
-        slopes, terms = self.slopes(point, horizon), np.arange(len(self.ridge))
+        slopes = self.slopes(point, horizon)
+        terms = np.arange(len(self.ridge))
         with np.errstate(over="ignore", invalid="ignore"):
             curvature = slopes.T @ slopes
         curvature[terms, terms] += self.ridge
@@ -199,7 +206,9 @@ def refine(problem: FreeRunProblem, start: Array) -> Point:
     *_, numbers = problem.split(start)
     fed_back = any(piece.feedback.weights for piece in problem.pieces(numbers))
     longest = max(map(len, problem.counted))
-    vector, last, horizon = start, 0, FIRST if fed_back else longest
+    vector = start
+    last = 0
+    horizon = FIRST if fed_back else longest
     while True:
         whole = horizon >= longest
         effort = THOROUGH if whole else QUICK
@@ -207,7 +216,9 @@ def refine(problem: FreeRunProblem, start: Array) -> Point:
         if np.isfinite(reached.error):
             if whole:
                 return reached
-            vector, last, horizon = reached.vector, horizon, horizon * GROWTH
+            vector = reached.vector
+            last = horizon
+            horizon = horizon * GROWTH
             continue
         nearer = int(np.sqrt(min(horizon, longest) * last))
         if nearer < LEAST_GROWTH * last or not last:
@@ -226,7 +237,8 @@ def minimise(
     SciPy's trust-region method is not used, because it ends in other minima, which are on average
     not lower.
     """
-    point, damping = problem.at(start, horizon), DAMPING
+    point = problem.at(start, horizon)
+    damping = DAMPING
     iterations, least_gain = effort
     for _ in range(iterations):
         if not np.isfinite(point.error):
@@ -243,10 +255,12 @@ def minimise(
             move[free] = np.linalg.lstsq(damped, downhill[free] / size, rcond=None)[0] / size
             tried = problem.at(point.vector + move, horizon)
             if tried.error < point.error:
-                better, damping = tried, damping / 10
+                better = tried
+                damping = damping / 10
             else:
                 damping *= 10
-        gained, point = point.error - better.error, better
+        gained = point.error - better.error
+        point = better
         if gained <= least_gain * (point.error + gained):
             return point
     return point
@@ -269,7 +283,8 @@ def free_run_errors(problem: FreeRunProblem, vector: Array) -> tuple[Array, floa
     parameter at its bound is NaN too.
     """
     point = problem.at(vector)
-    slopes, errors = problem.slopes(point), np.full(len(vector), np.nan)
+    slopes = problem.slopes(point)
+    errors = np.full(len(vector), np.nan)
     free = problem.free(vector, problem.downhill(point, slopes))
     if len(point.residuals) <= int(free.sum()) or not np.isfinite(slopes).all():
         return errors, np.nan

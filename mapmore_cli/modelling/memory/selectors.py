@@ -49,7 +49,8 @@ class Regressors:
         terms or samples.
         """
         terms = self.terms if among is None else [self.terms[i] for i in among]
-        states, y = columns_at(self.states, part), self.y[part]
+        states = columns_at(self.states, part)
+        y = self.y[part]
         for rows, P in dictionary_blocks(terms, states, len(y)):
             yield P, y[rows]
 
@@ -62,7 +63,8 @@ def regressors(
     Raises DataError if there are none, or the output is missing.
     """
     parts: list[tuple[Columns, Array]] = []
-    unsure, sigma = uncertainty_of(target), list[Array]()
+    unsure = uncertainty_of(target)
+    sigma = list[Array]()
     for record in records:
         y = column_in(record.columns, target)
         values = evaluate_states(states, record.columns)
@@ -122,7 +124,9 @@ class _Plain:
     """
 
     def __init__(self, data: Regressors, recipe: MemoryRecipe) -> None:
-        self.data, self.recipe, self.whole = data, recipe, None
+        self.data = data
+        self.recipe = recipe
+        self.whole = None
         if fits_whole(len(data.y), len(data.terms)):
             self.whole = dictionary_matrix(data.terms, data.states, len(data.y))
         else:
@@ -130,7 +134,8 @@ class _Plain:
 
     def best(self) -> TermChoice:
         """Return the model with the number of terms that the recipe's rule chooses."""
-        recipe, every = self.recipe, np.arange(len(self.data.terms))
+        recipe = self.recipe
+        every = np.arange(len(self.data.terms))
         rule = () if recipe.stop == "free_run" else (recipe.tolerance, recipe.stop)
         return self._selected(every, recipe.max_terms, *rule)
 
@@ -160,7 +165,8 @@ class _Plain:
         if self.whole is None:
             (selection,) = frols_together([problem], terms, tolerance, stop=stop)
         else:
-            P, weighing = self.whole[:, among], problem.weighing
+            P = self.whole[:, among]
+            weighing = problem.weighing
             selection = frols(P, self.data.y, terms, tolerance, stop=stop, weighing=weighing)
         selection = widened(selection, among, len(self.data.terms))
         return TermChoice(selection, 0.0, 0.0, selection.chosen)
@@ -197,7 +203,8 @@ class _Ridged:
         unexplained = np.array(
             [self.data.unexplained(kept, self.data.coefficients(kept)) for kept in self.sizes]
         )
-        stop, samples = self.recipe.stop, self.data.samples
+        stop = self.recipe.stop
+        samples = self.data.samples
         if stop == "press":
             errors = ridge_press(self.blocks, self.data, self.sizes)
             return self.among(self.sizes[int(np.argmin(errors))], stop)

@@ -62,7 +62,8 @@ def with_signed_gain(
     chosen terms cannot have these signs with any coefficients, or if the signs can only be checked
     and are wrong.
     """
-    memory, body = fit.model, model.body_of(Memory)
+    memory = fit.model
+    body = model.body_of(Memory)
     region = region_of(model, curves, recipe)
     if region is None or fed_back(model) or fit.identified or recipe.ridge:
         return verified(model, curves, recipe, "static gain", REMEDY)

@@ -18,7 +18,7 @@ from mapmore_cli.modelling.memory.feedback import Feedback
 from mapmore_cli.modelling.memory.records import AtSample, complete
 from mapmore_cli.modelling.memory.states import Past, evaluate_states, value_of
 
-# A free run has diverged if it leaves the training range by this multiple of the range.
+# a free run has diverged if it leaves the training range by more than this multiple of the range
 DIVERGED = 100.0
 
 
@@ -116,7 +116,8 @@ class ReadyPiece:
         }
         sums["base"] = constant + weighted[:, groups < 0].sum(axis=1)
         driven = [(name, column.tolist()) for name, column in sums.items()]
-        begins, done = self.begins(horizon), 0
+        begins = self.begins(horizon)
+        done = 0
         parts = [np.empty((len(self.history), 0))]
         for begin, end in pairwise([*np.unique(begins).tolist(), self.size]):
             queues = (self.recalled_at(begin) if before is None else before).tolist()
@@ -149,7 +150,8 @@ class ReadyPiece:
         """Return every past value that a run needs, shape (n,) each, by name. Values from before
         the last restart are computed from measured outputs.
         """
-        rows, begins = np.arange(len(trajectory.begins)), trajectory.begins
+        rows = np.arange(len(trajectory.begins))
+        begins = trajectory.begins
         columns: dict[str, Value] = {}
         for name, (place, steps) in self.feedback.recalls.items():
             back = rows - steps

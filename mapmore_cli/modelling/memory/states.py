@@ -164,7 +164,8 @@ def resolve_states(
     for part in dict.fromkeys(part for name in names for part in state(name).parts):
         if not isinstance(part, Operated):
             continue
-        source, needs = part.source.name, OPERATORS[part.operator].needs
+        source = part.source.name
+        needs = OPERATORS[part.operator].needs
         if needs == "range" and source not in ranges:
             ranges[source] = _range(_training_values(along_records(part.source), training), source)
         if needs == "oscillator" and not part.numbers and source not in found_already:
@@ -188,7 +189,8 @@ def with_ranges(records: Sequence[Record], recipe: MemoryRecipe) -> tuple[str, .
         name for text in recipe.dictionary if RANGED in text for name in candidate(text).names
     }
     resolved = resolve_states(sorted(waiting), records, replace(recipe, scaling="range"))
-    low, high = resolved.low.tolist(), resolved.high.tolist()
+    low = resolved.low.tolist()
+    high = resolved.high.tolist()
     if recipe.scaling == "range":
         low, high = [0.0] * len(low), [1.0] * len(high)
     return placed(recipe.dictionary, tuple(zip(resolved.names, low, high, strict=True)))
@@ -249,7 +251,8 @@ def find_resonance(
     basis = np.linalg.qr(others[known])[0]
     y = _training_values(output, training)[known]
     left = y - basis @ (basis.T @ y)
-    best, most = (frequencies[0], DAMPINGS[0]), -np.inf
+    best = (frequencies[0], DAMPINGS[0])
+    most = -np.inf
     for numbers in product(frequencies, DAMPINGS):
         moved = np.column_stack(
             [pooled("resonance", *numbers), pooled("resonance_velocity", *numbers)]
@@ -259,5 +262,6 @@ def find_resonance(
         # decrease of the residual sum of squares
         gain = float(products @ np.linalg.lstsq(gram, products, rcond=1e-10)[0])
         if gain > most * (1 + 1e-9):
-            best, most = numbers, gain
+            best = numbers
+            most = gain
     return best

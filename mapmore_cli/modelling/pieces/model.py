@@ -24,10 +24,10 @@ from mapmore_cli.modelling.pieces.definition import (
     held_between,
     pieces_program,
     pieces_value,
-    rule_of_levels,
     rule_of_weights,
     zones_of,
 )
+from mapmore_cli.modelling.pieces.levels import rule_of_levels
 from mapmore_cli.modelling.program.values import evaluator
 from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
 
@@ -81,8 +81,9 @@ class PiecesVerbs(Verbs):
     """Operations of a model of fused pieces."""
 
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
-        """Return `backbone(inputs) + sum_i f_i(E(x)) prod_j w_ij(x_j)` at every row, shape (n,) (M1
-        eq 5, M2 eq 9); NaN if an input is NaN.
+        """Return `backbone(inputs) + sum_i f_i(E(x)) prod_j w_ij(E(x_j))` at every row, shape (n,);
+        NaN if an input is NaN. The sum is that of M2 eq 9, except that the weights are evaluated at
+        E(x) too. Inside the limits, it is M1 eq 5.
         """
         body = model.body_of(Pieces)
         names = model.input_names
@@ -101,14 +102,12 @@ class PiecesVerbs(Verbs):
         body = model.body_of(Pieces)
         pieces = (
             equation(
-                *(
-                    segment.id,
-                    segment.terms,
-                    segment.theta,
-                    segment.scaling,
-                    {**curve.limits, **segment.limits},
-                    units,
-                ),
+                segment.id,
+                segment.terms,
+                segment.theta,
+                segment.scaling,
+                {**curve.limits, **segment.limits},
+                units,
                 weight=_weight(segment, curve, body, units),
             )
             for curve in body.curves
@@ -152,10 +151,7 @@ class PiecesVerbs(Verbs):
             return base
         return m.let(
             "model",
-            base
-            + pieces_value(
-                m, body, {quantity.name: inputs[quantity.name] for quantity in model.inputs}
-            ),
+            base + pieces_value(m, body, {name: inputs[name] for name in model.input_names}),
         )
 
     def faults(self, model: Model) -> Iterator[str]:

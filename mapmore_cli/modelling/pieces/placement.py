@@ -16,16 +16,15 @@ from mapmore_cli.domain.arrays import Array, extremes
 from mapmore_cli.domain.fits import Scaling
 from mapmore_cli.modelling.signals.sampling import even_share
 
-# The end of the trend is computed from the fraction `END_FRACTION` of the samples of a segment.
-# `FEWEST` is the smallest number of samples from which the end of the trend is computed.
-END_FRACTION, FEWEST = 0.05, 3
+# the end of the trend is computed from this fraction of the samples of a segment
+END_FRACTION = 0.05
+FEWEST = 3  # smallest number of samples from which the end of the trend is computed
 # with more variables, only two of the `2^v` corners are tried as origins: all left and all right
 EVERY_CORNER_UP_TO = 3
 # singular values of the parabola's fit below this fraction of the largest one count as zero
 FLAT = 1e-3
-# `ALIKE` is the relative difference up to which weights count as equal.
-# `EXTRA` more samples are used for the parabola if the weights are not equal.
-ALIKE, EXTRA = 1e-12, 1
+ALIKE = 1e-12  # relative difference up to which weights count as equal
+EXTRA = 1  # number of further samples that are used for the parabola if weights are not equal
 ROUNDING = 1e-9  # relative rounding error of a sum of weights
 
 
@@ -49,7 +48,8 @@ def placements(
     `weights` of the samples, (n,), are used for the anchor (`end_of_trend`); None for equal
     weights.
     """
-    names, count = tuple(variables), len(variables)
+    names = tuple(variables)
+    count = len(variables)
     ends = np.array([extremes(x) for x in (*inputs, y)])
     if rule == "unit_square":
         every = (
@@ -60,10 +60,12 @@ def placements(
         weights = np.ones(len(y)) if weights is None else weights
         shares = list(map(even_share, (*inputs, y, weights)))
         return tuple(_anchored(shares, names, right, ends) for right in every)
-    slope, y_slope = np.ones(count), 1.0
+    slope = np.ones(count)
+    y_slope = 1.0
     if rule == "max_abs":
         sizes = span(np.abs(ends).max(axis=1))
-        slope, y_slope = 1 / sizes[:-1], float(sizes[-1])
+        slope = 1 / sizes[:-1]
+        y_slope = float(sizes[-1])
     elif rule != "none":
         raise ValueError(f"unknown scaling rule {rule!r}: unit_square, max_abs or none")
     return (Scaling(rule, "-", names, slope, np.zeros(count), y_slope, 0.0),)
@@ -73,7 +75,8 @@ def _anchored(
     samples: Sequence[Array], variables: tuple[str, ...], right: tuple[bool, ...], ends: Array
 ) -> Scaling:
     low, high = ends[:-1].T
-    slope, anchor = 1 / span(high - low), np.where(right, high, low)
+    slope = 1 / span(high - low)
+    anchor = np.where(right, high, low)
     *inputs, y, weights = samples
     away = np.array([(x - a) * m for x, a, m in zip(inputs, anchor, slope, strict=True)])
     y_anchor = end_of_trend(away, y, weights) if variables else 0.0

@@ -13,14 +13,12 @@ from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.pieces.recipe import Recipe
 
-REACH, ASTRAY = 0.1, 1.5
-"""How far outside all samples a piece is evaluated, as a fraction of each input's range. The second
-number is the distance from the middle of the output beyond which a value counts as extreme, as a
-fraction of the output's range.
-"""
-
-LOOKED_AT = 400
-"""Largest number of samples, moved outwards, at which pieces are evaluated."""
+# distance outside all samples at which a piece is evaluated, as a fraction of each input's range
+REACH = 0.1
+# a value counts as extreme if its distance from the middle of the output's range is larger than
+# this multiple of the range
+ASTRAY = 1.5
+LOOKED_AT = 400  # largest number of samples, moved outwards, at which pieces are evaluated
 
 
 def beyond_remarks(model: Model, curves: Sequence[Curve], recipe: Recipe) -> tuple[str, ...]:

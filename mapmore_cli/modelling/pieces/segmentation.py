@@ -74,7 +74,8 @@ def slope_change(x: Array, y: Array, window: float) -> tuple[Array, Array]:
     """
     at, smooth = running_median(x, y, window)
     here = np.arange(len(at))
-    first, last = np.maximum(here - STEPS // 2, 0), np.minimum(here + STEPS // 2 + 1, len(at))
+    first = np.maximum(here - STEPS // 2, 0)
+    last = np.minimum(here + STEPS // 2 + 1, len(at))
 
     def mean(values: Array) -> Array:
         total = np.concatenate([[0.0], np.cumsum(values)])
@@ -90,10 +91,8 @@ def slope_change(x: Array, y: Array, window: float) -> tuple[Array, Array]:
             )
         )
 
-    left, right = (
-        slope(np.maximum(here - STEPS, 0), here),
-        slope(here, np.minimum(here + STEPS, len(at) - 1)),
-    )
+    left = slope(np.maximum(here - STEPS, 0), here)
+    right = slope(here, np.minimum(here + STEPS, len(at) - 1))
     # at the ends of the curve, one of the slopes is NaN
     return at, np.nan_to_num(right - left)
 
@@ -115,7 +114,8 @@ def optimal_partition(
         for j in range(i + 1, cells + 1):
             table[i, j] = cost(i, j)
     tie = TIE_TOLERANCE * float(table[np.isfinite(table)].max(initial=0.0))
-    best, came_from = table[0], []
+    best = table[0]
+    came_from = []
     for _ in range(count - 1):
         sums = best[:, None] + table
         least = sums.min(axis=0)
@@ -123,7 +123,8 @@ def optimal_partition(
         best = least
     if not np.isfinite(best[cells]):
         return None
-    places, end = [], cells
+    places = []
+    end = cells
     for previous in reversed(came_from):
         end = int(previous[end])
         places.append(end)
@@ -148,7 +149,7 @@ IntervalCost = Callable[[Curve, IntArray], float]
 the squared unit of the target.
 """
 
-# Costs of intervals are computed on at most this many samples of a curve, evenly spread.
+# costs of intervals are computed on at most this many samples of a curve, evenly spread
 MOST_SAMPLES = 500
 
 
@@ -200,7 +201,10 @@ def joined_segments(boundaries: Array, x: Array, least: int, training: BoolArray
     kept = boundaries.tolist()
     while len(kept) > 2:
         parts = blocks_where(x, training)
-        counts = np.sum([[*map(np.sum, _members(part, kept))] for part in parts], axis=0)
+        counts = np.sum(
+            [[np.sum((x >= low) & (x <= high)) for low, high in pairwise(kept)] for x in parts],
+            axis=0,
+        )
         i = int(np.argmin(counts))
         if counts[i] >= least:
             break
@@ -229,8 +233,9 @@ def _optimal_points(
 
 
 def training_curves(curves: Sequence[Curve], by_level: bool) -> tuple[Curve, ...]:
-    """Return the curves that are cut into segments: every single curve, or one curve called `all`
-    with the samples of all curves.
+    """Return the curves that are cut into segments. If curves are interpolated `by_level`, these
+    are all curves with training samples. Otherwise, it is one curve called `all` with the samples
+    of all curves; a single curve is returned unchanged.
     """
     if by_level:
         return tuple(curve for curve in curves if curve.training.any())
@@ -252,8 +257,9 @@ def training_curves(curves: Sequence[Curve], by_level: bool) -> tuple[Curve, ...
 
 
 def trained_at(curves: Sequence[Curve], level: str | float) -> tuple[Curve, ...]:
-    """Return the curves, of which only those at `level` keep training samples. `level` is a number,
-    `highest` for the highest training level, or `all` for unchanged curves.
+    """Return the curves, of which only those at `level` have training samples. All samples of other
+    curves count as at rest. `level` is a number, `highest` for the highest training level, or `all`
+    for unchanged curves.
     """
     if level == "all":
         return tuple(curves)
@@ -281,9 +287,11 @@ def segment_curve(
     boundaries = {
         name: cut_points(curve, training, name, target, cut, cost) for name, cut in cuts.items()
     }
-    inputs, segments = [curve.columns[name] for name in cuts], []
+    inputs = [curve.columns[name] for name in cuts]
+    segments = []
     for cell in product(*(enumerate(pairwise(ends), 1) for ends in boundaries.values())):
-        place, sides = tuple(i for i, _ in cell), [ends for _, ends in cell]
+        place = tuple(i for i, _ in cell)
+        sides = [ends for _, ends in cell]
 
         def inside(trains: BoolArray, *values: Array, limits: Sequence[Ends] = sides) -> BoolArray:
             within = [
@@ -324,7 +332,3 @@ def segment_id(curve: str, variables: Sequence[str], cell: Sequence[int]) -> str
     if direction is not None:
         curve = f"{curve};direction={('fall', 'rise')[direction - 1]}"
     return f"{curve}/" + (";".join(f"{name}:{place}" for name, place in places.items()) or "all")
-
-
-def _members(x: Array, boundaries: Sequence[float] | Array) -> list[BoolArray]:
-    return [(x >= low) & (x <= high) for low, high in pairwise(boundaries)]

@@ -43,7 +43,8 @@ def shaped(
 
     Raises FitError if the chosen terms cannot satisfy these conditions with any coefficients.
     """
-    body, asked = model.body_of(Pieces), asked_of(recipe.fit)
+    body = model.body_of(Pieces)
+    asked = asked_of(recipe.fit)
     if not body.segments:  # without segments, there are no coefficients to change
         return verified(model, curves, recipe.fit)
     region = region_of(model, curves, recipe.fit) if asked else None
@@ -121,12 +122,14 @@ def _of_coefficients(body: Pieces, names: Sequence[str]) -> Pieces:
     """Return the pieces with inputs in place of coefficients. Each term becomes `name*term` with
     the coefficient one, and `name` from `names` is a new input.
     """
-    left, everywhere = iter(names), dict.fromkeys(names, (-1e300, 1e300))
+    left = iter(names)
+    everywhere = dict.fromkeys(names, (-1e300, 1e300))
     sides = {**body.fusion.extrapolation, **dict.fromkeys(names, ("continue", "continue"))}
 
     def opened(segment: SegmentFunction) -> SegmentFunction:
         factors = [next(left) for _ in segment.terms]
-        ones, scaling = np.ones(len(factors)), segment.scaling
+        ones = np.ones(len(factors))
+        scaling = segment.scaling
         return replace(
             segment,
             terms=tuple(
@@ -171,5 +174,6 @@ def _coefficient_bounds(
     terms = [(term, segment.scaling.y_slope) for segment in body.segments for term in segment.terms]
     low, high = np.array([bounds.get(term, (-np.inf, np.inf)) for term, _ in terms]).T
     slopes = np.diag([slope for _, slope in terms])
-    D, d = np.vstack([slopes, -slopes]), np.append(low, -high)
+    D = np.vstack([slopes, -slopes])
+    d = np.append(low, -high)
     return D[np.isfinite(d)], d[np.isfinite(d)]

@@ -22,22 +22,20 @@ from mapmore_cli.modelling.shape.least_squares import least_squares_under
 from mapmore_cli.modelling.shape.region import Region
 from mapmore_cli.modelling.shape.stencils import ShapeWord, Stencils, nodes_of, stencils_on
 
-# Number of nodes of the grid on which the shape must hold.
-# Number of nodes along each input of the finer grid around a binding inequality.
-# Number of refinements of the finer grid around a binding inequality.
-FINE, CLOSE, CLOSER = 40_000, 9, 3
-# Largest number of rounds on one grid.
-# Largest number of inequalities that a round adds for one entry of `shape`.
-ROUNDS, ADDED = 60, 200
+FINE = 40_000  # number of nodes of the grid on which the shape must hold
+CLOSE = 9  # number of nodes along each input of the finer grid around a binding inequality
+CLOSER = 3  # number of refinements of the finer grid around a binding inequality
+ROUNDS = 60  # largest number of rounds on one grid
+ADDED = 200  # largest number of inequalities that a round adds for one entry of `shape`
 # smaller violations, as a fraction of the range of the training output, are ignored
 ROUNDING = 1e-11
-# square root of a small ridge, as a fraction of the length of each column
-# If the data do not determine coefficients, the ridge keeps them near their start.
+# Square root of a small ridge, as a fraction of the length of each column. The ridge keeps
+# coefficients near their start if the data do not determine them.
 RIDGE = 1e-11
 # number of coefficients whose derivatives are computed together, to limit the memory
 TOGETHER = 16
-# Inequalities between very close places may consist of rounding errors only.
-# An inequality that is smaller than this many rounding errors is ignored.
+# An inequality between very close places may consist of rounding errors only. An inequality that
+# is smaller than this many rounding errors is ignored.
 ROUNDING_ERRORS = 1000
 
 
@@ -65,14 +63,19 @@ class Exchange:
         bounds: tuple[Array, Array],
         step: float = 1.0,
     ) -> None:
-        self.model, self.value, self.start = model, value, start
-        self.inputs, self.linear = model.input_names, step == 1.0
+        self.model = model
+        self.value = value
+        self.start = start
+        self.inputs = model.input_names
+        self.linear = step == 1.0
         self.D, self.d = bounds
-        y, lengths = R @ self.start, np.linalg.norm(R, axis=0)
+        y = R @ self.start
+        lengths = np.linalg.norm(R, axis=0)
         lengths[lengths == 0] = 1.0
         self.steps = step * (np.linalg.norm(y) or 1.0) / lengths
         _, self.R = np.linalg.qr(np.vstack([R, RIDGE * np.diag(lengths)]))
-        self.f, self.R_inverse = self.R @ self.start, np.linalg.inv(self.R)
+        self.f = self.R @ self.start
+        self.R_inverse = np.linalg.inv(self.R)
         self.rounding = np.finfo(float).eps * np.linalg.norm(self.R_inverse / self.steps[:, None])
         self.stencils: list[tuple[int, Stencils]] = []
         self._solve()
@@ -83,7 +86,8 @@ class Exchange:
         """
         solution = least_squares_under(self.R, self.f, self.D, self.d)
         kept = (self.D @ self.start >= self.d).all()
-        self.theta, self.force = self.start if kept else solution.theta, solution.force
+        self.theta = self.start if kept else solution.theta
+        self.force = solution.force
         if not solution.met:
             places = dict.fromkeys(stencils.told for stencils in self.binding())
             raise FitError(
@@ -120,7 +124,8 @@ class Exchange:
         rounding errors are larger at large coefficients.
         """
         about = np.zeros_like(self.theta) if self.linear else self.theta
-        start, parts = self.value(about, columns), []
+        start = self.value(about, columns)
+        parts = []
         for first in range(0, len(self.theta), TOGETHER):
             moves = np.diag(self.steps)[:, first : first + TOGETHER]
             moved = np.repeat(about[:, None] + moves, len(start), axis=1)
@@ -132,10 +137,8 @@ class Exchange:
         """Add inequalities until the shape is kept on a fine grid, and near the places at which an
         inequality binds.
         """
-        axes, cells = (
-            region.axes(program_of(self.model).knots, FINE),
-            region.nodes_along(FINE),
-        )
+        axes = region.axes(program_of(self.model).knots, FINE)
+        cells = region.nodes_along(FINE)
         clear = _widened(axes, region.holds(nodes_of(axes)))
         self._on([stencils_on(axes, word, clear) for word in asked], region)
         for closer in range(CLOSER):
@@ -157,9 +160,7 @@ class Exchange:
                 for stencils, rise, rows in zip(every, rises, worst, strict=True)
                 if rise.min(initial=0.0) < least
             ]
-            if not violated:
-                return
-            if not self._add(violated):
+            if not violated or not self._add(violated):
                 return
             self._solve()
         raise FitError(

@@ -10,11 +10,12 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 
-# largest number of steps of the non-negative least squares per inequality
+# Largest number of steps of the non-negative least squares, divided by the number of inequalities.
 # About one step is needed for each inequality that binds.
 STEPS = 50
-# tolerance of the inequalities, as a fraction of the largest right-hand side
-# The tolerance is far above rounding errors, and far below the errors of a contradiction.
+# Tolerance of the inequalities, as a fraction of the largest right-hand side. It is far above
+# rounding errors, and far below the violations that inequalities cause if they contradict each
+# other.
 MISSED = 1e-6
 # a residual of the dual problem below this counts as zero
 NOTHING_LEFT = 1e-30
@@ -55,7 +56,8 @@ def least_squares_under(R: Array, f: Array, D: Array, d: Array) -> Constrained:
     reach = float(h.max(initial=0.0))
     if reach <= 0.0:
         return Constrained(solve_triangular(R, f), np.zeros(len(D)))
-    E, right = np.vstack([H.T, h / reach]), np.append(np.zeros(len(f)), 1.0)
+    E = np.vstack([H.T, h / reach])
+    right = np.append(np.zeros(len(f)), 1.0)
     force, _ = nnls(E, right, maxiter=STEPS * len(D))
     rest = E @ force - right
     z = -rest[:-1] / min(rest[-1], -NOTHING_LEFT)

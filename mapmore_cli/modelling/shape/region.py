@@ -80,7 +80,8 @@ class Region:
         from scipy.sparse import csr_array
         from scipy.spatial import ConvexHull, Delaunay, KDTree, QhullError
 
-        middle, width = self.places.min(axis=0), np.ptp(self.places, axis=0)
+        middle = self.places.min(axis=0)
+        width = np.ptp(self.places, axis=0)
         places = (self.places - middle) / width
         asked = (np.column_stack([columns[name] for name in self.names]) - middle) / width
         n, d = asked.shape
@@ -98,7 +99,8 @@ class Region:
         else:
             simplex = np.full(n, -1)
             try:
-                net, faces = Delaunay(places), ConvexHull(places).equations
+                net = Delaunay(places)
+                faces = ConvexHull(places).equations
                 # `find_simplex` is slow for places outside, because it would search all simplices.
                 near = (asked @ faces[:, :-1].T + faces[:, -1]).max(axis=1) < OUTSIDE_TOLERANCE
                 simplex[near] = net.find_simplex(asked[near])
@@ -176,7 +178,8 @@ def region_within(
         for input_range in ranges
         if (input_range.high > input_range.low).any() and input_range.name in samples
     )
-    names, y = tuple(input_range.name for input_range in varied), samples[target]
+    names = tuple(input_range.name for input_range in varied)
+    y = samples[target]
     if not names or np.ptp(y) == 0:
         return None
     X = np.column_stack([samples[name] for name in names])

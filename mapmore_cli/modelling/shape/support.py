@@ -32,27 +32,28 @@ from mapmore_cli.modelling.shape.stencils import (
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-# Number of places of the grid on which differences of the training output are examined.
-# Smallest and largest number of places along one input.
-COMPARED, LEAST_ALONG, MOST_ALONG = 4096, 24, 1000
-# Smallest number of differences that can support a sign.
-# If at most this fraction of the differences contradicts a sign, noise is not tested as the cause.
-FEWEST, CONTRADICTED = 10, 0.05
+# number of places of the grid on which differences of the training output are examined
+COMPARED = 4096
+# smallest and largest number of places along one input
+LEAST_ALONG = 24
+MOST_ALONG = 1000
+FEWEST = 10  # smallest number of differences that can support a sign
+# if at most this fraction of the differences contradicts a sign, noise is not tested as the cause
+CONTRADICTED = 0.05
 # a fall by less than this fraction of the range of the output is a rounding error
 ROUNDING = 1e-9
 LEVEL = 0.01
 """Probability with which noise on a constant output is refused as a contradiction."""
 
-# number of simulations of noise alone
-# A contradiction of fewer than `UNLIKELY` standard errors is too weak to need a simulation.
-RUNS, UNLIKELY = 199, 2.0
-# A contradiction counts only if a fitted surface contradicts the sign by this many standard errors.
+RUNS = 199  # number of simulations of noise alone
+# a contradiction of fewer standard errors is never significant
+UNLIKELY = 2.0
+# a contradiction counts only if a fitted surface contradicts the sign by this many standard errors
 CONFIRMED = 3.0
 # for each width of the means, number of contradictions that are tested with a fitted surface
 TRIED = 32
-# The noise of a cell is the mean over at least `LOCAL` cells around it.
-# For d inputs, a plane is fitted to `2 d + ABOUT - 1` neighbours of a cell.
-ABOUT, LOCAL = 3, 12
+ABOUT = 3  # for d inputs, a plane is fitted to `2 d + ABOUT - 1` neighbours of a cell
+LOCAL = 12  # the noise of a cell is the mean over at least this many cells around it
 
 
 def refuse_unsupported(
@@ -96,7 +97,8 @@ def refuse_unsupported(
     inside, output = region.holds(columns) & amid, between @ region.values
     for word in (word for word in known if word.word in ("increasing", "decreasing")):
         rises = stencils_on(axes, word, inside).of(output)
-        count, wrong = len(rises), int((rises < -ROUNDING * region.span).sum())
+        count = len(rises)
+        wrong = int((rises < -ROUNDING * region.span).sum())
         against = None
         if wrong > CONTRADICTED * count:
             against = _contradiction(region, axes, word, inside, between)
@@ -176,7 +178,8 @@ def _contradiction(
     near = _near(region)
     sigma = _noise(region, near)
     noise = sigma[:, None] * np.random.default_rng(0).normal(size=(len(sigma), RUNS))
-    contradictions, by_noise = list[_Against](), np.zeros(RUNS)
+    contradictions = list[_Against]()
+    by_noise = np.zeros(RUNS)
     for power in range(len(axes[asked.quantity]).bit_length() - 1):
         stencils = stencils_on(axes, asked, inside, 2**power)
         if not len(stencils.nodes):

@@ -62,7 +62,8 @@ def violations(
     """Return the violation of each condition of the shape by a model, computed on a grid over the
     region.
     """
-    axes, result = region.axes(program_of(model).knots, nodes), []
+    axes = region.axes(program_of(model).knots, nodes)
+    result = []
     columns = nodes_of(axes)
     values = settled(model, columns)
     inside = region.holds(columns) & np.isfinite(values)
@@ -108,9 +109,9 @@ def with_shape(
     fit: Fit,
     binds: Mapping[ShapeWord, Ranges] = MappingProxyType({}),
 ) -> Model:
-    """Return the model with a record of its shape. It contains the conditions of the shape, the
-    ranges in which they determine the coefficients, and the training errors of the model and of the
-    `unshaped` model.
+    """Return the model with a record of its shape. The record contains the conditions of the shape,
+    the ranges in which they determine the coefficients, and the errors of the model and of the
+    `unshaped` model on training and on held-out samples.
     """
     kept = tuple(
         KeptShape(
@@ -125,7 +126,8 @@ def with_shape(
         [_rms_error(each, curves, training) for training in (True, False)]
         for each in (model, unshaped)
     )
-    notes, unit = model.notes, model.output.unit
+    notes = model.notes
+    unit = model.output.unit
     if with_it[0] > CLEARLY * without[0]:
         notes += (
             (
@@ -159,9 +161,9 @@ def verified(
     kind: str = "formula",
     remedy: str = "give its parameters bounds that imply the shape, or use another formula",
 ) -> Model:
-    """Return the model with a note about its shape. This is used for models that cannot be fitted
-    with a shape as a constraint, for example formulas. Raises FitError if the model does not keep
-    the shape.
+    """Check that a model keeps its shape, and return the model with a record of the shape. This is
+    used for models that cannot be fitted with a shape as a constraint, for example formulas. Raises
+    FitError if the model does not keep the shape.
     """
     asked = asked_of(fit)
     region = region_of(model, curves, fit) if asked else None

@@ -95,10 +95,12 @@ def turning_points(values: Array, swing: float) -> IntArray:
         high = row if value > series[high] else high
         if direction >= 0 and series[high] - value >= swing > 0:
             turns.append(high)
-            direction, low = -1, row
+            direction = -1
+            low = row
         elif direction <= 0 and value - series[low] >= swing > 0:
             turns.append(low)
-            direction, high = 1, row
+            direction = 1
+            high = row
     if turns:
         turns.append(high if direction > 0 else low)
     return np.array(turns, dtype=np.int64)

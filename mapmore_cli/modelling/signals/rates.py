@@ -16,8 +16,8 @@ STEPS = 10  # number of grid points per window
 
 
 def running_median(x: Array, y: Array, window: float) -> tuple[Array, Array]:
-    """Return the medians of x and of y over half a window around each point of an even grid over
-    the range of x, shape (m,) each.
+    """Return the medians of x and of y around each point of an even grid over the range of x, shape
+    (m,) each. Each median is taken over half of the window: a quarter on both sides of the point.
 
     If the samples lie on a straight line, the medians lie on this line too. A spike that is
     narrower than a quarter of the window has no effect. If a grid point has no samples around it,
@@ -29,10 +29,8 @@ def running_median(x: Array, y: Array, window: float) -> tuple[Array, Array]:
     grid = np.linspace(x[0], x[-1], max(1, round(STEPS * float(x[-1] - x[0]) / window)) + 1)
     # tolerance, so that a sample exactly on the edge of the window is inside
     reach = window / 4 * (1 + 1e-9)
-    first, last = (
-        np.searchsorted(x, grid - reach, "left"),
-        np.searchsorted(x, grid + reach, "right"),
-    )
+    first = np.searchsorted(x, grid - reach, "left")
+    last = np.searchsorted(x, grid + reach, "right")
     known = last > first
     near = [slice(begin, end) for begin, end in zip(first[known], last[known], strict=True)]
     over_x, over_y = (
@@ -130,8 +128,8 @@ RISE, FALL = 1.0, -1.0
 def direction(rate: Array, dead_band: float) -> Array:
     """Return the sign of a rate, +1 (rise) or -1 (fall), shape (n,). While `|rate| <= dead_band`,
     the last direction is kept. At the beginning of a recording, the direction is +1. So the
-    direction depends on past samples only. M2 eq 16 uses the sign of the change of pressure
-    instead, which would change with the noise on every plateau.
+    direction depends on past samples only. In M2 eq 16, the direction is the sign of the change of
+    pressure. This sign would change with the noise on every plateau.
     """
     moving = np.abs(rate) > dead_band
     last = np.maximum.accumulate(np.where(moving, np.arange(len(rate)), -1))

@@ -111,10 +111,8 @@ def find_gaps(time: Array, longer_than: float) -> Gaps:
 
 
 # number of parts of a long record, and number of samples per part, for estimating the time step
-PARTS, PART = (
-    8,
-    1 << 17,
-)
+PARTS = 8
+PART = 1 << 17
 
 
 def even_parts(n: int) -> list[slice]:

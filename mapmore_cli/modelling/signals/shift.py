@@ -210,7 +210,7 @@ def _vertex(size: Array, top: int) -> float:
 
 def _half_width(u: Array, v: Array, lag: int) -> float:
     """Return half the width of the 95 % interval of the best lag between the changes `u` and `v`,
-    in steps of the grid; infinite if the slopes of `u` and `v` do not agree.
+    in steps of the grid; infinite if the slopes of `u` and `v` have no positive correlation.
 
     After both are scaled to the same spread, s is their mean and e their difference, so that they
     are `s + e/2` and `s - e/2`. The error of the lag is `sum s'[i] e[i] / sum u'[i] v'[i]`.

@@ -52,8 +52,8 @@ def new_combinations(model: Model, dataset: Dataset) -> Iterator[tuple[float, st
 
 
 def outside_hull(known: Array, asked: Array) -> BoolArray:
-    """Return True for points of a plane, (2, m), that lie further than `MARGIN` outside the convex
-    hull of the `known` points, (2, n).
+    """Return a mask, (m,), of the points `asked`, (2, m), that lie more than `MARGIN` outside the
+    convex hull of the points `known`, (2, n), in a plane.
 
     Both coordinates are divided by their range over the known points. If such a range is zero, no
     point is outside.
@@ -66,7 +66,8 @@ def outside_hull(known: Array, asked: Array) -> BoolArray:
     if not spans.all():
         return np.zeros(asked.shape[1], dtype=np.bool_)
     directions = np.column_stack([np.cos(ANGLES), np.sin(ANGLES)]) / spans
-    reached, along = directions @ known, (directions @ asked).T
+    reached = directions @ known
+    along = (directions @ asked).T
     outside: BoolArray = (
         (along > reached.max(axis=1) + MARGIN) | (along < reached.min(axis=1) - MARGIN)
     ).any(axis=1)
@@ -74,7 +75,7 @@ def outside_hull(known: Array, asked: Array) -> BoolArray:
 
 
 def _outside(model: Model, dataset: Dataset) -> BoolArray:
-    """Return True for each held-out sample at which an input lies outside its training range."""
+    """Return a mask of the held-out samples at which an input lies outside its training range."""
     found = [
         outside(model, curve)[curve.held_out]
         for curve in _with_inputs(model, dataset)

@@ -54,7 +54,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -62,6 +62,7 @@ from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray, row_c
 from mapmore_cli.domain.errors import DataError, FitError, UsageError
 from mapmore_cli.domain.models import LeftOut, LeftOutKind, Model
 from mapmore_cli.modelling.kinds import outside_range, predict
+from mapmore_cli.modelling.validation.offsets import NEIGHBOURS, offsets_of
 
 INTERVAL = 0.95  # level of the intervals in score tables and figures
 # probabilities for which the quantiles of the residuals of each part are stored
@@ -73,7 +74,7 @@ FEW: Mapping[int, float] = {3: 5.06, 4: 4.03, 5: 3.23}
 five.
 """
 
-# errors of left-out parts below this fraction of the largest |target| are raised to it
+# errors below this fraction of the largest |target| are replaced by this fraction of it
 LEAST = 1e-3
 # quantile of the normal distribution for which the constants in `FEW` were computed
 NORMAL = 1.959964
@@ -81,21 +82,8 @@ NORMAL = 1.959964
 AT_LEVEL = 0.02
 
 MANY = 7  # smallest number of levels for which the rule for few levels is not needed
-NEIGHBOURS = 0.6
-"""Degrees of freedom of K left-out levels, divided by K - 1: with this value, Student's t covers 90
-to 99 % of new curves at 4 to 20 levels (`docs/interval_tables.py`).
-"""
-
-# with fewer degrees of freedom, the variance between curves counts as unknown
-LEAST_FREEDOM = 1.5
-CLEAR, CHANCE = 1.25, 0.2
-"""Limits beyond which the squared errors of left-out levels show an error of the model. The first
-is their ratio to the part that noise and differences between curves explain. The second, used if
-repeats determine these differences, is the probability with which chance alone exceeds the ratio.
-"""
-
-# number of parts into which each recording is divided
-# The mean of each part is compared with the means of the same part of repeated recordings.
+# Number of parts into which each recording is divided. The mean of each part is compared with the
+# means of the same part of repeated recordings.
 BLOCKS = 4
 
 SAME_RECORDINGS = (
@@ -142,8 +130,8 @@ def left_out_summary(
 def with_levels(
     left_out: LeftOut, training: Mapping[float | None, Sequence[Array]], parameters: int
 ) -> LeftOut:
-    """Return the summary with statistics of the training residuals added. `residuals` holds the
-    training residuals of each recording, by level (None without levels).
+    """Return the summary with statistics of the training residuals added. `training` holds the
+    residuals of each training recording, by level (None without levels).
 
     The root mean square of the training residuals is multiplied by `sqrt((n + p)/(n - p))` for n
     samples and p parameters, if n is larger than p. The result is the error to be expected on n new
@@ -152,7 +140,8 @@ def with_levels(
     every = np.concatenate(
         [recording for level in training.values() for recording in level] or [np.zeros(1)]
     )
-    n, p = len(every), parameters if parameters < len(every) else 0
+    n = len(every)
+    p = parameters if parameters < len(every) else 0
     pairs = [recording[1:] * recording[:-1] for level in training.values() for recording in level]
     products = np.concatenate([*pairs, np.zeros(0)])
     smooth = max(float(products.mean()), 0.0) if len(products) else 0.0
@@ -178,7 +167,9 @@ def scatter_of_recordings(levels: Sequence[Sequence[Array]]) -> float:
     recordings but also different slopes are found. The contribution of the noise of the samples is
     subtracted.
     """
-    squares, freedom, noise = 0.0, 0, list[float]()
+    squares = 0.0
+    freedom = 0
+    noise = list[float]()
     for level in levels:
         if len(level) > 1:
             count = BLOCKS if min(map(len, level)) >= BLOCKS else 1
@@ -219,80 +210,6 @@ def interval_limits(left_out: LeftOut) -> str | None:
     return None
 
 
-@dataclass(frozen=True)
-class Offsets:
-    """Variances between samples and between curves of one level, and the errors of left-out levels.
-
-    - `noise`: mean square of the differences from sample to sample. `smooth`: the part of `noise`
-      that neighbouring samples share, for example because a model does not bend enough. `square`:
-      mean square of the differences between curves, with `freedom` degrees of freedom. `repeated`:
-      True if `square` is computed from repeated recordings.
-    - `missed`: mean square error of the `left_out` levels, 0 if no level was left out. `explained`:
-      the part of `missed` that noise and, with repeats, differences between curves explain.
-    """
-
-    noise: float
-    smooth: float
-    square: float
-    freedom: float
-    repeated: bool
-    left_out: int
-    missed: float
-    explained: float
-
-    @property
-    def errs_between(self) -> bool:
-        """Return True if the errors of left-out levels are clearly larger than the variances
-        between samples and between curves explain.
-        """
-        from scipy.special import fdtri
-
-        chance = fdtri(self.left_out, self.freedom, 1 - CHANCE) if self.repeated else 0.0
-        return bool(self.missed > max(CLEAR, chance) * self.explained)
-
-    def half_width(self, share: Array, level: float) -> Array:
-        """Return half of the width of the interval that contains a sample of a new curve with
-        probability `level`. `share`, (n,), is the factor c of the variance between curves (see the
-        module).
-        """
-        from scipy.special import ndtri, stdtrit
-
-        of_curves = self.square * share + self.smooth * (share if self.repeated else 1.0)
-        of_samples, quantile = self.noise - self.smooth, 0.5 + level / 2
-        if not self.repeated:
-            squares = ndtri(quantile) ** 2 * of_samples
-            return np.asarray(np.sqrt(squares + stdtrit(self.freedom, quantile) ** 2 * of_curves))
-        both = of_samples + of_curves
-        part = np.divide(of_curves, both, out=np.ones_like(both), where=both > 0)
-        freedom = self.freedom / np.maximum(part, 1e-6)
-        return np.asarray(stdtrit(freedom, quantile) * np.sqrt(both))
-
-
-def offsets_of(left_out: LeftOut) -> Offsets | None:
-    """Return the variances between samples and between curves; None if the data do not determine
-    them.
-    """
-    n, count = np.array(left_out.repeats), len(left_out.places)
-    known = math.isfinite(left_out.apart)
-    between_curves, repeats = (left_out.apart**2, float(np.sum(n - 1))) if known else (0.0, 0.0)
-    noise = max(left_out.residual**2 - between_curves * float(np.mean(1 - 1 / n)), 0.0)
-    smooth = min(max(left_out.smooth**2 - between_curves * float(np.mean(1 - 1 / n)), 0.0), noise)
-    missed, share, others = 0.0, 1.0, 0.0
-    if left_out.kind == "levels" and count > 2:
-        missed = float(np.mean(left_out.offset**2 + left_out.scatter**2))
-        width = np.diff(left_out.places)
-        t = width[:-1] / (width[:-1] + width[1:])
-        share = 1 + float(np.mean((1 - t) ** 2 / n[:-2] + t**2 / n[2:]))
-        others = NEIGHBOURS * (count - 1)
-    if repeats >= max(others, LEAST_FREEDOM):
-        explained = noise + between_curves * share
-        return Offsets(noise, smooth, between_curves, repeats, True, count - 2, missed, explained)
-    if others < LEAST_FREEDOM:
-        return None
-    square = max(missed - noise, 0.0) / share
-    return Offsets(noise, smooth, square, others, False, count - 2, missed, noise)
-
-
 def half_widths(left_out: LeftOut, at: Array, level: float) -> Array:
     """Return half of the width of the interval that contains a sample of a new curve with
     probability `level`, shape (n,).
@@ -314,13 +231,15 @@ def of_levels(left_out: LeftOut, at: Array, level: float) -> Array:
     # imported here, because the import is slow and most runs do not need it
     from scipy.special import stdtrit
 
-    offsets, count = offsets_of(left_out), len(left_out.places)
+    offsets = offsets_of(left_out)
+    count = len(left_out.places)
     if offsets is None:
         return np.full(len(at), np.nan)
     gap, t, _ = gaps(left_out, at)
     n = np.array(left_out.repeats)
     share = 1 + (1 - t) ** 2 / n[gap] + t**2 / n[np.minimum(gap + 1, count - 1)]
-    half, between = offsets.half_width(share, level), np.minimum(t, 1 - t) >= AT_LEVEL
+    half = offsets.half_width(share, level)
+    between = np.minimum(t, 1 - t) >= AT_LEVEL
     if count == 2:
         return np.where(between, np.nan, half)
     least = np.zeros(len(at))
@@ -343,7 +262,8 @@ def gaps(left_out: LeftOut, at: Array) -> tuple[IntArray, Array, Array]:
     gap = np.clip(np.searchsorted(places, at, side="right") - 1, 0, max(len(places) - 2, 0))
     if len(places) == 1:
         return gap, np.zeros(len(at)), np.zeros(len(at))
-    width, t = np.diff(places)[gap], (at - places[gap]) / np.diff(places)[gap]
+    width = np.diff(places)[gap]
+    t = (at - places[gap]) / np.diff(places)[gap]
     return gap, np.where(np.isnan(t), 0.5, np.clip(t, 0.0, 1.0)), width
 
 
@@ -370,12 +290,14 @@ def between_levels(
 
 
 def many_curves(left_out: LeftOut, level: float) -> float:
-    """Return half of the width of the interval. It is the larger one of two values: one from
-    Student's t distribution over curves, and the quantile of the absolute residuals.
+    """Return half of the width of the interval for left-out recordings, specimens or blocks. It is
+    the larger of two values: one from Student's t distribution over curves, and one from the
+    quantile of the absolute residuals.
     """
     from scipy.special import stdtrit
 
-    new, t = 1 + 1 / left_out.curves, float(stdtrit(left_out.curves - 1, 0.5 + level / 2))
+    new = 1 + 1 / left_out.curves
+    t = float(stdtrit(left_out.curves - 1, 0.5 + level / 2))
     normal = t * math.sqrt(
         float(np.mean(left_out.offset**2)) * new + float(np.mean(left_out.scatter**2))
     )

@@ -21,7 +21,7 @@ from mapmore_cli.domain.arrays import (
     in_blocks,
     row_blocks,
 )
-from mapmore_cli.domain.compared import Compared, Normaliser, SampleBlock, ratio
+from mapmore_cli.domain.compared import Compared, Normaliser, SampleBlock
 from mapmore_cli.domain.recording import DIRECTION, Curve, Dataset, uncertainty_of
 from mapmore_cli.domain.results import ErrorBand, Forecast
 from mapmore_cli.domain.scores import Score
@@ -42,14 +42,6 @@ def normaliser(kind: str, ends: tuple[float, float], quantity: str, split: str) 
     """
     name, size = NORMALISERS[kind]
     return Normaliser(name.format(quantity, split), size(*ends), ends[1] - ends[0])
-
-
-def relative(error: Array, measured: Array) -> float:
-    """Return the relative error `sqrt(sum error^2 / sum (y - mean y)^2)`, where y are the measured
-    values; NaN for a constant y.
-    """
-    spread = float(np.sum((measured - measured.mean()) ** 2))
-    return math.sqrt(ratio(float(np.sum(error**2)), spread))
 
 
 def information_criteria(n: int, rmse: float, parameters: int) -> tuple[float, float]:
@@ -83,11 +75,13 @@ def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tup
     `predictions` holds, for each model, the predictions of every curve of the dataset. A band
     without samples is left out.
     """
-    masks, curves = judged(dataset), dataset.curves
+    masks = judged(dataset)
+    curves = dataset.curves
     measured = [curve.columns[dataset.target] for curve in curves]
     largest = max(map(abs, ends_of(measured, masks)), default=0.0)
     edges, count = np.array(EDGES) * largest, len(EDGES) - 1
-    samples, known = np.zeros(count, dtype=int), {model: np.zeros(count) for model in predictions}
+    samples = np.zeros(count, dtype=int)
+    known = {model: np.zeros(count) for model in predictions}
     squares = {model: np.zeros(count) for model in predictions}
     for place, (y, mask) in enumerate(zip(measured, masks, strict=True)):
         predicted = {model: every[place] for model, every in predictions.items()}
@@ -206,7 +200,8 @@ class ScoredSamples:
 
     def blocks(self) -> Iterator[SampleBlock]:
         """Yield the samples as one `SampleBlock` after the other."""
-        y, forecast = self.curve.columns[self.target], self.forecast
+        y = self.curve.columns[self.target]
+        forecast = self.forecast
         sigma = self.curve.columns.get(uncertainty_of(self.target))
         columns = (y, forecast.values, forecast.one_step, forecast.half, sigma)
         for rows in row_blocks(self.curve.size):
@@ -240,12 +235,8 @@ def _rows_of(
         values = curve.columns[group]
         parts = map(np.unique, blocks_where(values, wanted))
         for value in {value for part in parts for value in part.tolist()}:
-            same = _where_equal(values, value)
+            same = by_blocks(np.equal, values, np.broadcast_to(value, curve.size))
             yield (2, value), f"{group}={value:g}", wanted & same
-
-
-def _where_equal(column: Array, value: float) -> BoolArray:
-    return np.asarray(by_blocks(lambda part: part == value, column))
 
 
 def row_of_samples(parts: Sequence[ScoredSamples], scale: Normaliser, free: int) -> Compared:

@@ -29,7 +29,8 @@ def outliers(dataset: Dataset, forecasts: Sequence[Forecast], fit: Fit) -> tuple
     `scale` in the section `fit` of the spec; without this number, it is 1.4826 times the median
     absolute residual of all training samples.
     """
-    curves, target = dataset.curves, dataset.target
+    curves = dataset.curves
+    target = dataset.target
     predicted = np.concatenate(
         [
             forecast.values if forecast.one_step is None else forecast.one_step

@@ -14,8 +14,8 @@ from mapmore_cli.domain.arrays import Array, BoolArray, IntArray, root_mean_squa
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.signals.cycles import SWING, bin_means, cycle_starts, turning_points
 
-# number of bins over the range of a curve, in which the samples of a branch are averaged
-# With bins, a rest at one place has no more weight than a movement past this place.
+# Number of bins over the range of a curve, in which the samples of a branch are averaged. With
+# bins, a rest at one place has no more weight than a movement past this place.
 BINS = 200
 
 
@@ -33,8 +33,8 @@ class _Branch(NamedTuple):
 def repeats(
     curves: Sequence[Curve], target: str, inputs: Sequence[str], logs: Mapping[str, str]
 ) -> tuple[Array, ...] | None:
-    """Return for each sample the mean of the other recordings at the same level, coordinate and
-    direction, shape (n_c,) for every curve.
+    """Return for each sample the mean of the other recordings at the same level, at the same value
+    of the varying input and in the same direction, shape (n_c,) for every curve.
 
     Recordings of one curve repeat each other if every constant input has the same value in them.
     Each recording is split into a rising and a falling branch along the single input that varies. A
@@ -80,8 +80,7 @@ def rising_samples(values: Array) -> BoolArray:
 def _rows_by_recording(curve: Curve) -> Iterator[tuple[str, IntArray]]:
     """Yield the id of each recording with its rows, in the order of time."""
     if curve.origin is not None:
-        for number, name in enumerate(curve.recordings):
-            yield name, np.flatnonzero(curve.origin == number)
+        yield from zip(curve.recordings, curve.logs, strict=True)
 
 
 def _branches(

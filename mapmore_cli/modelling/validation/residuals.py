@@ -133,7 +133,8 @@ def cross_correlation(
     than the residual.
     """
     pairs = list(zip(residuals, inputs, strict=True))
-    count, means = 0, np.zeros(2)
+    count = 0
+    means = np.zeros(2)
     for pair in pairs:
         for block in in_blocks(*pair):
             known = np.isfinite(block).all(axis=0)
@@ -141,14 +142,18 @@ def cross_correlation(
             means += [x[known].sum() for x in block]
     means /= max(count, 1)
     most = min(LAGS, max(map(len, residuals)) // 4)
-    lags, sums, squares = np.arange(-most, most + 1), np.zeros(2 * most + 1), np.zeros(2)
+    lags = np.arange(-most, most + 1)
+    sums = np.zeros(2 * most + 1)
+    squares = np.zeros(2)
     for pair in pairs:
         before = 0  # number of samples repeated from the previous block
         for block in in_blocks(*pair, overlap=most):
             centred = np.array(block) - means[:, None]
             known = np.where(np.isfinite(centred).all(axis=0), centred, 0.0)
             e, u = np.pad(known, ((0, 0), (most - before, 0)))
-            own_e, own_u, before = e[most:], u[most:], most
+            own_e = e[most:]
+            own_u = u[most:]
+            before = most
             # sums for the lags at which the input is earlier than the residual
             later = np.correlate(u, own_e, "valid")[::-1]
             sums += np.append(np.correlate(e, own_u, "valid")[:-1], later)
@@ -176,8 +181,8 @@ def means_over(name: str, residuals: Array, x: Array) -> ResidualTest:
 
 def explained_by_inputs(model: Model, dataset: Dataset) -> Iterator[str]:
     """Yield, for each input of known uncertainty, the fraction of the mean squared training
-    residual that this uncertainty explains. An error of the input changes the output by the slope
-    of the model times the error; a fit does not correct for this.
+    residual that this uncertainty explains. An error of the input changes the output of the model
+    by the slope of the model times the error. No fit can remove this change.
     """
     unsure = [
         quantity for quantity in model.inputs if uncertainty_of(quantity.name) in dataset.quantities

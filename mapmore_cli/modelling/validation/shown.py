@@ -35,7 +35,8 @@ def for_report(validation: Validation, model: Model, dataset: Dataset) -> Valida
     made = replace(
         validation, along=course, bands=bands(dataset, predictions), residual_tests=tests
     )
-    recordings, curves = dataset.recordings, dataset.curves
+    recordings = dataset.recordings
+    curves = dataset.curves
     if (
         max([recording.rows_kept for recording in recordings] + [curve.size for curve in curves])
         <= MANY
@@ -84,7 +85,7 @@ def is_turned(model: Model, dataset: Dataset) -> bool:
 
 def course_quantity(model: Model, dataset: Dataset) -> str:
     """Return the input of the model that varies within a curve. For a model without inputs, return
-    any measured quantity.
+    a measured quantity: neither the time nor, if there is another quantity, the target.
     """
     ranges = [
         {name: extremes(x) for name, x in curve.columns.items()}
@@ -96,12 +97,12 @@ def course_quantity(model: Model, dataset: Dataset) -> str:
 
 
 def varying_input(model: Model, ranges: Sequence[Ranges]) -> str:
-    """Return the input that varies within a curve. It is the first segmented variable. If nothing
-    is segmented, it is the input of which one curve covers the largest part of the range over all
-    curves, because an input that is nearly constant within a curve covers only a small part. For a
-    model without inputs, the text is empty.
+    """Return the name of the input that varies within a curve; empty for a model without inputs.
 
-    `ranges` holds the ranges of the inputs for each curve.
+    It is the first segmented variable. If nothing is segmented, the range of each input within a
+    curve is divided by its range over all curves, and averaged over the curves. The input with the
+    largest mean is returned, because this ratio is small for an input that is nearly constant
+    within a curve. `ranges` holds the ranges of the inputs for each curve.
     """
     pieces = model.pieces
     if pieces is not None and pieces.variables:

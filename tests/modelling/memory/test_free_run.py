@@ -150,6 +150,13 @@ def test_a_run_along_longer_steps_is_refused():
         Along(TRUTH)({"time": 2 * STEP * np.arange(40), "x": x, "y": x})
 
 
+def test_a_run_without_its_first_outputs_is_refused_at_the_missing_sample():
+    y = np.where(np.arange(20) == 1, np.nan, 0.5)
+    with pytest.raises(AtSample, match="y is missing at the start of a run") as told:
+        Along(TRUTH)({"x": np.zeros(20), "y": y})
+    assert told.value.sample == 1
+
+
 def test_a_piece_shorter_than_its_history_has_no_prediction():
     for n in (0, 1, 2):
         run = Along(TRUTH)({"x": np.zeros(n), "y": np.zeros(n)})

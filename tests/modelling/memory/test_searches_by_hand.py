@@ -10,6 +10,7 @@ from mapmore_cli.modelling.expressions import parse, to_text
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.expressions.states import state
 from mapmore_cli.modelling.memory.feedback import looks_back, parted, parts_of_terms
+from mapmore_cli.modelling.memory.free_parameters import ALL, AT_BOUND, Unknown
 from mapmore_cli.modelling.memory.refinement import (
     THOROUGH,
     FreeRunProblem,
@@ -17,7 +18,6 @@ from mapmore_cli.modelling.memory.refinement import (
     minimise,
     refine,
 )
-from mapmore_cli.modelling.memory.training import ALL, AT_BOUND, Unknown
 
 
 class Line(FreeRunProblem):

@@ -13,6 +13,7 @@ from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.modelling.expressions.operators.play import play
 from mapmore_cli.modelling.memory.states import (
     evaluate_states,
+    find_resonance,
     resolve_states,
     with_ranges,
 )
@@ -104,6 +105,14 @@ def test_a_state_without_values_is_refused(name, changed, told):
         evaluate_states(
             resolve_states([name], [record(**columns)], replace(RECIPE, **changed)), columns
         )
+
+
+def test_a_resonance_needs_five_samples_of_its_period():
+    """The lowest frequency that is tried is 1 Hz."""
+    x, trains = [wandering(80)], [np.ones(80, dtype=bool)]
+    assert find_resonance(x, x, trains, 0.2)[0] == pytest.approx(1.0)
+    with pytest.raises(DataError, match=r"with 0\.201 s between samples, no resonance"):
+        find_resonance(x, x, trains, 0.201)
 
 
 def test_a_resonance_is_found_behind_a_delay():

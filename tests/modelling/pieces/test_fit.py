@@ -15,9 +15,11 @@ from mapmore_cli.modelling.expressions import dictionary_matrix, parse, to_text
 from mapmore_cli.modelling.expressions.families import products
 from mapmore_cli.modelling.frols import frols, reads_once
 from mapmore_cli.modelling.frols.weighing import Choice
-from mapmore_cli.modelling.pieces.build import fit_together, scaled_inputs, segment
+from mapmore_cli.modelling.pieces.build import segment
 from mapmore_cli.modelling.pieces.placement import end_of_trend, placements
 from mapmore_cli.modelling.pieces.recipe import Cuts
+from mapmore_cli.modelling.pieces.segment_fit import fit_together
+from mapmore_cli.modelling.pieces.segmentation import scaled_inputs
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -30,18 +32,6 @@ def falling(seed):
 
 def placed(x, y):
     return placements("unit_square", [x], y, ["x"])
-
-
-@given(seeds)
-def test_unit_square_spans_one_unit_from_the_anchor(seed):
-    x, y = falling(seed)
-    left, right = placed(x, y)
-    assert (left.placement, right.placement) == ("left", "right")
-    for scaling, ends in ((left, (0, 1)), (right, (-1, 0))):
-        z = scaled_inputs(scaling, {"x": x})["x"]
-        np.testing.assert_allclose([z.min(), z.max()], ends, atol=1e-12)
-        y_scaled = (y - scaling.y_intercept) / scaling.y_slope
-        assert np.ptp(y_scaled) == pytest.approx(1)
 
 
 @given(seeds)
@@ -69,13 +59,6 @@ def test_only_the_fit_that_is_kept_gets_standard_errors(loss, monkeypatch):
     trials = recipe(cuts={"strain": Cuts("optimal", 2)}, loss=loss)
     assert segment(curves(n=40)[:1], trials)
     assert len(counted) == 1
-
-
-def test_the_anchor_does_not_hang_on_one_noisy_sample():
-    x = np.linspace(0, 1, 100)
-    y = 5 - 3 * x
-    left = placed(x, y + 2.0 * (x == 0))[0]
-    assert left.y_intercept == pytest.approx(y[:5].mean() + 2.0 / 5)
 
 
 @given(seeds, st.sampled_from([1.0, 0.05, 20.0]), st.integers(20, 150))
@@ -133,21 +116,16 @@ def test_weights_are_repeated_rows(scaling, terms, n):
     assert weighted == pytest.approx(fitted(np.repeat(x, k), np.repeat(y, k), **how), abs=1e-9)
 
 
-@pytest.mark.parametrize("end", [0, -1])
-@pytest.mark.parametrize("n", [20, 60])
-def test_a_sample_that_says_it_is_wrong_does_not_decide(end, n):
-    rng = np.random.default_rng(0)
-    x = np.linspace(0, 0.25, n)
-    y, sigma = 200 * (1 - x / 0.25) ** 2 + rng.normal(0, 0.2, n), np.full(n, 0.2)
-    y[end], sigma[end] = y[end] + 90, 90.0
-    assert rms(fitted(x, y, sigma) - 200 * (1 - PLACES / 0.25) ** 2) < 0.9
-
-
-@pytest.mark.parametrize("rule", ["unit_square", "max_abs", "none"])
-def test_constant_variables_and_constant_force_divide_by_nothing(rule):
-    for scaling in placements(rule, [np.full(10, 3.0)], np.zeros(10), ["x"]):
-        assert np.isfinite(scaling.slope).all()
-        assert scaling.y_slope > 0
+def test_a_segment_needs_more_samples_than_terms():
+    x, y = falling(1)
+    for n in (3, 4):
+        own = Segment("all/all", "all", (), np.arange(n))
+        made = recipe(dictionary=tuple(map(to_text, POWERS)), max_terms=3)
+        if n == 4:
+            assert fit_together(own, {"strain": x, "force": y}, POWERS, [made])
+            continue
+        with pytest.raises(DataError, match=r"3 training sample\(s\), too few for 3 term"):
+            fit_together(own, {"strain": x, "force": y}, POWERS, [made])
 
 
 TERMS = products(["pressure", "strain"], 5)

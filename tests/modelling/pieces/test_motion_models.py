@@ -89,4 +89,6 @@ def test_the_steady_state_is_taken_from_each_recording_by_itself():
     at_rest = np.arange(400) % 200 >= 150
     both = replace(one, recordings=("a", "b"), at_rest=at_rest, origin=origin)
     moving = np.where(at_rest, 0.0, one.columns["strain_rate"])
-    assert np.allclose(damping_component(moving + np.where(origin == 0, 3.0, -5.0), both), moving)
+    off = moving + np.where(origin == 0, 3.0, -5.0)
+    assert np.allclose(damping_component(off, both), moving)
+    assert damping_component(off, one) is off  # there is no plateau

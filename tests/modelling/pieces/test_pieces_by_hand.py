@@ -8,12 +8,12 @@ from common import curve_of
 
 from mapmore_cli.domain.declared import Contradiction
 from mapmore_cli.domain.recording import Dataset, Recording, united
+from mapmore_cli.modelling.pieces.build import _labels_of_curves
 from mapmore_cli.modelling.pieces.placement import placements, span
 from mapmore_cli.modelling.pieces.recipe import CutByDirection, Cuts
 from mapmore_cli.modelling.pieces.segmentation import (
     cut_points,
     segment_id,
-    slope_change,
     trained_at,
     training_curves,
 )
@@ -118,6 +118,10 @@ def test_boundaries_by_hand():
     assert points(x, at).tolist() == [0, 4, 10]
     fewest = [points(np.arange(21), Cuts("optimal", 2, min_samples=n))[1] for n in (2, 5, None)]
     assert fewest == [1, 4, 9]  # ends included; of equal costs, the first
+    kink = np.abs(np.linspace(0, 10, 501) - 4)
+    curve = curve_of({"x": np.linspace(0, 10, 501), "y": kink}, np.linspace(0, 10, 501) > 9)
+    found = cut_points(curve, curve.training, "x", "y", Cuts("gradient", 2), None)
+    assert found == pytest.approx([0, 4, 9], abs=0.1)
     assert Cuts("optimal", 20).segments == 20
     for method, wrong in (
         ("breakpoints", {"at": (1.0, 1.0)}),
@@ -126,6 +130,40 @@ def test_boundaries_by_hand():
     ):
         with pytest.raises(Contradiction):
             Cuts(method, **wrong)
+
+
+@pytest.mark.parametrize(
+    ("method", "needed", "others"),
+    [
+        ("even", "count", {"min_samples"}),
+        ("breakpoints", "at", {"min_samples"}),
+        ("gradient", "count", set()),
+        ("optimal", "count", {"min_samples"}),
+    ],
+)
+def test_each_method_needs_a_key_and_refuses_those_that_it_does_not_use(method, needed, others):
+    values = {"count": 2, "at": (1.0,), "min_samples": 3}
+    with pytest.raises(Contradiction, match=f"method `{method}` needs `{needed}`"):
+        Cuts(method)
+    own = {needed: values.pop(needed)}
+    assert getattr(Cuts(method, **own), needed) == own[needed]
+    for key, value in values.items():
+        if key in others:
+            assert getattr(Cuts(method, **own, **{key: value}), key) == value
+            continue
+        with pytest.raises(Contradiction, match=f"method `{method}` does not use `{key}`"):
+            Cuts(method, **own, **{key: value})
+
+
+def test_residuals_go_together_within_a_pooled_curve_or_within_a_recording():
+    rows = np.array([0, 2, 4])
+    one = curve_of({"x": np.zeros(2)})
+    pooled = _labels_of_curves(rows, [one, one, one], curve_of({"x": np.zeros(6)}), True)
+    assert pooled.tolist() == [0, 1, 2]
+    assert _labels_of_curves(rows, [MIXED], MIXED, False).tolist() == [2, 2, 1]
+    assert _labels_of_curves(rows, [MIXED], replace(MIXED, origin=None), False) is None
+    single = replace(MIXED, recordings=("a",))
+    assert _labels_of_curves(rows, [single], single, False) is None
 
 
 def test_long_curves_are_thinned_for_the_costs_of_intervals():
@@ -142,18 +180,6 @@ def test_long_curves_are_thinned_for_the_costs_of_intervals():
             lambda _, rows, most=most: most.append(len(rows)) or 1.0,
         )
         assert max(most) == thinned
-
-
-def test_a_straight_line_has_no_change_of_slope_and_a_corner_has_its_own():
-    x = np.linspace(0.0, 10.0, 2001)
-    at, change = slope_change(x, 3 * x + 1, 1.0)
-    np.testing.assert_allclose(change, 0, atol=1e-9)
-    at, change = slope_change(x, np.where(x < 5, 0.0, 2 * (x - 5)), 1.0)
-    middle = change[np.argmin(np.abs(at - 5))]
-    assert middle == pytest.approx(change.max(), rel=1e-6)
-    # a window has 10 steps; the mean of its 11 places at the corner is 2 (1 + ... + 5)/11 steps
-    assert middle == pytest.approx(2 * (1 - 2 * 15 / 11 / 10))
-    np.testing.assert_allclose(change[np.abs(at - 5) > 1.6], 0, atol=1e-9)
 
 
 @pytest.mark.parametrize(("count", "corners"), [(0, 1), (1, 2), (2, 4), (3, 8), (4, 2), (5, 2)])

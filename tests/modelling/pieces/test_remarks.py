@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
-from surfaces import QUANTITIES, curves, recipe
+from common import curve_of
+from surfaces import QUANTITIES, curves, joined, recipe
 
-from mapmore_cli.domain.recording import Curve
+from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Cuts
+from mapmore_cli.modelling.pieces.remarks import exploding_curves
 
 
 def notes(extrapolation, order=2, made=None):
@@ -53,3 +55,17 @@ def test_only_what_happens_is_warned_of(extrapolation, order, made, said):
     told = notes(extrapolation, order, tuple(made()))
     assert said in told
     assert bool(said) == bool(told)
+
+
+@pytest.mark.parametrize(("power", "told"), [(7, []), (8, ["a"])])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_curve_explodes_beyond_one_and_a_half_ranges_from_the_middle(power, told, sign):
+    """A tenth of the range beyond the samples, `x^7` is 1.95 and `x^8` is 2.14; the limit is 2."""
+    x = np.linspace(0, 1, 50)
+    samples = curve_of({"x": x, "y": sign * (x**power + 1e-3 * x)})
+    asked = recipe(target="y", level=None, cuts={}, dictionary=("x", f"x^{power}"), max_terms=2,
+                   tolerance=0.0, scaling="none", extrapolation="continue")  # fmt: skip
+    model = build("a", [samples], asked, {name: Quantity(name, "1") for name in "xy"})
+    assert exploding_curves(model, [samples], "y") == told
+    held = joined(model, extrapolation={"x": ("saturate", "saturate")})
+    assert exploding_curves(held, [samples], "y") == []

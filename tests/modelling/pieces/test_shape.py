@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from agreement import compare
 from numpy.polynomial.chebyshev import chebder, chebval, chebvander
-from surfaces import built, curves, recipe
+from surfaces import built, changed, curves, recipe
 
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.models import Formula, KeptShape, Shape
@@ -308,6 +308,49 @@ def test_a_sign_that_the_training_data_contradict_or_hardly_tell_is_refused():
     told = refused(few, {"pressure": "increasing"}, cuts={})
     assert re.search("`pressure: increasing` was examined at [0-9] differences", told)
     assert "`length` is not an input" in refused(samples, {"length": "increasing"})
+
+
+@pytest.mark.parametrize(("n", "enough"), [(11, False), (12, True)])
+def test_a_sign_needs_ten_differences(n, enough):
+    """The sample of the least output belongs to the slack part."""
+    x = np.linspace(0, 1, n)
+    line = [Curve("a", None, {"strain": x, "force": -x}, np.zeros(n, bool), ("a",))]
+    if enough:
+        refuse_unsupported(line, "force", ["strain"], None, FALLING)
+        return
+    with pytest.raises(FitError, match="examined at 9 differences"):
+        refuse_unsupported(line, "force", ["strain"], None, FALLING)
+    refuse_unsupported(line, "force", ["strain"], None, FALLING, fewest=9)
+    refuse_unsupported(line, "force", ["strain"], None, FALLING, over_time=True)
+
+
+@pytest.mark.parametrize("kind", ["mckibben", "peano", "coiled", None])
+def test_a_muscle_has_a_shape_without_a_word_in_the_spec(kind):
+    """Of training samples alone, and for the kinds of which it is known."""
+    turned = [changed(one, force=-one.columns["force"]) for one in curves(held_out=())]
+    found = known_shape(kind, built(turned, max_terms=1), turned)
+    assert {(one.asked.quantity, one.asked.word) for one in found} == (
+        set(SHAPE.items()) if kind in ("mckibben", "peano") else set()
+    )
+    assert all(one.share > 0.5 for one in found)
+
+
+def test_errors_with_a_shape_are_those_of_training_and_of_held_out_samples():
+    samples = curves()
+    model = built(max_terms=1)
+    found = with_shape(model, model, samples, None, recipe(shape=SHAPE).fit).shape
+    held, trained = (
+        np.concatenate(
+            [predict(model, s.columns) - s.columns["force"] for s in samples if s.level in levels]
+        )
+        for levels in ((250.0,), (80.0, 150.0, 350.0))
+    )
+    assert (found.training, found.held_out) == pytest.approx(
+        (np.sqrt(np.mean(trained**2)), np.sqrt(np.mean(held**2)))
+    )
+    assert np.isnan(
+        with_shape(model, model, curves(held_out=()), None, recipe(shape=SHAPE).fit).shape.held_out
+    )
 
 
 def test_a_shape_that_no_coefficients_keep_is_told_with_the_place():

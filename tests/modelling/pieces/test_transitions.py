@@ -8,10 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from dense_model import S, cell_weight
 
-from mapmore_cli.domain.joining import TRANSITIONS
+from mapmore_cli.domain.joining import TRANSITIONS, Fusion
 from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.modelling.expressions.operator import COLUMNS
+from mapmore_cli.modelling.pieces.definition import cell_weights
 
 PROJECT = Path(__file__).resolve().parents[3]
 T = np.linspace(0, 1, 201)
@@ -32,6 +34,16 @@ def test_the_words_are_the_mathematics(name):
     halves = [evaluate(parse(text), {"t": T}, len(T)) for text in (first, rest or first)]
     said = np.where(T < 0.5, *halves)
     np.testing.assert_allclose(TRANSITIONS[name].s(COLUMNS, T), said, atol=1e-14)
+
+
+@pytest.mark.parametrize("name", TRANSITIONS)
+def test_weights_of_neighbours_are_those_of_the_equations(name):
+    x, boundaries = np.linspace(-1, 5, 61), np.array([0.0, 1.0, 1.5, 4.0])
+    found = cell_weights(x, boundaries, Fusion(extrapolation={}, transition=name, z_s=0.3))
+    expected = [
+        [cell_weight(value, boundaries, place, S[name], 0.3) for place in (1, 2, 3)] for value in x
+    ]
+    np.testing.assert_allclose(found, expected, atol=1e-14)
 
 
 CARRIERS = {"Joining", "Fuse", "Fusion", "z_s"}

@@ -137,20 +137,12 @@ def test_recordings_at_the_same_value_of_a_held_input_repeat_each_other():
     assert np.nanmax(np.abs(found[0] - one.columns["force"])) == pytest.approx(1.0)
 
 
-@given(st.integers(1, 4), st.floats(0, 0.04), st.integers(0, 10**6))
-def test_direction_is_known_through_noise(cycles, noise, seed):
-    clean = np.tile(UP_AND_DOWN, cycles)
-    up = rising_samples(
-        clean + noise * 550 * np.random.default_rng(seed).uniform(-1, 1, len(clean))
-    )
-    inner = (clean > 110) & (clean < 540)
-    np.testing.assert_array_equal(up[inner], np.tile(np.arange(800) < 400, cycles)[inner])
-
-
 def test_a_record_that_never_turns_rises():
     assert rising_samples(np.linspace(0, 1, 5)).all()
     assert not rising_samples(np.linspace(1, 0, 5)).any()
     assert rising_samples(np.ones(4)).all()
+    ripple = np.array([0, 1, 2, 1.8, 3, 0, 0.2, 0])  # less than a tenth of the range is none
+    assert rising_samples(ripple).tolist() == [True] * 4 + [False] * 4
 
 
 def test_a_loop_has_its_floor_told():

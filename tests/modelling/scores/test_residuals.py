@@ -19,7 +19,7 @@ from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.frols.offsets import constant_alone
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
-from mapmore_cli.modelling.validation import metrics, outliers
+from mapmore_cli.modelling.validation import metrics, outliers, residuals
 from mapmore_cli.modelling.validation.residuals import (
     FEWEST,
     alarms,
@@ -75,6 +75,19 @@ def test_rows_of_the_model_itself_are_judged_over_all_curves():
     assert "is 1 times the full scale (max|force| over validate)" in far
     assert len(told([4.0, 2.0, 6.0])) == 1  # just the full scale
     assert ["no finite error" in one for one in told([np.nan, 2.0, 3.0])] == [True]
+
+
+def test_a_model_that_uses_no_input_is_an_alarm_if_there_is_one():
+    """The time, the target and the output are no inputs that could have been selected."""
+    constant = replace(MODEL, inputs=(), body=SimpleNamespace(level=None, ranges=()))
+    own_past = replace(constant, inputs=(QUANTITIES["force"],))
+    found = dataset_of(CURVES[:0])
+    without = dataset_of(CURVES[:0], quantities={"force": QUANTITIES["force"], "time": None})
+    for model, given, count in (
+        (constant, found, 1), (own_past, found, 1), (MODEL, found, 0), (constant, without, 0)
+    ):  # fmt: skip
+        told = alarms(model, given, (), ())
+        assert ["no input was selected" in one for one in told] == [True] * count
 
 
 def test_pieces_that_add_nothing_to_their_backbone_are_an_alarm():
@@ -149,9 +162,15 @@ def test_far_samples_are_found_in_their_files_the_farthest_first(monkeypatch):
     assert [one.scales for one in known] == [one.off / 2.0 for one in found]
     monkeypatch.setattr(outliers, "MOST", 2)
     assert outliers.outliers(given, forecasts, fit) == found[:2]
+    # residuals in units of their uncertainty, one step ahead if the model has memory
+    sure = changed(curve, force_uncertainty=np.where(x == 30, 100.0, 1.0))
+    given = dataset_of((first, sure), logs)
+    ahead = [forecasts[0], replace(forecasts[1], one_step=np.where(x == 25, force, 0.0))]
+    (far,) = outliers.outliers(given, ahead, replace(fit, loss="huber", scale=1.5))
+    assert (far.off, far.scales) == (force[0], force[0] / 1.5)
 
 
-def test_residuals_are_tested_from_twenty_samples_on():
+def test_residuals_are_tested_from_twenty_samples_on(monkeypatch):
     """By the parts of each input that varies, in the order of one; by lags where there is none."""
     for n in (FEWEST - 1, FEWEST):
         made = [replace(one.at(np.arange(n)), held_out=np.zeros(n, dtype=bool)) for one in CURVES]
@@ -165,6 +184,12 @@ def test_residuals_are_tested_from_twenty_samples_on():
     assert tests[1].values == pytest.approx(np.sin(np.arange(n)).reshape(10, 2).mean(axis=1))
     over_time = residual_tests(MODEL, given, said, None)
     assert [one.x[0] for one in over_time] == [0, -5]
+    # of a longer curve than `PART`, at most 9 in the order of the strain
+    monkeypatch.setattr(residuals, "MANY", 9)
+    monkeypatch.setattr(residuals, "FEWEST", 4)
+    for part, lags in ((19, [0, 1]), (20, [*range(6)])):  # a quarter of 7 samples, or of all 20
+        monkeypatch.setattr(residuals, "PART", part)
+        assert residual_tests(MODEL, given, said, "strain")[0].x.tolist() == lags
     # errors that are all alike tell nothing
     same = [replace(one, columns={**one.columns, "force": np.zeros(n)}) for one in given.curves]
     assert residual_tests(MODEL, dataset_of(same), [np.ones(n)] * 4, "strain") == ()

@@ -5,6 +5,7 @@ import pytest
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.signals.cycles import (
+    _trimmed_runs,
     bin_means,
     cycle_starts,
     last_cycles,
@@ -55,26 +56,16 @@ def test_cycles_begin_at_the_last_rest_before_a_rise():
             last_cycles(x, share)
 
 
-def test_branches_are_means_over_common_places():
-    up = np.linspace(0.0, 1.0, 101)
-    over = np.concatenate([up, up[-2::-1]])
-    rising = np.arange(len(over)) <= 100
-    y = np.where(rising, over, over + 2)
-    branches = split_cycles(over, {"y": y}, 10)
-    np.testing.assert_allclose(branches.contraction["y"], branches.over, atol=1e-12)
-    away = branches.extension["y"] - branches.over
-    np.testing.assert_allclose(away[:-1], 2, atol=0.03)
-    np.testing.assert_allclose(
-        branches.static()["y"], (branches.contraction["y"] + branches.extension["y"]) / 2
-    )
-    np.testing.assert_allclose(
-        branches.hysteresis("y"), (branches.extension["y"] - branches.contraction["y"]) / 2
-    )
-    assert len(branches.over) == 10
+def test_a_reversal_of_a_tenth_of_the_range_ends_a_branch():
+    """The second cycle, of a tenth of the range, adds samples to both branches."""
+    for low, samples in ((0.901, 1), (0.899, 2)):
+        over = np.concatenate([np.linspace(0, 1, 50), [low, 1], np.linspace(1, 0, 50)])
+        assert [len(runs) for runs in _trimmed_runs(over).values()] == [samples, samples]
+
+
+def test_a_branch_needs_five_places():
     few = np.array([0, 1, 2, 3, 4, 3, 2, 1, 0.0])
     assert len(split_cycles(few, {"y": few}, 5).over) == 5
-    for samples, direction in ((4, "contraction"), (3, "contraction")):
-        with pytest.raises(DataError, match=f"{direction} branch was measured at {samples}"):
+    for samples in (4, 3):
+        with pytest.raises(DataError, match=f"contraction branch was measured at {samples}"):
             split_cycles(few, {"y": few}, samples)
-    with pytest.raises(DataError, match="extension branch is missing"):
-        split_cycles(up, {"y": up}, 5)

@@ -1,12 +1,20 @@
 """The clock of a second log: recovered where the data tell it, refused where they do not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from mapmore_cli.modelling.signals.shift import correlation_by_lag, find_shift
+from mapmore_cli.modelling.signals.shift import (
+    Shift,
+    _peak,
+    changes,
+    correlation_by_lag,
+    find_shift,
+)
 
 TIME = np.arange(0.0, 60.0, 0.05)
 OTHER = np.arange(0.3, 55.0, 0.08)
@@ -135,23 +143,72 @@ def test_a_quantity_that_falls_while_the_other_rises():
     assert together is None or not sure(together)
 
 
+def test_equal_records_differ_by_less_than_their_steps():
+    y = ramps(1)(TIME)
+    one = find_shift(TIME, y, TIME, y)
+    assert (one.value, one.half_width) == pytest.approx((0.0, 0.05), abs=1e-9)
+
+
 def test_nothing_changes():
     assert find_shift(TIME, np.ones(len(TIME)), OTHER, ramps(0)(OTHER)) is None
-    assert find_shift(TIME[:5], TIME[:5], OTHER, OTHER) is None
 
 
-def test_the_correlation_is_pearsons_over_the_overlap():
-    random = np.random.default_rng(1)
-    u, v = random.standard_normal(40), random.standard_normal(30)
+def test_a_record_of_eight_samples_is_long_enough():
+    event = np.array([0.0, 0, 0, 5, 5, 5, 5, 5])
+    assert find_shift(np.arange(8.0), event, np.arange(8.0), event) is not None
+    assert find_shift(np.arange(7.0), event[:7], np.arange(8.0), event) is None
+    assert find_shift(np.arange(8.0), event, np.arange(7.0), event[:7]) is None
+    longer = np.append(event, 5.0)  # changes over two samples need more than eight
+    assert _peak(longer, event, 2, 0.0, 1.0, same_sign=True) is None
+    assert _peak(longer, longer, 2, 0.0, 1.0, same_sign=True) is not None
+
+
+def test_a_peak_is_certain_if_it_is_high_above_noise_and_above_the_next_one():
+    one = Shift(1.0, 0.1, 0.05, -0.92, 0.7, 3.0, 7.0)
+    assert one.ratio == pytest.approx(0.92 / 0.7)
+    assert sure(one)
+    assert replace(one, next_best=0.801).ambiguous
+    assert not replace(one, next_best=0.799).ambiguous
+    alone = replace(one, next_best=0.0, rival=None)
+    assert (alone.ratio, alone.ambiguous) == (np.inf, False)
+    assert replace(one, sigmas=6.99).lost_in_noise
+
+
+@pytest.mark.parametrize("width", [1, 4])
+def test_the_height_of_a_peak_is_fishers_z_over_its_standard_deviation(width):
+    """Changes over w samples leave one independent value in 2 w of the overlap."""
+    noise = 30 * np.random.default_rng(width).standard_normal((2, 600))
+    first, second = [ramps(0)(0.1 * np.arange(600) + late) for late in (0, 2)] + noise
+    one = _peak(first, second, width, 0.0, 0.1, same_sign=True)
+    r, _, overlap = correlation_by_lag(changes(first, width), changes(second, width))
+    independent = overlap[np.argmax(r)] / (2 * width)
+    assert one.sigmas == pytest.approx(np.arctanh(r.max()) * np.sqrt(independent - 3))
+
+
+def test_changes_are_differences_of_means():
+    y = np.random.default_rng(0).normal(size=12)
+    found = [y[i : i + 3].mean() - y[i - 3 : i].mean() for i in range(3, 10)]
+    np.testing.assert_allclose(changes(y, 3), found)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_correlation_is_pearsons_over_the_overlap(seed):
+    """If this is half of the shorter record, and holds 0.3 of the squared changes of both."""
+    random = np.random.default_rng(seed)
+    u, v = random.standard_normal(40) ** 3, random.standard_normal(30)
     r, lags, overlap = correlation_by_lag(u, v)
+    known = 0
     for place, lag in enumerate(lags.astype(int)):
         start, end = max(lag, 0), min(40, 30 + lag)
         assert overlap[place] == end - start
-        if r[place] != 0.0:
-            assert r[place] == pytest.approx(
-                np.corrcoef(u[start:end], v[start - lag : end - lag])[0, 1], abs=1e-9
-            )
-    assert np.count_nonzero(r) > 20
+        parts = u[start:end], v[start - lag : end - lag]
+        shares = [part @ part / (whole @ whole) for part, whole in zip(parts, (u, v), strict=True)]
+        if end - start >= 15 and min(shares) >= 0.3:
+            assert r[place] == pytest.approx(np.corrcoef(*parts)[0, 1], abs=1e-9)
+            known += 1
+        else:
+            assert r[place] == 0
+    assert known
 
 
 def test_of_smooth_records_without_noise_the_shift_is_told_to_a_tenth_of_a_sample():
