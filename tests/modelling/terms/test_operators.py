@@ -12,6 +12,7 @@ from common import files_without_parts
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from scipy.integrate import solve_ivp
 
 from datasets.rig.muscle import stop as rig_stop
 from mapmore_cli.modelling.expressions import Name, operators
@@ -103,6 +104,55 @@ def test_resonance_rings_at_its_frequency_with_its_decay():
     assert y[-1] == pytest.approx(1.0, abs=1e-4)
     v = state_of("resonance_velocity", np.r_[0.0, np.ones(5000)], frequency, damping, step=step)
     np.testing.assert_allclose(v[1:], np.diff(y) / (2 * np.pi * frequency * step), atol=1e-9)
+
+
+def solved(rate, start, span):
+    """The end of the solution of `ds/da = rate(s)` over a distance a."""
+    return solve_ivp(lambda _, s: rate(s), (0, span), [start], rtol=1e-9, atol=1e-11).y[0, -1]
+
+
+def hysteresis(p, q):
+    """The law of Bouc and Wen over one change of x, whose training range has a width of 7."""
+
+    def law(z, x, before):
+        sign = np.sign(x - before)
+        rate = lambda z: sign - np.where(sign * z > 0, p, -q) * sign * abs(z)  # noqa: E731
+        return solved(rate, z, abs(x - before) / 7)
+
+    return law
+
+
+# each operator at the numbers of `setting_of`, from its last value and two values of the source
+LAWS = {
+    "creep": lambda s, x, _: solved(lambda s: 0.7 / 0.05 * np.sinh((x - s) / 0.7), s, STEP),
+    "rate": lambda _, x, before: (x - before) / STEP,
+    "direction": lambda s, x, before: np.sign(x - before) or s,
+    "coulomb": lambda _, x, __: np.tanh(x / (0.05 * 7)),
+    "saturate": lambda _, x, __: min(max(x, -3.0), 4.0),
+    "wen": hysteresis(1.5, 7.0),
+    "wen_stiffening": hysteresis(1.5, 7.0),
+    "dahl": hysteresis(3.0, 3.0),
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_operators_follow_their_laws(name):
+    """The laws of creep and hysteresis are differential equations, which SciPy integrates."""
+    x = np.array([0.2, 0.2, 0.5, 1.9, 3.1, 4.5, 4.4, 3.0, 1.2, 0.1, -1.7, -3.4, -2.0, -2.0, 0.3])
+    s, expected = x[0] * (name == "creep"), []
+    for now, before in zip(x, [x[0], *x], strict=False):
+        expected.append(s := LAWS[name](s, now, before))
+    found = along(OPERATORS[name], x, setting_of(name))
+    np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", [name for name, one in OPERATORS.items() if one.starts])
+def test_a_search_begins_within_the_numbers_that_it_tries(name):
+    for numbers in (operator := OPERATORS[name]).starts(0.01, 40.0):
+        for number, parameter in zip(numbers, operator.parameters, strict=True):
+            low, high = parameter.between(0.01, 40.0)
+            assert parameter.above < number < parameter.below
+            assert low <= number <= high
 
 
 def sample_by_sample(operator, setting, x):
