@@ -315,5 +315,5 @@ class Formula:
 
 
 def with_numbers(expression: Expression, numbers: Mapping[str, float]) -> Expression:
-    """Return the expression with each name in `values` replaced by its number."""
+    """Return the expression with each name in `numbers` replaced by its number."""
     return substitute(expression, {name: Number(value) for name, value in numbers.items()})

@@ -26,6 +26,7 @@ def test_agrees_with_the_textbook(seed):
     np.testing.assert_allclose(ours.theta, theta, rtol=1e-7)
     np.testing.assert_allclose(ours.err_all, tables, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(ours.a @ ours.theta, ours.g, rtol=1e-9)
+    assert ours.condition == pytest.approx(np.linalg.cond(P[:, chosen]), rel=1e-6)
     steps = np.arange(k)
     np.testing.assert_allclose(ours.g_all[steps, chosen], g, rtol=1e-7)
     second = np.argsort(np.nan_to_num(tables, nan=-1))[:, -2]

@@ -94,7 +94,8 @@ def test_the_record_is_read_again_only_where_the_tolerance_may_end_the_choice(ri
 
 def test_inputs_far_from_zero_are_told_where_terms_keep_their_origin():
     x = np.linspace(0, 1, 50)
-    samples = {"far": 1e6 + x, "near": x, "alone": 1e6 + x, "still": np.full(50, 3.0)}
+    x = (x - 0.5) / x.std()
+    samples = {"far": -1.01e4 + x, "near": -0.99e4 + x, "alone": 1e6 + x, "still": np.full(50, 3.0)}
     terms = ("1", "far", "far^2", "near", "near^2", "alone", "still", "still^2")
     names, ones = ("far",), np.ones(1)
     for rule, told in (("none", ["far"]), ("max_abs", ["far"]), ("unit_square", [])):

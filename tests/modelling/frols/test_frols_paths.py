@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from textbook import frols_streamed
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.frols import engine, frols
+from mapmore_cli.modelling.frols import engine, frols, reads_once
 from mapmore_cli.modelling.frols.select import widened
 
 FORMS = ("basis", "gram", "gathered", "triangle", "streamed")
@@ -196,6 +196,18 @@ def test_the_record_is_read_as_seldom_as_possible(kind, stop, passes):
     record = Record(P, y, [3_000, 3_000])
     frols_streamed(record, 3, stop=stop)
     assert record.passes == passes
+
+
+@pytest.mark.parametrize(
+    ("n", "M", "terms", "once"),
+    [
+        *((4096, 16, 3, False), (4097, 16, 3, True)),  # at most 2^16 values are a small dictionary
+        *((257, 257, 20, False), (258, 257, 20, True)),  # wide, and tall
+        *((9000, 80, 3, True), (9000, 81, 3, False), (9000, 81, 4, True)),  # 16 columns for a term
+    ],
+)
+def test_a_tall_dictionary_is_read_once(n, M, terms, once):
+    assert reads_once(n, M, terms) == once
 
 
 @pytest.mark.parametrize(
