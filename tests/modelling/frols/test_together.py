@@ -11,10 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from textbook import frols_streamed
 
+from mapmore_cli.domain.declared import Contradiction
 from mapmore_cli.modelling.frols import Regression, Weighing, frols_together
 from mapmore_cli.modelling.frols.moments import blocks_of_rows
 from mapmore_cli.modelling.frols.select import CRITERIA
-from mapmore_cli.modelling.selection import Stop
+from mapmore_cli.modelling.selection import Fit, Stop
 
 
 def on_paper(P, Y, terms):
@@ -91,6 +92,17 @@ def test_an_output_and_its_double_have_as_many_terms_as_it_has_alone(stop, seed)
 
 def test_a_spec_offers_rules_that_there_are():
     assert {*get_args(Stop)} <= {*CRITERIA, "free_run"}
+
+
+def test_a_ridge_prunes_three_times_as_many_terms_as_it_keeps_unless_a_number_is_given():
+    terms = [Fit(max_terms=4, ridge=1e-9, forward=one).forward_terms for one in (None, 30, 2)]
+    assert terms == [12, 30, 4]
+    assert (Fit().known_scale, Fit(loss="huber", scale=2.0).known_scale) == (None, 2.0)
+    usual = Fit()
+    assert (usual.max_terms, usual.tolerance, usual.margin, usual.slack) == (1, 1e-4, 0.15, 0.05)
+    for useless in ({"ridge": 0.9e-9}, {"scale": 2.0}, {"slack": 0.1}, {"beyond": 0.1}):
+        with pytest.raises(Contradiction):
+            Fit(**useless)
 
 
 @pytest.mark.parametrize("stop", CRITERIA)
