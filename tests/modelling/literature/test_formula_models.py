@@ -1,4 +1,4 @@
-"""A fitted formula as a model: its forces, its ranges, its equations in other units, its program."""
+"""A fitted formula as a model: its forces, ranges, equations in other units, and program."""
 
 from dataclasses import replace
 
