@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from literature_cases import DAMPING, PLANTED, motion, noisy
 
-from mapmore_cli.modelling.expressions import to_text
 from mapmore_cli.modelling.literature import get
 
 DAMPED = [name for name in PLANTED if name in DAMPING]
@@ -131,12 +130,3 @@ def test_a_muscle_that_stands_still_shows_no_parameter(name):
     assert fit.sse == pytest.approx(y @ y)
     assert fit.status == ("converged" if name == "none" else "rank_deficient")
     assert np.isfinite(get(name).predict(fit.parameters, columns)).all()
-
-
-def test_equations_read_as_published():
-    columns, y = noisy("reynolds", 17, noise=0.0)
-    (equation,) = get("reynolds").equations(get("reynolds").fit(columns, y)).values()
-    assert to_text(equation, digits=4) == (
-        "direction*(direction + 1)/2*(-284 + 0.42*pressure)*strain_rate + "
-        "direction*(direction - 1)/2*(-518 + 1.1*pressure)*strain_rate"
-    )

@@ -142,7 +142,7 @@ def test_unknown_methods_are_refused():
         get("sarosi").fit(columns, y, "magic")
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", [*METHODS, "simplex"])
 def test_a_formula_that_overflows_everywhere_has_failed(method):
     nonlinear = tuple(Nonlinear(name, None, ((1e6, 1e7),)) for name in "bc")
     explosive = Formula("explosive", "-", ("x",), ("a", "b", "c"), "a*exp(b*x + c*x^2)", nonlinear)

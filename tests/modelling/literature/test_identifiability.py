@@ -72,12 +72,6 @@ def test_a_second_valley_is_told_with_its_parameters():
     assert residual @ residual == pytest.approx(rival.sse, rel=1e-6)
 
 
-def test_a_formula_with_one_valley_has_no_rival():
-    columns, _ = two_valleys()
-    force = columns["pressure"] * (2 * np.exp(-12 * columns["strain"]) - 1 - columns["strain"])
-    assert EITHER.fit(columns, force).rivals == ()
-
-
 @pytest.mark.parametrize("method", METHODS)
 def test_the_exponent_has_the_sign_that_every_author_prints(method):
     """A force that falls faster and faster with the strain is told better by a growing

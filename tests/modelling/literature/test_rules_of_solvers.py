@@ -225,21 +225,6 @@ def test_of_several_coordinates_thirteen_starts_are_descended():
     assert found.notes == ("13 of 13 starts found the same sum of squares",)
 
 
-@pytest.mark.parametrize("method", METHODS.values())
-def test_a_formula_without_a_value_fails(method):
-    """With two coordinates, so that starts are drawn."""
-    broken = replace(
-        GROWTH,
-        expression=parse("a*exp(c*x)*log(-d^2)"),
-        nonlinear=(*GROWTH.nonlinear, Nonlinear("d", None, ((0.1, 4.0),))),
-        gradient={**GROWTH.gradient, "d": parse("a")},
-    )
-    found = method(broken)
-    assert (found.status, found.notes) == ("failed", ("every start overflowed",))
-    assert np.isnan([*found.beta, *found.c]).all()
-    assert len(found.c) == 2
-
-
 def but(*places):
     return [place for place in range(24) if place not in places]
 
