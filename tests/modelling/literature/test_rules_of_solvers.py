@@ -9,7 +9,6 @@ import pytest
 
 from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.literature import solvers
-from mapmore_cli.modelling.literature.own import definition, formula_of
 from mapmore_cli.modelling.literature.problem import LeastSquares, Nonlinear
 from mapmore_cli.modelling.literature.solvers import (
     METHODS,
@@ -72,20 +71,6 @@ def test_starts_are_drawn_from_the_intervals_with_magnitudes_evenly_in_the_logar
     low, high = one.intervals[rng.integers(2)]
     share = np.log(a[0] / low) / np.log(high / low)
     assert share == pytest.approx(rng.random())
-
-
-@pytest.mark.parametrize("sign", [1, -1])
-def test_an_own_formula_is_searched_down_to_its_bound(sign):
-    """Only next to a zero between the bounds are values left out."""
-    x = np.linspace(0, 1e-3, 50)
-    y = 1 - np.exp(-x / 1e-4)
-    bounds = sorted((sign * 1e-5, sign * 300.0))
-    text = f"a*(1 - exp({'-' if sign > 0 else ''}x/d))"
-    own = formula_of(definition("own", "here", text, {"a": None, "d": tuple(bounds)}, {}))
-    fit = own.fit({"x": x}, y)
-    assert fit.parameters["d"] == pytest.approx(sign * 1e-4, rel=1e-6)
-    across = formula_of(definition("own", "here", text, {"a": None, "d": (-300.0, 300.0)}, {}))
-    assert np.ravel(across.nonlinear[0].intervals) == pytest.approx([-300, -0.03, 0.03, 300])
 
 
 def test_a_descent_starts_within_the_bounds_where_the_system_is_finite():

@@ -64,14 +64,6 @@ def test_only_an_operator_whose_values_depend_on_the_step_is_timed(name):
     assert OPERATORS[name].timed != np.array_equal(values, slower)
 
 
-@given(PATHS, st.floats(1e-3, 100))
-def test_slow_follows_its_recursion_from_rest(x, tau):
-    a, s = np.exp(-STEP / tau), x[0]
-    np.testing.assert_allclose(
-        state_of("slow", x, tau), [s := a * s + (1 - a) * now for now in x], rtol=1e-9, atol=1e-9
-    )
-
-
 @given(PATHS, WIDTHS, st.lists(st.integers(1, 4), min_size=60, max_size=60))
 def test_play_follows_its_recursion_however_fast_the_path_is_run(x, width, repeats):
     w, each = x[0], np.array(repeats[: len(x)])
@@ -124,6 +116,7 @@ def hysteresis(p, q):
 
 # each operator at the numbers of `setting_of`, from its last value and two values of the source
 LAWS = {
+    "slow": lambda s, x, _: solved(lambda s: (x - s) / 0.05, s, STEP),
     "creep": lambda s, x, _: solved(lambda s: 0.7 / 0.05 * np.sinh((x - s) / 0.7), s, STEP),
     "rate": lambda _, x, before: (x - before) / STEP,
     "direction": lambda s, x, before: np.sign(x - before) or s,
@@ -139,7 +132,7 @@ LAWS = {
 def test_operators_follow_their_laws(name):
     """The laws of creep and hysteresis are differential equations, which SciPy integrates."""
     x = np.array([0.2, 0.2, 0.5, 1.9, 3.1, 4.5, 4.4, 3.0, 1.2, 0.1, -1.7, -3.4, -2.0, -2.0, 0.3])
-    s, expected = x[0] * (name == "creep"), []
+    s, expected = x[0] * (name in ("slow", "creep")), []
     for now, before in zip(x, [x[0], *x], strict=False):
         expected.append(s := LAWS[name](s, now, before))
     found = along(OPERATORS[name], x, setting_of(name))
