@@ -104,6 +104,19 @@ def test_scatter_of_held_pressures_hides_no_deficiency(scatter, seed):
     assert np.sqrt(fit.sse / len(force)) <= 1.0001 * least_rmse("polynomial_5", columns, force)
 
 
+@pytest.mark.parametrize(
+    ("width", "count", "levels"),
+    [(0.9, 5, [0.45, 10.45]), (0.95, 5, None), (0.9, 4, None), (0.0, 5, None)],
+)
+def test_a_level_is_the_middle_of_at_least_five_values_within_a_tenth_of_the_gap(
+    width, count, levels
+):
+    """The gap between two groups of this width is 10 less the width; equal values are one."""
+    column = np.concatenate([np.linspace(0, width, 5), 10 + np.linspace(0, width, count)])
+    expected = column if levels is None else np.repeat(levels, 5)
+    np.testing.assert_allclose(nominal(column), expected, atol=1e-12)
+
+
 def test_swept_quantities_have_no_levels():
     rng = np.random.default_rng(0)
     for column in (
