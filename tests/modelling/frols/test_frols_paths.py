@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from textbook import frols_streamed
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.frols import engine, frols, reads_once
+from mapmore_cli.modelling.frols import engine, frols, reads_once, remainders
 from mapmore_cli.modelling.frols.select import widened
 
 FORMS = ("basis", "gram", "gathered", "triangle", "streamed")
@@ -40,9 +40,10 @@ def fit_by(form, P, y, *args, **options):
         )
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(engine, "reads_once", lambda *_: form != "basis")
-        patch.setattr(engine, "SMALL", 2**16 if form == "gathered" else 0)
+        for module in (engine, remainders):
+            patch.setattr(module, "SMALL", 2**16 if form == "gathered" else 0)
         if form in ("gathered", "triangle"):
-            patch.setattr(engine, "PIVOT_TOLERANCE", 2.0)
+            patch.setattr(remainders, "PIVOT_TOLERANCE", 2.0)
         return frols(P, y, *args, **options)
 
 

@@ -94,3 +94,17 @@ def test_one_parameter_of_shares_keeps_all_samples():
         fewer = problem.condensed()
         assert (fewer is problem) == whole
         assert whole or (len(fewer.y) <= 4096 and fewer.counts.sum() == len(x))
+
+
+def test_sums_over_means_are_those_over_the_samples_up_to_the_scatter_in_a_cell():
+    """The range is divided into 512 cells, in which x scatters by a 512th over the root of 12."""
+    x = np.random.default_rng(1).uniform(0, 1, 50_000)
+    whole = LeastSquares(parse("a*x"), ("a",), (), {"a": parse("x")}, {"x": x}, 2 * x)
+    sums = []
+    for problem in (whole, whole.condensed()):
+        phi, target = problem.linear_at(np.empty(0))
+        sums.append(
+            [problem.sse(np.ones(1), np.empty(0)), (phi.T @ target)[0], (phi.T @ phi)[0, 0]]
+        )
+    lost = (1 - np.divide(*sums[::-1])) * np.mean(x**2)
+    assert lost == pytest.approx([1 / 12 / 512**2] * 3, rel=0.02)
