@@ -21,8 +21,8 @@ from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.literature import linear
+from mapmore_cli.modelling.literature.descent import agreement, descend, onto_bounds
 from mapmore_cli.modelling.literature.problem import condensed, dependence
-from mapmore_cli.modelling.literature.solvers import agreement, descend, onto_bounds
 
 METHOD = "penalised least squares"
 NAMES = ("a1", "a2", "a3", "a4", "a5", "a6", "b0", "b1", "b2", "w")

@@ -5,10 +5,10 @@ import pytest
 
 from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.literature import family
+from mapmore_cli.modelling.literature.descent import descend
 from mapmore_cli.modelling.literature.linear import parameter_errors, solve_linear
 from mapmore_cli.modelling.literature.own import FamilySettings
 from mapmore_cli.modelling.literature.problem import LeastSquares, Nonlinear, condensed
-from mapmore_cli.modelling.literature.solvers import descend
 
 
 @pytest.mark.parametrize("method", ["trf", "lm"])

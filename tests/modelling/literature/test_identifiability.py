@@ -45,6 +45,16 @@ def test_half_width_is_that_of_the_t_distribution(freedom):
     assert np.isnan(half_width(2.0, 0))
 
 
+@pytest.mark.parametrize(("share", "noted"), [(0.99, True), (1.01, False), (-1.01, False)])
+def test_a_parameter_within_its_half_width_of_zero_is_not_identified(share, noted):
+    x, scatter = np.linspace(-1, 1, 30), np.cos(np.linspace(0, 40, 30))
+    scatter -= x * (x @ scatter) / (x @ x)
+    width = student.ppf(0.975, 29) * np.sqrt(scatter @ scatter / 29 / (x @ x))
+    line = literature.Formula("line", "-", ("x",), ("a",), "a*x")
+    notes = line.fit({"x": x}, share * width * x + scatter).notes
+    assert notes == (("not identified (95 % interval contains zero): a",) if noted else ())
+
+
 LEVELS = (80.0, 150.0, 250.0, 350.0)
 
 

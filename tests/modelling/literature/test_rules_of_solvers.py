@@ -9,18 +9,20 @@ import pytest
 
 from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.literature import solvers
-from mapmore_cli.modelling.literature.problem import LeastSquares, Nonlinear
-from mapmore_cli.modelling.literature.solvers import (
-    METHODS,
+from mapmore_cli.modelling.literature.descent import (
     End,
-    _best_solution,
-    _valleys,
     agreement,
     descend,
     drawn_starts,
-    levenberg_marquardt,
     onto_bounds,
     rivals,
+)
+from mapmore_cli.modelling.literature.problem import LeastSquares, Nonlinear
+from mapmore_cli.modelling.literature.solvers import (
+    METHODS,
+    _best_solution,
+    _valleys,
+    levenberg_marquardt,
     simplex,
     variable_projection,
 )
