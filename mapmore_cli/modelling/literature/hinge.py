@@ -150,8 +150,9 @@ def fit_hinge(columns: Columns, y: Array, curvature: float | None = None) -> For
     q, touched = onto_bounds(best.x, bounds)
     residual, slopes = problem.of_data(q)
     _, rank, condition = linear.parameter_errors(slopes, 0.0)
+    # there are more rows than `NAMES`, because the blend with the plain formula has more parameters
     freedom = float(problem.root @ problem.root) - len(NAMES)
-    variance = float(residual @ residual) / freedom if freedom > 0.5 else np.nan
+    variance = float(residual @ residual) / freedom
     errors, _, _ = linear.parameter_errors(problem.system(q)[1], variance)
     errors[LN_W] *= np.exp(q[LN_W])
     notes = [
