@@ -171,6 +171,12 @@ def test_no_coefficient_makes_up_for_an_exponential(term, placement):
     assert np.abs(read(found.text, columns) - exact).max() <= STATED * np.ptp(exact) + 1e-9
 
 
+def test_an_exponential_that_is_zero_for_a_computer_stays_as_it_is():
+    scaling = Scaling("none", "-", ("x",), np.ones(1), np.zeros(1), 1.0, 0.0)
+    found = equation("a", ("exp((x - 2)/0.001)",), np.array([3.0]), scaling, {"x": (0.0, 1.0)}, {})
+    assert found.text == "3*exp((x - 2)/0.001)"
+
+
 def test_a_long_model_has_an_equation_too():
     """It is longer than an expression that is read may be."""
     names = [f"pressure[k-{lag}]" for lag in range(300)][1:]

@@ -190,7 +190,7 @@ def test_the_force_gives_the_strain_back(places):
     found = solve_for_input(MODEL, {"pressure": pressure, "strain": strain}, "force")
     assert found.solved.all()
     np.testing.assert_allclose(
-        predict(MODEL, {"pressure": pressure, "force": found.values}), strain, rtol=1e-6, atol=1e-9
+        predict(MODEL, {"pressure": pressure, "force": found.values}), strain, rtol=1e-12, atol=0
     )
 
 

@@ -8,7 +8,7 @@ from common import curve_of
 from literature_cases import slack_muscle, uniform
 
 from mapmore_cli.modelling.literature import Formula, Nonlinear, hinge, solvers
-from mapmore_cli.modelling.literature.backbone import fit_formula
+from mapmore_cli.modelling.literature.backbone import fit_formula, residual_of
 
 
 def curve():
@@ -19,6 +19,10 @@ def curve():
 def test_the_same_data_are_fitted_once_and_others_anew():
     whole = curve()
     first = fit_formula("polynomial_2", [whole], "force")
+    pressure, strain = whole.columns["pressure"], whole.columns["strain"]
+    shown = {**whole.columns, "force": 5 + 2 * pressure * (1 - 4 * strain)}
+    left = residual_of(replace(whole, columns=shown), "force", first)
+    np.testing.assert_allclose(left.columns["force"], 5, rtol=1e-8)
     assert fit_formula("polynomial_2", [curve()], "force") is first
     shifted = {**whole.columns, "force": np.nextafter(whole.columns["force"], np.inf)}
     for name, other in (

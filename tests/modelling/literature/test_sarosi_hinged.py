@@ -41,6 +41,7 @@ def test_data_without_a_foot_keep_sarosi():
     columns, y = wrist_points()
     fit = HINGED.fit(columns, y)
     assert fit.parameters["share"] <= 0.5
+    assert fit.rank == hinge.fit_hinge(columns, y).rank + 6 + 1
     assert np.sqrt(fit.sse / fit.samples) < 0.005 * y.max()
     for plain, own in (("a1", "s1"), ("a3", "s3"), ("a6", "s6")):
         assert fit.parameters[own] == PLAIN.fit(columns, y).parameters[plain]
