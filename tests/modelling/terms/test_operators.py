@@ -182,6 +182,20 @@ def test_every_way_along_a_recording_is_the_recursion(name, x, empty):
 
 
 @pytest.mark.parametrize("name", OPERATORS)
+def test_a_piece_goes_on_from_the_values_before_it(name):
+    """Also from one value only, which then stands for all earlier ones."""
+    operator, setting, x = OPERATORS[name], setting_of(name), np.r_[1.0, 1.0, 3.0, -2.0, 4.5, 0.5]
+    whole = along(operator, x, setting)
+    for begun in (2, 4):
+        empty = np.full(begun - 1, np.nan)
+        before = np.r_[empty, whole[:begun]], np.r_[empty, x[:begun]]
+        found = along(operator, x[begun:], setting, before)
+        np.testing.assert_allclose(found, whole[begun:], atol=1e-12)
+    found = along(operator, x[2:], setting, (whole[1:2], x[1:2]))
+    np.testing.assert_allclose(found, whole[2:], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", OPERATORS)
 def test_slopes_are_the_derivatives_of_the_recursion(name):
     rule = OPERATORS[name].recursion(setting_of(name))
     rng = np.random.default_rng(1)
