@@ -72,20 +72,6 @@ def test_it_is_what_is_published(name):
     )
 
 
-@pytest.mark.parametrize("name", BY_REGION)
-def test_regions_are_fitted_each_to_its_own_rows(name):
-    columns, y = noisy(name, 5)
-    fit = get(name).fit(columns, y)
-    unit = {
-        parameter: written_out(name, dict.fromkeys(PLANTED[name], 0.0) | {parameter: 1.0}, columns)
-        for parameter in PLANTED[name]
-    }
-    beta, (sse,), rank, _ = np.linalg.lstsq(np.column_stack(list(unit.values())), y, rcond=None)
-    assert fit.sse == pytest.approx(sse, rel=1e-10)
-    assert (fit.rank, fit.samples) == (rank, len(y))
-    assert dict(fit.parameters) == pytest.approx(dict(zip(unit, beta, strict=True)), rel=1e-8)
-
-
 @pytest.mark.parametrize("name", ["tondu_kinetic_friction", "peternel_absolute"])
 def test_a_friction_that_does_not_decay_is_at_bound(name):
     columns = motion(9)
@@ -95,20 +81,6 @@ def test_a_friction_that_does_not_decay_is_at_bound(name):
     assert fit.status == "at_bound"
     assert fit.notes == (f"{last} went to the limit of its search, 10 max|strain_rate|",)
     assert fit.parameters[last] == pytest.approx(10 * np.abs(columns["strain_rate"]).max())
-
-
-@pytest.mark.parametrize("name", BY_REGION)
-def test_a_region_without_samples_is_told_and_predicts_nothing(name):
-    columns, y = noisy(name, 10)
-    rising = columns["direction"] > 0
-    own = {quantity: column[rising] for quantity, column in columns.items()}
-    fit = get(name).fit(own, y[rising])
-    assert fit.status == "rank_deficient"
-    assert fit.rank == len(PLANTED[name]) / 2
-    predicted = get(name).predict(fit.parameters, columns)
-    assert not predicted[~rising].any()
-    whole = get(name).predict(get(name).fit(columns, y).parameters, columns)
-    np.testing.assert_allclose(predicted[rising], whole[rising], rtol=1e-9)
 
 
 @pytest.mark.parametrize("name", DAMPED)

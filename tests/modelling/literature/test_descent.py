@@ -21,12 +21,6 @@ def test_a_start_without_a_value_has_no_end_and_a_step_to_such_a_place_is_not_ta
     assert end.x == pytest.approx([1e-6], rel=1e-4)
 
 
-def test_a_coordinate_on_which_nothing_depends_stays():
-    target = np.array([1.0, -2.0])
-    (end,) = descend(lambda x: (x[:2] - target, np.eye(2, 3)), [np.array([0.0, 0.0, 7.0])])
-    assert end.x == pytest.approx([1.0, -2.0, 7.0])
-
-
 @pytest.mark.parametrize("unit", [1.0, 1e-200, 1e160])
 def test_errors_of_parameters_are_those_of_the_inverse(unit):
     rng = np.random.default_rng(0)

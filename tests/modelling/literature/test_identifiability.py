@@ -5,7 +5,6 @@ import pytest
 from global_fits import least_rmse
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from literature_cases import MUSCLE_LIKE, TABLE_I
 from scipy.stats import t as student
 
 from mapmore_cli.modelling import literature
@@ -14,20 +13,6 @@ from mapmore_cli.modelling.literature.formulas.sarosi import DECAY, sarosi
 from mapmore_cli.modelling.literature.linear import half_width
 from mapmore_cli.modelling.literature.problem import nominal
 from mapmore_cli.modelling.literature.solvers import METHODS
-
-
-@pytest.mark.parametrize(("fastest", "seen"), [(1e-4, False), (0.5, True)])
-def test_damping_is_not_seen_in_a_record_at_rest_and_motion_shows_it(fastest, seen):
-    rng = np.random.default_rng(1)
-    columns = {
-        "pressure": rng.uniform(200, 600, 400),
-        "length": rng.uniform(0, 0.03, 400),
-        "velocity": rng.uniform(-fastest, fastest, 400),
-    }
-    truth = dict(zip(MUSCLE_LIKE, TABLE_I["16 cm"], strict=True))
-    force = get("muscle_like").predict(truth, columns) + rng.standard_normal(400)
-    notes = get("muscle_like").fit(columns, force).notes
-    assert any("not identified" in note and "b0" in note for note in notes) != seen
 
 
 def test_data_that_determine_a_linear_formula_are_not_said_to_leave_a_choice():

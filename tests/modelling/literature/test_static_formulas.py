@@ -127,13 +127,6 @@ def test_limits_of_a_search(name, parameter, low, high):
     assert bounds == pytest.approx((float(low), float(high)), rel=1e-6)
 
 
-def least_squares(phi, y):
-    """What the best combination of columns leaves of y."""
-    phi = phi / np.linalg.norm(phi, axis=0)
-    residual = phi @ np.linalg.lstsq(phi, y, rcond=None)[0] - y
-    return residual @ residual * (1 + 1e-9)
-
-
 @pytest.mark.parametrize(
     ("pressures", "rank"), [(1, 6), (2, 11), (3, 15), (4, 18), (5, 20), (6, 21), (7, 21)]
 )
@@ -186,22 +179,3 @@ def test_starts_over_cells_end_at_the_minimum_of_all_samples(name, monkeypatch):
     quick = get(name).fit(columns, y)
     monkeypatch.setattr(problem, "LIMIT", len(y))
     assert quick.sse == pytest.approx(get(name).fit(columns, y).sse, rel=1e-12)
-
-
-@pytest.mark.parametrize("seed", [0, 3])
-def test_a_decay_over_the_slowest_rates_is_found_among_many_samples(seed):
-    """It shows in few samples, which means over cells would hide: no decay on a grid has less than
-    the fit.
-    """
-    rng = np.random.default_rng(seed)
-    rate = rng.choice([-1.0, 1.0], 12000) * 10 ** rng.uniform(-4, 0, 12000)
-    force = np.sign(rate) * (3 + 2 * rate + 4 * np.exp(-np.abs(rate) / 0.002)) + np.sin(40 * rate)
-    fit = get("peternel").fit({"strain_rate": rate}, force)
-
-    def sse(decay):
-        terms = np.sign(rate) * np.stack(
-            [np.ones_like(rate), rate, rate**2, np.exp(-np.abs(rate) / decay)]
-        )
-        return least_squares(terms.T, force)
-
-    assert fit.sse <= min(sse(decay) for decay in np.geomspace(1e-3, 10, 50) * np.abs(rate).max())

@@ -143,14 +143,6 @@ def test_substitution_is_evaluation_in_two_steps(outer, inner, point):
     assert to_text(substitute(parse("x - 2*y"), {"x": Name("y"), "y": Name("x")})) == "y - 2*x"
 
 
-@given(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), st.floats(-10, 10))
-def test_affine_is_slope_and_intercept(slope, intercept, x):
-    assume(slope == 0.0 or abs(slope) > 1e-3)
-    assert value_at(affine(Name("x"), slope, intercept), {"x": x}) == pytest.approx(
-        slope * x + intercept, rel=1e-9, abs=1e-9
-    )
-
-
 @pytest.mark.parametrize(
     ("slope", "intercept", "text"),
     [
