@@ -181,17 +181,16 @@ class Choice:
         found, how, weights = self.selection, self.weighing, self.weights
         k, n = len(found.chosen), found.samples
         curves = numbered_curves(how.curves, k)
-        if not k or (weights is None and curves is None and how.recorded is None):
+        if k and (weights is not None or curves is not None):
+            blocks = how.rows(self.only(found.chosen))
+            errors = sandwich_errors(blocks, found.theta, curves, how.loss, weights)
+            count = 0 if curves is None else int(curves.max()) + 1
+            return replace(found, theta_error=errors, curves=count)
+        if not k or how.recorded is None or k * n > MOST:
             return found
         blocks = how.rows(self.only(found.chosen))
-        if weights is None and curves is None and how.recorded is not None:
-            if k * n > MOST:
-                return found
-            errors, worth = _errors_along(blocks, found.theta, how.curves, how.recorded)
-            return replace(found, theta_error=errors, worth=worth)
-        errors = sandwich_errors(blocks, found.theta, curves, how.loss, weights)
-        count = 0 if curves is None else int(curves.max()) + 1
-        return replace(found, theta_error=errors, curves=count)
+        errors, worth = _errors_along(blocks, found.theta, how.curves, how.recorded)
+        return replace(found, theta_error=errors, worth=worth)
 
 
 def _errors_along(

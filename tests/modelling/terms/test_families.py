@@ -34,14 +34,14 @@ def test_names_are_written_as_a_person_would():
         "force[k-2]",
         "pressure[k-2]",
     )
-    assert operated("play", ["p"], [0.16, 0.4]) == ("play(p, 0.16)", "play(p, 0.4)")
-    assert operated("slow", operated("play", ["p"], [0.16]), [0.3]) == ("slow(play(p, 0.16), 0.3)",)
+    assert operated("play", ["p"], [(0.16,), (0.4,)]) == ("play(p, 0.16)", "play(p, 0.4)")
+    assert operated("slow", ["play(p, 0.16)"], [(0.3,)]) == ("slow(play(p, 0.16), 0.3)",)
     assert operated("resonance", ["p"]) == ("resonance(p)", "resonance_velocity(p)")
 
 
 @pytest.mark.parametrize(
     ("operator", "numbers"),
-    [("play", [0.0]), ("play", [1.0]), ("resonance", [4.0])],
+    [("play", [(0.0,)]), ("play", [(1.0,)]), ("resonance", [(4.0,)])],
 )
 def test_impossible_operators_are_refused(operator, numbers):
     with pytest.raises(ValueError, match=r"number|between"):
