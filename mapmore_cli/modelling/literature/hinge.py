@@ -13,6 +13,7 @@ instead of w.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -157,20 +158,12 @@ def fit_hinge(columns: Columns, y: Array, curvature: float | None = None) -> For
     errors[LN_W] *= np.exp(q[LN_W])
     notes = [
         f"a3 is {q[A3]:.3g}/max|strain|, w is {np.exp(q[LN_W]):.3g} of the largest target; "
-        f"{agreement(ends, best, len(starts))}"
+        f"{agreement(ends, best, len(starts))}",
+        *_remarks(columns, problem.centre[A3], touched, rank),
     ]
-    levels = _strain_levels(columns["strain"])
-    if levels <= FEW_LEVELS:
-        notes.append(
-            f"with {levels} strain level{'s' * (levels > 1)} every curvature fits, so that "
-            f"a3 keeps its prior value, {problem.centre[A3]:.3g}/max|strain|; values "
-            "between the levels depend on it"
-        )
-    notes += [f"{NAMES[i]} ends at its bound" for i in touched]
     status = "at_bound" if touched and best.converged else best.status
     if rank < len(NAMES):
         status = "rank_deficient"
-        notes.append(dependence(rank, len(NAMES), columns, "the priors decided"))
     per_p, per_x, f = 1 / scales[0], 1 / scales[1], scales[2]
     units = np.array(
         [f * per_p, f, per_x, f * per_p * per_x, f * per_p, f, f, f * per_p, f * per_x, f]
@@ -189,6 +182,20 @@ def fit_hinge(columns: Columns, y: Array, curvature: float | None = None) -> For
         samples=len(y),
         notes=tuple(notes),
     )
+
+
+def _remarks(columns: Columns, prior: float, touched: list[int], rank: int) -> Iterator[str]:
+    """Yield notes on parameters that the data do not determine, and on those at a bound."""
+    levels = _strain_levels(columns["strain"])
+    if levels <= FEW_LEVELS:
+        yield (
+            f"with {levels} strain level{'s' * (levels > 1)} every curvature fits, so that "
+            f"a3 keeps its prior value, {prior:.3g}/max|strain|; values "
+            "between the levels depend on it"
+        )
+    yield from (f"{NAMES[i]} ends at its bound" for i in touched)
+    if rank < len(NAMES):
+        yield dependence(rank, len(NAMES), columns, "the priors decided")
 
 
 def _strain_levels(strain: Array) -> int:
