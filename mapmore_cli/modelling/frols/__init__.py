@@ -13,13 +13,11 @@ from mapmore_cli.modelling.frols.engine import (
     frols_together,
     reads_once,
 )
-from mapmore_cli.modelling.frols.moments import Blocks
 from mapmore_cli.modelling.frols.remainders import TIE_TOLERANCE
 from mapmore_cli.modelling.frols.weighing import Weighing
 
 __all__ = [
     "TIE_TOLERANCE",
-    "Blocks",
     "Regression",
     "Weighing",
     "frols",

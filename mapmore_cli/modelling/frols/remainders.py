@@ -104,10 +104,8 @@ class GramRemainders(Remainders):
 
     def _clear_winner(self, err: Array) -> bool:
         best = int(np.nanargmax(err))
-        error, product = (
-            ROUNDING * np.sqrt(self.pp[best] * self.sse_of_products),
-            abs(self.products[best]),
-        )
+        product = abs(self.products[best])
+        error = ROUNDING * np.sqrt(self.pp[best] * self.sse_of_products)
         if error <= TIE_TOLERANCE * product:
             return True
         return bool(

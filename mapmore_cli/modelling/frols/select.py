@@ -70,7 +70,7 @@ class Stopping:
 
     def limit(self, n: int, M: int) -> int:
         """Return the largest number of terms that n samples and M candidates allow."""
-        return min(n, M) if self.max_terms is None else min(self.max_terms, n, M)
+        return min(n, M, self.max_terms or n)
 
     def preferred(
         self,

@@ -134,15 +134,10 @@ def rivals(ends: Sequence[End], best: End) -> list[End]:
     converged result for each minimum, and the lowest minimum comes first.
     """
     distinct = [best]
-    for end in sorted(ends, key=cost_of):
+    for end in sorted(ends, key=lambda end: end.cost):
         if end.converged and (1 + DISTINCT) * distinct[-1].cost < end.cost <= RIVAL * best.cost:
             distinct.append(end)
     return distinct[1:]
-
-
-def cost_of(end: End) -> float:
-    """Return half the sum of squares of a result."""
-    return end.cost
 
 
 STARTS = 10

@@ -213,7 +213,7 @@ def _strain_levels(strain: Array) -> int:
 def _normalised(
     columns: Columns, y: Array, pressure: float, strain: float, target: float
 ) -> _Problem:
-    means, f, counts = condensed({name: columns[name] for name in ("pressure", "strain")}, y)
+    means, f, counts = condensed(columns, y)
     centre, weight = np.zeros(len(NAMES)), np.array(PRIOR_WEIGHTS)
     centre[A3], weight[A3] = max(DECAY * strain, STEEPEST), DECAY_WEIGHT / strain
     centre[LN_W] = np.log(PRIOR_W)

@@ -28,7 +28,6 @@ from mapmore_cli.modelling.literature.descent import (
     STARTS,
     End,
     agreement,
-    cost_of,
     descend,
     drawn_starts,
     onto_bounds,
@@ -287,7 +286,7 @@ def _best_solution(
     allowed = [end for end in ends if problem.allows(end.x[m:])]
     notes = ["every start ended with a sign that the source excludes"] * (not allowed)
     ends = allowed or ends
-    best = min(ends, key=cost_of)
+    best = min(ends, key=lambda end: end.cost)
     notes += [agreement(ends, best, starts)] * (starts > 1)
     others = tuple((end.x[:m], end.x[m:]) for end in rivals(ends, best))
     return Solution(best.x[:m], best.x[m:], best.status, method, tuple(notes), others)
