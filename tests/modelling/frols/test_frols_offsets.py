@@ -60,9 +60,6 @@ def test_a_target_that_is_constant_is_explained_by_one(form, target):
 
 @pytest.mark.parametrize("form", FORMS)
 def test_no_tolerance_ends_a_criterion(form):
-    y = 500 + 2 * X - 3 * np.cos(9 * X) + 0.1 * np.random.default_rng(0).normal(size=len(X))
-    found = FORMS[form](P, y, 4, 0.5, stop="bic")
-    assert {0, 1, 3} <= set(found.chosen.tolist())
     exact = FORMS[form](P, 500 + 2 * X - 3 * np.cos(9 * X), 4, 0.5, stop="bic")
     assert (sorted(exact.chosen.tolist()), exact.stop) == ([0, 1, 3], "no_gain")
 

@@ -8,20 +8,10 @@ from hypothesis import strategies as st
 from scipy.stats import t as student
 
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.literature import get
 from mapmore_cli.modelling.literature.formulas.sarosi import DECAY, sarosi
 from mapmore_cli.modelling.literature.linear import half_width
 from mapmore_cli.modelling.literature.problem import nominal
 from mapmore_cli.modelling.literature.solvers import METHODS
-
-
-def test_data_that_determine_a_linear_formula_are_not_said_to_leave_a_choice():
-    rng = np.random.default_rng(2)
-    columns = {"pressure": rng.uniform(80, 350, 200), "strain": rng.uniform(0, 0.2, 200)}
-    truth = dict.fromkeys(get("polynomial_2").parameters, 1.0)
-    force = get("polynomial_2").predict(truth, columns) + rng.normal(0, 1e-6, 200)
-    fit = get("polynomial_2").fit(columns, force)
-    assert (fit.status, fit.rank, fit.notes) == ("converged", len(truth), ())
 
 
 @pytest.mark.parametrize("freedom", [1, 5, 84])
