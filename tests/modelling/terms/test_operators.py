@@ -218,6 +218,12 @@ def test_slopes_are_the_derivatives_of_the_recursion(name):
 
 
 @pytest.mark.parametrize("name", OPERATORS)
+def test_a_source_that_did_not_vary_in_training_has_states(name):
+    setting = replace(setting_of(name), limits=(2.0, 2.0))
+    assert np.isfinite(along(OPERATORS[name], np.array([2.0, 2.0, 3.0, 1.0]), setting)).all()
+
+
+@pytest.mark.parametrize("name", OPERATORS)
 def test_a_resting_source_keeps_the_recursion_at_rest(name):
     rule = OPERATORS[name].recursion(setting_of(name))
     assert rule.next(
