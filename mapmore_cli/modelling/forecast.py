@@ -38,11 +38,7 @@ def forecast_each(model: Model, curves: Sequence[Curve], target: str) -> tuple[F
     """
     if target != model.output.name or runs_over_time(model):
         return tuple(forecast(model, curve, target) for curve in curves)
-    waiting, forecasts, names = (
-        [*curves],
-        list[Forecast](),
-        model.input_names,
-    )
+    waiting, forecasts, names = [*curves], list[Forecast](), model.input_names
     while waiting:
         sizes = np.cumsum([curve.size for curve in waiting[:TOGETHER]])
         together = waiting[: max(1, int(np.searchsorted(sizes, ROWS)))]

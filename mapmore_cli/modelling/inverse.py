@@ -47,11 +47,8 @@ SPLITS, STEEP = 6, 3.0
 than `STEEP` times the slope of its secant, because the output may then turn twice in the part.
 """
 
-# number of rows that are computed at once, and number of bisections down to rounding errors
-CHUNK, BISECTIONS = (
-    500,
-    50,
-)
+CHUNK = 500  # number of rows that are computed at once
+BISECTIONS = 50  # number of bisections down to rounding errors
 SAME = 1e-9  # smaller differences, as a fraction of the range of outputs, count as zero
 # largest relative difference between the output at a solution and the wanted output
 # A larger difference means that bisection has found a jump of the output instead of a solution.
@@ -116,12 +113,11 @@ def solve_for_input(model: Model, columns: Columns, name: str) -> SolvedInput:
         model, known_columns.pop(model.output.name), known_columns, name
     )
     lowest_of_row = _picked(lowest, rows, len(known), LOWEST)
-    values, solved = (
-        np.full(len(columns[needed[0]]), np.nan),
-        np.zeros(len(columns[needed[0]]), dtype=np.bool_),
-    )
-    solved[known] = np.isfinite(lowest_of_row)
-    values[known] = np.where(np.isfinite(lowest_of_row), lowest_of_row, nearest)
+    found = np.isfinite(lowest_of_row)
+    values = np.full(len(columns[needed[0]]), np.nan)
+    values[known] = np.where(found, lowest_of_row, nearest)
+    solved = np.zeros(len(values), dtype=np.bool_)
+    solved[known] = found
     return SolvedInput(values, solved)
 
 
@@ -312,10 +308,8 @@ def may_turn_twice(
     reach = np.maximum(np.abs(slope_left), np.abs(slope_right)) * width
     rise = right - left
     bends = (reach > STEEP * np.abs(rise)) | (rise * (slope_left + slope_right) < 0)
-    nearer, farther = (
-        np.minimum(np.abs(left), np.abs(right)),
-        np.maximum(np.abs(left), np.abs(right)),
-    )
+    left, right = np.abs(left), np.abs(right)
+    nearer, farther = np.minimum(left, right), np.maximum(left, right)
     return bends & (reach > SAME * farther) & (nearer <= reach)
 
 

@@ -210,8 +210,8 @@ def _training_samples(dataset: Dataset, names: Sequence[str]) -> list[Array]:
 
 
 def _thinning(dataset: Dataset) -> int:
-    """Return the number n if every n-th sample is kept. It is chosen so that about four times as
-    many samples remain as a fit uses.
+    """Return the number n with which every n-th sample is kept. About four times as many samples
+    remain as a fit uses.
     """
     return max(1, sum(curve.size for curve in dataset.curves) // (4 * MOST_ROWS))
 

@@ -15,6 +15,7 @@ from surfaces import built, curves
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.inverse import (
+    _Line,
     invert,
     knots,
     may_turn_twice,
@@ -190,7 +191,7 @@ def test_the_force_gives_the_strain_back(places):
     found = solve_for_input(MODEL, {"pressure": pressure, "strain": strain}, "force")
     assert found.solved.all()
     np.testing.assert_allclose(
-        predict(MODEL, {"pressure": pressure, "force": found.values}), strain, rtol=1e-6, atol=1e-9
+        predict(MODEL, {"pressure": pressure, "force": found.values}), strain, rtol=1e-12, atol=0
     )
 
 
@@ -245,6 +246,21 @@ def test_an_output_just_beyond_the_range_has_the_end_as_its_solution(beyond, sta
     assert found.status == (status, status)
     if status == "one":
         assert found.picked == pytest.approx(ends, abs=1e-6)
+
+
+def test_three_solutions_between_two_places_at_which_the_slope_is_evaluated():
+    """The output turns twice within a 96th of the range, in whose middle it is zero."""
+    middle, away = 0.5 + 1 / 192, 1 / 400
+    cubic = np.polynomial.Polynomial.fromroots([middle - away, middle, middle + away])
+    line = _Line(
+        lambda at: [1e6 * cubic(at["x"])],
+        lambda at: [1e6 * cubic(at["x"]), 1e6 * cubic.deriv()(at["x"])],
+        *("x", ("x",), np.array([0.0, 0.0]), {}),
+    )
+    values, rows, flat, nearest = line.solutions(*line.edges(np.array([0.0, 1.0])), 1.0)
+    assert rows.tolist() == [0, 0, 0, 1, 1, 1]
+    np.testing.assert_allclose(values, 2 * [middle - away, middle, middle + away], rtol=1e-9)
+    assert (flat.any(), *nearest) == (False, *[pytest.approx(middle)] * 2)
 
 
 @pytest.mark.parametrize(

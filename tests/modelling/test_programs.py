@@ -9,7 +9,11 @@ from export_samples import WITH_MEMORY
 
 from mapmore_cli.annexes.sums import Part, Sum
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.recording import CurveRange
+from mapmore_cli.modelling.expressions import Name
 from mapmore_cli.modelling.kinds import fed_back, predict
+from mapmore_cli.modelling.program.values import ready_for_one_sample
+from mapmore_cli.modelling.program.writing import Writer, limit
 from mapmore_cli.modelling.programs import program_of
 
 
@@ -55,3 +59,20 @@ def test_parts_of_a_sum_count_the_same_steps(order):
         DataError, match=r"were trained with different time steps, 0.01 s and 0.010011 s"
     ):
         program_of(replace(model, body=Sum(tuple(unlike))))
+
+
+def test_a_value_whose_range_is_known_stays_in_the_program():
+    m = Writer()
+    double, _ = m.let("double", 2 * Name("x_a")), m.let("unused", 3 * Name("x_a"))
+    limit(m, [CurveRange("all", None, {"a": (0.0, 1.0)})], None, {"a": double})
+    program = m.program(("a",), Name("x_a"))
+    assert [statement.name for statement in program.body.statements] == [double.name]
+    assert program.knots == {"a": (0.0, 1.0)}
+
+
+@pytest.mark.parametrize(("x", "clipped"), [(-2.0, -1.0), (0.5, 0.5), (3.0, 2.0)])
+def test_a_branch_of_one_sample_is_that_of_the_first_condition_that_holds(x, clipped):
+    m = Writer()
+    block = m.side(lambda: m.clip(Name("x"), -1.0, m.use("y", "double", [1.0])))
+    run = ready_for_one_sample(block, {"double": lambda _m, one: 2 * one})
+    assert run({"x": np.float64(x)}, 1) == [clipped]

@@ -45,6 +45,25 @@ def test_a_damped_muscle_follows_the_differential_equation_of_both():
     assert own["length"] == pytest.approx(length - found / k)
 
 
+def behind_a_tendon(*inputs):
+    quantities, force = tuple(Quantity(name, "1") for name in inputs), Quantity("force", "N")
+    muscle = Model("muscle", force, quantities, Body())
+    return Model("both", force, quantities, Tendon(muscle, stiffness=60.0, force=2.0))
+
+
+def test_a_muscle_behind_a_tendon_is_outside_its_range_by_its_own_length(monkeypatch):
+    monkeypatch.setattr(kinds, "predict", lambda _muscle, own: 5 + 30 * own["length"])
+    monkeypatch.setattr(kinds, "outside_range", lambda _muscle, own: own["length"] > 0.5)
+    monkeypatch.setattr(kinds, "equations", lambda _muscle, _units: ("of the muscle",))
+    model, length = behind_a_tendon("length"), np.linspace(-1, 1, 99)
+    force = (5 + 30 * (length + 2 / 60)) / 1.5
+    outside = TendonVerbs().outside_range(model, {"time": np.arange(99.0), "length": length})
+    assert outside.tolist() == (length - (force - 2) / 60 > 0.5).tolist()
+    stretched, *others = TendonVerbs().equations(model, {})
+    assert stretched.text == "length = length - (force - 2)/60"
+    assert others == ["of the muscle"]
+
+
 @pytest.mark.parametrize(
     ("inputs", "there", "missing"),
     [
@@ -56,9 +75,7 @@ def test_a_damped_muscle_follows_the_differential_equation_of_both():
 )
 def test_a_column_that_a_muscle_behind_a_tendon_lacks_is_named(inputs, there, missing, monkeypatch):
     monkeypatch.setattr(kinds, "predict", lambda _muscle, own: 5 + 30 * own["length"])
-    quantities, force = tuple(Quantity(name, "1") for name in inputs), Quantity("force", "N")
-    muscle = Model("muscle", force, quantities, Body())
-    model = Model("both", force, quantities, Tendon(muscle, stiffness=60.0, force=2.0))
+    model = behind_a_tendon(*inputs)
     columns = {"time": np.arange(7.0), "length": np.linspace(-1, 1, 7), "velocity": np.zeros(7)}
     some = {name: columns[name] for name in there}
     with pytest.raises(DataError, match=f"a force behind a tendon .* table lacks {missing}\n"):

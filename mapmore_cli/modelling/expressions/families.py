@@ -28,7 +28,7 @@ def lags(of: Sequence[str], steps: Sequence[int]) -> tuple[str, ...]:
 
 
 def operated(
-    family: str, of: Sequence[str], numbers: Sequence[float | tuple[float, ...]] = ()
+    family: str, of: Sequence[str], numbers: Sequence[tuple[float, ...]] = ()
 ) -> tuple[str, ...]:
     """Return the names of the states that the operators of a `family` compute from every state in
     `of`. Each entry of `numbers` gives such a name, for example `slow(pressure, 0.5)`. If `numbers`
@@ -37,12 +37,9 @@ def operated(
     Raises ValueError for numbers that do not fit the operator.
     """
     names = [operator.name for operator in families()[family]]
-    each = [
-        setting if isinstance(setting, tuple) else (float(setting),) for setting in numbers
-    ] or [()]
     return tuple(
         state(Operated(name, state(source), setting).name).name
-        for setting in each
+        for setting in numbers or [()]
         for source in of
         for name in names
     )

@@ -59,8 +59,6 @@ def _placed(texts: tuple[str, ...], courses: Courses) -> tuple[str, ...]:
         place = low + (high - low) * (start / (start - end))
         along: Expression = Name(name) - round(place, DIGITS - 1 - math.floor(math.log10(width)))
         unit = float(f"{width / (end - start):.{DIGITS}g}")
-        if unit != 1.0:
-            along = along / unit
-        return along
+        return along if unit == 1.0 else along / unit
 
     return tuple(dict.fromkeys(to_text(parse(text, line)) for text in texts))

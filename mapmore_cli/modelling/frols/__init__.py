@@ -3,8 +3,8 @@
 M1 eq 2-4, M2 eq 2-8; S. A. Billings, *Nonlinear System Identification*, Wiley 2013, chapter 3.
 
 `frols` selects the same terms as the textbook method (`tests/modelling/frols/textbook.py`), but is
-faster and more accurate numerically. `select` makes the greedy choice, and `engine` has two
-representations of the candidates' remainders.
+faster and more accurate numerically. `select` makes the greedy choice, and
+`remainders` has two representations of the candidates' remainders.
 """
 
 from mapmore_cli.modelling.frols.engine import (
@@ -13,13 +13,11 @@ from mapmore_cli.modelling.frols.engine import (
     frols_together,
     reads_once,
 )
-from mapmore_cli.modelling.frols.moments import Blocks
-from mapmore_cli.modelling.frols.select import TIE_TOLERANCE
+from mapmore_cli.modelling.frols.remainders import TIE_TOLERANCE
 from mapmore_cli.modelling.frols.weighing import Weighing
 
 __all__ = [
     "TIE_TOLERANCE",
-    "Blocks",
     "Regression",
     "Weighing",
     "frols",

@@ -84,12 +84,10 @@ def matched(records: _Records) -> Noise:
     only = Noise(square / (n - k))
     if max(records.lengths) < FEWEST or square == 0.0:
         return only
-    if n > PART and len(part := records.first(PART).residual) > k:
+    if n > PART and records.residual[:PART].any():
         found = matched(records.first(PART))
         scale = only.white / (found.white + found.drift)
-        return (
-            found if len(part) == n else Noise(found.white * scale, found.drift * scale, found.kept)
-        )
+        return Noise(found.white * scale, found.drift * scale, found.kept)
     white, found_sums = records.expected(0.0), records.sums
     misfit = (found_sums - only.white * white)[1:] / only.white
     if float(np.sum(misfit**2 / records.pairs[1:])) < chdtri(len(misfit), CHANCE):

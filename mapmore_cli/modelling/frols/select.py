@@ -14,18 +14,14 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.fits import Selection
 from mapmore_cli.modelling.frols.moments import Blocks, divided, standard, weighted
+from mapmore_cli.modelling.frols.remainders import TIE_TOLERANCE, Remainders
 
-# Candidates are tied if their ERR is within this fraction of the highest ERR.
-# The tied candidate with the lowest index in the dictionary is chosen.
-TIE_TOLERANCE = 1e-9
 # square of the rounding error; an ERR or an unexplained fraction below this counts as zero
 NO_GAIN = 1e-28
-# a regressor p with the remainder q is linearly dependent if `q'q <= RANK_TOLERANCE p'p`
-RANK_TOLERANCE = 1e-24
 
 Price = Callable[[IntArray, int, int], Array]
-"""Function that returns the price of each number k of terms, (k,), for n samples and M candidates;
-a criterion is the smallest `n ln(SSE/n)` plus this price.
+"""Function that returns the price of each number k of terms, (k,), for n samples and M candidates.
+A criterion prefers the number of terms for which `n ln(SSE/n)` plus the price is smallest.
 """
 
 
@@ -74,7 +70,7 @@ class Stopping:
 
     def limit(self, n: int, M: int) -> int:
         """Return the largest number of terms that n samples and M candidates allow."""
-        return min(n, M) if self.max_terms is None else min(self.max_terms, n, M)
+        return min(n, M, self.max_terms or n)
 
     def preferred(
         self,
@@ -97,48 +93,6 @@ class Stopping:
         else:
             best = fewest_terms(self.criterion, unexplained, *shape)
         return steps[:best], self.criterion if best < len(steps) else stop
-
-
-class DigitsLost(Exception):
-    """Error for remainders whose rounding errors could change the choice of a term."""
-
-
-class Remainders:
-    """Remainders of y and of every candidate: what is left after the components along the chosen
-    terms are subtracted. For a candidate, the remainder is the vector `q` of M2 eq 2. Subclasses
-    differ in how they represent it.
-
-    `squares` holds `q'q` and `products` holds `y'q`, (M,) each; both are downdated in each step.
-    `pp` holds the sums of squares of the candidates, `yy` is the sum of squares of y, and `sse` is
-    the sum of squares of the remainder of y.
-    """
-
-    def __init__(self, pp: Array, products: Array, yy: float) -> None:
-        self.pp, self.squares, self.products = pp, pp.copy(), products
-        self.yy = self.sse = self.sse_of_products = yy
-        self.live = pp > 0
-
-    def reductions(self) -> tuple[Array, Array]:
-        """Return `g = y'q / q'q` (M2 eq 3) and `ERR = g^2 q'q / y'y` (eq 4), shape (M,) each; NaN
-        for chosen or dependent candidates. Raises DigitsLost if rounding errors affect the result.
-        """
-        g = np.full(len(self.products), np.nan)
-        np.divide(self.products, self.squares, out=g, where=self.live)
-        return g, g * self.products / (self.yy or 1.0)
-
-    def choose(self, pick: int) -> Array:
-        """Choose the candidate `pick`, and orthogonalise all other candidates against it.
-
-        Return `u'[P y]`, shape (M+1,), where `u` is the remainder of the chosen candidate, scaled
-        to unit length. This is one row of the triangular factor of the chosen columns. Raises
-        DigitsLost.
-        """
-        raise NotImplementedError
-
-    def _downdate(self, pick: int, row: Array) -> None:
-        self.live[pick] = False
-        self.squares -= row[:-1] ** 2
-        self.products -= row[-1] * row[:-1]
 
 
 class Iteration(NamedTuple):
@@ -288,7 +242,9 @@ def selected(
 
 
 def factor_of(steps: Sequence[Iteration], width: int) -> tuple[IntArray, Array, Array]:
-    """Return the chosen candidates (k,), their triangular factor R (k, k), and `c = U'y` (k,)."""
+    """Return the chosen candidates, (k,), their triangular factor R, (k, k), and the projections
+    `c = U'y`, (k,), of the output on the columns of `U = P_chosen R^-1`.
+    """
     chosen = np.array([step.pick for step in steps], dtype=np.int64)
     rows = np.array([step.row for step in steps]).reshape(len(steps), width)
     return chosen, np.triu(rows[:, chosen]), rows[:, -1]

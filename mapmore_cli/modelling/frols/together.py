@@ -8,8 +8,8 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.modelling.frols.moments import Blocks
+from mapmore_cli.modelling.frols.remainders import Remainders
 from mapmore_cli.modelling.frols.select import (
-    Remainders,
     Stopping,
     factor_of,
     greedy,
@@ -19,7 +19,8 @@ from mapmore_cli.modelling.frols.select import (
 
 class Together(Remainders):
     """Remainders of several outputs with common terms. `sse` is the largest of the unexplained
-    fractions of the outputs.
+    fractions of the outputs. For each output, `parts` holds the remainders, and `wholes` holds the
+    sum of squares of which a fraction is unexplained.
     """
 
     def __init__(self, parts: Sequence[Remainders], wholes: Sequence[float]) -> None:

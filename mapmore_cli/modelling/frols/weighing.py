@@ -59,17 +59,18 @@ beyond 4.685.
 LARGEST_TUNING = max(loss.tuning for loss in LOSSES.values())
 DEPENDENT = 1e-10  # singular values below this fraction of the largest one count as zero
 FREEDOM, GROSS = 3, 20.0
-"""Smallest number of degrees of freedom of the other samples, and the studentised residual, with
-which a sample counts as a gross outlier. With so few degrees of freedom, normal noise has such a
-residual once in 3 700 samples, and with more, less often.
+"""A sample counts as a gross outlier if its studentised residual is larger than `GROSS`, and if a
+fit to the other samples has at least `FREEDOM` degrees of freedom. With three degrees of freedom,
+one of 3 700 samples of normal noise has such a residual; with more degrees of freedom, fewer
+samples have it.
 """
 SHORT = 200
-"""Largest number of samples of which a single one may have so much leverage that a robust loss
-misses it.
+"""Largest number of samples among which gross outliers are searched. Among more samples, no single
+sample has so much leverage that a robust loss misses it.
 """
 FEW = 5
-"""With fewer curves than this, sums over curves say little, and standard errors from them would be
-a guess.
+"""Smallest number of curves from which standard errors are computed. With fewer curves, the sums
+over curves vary so much by chance that the standard errors would be a guess.
 """
 
 
@@ -86,7 +87,7 @@ class Weighing:
     - `recorded`: rank of each sample in the order of time, (n,), if it is known.
     - `start`: weights of the samples, (n,), with which a robust loss chooses the first terms; equal
       weights if None.
-    - `outlier`: number of a sample that bends a fit to itself and gets no weight.
+    - `outlier`: number of a sample that gets no weight, because it bends the fit towards itself.
     """
 
     uncertainty: Array | None = None
@@ -119,7 +120,7 @@ class Weighing:
         return (1.0 if self.sigma is None else self.sigma) / np.sqrt(weights)
 
     def in_unit(self, unit: float) -> Weighing:
-        """Return the weighing with its scale divided by `unit`, as the values of the target are."""
+        """Return the weighing for a target whose values are divided by `unit`."""
         return self if self.scale is None else replace(self, scale=self.scale / unit)
 
     def without(self, outlier: int | None, weights: Array) -> Weighing:
@@ -180,17 +181,16 @@ class Choice:
         found, how, weights = self.selection, self.weighing, self.weights
         k, n = len(found.chosen), found.samples
         curves = numbered_curves(how.curves, k)
-        if not k or (weights is None and curves is None and how.recorded is None):
+        if k and (weights is not None or curves is not None):
+            blocks = how.rows(self.only(found.chosen))
+            errors = sandwich_errors(blocks, found.theta, curves, how.loss, weights)
+            count = 0 if curves is None else int(curves.max()) + 1
+            return replace(found, theta_error=errors, curves=count)
+        if not k or how.recorded is None or k * n > MOST:
             return found
         blocks = how.rows(self.only(found.chosen))
-        if weights is None and curves is None and how.recorded is not None:
-            if k * n > MOST:
-                return found
-            errors, worth = _errors_along(blocks, found.theta, how.curves, how.recorded)
-            return replace(found, theta_error=errors, worth=worth)
-        errors = sandwich_errors(blocks, found.theta, curves, how.loss, weights)
-        count = 0 if curves is None else int(curves.max()) + 1
-        return replace(found, theta_error=errors, curves=count)
+        errors, worth = _errors_along(blocks, found.theta, how.curves, how.recorded)
+        return replace(found, theta_error=errors, worth=worth)
 
 
 def _errors_along(

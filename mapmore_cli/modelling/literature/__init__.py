@@ -100,11 +100,11 @@ def reference() -> str:
 
 
 def _formula_section(formula: Formula) -> str:
-    expression = getattr(formula, "expression", None)
-    lines = [f"### {formula.name}\n", f"{formula.about}\n"]
-    if expression is not None:
-        lines.append(f"As one expression:\n\n```text\n{to_text(expression)}\n```\n")
-    lines.append(f"- The source of the formula is {formula.reference}.")
+    lines = [
+        f"### {formula.name}\n\n{formula.about}\n",
+        f"As one expression:\n\n```text\n{to_text(formula.expression)}\n```\n",
+        f"- The source of the formula is {formula.reference}.",
+    ]
     inputs = ", ".join(formula.inputs)
     lines.append(
         f"- The inputs of the formula are: {inputs}." if inputs else "- The formula has no inputs."

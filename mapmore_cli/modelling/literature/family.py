@@ -5,7 +5,7 @@ example the length.
     F = zero + S(l) f(P, strain),   S(l) = a atan(b (l - dead))   or   a l^b
 
 f is the hinged Sárosi formula, fitted to the forces of all specimens, each divided by its own
-largest force. `zero` is the mean force of the slack specimens. b has a prior, because a few
+largest force. `zero` is the mean of the slack forces of the specimens. b has a prior, because a few
 specimens hardly determine it. For the rest length of McKibben muscles, the centre of the prior is
 19.03 1/m, with a dead length of 7.5 mm (Bolen, Elzein, Pang, Hunt, Actuators 2026, from 31 muscles
 of 10 mm diameter). For a diameter, the centre is the power 2.
@@ -47,8 +47,8 @@ LOW, HIGH = 0.02, 0.995
 """Quantiles of a specimen's forces that count as its slack force and as its largest force."""
 
 SLACK = 0.1
-"""Fraction of the largest force above which the lowest force is no longer the zero of a slack
-muscle.
+"""The lowest force of a specimen counts as its slack force if it is below this fraction of the
+largest force. Otherwise, the specimen was never slack, and its slack force is taken as zero.
 """
 
 PRIOR = 0.15

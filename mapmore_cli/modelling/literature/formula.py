@@ -4,7 +4,7 @@ all follow from this text.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import ClassVar, Self
@@ -260,19 +260,7 @@ class Formula:
             sse / freedom if freedom else np.nan,
         )
         errors = dict(zip(self.fitted, map(float, deviations), strict=True))
-        if rank < count:
-            choice = (
-                "the solution of least norm"
-                if len(self.nonlinear) <= 1
-                else "one of many equally good solutions"
-            )
-            notes = (*notes, dependence(rank, count, problem.columns, f"{choice} was taken"))
-        elif not self.nonlinear:
-            held = problem.at_levels.columns
-            _, least, _ = linear.parameter_errors(self._jacobian(values, held, samples), 0.0)
-            if least < count:
-                decided = "the choice depends on how the measured values scatter about these levels"
-                notes = (*notes, dependence(least, count, held, decided))
+        notes = (*notes, *self._dependences(problem, values, rank))
         weak = [
             name
             for name, error in errors.items()
@@ -292,6 +280,28 @@ class Formula:
             notes=notes,
             rivals=tuple(rivals),
         )
+
+    def _dependences(
+        self, problem: LeastSquares, values: Mapping[str, float], rank: int
+    ) -> Iterator[str]:
+        """Yield a note if the data do not determine all parameters, or if they would not do so
+        without the scatter of the measured values about their nominal levels.
+        """
+        count = len(self.fitted)
+        if rank < count:
+            choice = (
+                "the solution of least norm"
+                if len(self.nonlinear) <= 1
+                else "one of many equally good solutions"
+            )
+            yield dependence(rank, count, problem.columns, f"{choice} was taken")
+        elif not self.nonlinear:
+            held = problem.at_levels.columns
+            jacobian = self._jacobian(values, held, len(problem.y))
+            _, least, _ = linear.parameter_errors(jacobian, 0.0)
+            if least < count:
+                decided = "the choice depends on how the measured values scatter about these levels"
+                yield dependence(least, count, held, decided)
 
     def _printed(self, problem: LeastSquares, beta: Array, c: Array) -> dict[str, float]:
         """Return all published parameters by name: the fitted ones, computed from the parameters of
@@ -315,5 +325,5 @@ class Formula:
 
 
 def with_numbers(expression: Expression, numbers: Mapping[str, float]) -> Expression:
-    """Return the expression with each name in `values` replaced by its number."""
+    """Return the expression with each name in `numbers` replaced by its number."""
     return substitute(expression, {name: Number(value) for name, value in numbers.items()})

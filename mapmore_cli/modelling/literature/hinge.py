@@ -13,6 +13,7 @@ instead of w.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -21,8 +22,8 @@ from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.literature import linear
+from mapmore_cli.modelling.literature.descent import agreement, descend, onto_bounds
 from mapmore_cli.modelling.literature.problem import condensed, dependence
-from mapmore_cli.modelling.literature.solvers import agreement, descend, onto_bounds
 
 METHOD = "penalised least squares"
 NAMES = ("a1", "a2", "a3", "a4", "a5", "a6", "b0", "b1", "b2", "w")
@@ -150,26 +151,19 @@ def fit_hinge(columns: Columns, y: Array, curvature: float | None = None) -> For
     q, touched = onto_bounds(best.x, bounds)
     residual, slopes = problem.of_data(q)
     _, rank, condition = linear.parameter_errors(slopes, 0.0)
+    # there are more rows than `NAMES`, because the blend with the plain formula has more parameters
     freedom = float(problem.root @ problem.root) - len(NAMES)
-    variance = float(residual @ residual) / freedom if freedom > 0.5 else np.nan
+    variance = float(residual @ residual) / freedom
     errors, _, _ = linear.parameter_errors(problem.system(q)[1], variance)
     errors[LN_W] *= np.exp(q[LN_W])
     notes = [
         f"a3 is {q[A3]:.3g}/max|strain|, w is {np.exp(q[LN_W]):.3g} of the largest target; "
-        f"{agreement(ends, best, len(starts))}"
+        f"{agreement(ends, best, len(starts))}",
+        *_remarks(columns, problem.centre[A3], touched, rank),
     ]
-    levels = _strain_levels(columns["strain"])
-    if levels <= FEW_LEVELS:
-        notes.append(
-            f"with {levels} strain level{'s' * (levels > 1)} every curvature fits, so that "
-            f"a3 keeps its prior value, {problem.centre[A3]:.3g}/max|strain|; values "
-            "between the levels depend on it"
-        )
-    notes += [f"{NAMES[i]} ends at its bound" for i in touched]
     status = "at_bound" if touched and best.converged else best.status
     if rank < len(NAMES):
         status = "rank_deficient"
-        notes.append(dependence(rank, len(NAMES), columns, "the priors decided"))
     per_p, per_x, f = 1 / scales[0], 1 / scales[1], scales[2]
     units = np.array(
         [f * per_p, f, per_x, f * per_p * per_x, f * per_p, f, f, f * per_p, f * per_x, f]
@@ -190,6 +184,20 @@ def fit_hinge(columns: Columns, y: Array, curvature: float | None = None) -> For
     )
 
 
+def _remarks(columns: Columns, prior: float, touched: list[int], rank: int) -> Iterator[str]:
+    """Yield notes on parameters that the data do not determine, and on those at a bound."""
+    levels = _strain_levels(columns["strain"])
+    if levels <= FEW_LEVELS:
+        yield (
+            f"with {levels} strain level{'s' * (levels > 1)} every curvature fits, so that "
+            f"a3 keeps its prior value, {prior:.3g}/max|strain|; values "
+            "between the levels depend on it"
+        )
+    yield from (f"{NAMES[i]} ends at its bound" for i in touched)
+    if rank < len(NAMES):
+        yield dependence(rank, len(NAMES), columns, "the priors decided")
+
+
 def _strain_levels(strain: Array) -> int:
     """Return the number of distinct strain levels; a large number if the strain varies
     continuously.
@@ -205,7 +213,7 @@ def _strain_levels(strain: Array) -> int:
 def _normalised(
     columns: Columns, y: Array, pressure: float, strain: float, target: float
 ) -> _Problem:
-    means, f, counts = condensed({name: columns[name] for name in ("pressure", "strain")}, y)
+    means, f, counts = condensed(columns, y)
     centre, weight = np.zeros(len(NAMES)), np.array(PRIOR_WEIGHTS)
     centre[A3], weight[A3] = max(DECAY * strain, STEEPEST), DECAY_WEIGHT / strain
     centre[LN_W] = np.log(PRIOR_W)

@@ -11,38 +11,29 @@ random places. They exist for comparison with the papers.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache, partial
-from typing import Literal, NamedTuple
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.expressions import NotFinite
 from mapmore_cli.modelling.literature import linear
-from mapmore_cli.modelling.literature.problem import LeastSquares, Nonlinear
-
-Bounds = tuple[Array | float, Array | float]
-System = Callable[[Array], tuple[Array, Array]]
-"""Function from coordinates, shape (k,), to the residuals, shape (n,), and their derivatives, shape
-(n, k). It may raise `NotFinite`.
-"""
-
-
-class End(NamedTuple):
-    """Result of one search from one start: the final coordinates, shape (k,), half the sum of
-    squares there, and True if the search converged.
-    """
-
-    x: Array
-    cost: float
-    converged: bool
-
-    @property
-    def status(self) -> str:
-        """Return the status of a fit that has this result."""
-        return "converged" if self.converged else "stopped_by_limit"
+from mapmore_cli.modelling.literature.descent import (
+    AGREEMENT,
+    REFUSED,
+    SEED,
+    STARTS,
+    End,
+    agreement,
+    descend,
+    drawn_starts,
+    onto_bounds,
+    rivals,
+)
+from mapmore_cli.modelling.literature.problem import LeastSquares
 
 
 class Solution(NamedTuple):
@@ -68,138 +59,11 @@ def failure(problem: LeastSquares, method: str) -> Solution:
     return Solution(*nothing, "failed", method, ("every start overflowed",))
 
 
-# the search ends at relative changes of coordinates or of the sum of squares below this
-TOLERANCE = 1e-15
-EVALUATIONS = 400
-REFUSED = 1e100  # replaces an overflow, so that the step is rejected
-
-
-def descend(
-    system: System,
-    starts: Sequence[Array],
-    bounds: Bounds = (-np.inf, np.inf),
-    method: Literal["trf", "lm"] = "trf",
-    evaluations: int | None = None,
-) -> list[End]:
-    """Minimise `|r(x)|^2` with SciPy's least squares from every start at which it is finite, and
-    return the results in the order of the starts.
-
-    `bounds` holds the lower and upper bounds of the coordinates, shape (k,) each; the method `lm`
-    has no bounds. From each start, at most `evaluations` evaluations are made, by default
-    `EVALUATIONS`.
-    """
-    from scipy.optimize import least_squares
-
-    # cached, because SciPy asks for residuals and then for derivatives at the same point
-    @lru_cache(maxsize=1)
-    def at(place: bytes) -> tuple[Array, Array] | None:
-        try:
-            with np.errstate(all="ignore"):
-                both = system(np.frombuffer(place))
-        except NotFinite:
-            return None
-        return both if all(np.isfinite(part).all() for part in both) else None
-
-    def residual(x: Array) -> Array:
-        both = at(x.tobytes())
-        return refused if both is None else both[0]
-
-    def slopes(x: Array) -> Array:
-        both = at(x.tobytes())
-        assert both is not None
-        return both[1]
-
-    ends = []
-    for start in starts:
-        x = np.clip(start, *bounds)
-        first = at(x.tobytes())
-        if first is not None:
-            refused = np.full(len(first[0]), REFUSED)
-            end = least_squares(
-                residual,
-                x,
-                slopes,
-                bounds,
-                method,
-                ftol=TOLERANCE,
-                xtol=TOLERANCE,
-                gtol=TOLERANCE,
-                x_scale="jac",
-                max_nfev=evaluations or EVALUATIONS,
-            )
-            ends.append(End(end.x, float(end.cost), end.status > 0))
-    return ends
-
-
-# A coordinate within this fraction of its range from a bound counts as being at the bound.
-# If the range of a coordinate is infinite, `TOUCHING` is the largest distance from the bound.
-TOUCHING = 1e-6
-
-
-def onto_bounds(x: Array, bounds: tuple[Array, Array]) -> tuple[Array, list[int]]:
-    """Return the coordinates `x`, shape (k,), with each coordinate that is very close to a bound
-    moved to the bound. Also return the indices of the coordinates at a bound.
-    """
-    lower, upper = bounds
-    width = upper - lower
-    margin = TOUCHING * np.where(np.isfinite(width), width, 1.0)
-    moved = np.where(x - lower <= margin, lower, np.where(upper - x <= margin, upper, x))
-    return moved, [i for i in range(len(x)) if moved[i] in (lower[i], upper[i])]
-
-
-AGREEMENT = 1e-6  # sums of squares with a smaller relative difference count as equal
-# another minimum is reported if its sum of squares is at most this multiple of the smallest one
-RIVAL = 1.25
-DISTINCT = 1e-3  # minima with a larger relative difference of sums of squares count as different
-
-
-def agreement(ends: Sequence[End], best: End, starts: int) -> str:
-    """Return a note that says from how many of the `starts` the search reached the smallest sum of
-    squares.
-    """
-    agreeing = sum(end.cost <= (1 + AGREEMENT) * best.cost + 1e-20 for end in ends)
-    return f"{agreeing} of {starts} starts found the same sum of squares"
-
-
-def rivals(ends: Sequence[End], best: End) -> list[End]:
-    """Return the results at other local minima that are nearly as low as the best one. There is one
-    converged result for each minimum, and the lowest minimum comes first.
-    """
-    distinct = [best]
-    for end in sorted(ends, key=_cost):
-        if end.converged and (1 + DISTINCT) * distinct[-1].cost < end.cost <= RIVAL * best.cost:
-            distinct.append(end)
-    return distinct[1:]
-
-
-def _cost(end: End) -> float:
-    return end.cost
-
-
-STARTS = 10
-SEED = 20170714  # any fixed number, so that the same data give the same fit
-
-
 PLACES, BEST_PLACES = 300, 3
 """Number of further places at which the sum of squares is computed if several coordinates are
 searched, and number of those from which a descent begins. A sum of two formulas can have so many
 minima that no random start leads to the deepest one.
 """
-
-
-def drawn_starts(
-    nonlinear: tuple[Nonlinear, ...], count: int = STARTS, seed: int = SEED
-) -> Iterator[Array]:
-    """Yield random points in the intervals, shape (k,) each. Magnitudes are distributed
-    log-uniformly, and the seed is fixed.
-    """
-    rng = np.random.default_rng(seed)
-    for _ in range(count):
-        place = []
-        for parameter in nonlinear:
-            low, high = parameter.intervals[rng.integers(len(parameter.intervals))]
-            place.append(low * (high / low) ** rng.random())
-        yield np.array(place)
 
 
 METHOD = "variable projection"
@@ -422,7 +286,7 @@ def _best_solution(
     allowed = [end for end in ends if problem.allows(end.x[m:])]
     notes = ["every start ended with a sign that the source excludes"] * (not allowed)
     ends = allowed or ends
-    best = min(ends, key=_cost)
+    best = min(ends, key=lambda end: end.cost)
     notes += [agreement(ends, best, starts)] * (starts > 1)
     others = tuple((end.x[:m], end.x[m:]) for end in rivals(ends, best))
     return Solution(best.x[:m], best.x[m:], best.status, method, tuple(notes), others)

@@ -32,11 +32,9 @@ def outputs_model(name: str, models: Sequence[Model]) -> Model:
 
 
 def _structure(model: Model) -> tuple[object, ...]:
-    pieces = model.pieces
-    cells = (
-        () if pieces is None else tuple((segment.id, segment.cell) for segment in pieces.segments)
-    )
-    return type(model.body), model.level, cells
+    segments = () if model.pieces is None else model.pieces.segments
+    cells = [(segment.id, segment.cell) for segment in segments]
+    return type(model.body), model.level, *cells
 
 
 class OutputsVerbs(Verbs):

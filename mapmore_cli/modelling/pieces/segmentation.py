@@ -26,7 +26,7 @@ from mapmore_cli.domain.arrays import (
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Scaling, Segment, SegmentedCurve
 from mapmore_cli.domain.recording import DIRECTION, Curve, united
-from mapmore_cli.modelling.frols.select import TIE_TOLERANCE
+from mapmore_cli.modelling.frols.remainders import TIE_TOLERANCE
 from mapmore_cli.modelling.pieces.recipe import CELLS, Cut, CutByDirection, Cuts
 from mapmore_cli.modelling.signals.rates import STEPS, running_median
 

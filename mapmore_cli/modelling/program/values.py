@@ -224,8 +224,6 @@ def _places_by(conditions: Sequence[Test]) -> Places:
             if len(rows):
                 yield number, rows
                 left = left ^ mask
-                if len(rows) == n:
-                    return
 
     return places
 
@@ -248,9 +246,9 @@ def _places_along(choice: Choose, known: Known) -> Places | None:
     numbers = [
         condition.right.value for condition in conditions if isinstance(condition.right, Number)
     ]
-    if len(conditions) < MANY or len(along) > 1 or not np.isfinite(numbers).all():
+    if not MANY <= len(conditions) == len(numbers) or len(along) > 1:
         return None
-    if len(numbers) < len(conditions):
+    if not np.isfinite(numbers).all():
         return None
     value = part_of(along.pop(), known)
     words = np.array([condition.comparison for condition in conditions])

@@ -10,8 +10,8 @@ from scipy.linalg import block_diag, toeplitz
 from scipy.signal import lfilter
 
 from mapmore_cli.domain.fits import BY_CURVE, BY_RECORDING, LOWER_BOUND
-from mapmore_cli.modelling.frols import Weighing, frols
-from mapmore_cli.modelling.frols.correlated import correlated_errors
+from mapmore_cli.modelling.frols import Weighing, correlated, frols
+from mapmore_cli.modelling.frols.correlated import _Records, correlated_errors
 
 LENGTHS = (500, 300)
 
@@ -28,21 +28,69 @@ def noise(rng, kept, lengths=LENGTHS):
     return np.concatenate([lfilter([1], [1, -kept], one)[600:] for one in innovations])
 
 
-def test_of_many_samples_they_are_those_of_the_covariance_of_the_noise():
-    """The whole matrix of the noise, from which each recording is drawn, against what is matched to
-    the residuals of long ones.
-    """
-    lengths = (3000, 2000)
-    P, rng = regressors(lengths), np.random.default_rng(5)
-    kept = 0.8
-    cov = block_diag(*(toeplitz(kept ** np.arange(n)) for n in lengths))
-    inverse = np.linalg.inv(P.T @ P)
+def apart(lengths):
+    """How many samples lie between two of one recording, (n, n); infinite for two recordings."""
+    blocks = [np.abs(np.subtract.outer(np.arange(n), np.arange(n))) + 1.0 for n in lengths]
+    between = block_diag(*blocks)
+    return np.where(between > 0, between - 1, np.inf)
+
+
+def records_of(lengths, count=3):
+    rng = np.random.default_rng(7)
+    basis = np.linalg.qr(rng.normal(size=(sum(lengths), count)))[0]
+    return _Records(basis, rng.normal(size=sum(lengths)), lengths)
+
+
+def test_sums_over_lags_have_the_expected_values_of_whole_matrices():
+    """`tr(L M R M)` with the projection M, the correlations R, and the mean L of both shifts."""
+    records, kept = records_of((40, 27, 1)), 0.7
+    distance, e = apart(records.lengths), records.residual
+    assert records.lags == [0, 1, 2, 4]  # up to an eighth of forty samples
+    R, M = kept**distance, np.eye(len(e)) - records.basis @ records.basis.T
+    shifts = [np.where(distance == lag, 0.5 if lag else 1.0, 0.0) for lag in records.lags]
+    assert records.pairs.tolist() == pytest.approx([shift.sum() for shift in shifts])
+    np.testing.assert_allclose(records.sums, [e @ shift @ e for shift in shifts])
+    np.testing.assert_allclose(
+        records.expected(kept), [np.trace(shift @ M @ R @ M) for shift in shifts]
+    )
+
+
+def test_noise_is_matched_to_its_expected_sums():
+    records = records_of((400, 300))
+    sums = 0.3 * records.expected(0.0) + 2.0 * records.expected(0.8)
+    size = np.sqrt(sums[0]) / np.linalg.norm(records.residual)
+    known = replace(records, residual=size * records.residual)
+    vars(known)["sums"] = sums
+    found = correlated.matched(known)
+    assert (found.white, found.drift) == pytest.approx((0.3, 2.0), rel=0.05)
+    assert found.kept == pytest.approx(0.8, rel=0.01)
+
+
+def test_the_first_samples_of_a_long_record_show_the_noise_and_all_samples_its_size(monkeypatch):
+    records = replace(records_of((400, 300)), residual=noise(np.random.default_rng(1), 0.9, [700]))
+    part = records.first(420)
+    assert (part.lengths, len(part.residual)) == ([400, 20], 420)
+    own = correlated.matched(part)
+    monkeypatch.setattr(correlated, "PART", 420)
+    found = correlated.matched(records)
+    assert (found.kept, found.white / found.drift) == (own.kept, own.white / own.drift)
+    assert found.white + found.drift == pytest.approx(records.residual @ records.residual / 697)
+    late = replace(records, residual=records.residual * (np.arange(700) >= 420))
+    assert correlated.matched(late).drift > 0  # the first samples show no noise
+
+
+@pytest.mark.parametrize("ridge", [None, np.array([1.0, 20.0, 300.0])])
+def test_standard_errors_are_those_of_the_covariance_of_the_noise(ridge, monkeypatch):
+    lengths = (50, 30)
+    monkeypatch.setattr(correlated, "matched", lambda _: correlated.Noise(0.3, 2.0, 0.8))
+    P, n = regressors(lengths), 80
+    cov = 0.3 * np.eye(n) + 2.0 * 0.8 ** apart(lengths)
+    inverse = np.linalg.inv(P.T @ P + np.diag(np.zeros(3) if ridge is None else ridge))
+    errors, worth = correlated_errors(P, np.zeros(n), lengths, ridge)
     exact = np.sqrt(np.diag(inverse @ P.T @ cov @ P @ inverse))
-    e = noise(rng, kept, lengths)
-    e -= P @ np.linalg.lstsq(P, e, rcond=None)[0]
-    told, worth = correlated_errors(P, e, lengths)
-    assert told == pytest.approx(exact, rel=0.15)
-    assert worth == pytest.approx(5000 * 0.2 / 1.8, rel=0.3)
+    np.testing.assert_allclose(errors, exact)
+    long = toeplitz(2.0 * 0.8 ** np.arange(2000)) + 0.3 * np.eye(2000)
+    assert worth == pytest.approx(80 * 2.3 / (long.sum() / 2000), rel=5e-3)
 
 
 def test_the_order_of_the_rows_does_not_matter_but_that_of_the_recording():

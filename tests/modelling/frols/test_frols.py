@@ -26,6 +26,7 @@ def test_agrees_with_the_textbook(seed):
     np.testing.assert_allclose(ours.theta, theta, rtol=1e-7)
     np.testing.assert_allclose(ours.err_all, tables, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(ours.a @ ours.theta, ours.g, rtol=1e-9)
+    assert ours.condition == pytest.approx(np.linalg.cond(P[:, chosen]), rel=1e-6)
     steps = np.arange(k)
     np.testing.assert_allclose(ours.g_all[steps, chosen], g, rtol=1e-7)
     second = np.argsort(np.nan_to_num(tables, nan=-1))[:, -2]
@@ -77,35 +78,36 @@ def test_nothing_to_explain():
     assert ours.err_all.shape == (0, 2)
 
 
-@pytest.mark.parametrize("stop", ["bic", "aicc", "press"])
-def test_stop_rules_find_the_planted_number_of_terms(stop):
-    found = []
-    for seed in range(20):
-        rng = np.random.default_rng(seed)
-        P = rng.normal(size=(400, 12))
-        y = P[:, 2] - 2 * P[:, 5] + P[:, 9] + 0.3 * rng.normal(size=400)
-        ours = frols(P, y, 10, stop=stop)
-        assert set(ours.chosen[:3].tolist()) == {2, 5, 9}
-        assert ours.stop == stop
-        assert len(ours.theta) == len(ours.chosen) == len(ours.a)
-        found.append(len(ours.chosen))
-    assert np.median(found) <= (3 if stop == "bic" else 5)
-
-
-def test_press_is_the_leave_one_out_error():
-    rng = np.random.default_rng(1)
+@pytest.mark.parametrize("seed", range(12))
+def test_a_criterion_keeps_the_number_of_terms_for_which_it_is_least(seed):
+    """PRESS is the error of models that are fitted without the sample."""
+    rng, k = np.random.default_rng(seed), np.arange(1, 6)
     P = rng.normal(size=(25, 5))
-    y = P @ [3, 0, -1, 0, 0] + rng.normal(size=25)
-    order = frols(P, y).chosen
-    press = []
-    for k in range(1, 6):
+    P[0] *= 100.0  # nearly all of its leverage, but less than one
+    y = P @ [3, 0.4, -1, 0, 0.3] + rng.normal(size=25)
+    order, press, sse = frols(P, y).chosen, [], []
+    for chosen in (order[:one] for one in k):
         left_out = []
         for i in range(25):
             rest = np.arange(25) != i
-            theta = np.linalg.lstsq(P[rest][:, order[:k]], y[rest], rcond=None)[0]
-            left_out.append(y[i] - P[i, order[:k]] @ theta)
+            theta = np.linalg.lstsq(P[rest][:, chosen], y[rest], rcond=None)[0]
+            left_out.append(y[i] - P[i, chosen] @ theta)
         press.append(np.sum(np.square(left_out)))
-    assert len(frols(P, y, 5, stop="press").chosen) == int(np.argmin(press)) + 1
+        sse += np.linalg.lstsq(P[:, chosen], y, rcond=None)[1].tolist()
+    likelihood = 25 * np.log(sse)
+    criteria = {
+        "press": press,
+        "bic": likelihood + k * np.log(25),
+        "ebic": likelihood + k * np.log(25) + 2 * k * np.log(5),
+        "aicc": likelihood + 2 * k + 2 * k * (k + 1) / (24 - k),
+    }
+    for stop, values in criteria.items():
+        best = int(np.argmin(values)) + 1
+        found = frols(P, y, 5, 0.5, stop=stop)  # the tolerance ends nothing
+        assert (found.chosen.tolist(), found.stop) == (
+            order[:best].tolist(),
+            stop if best < 5 else "max_terms",
+        )
 
 
 @pytest.mark.parametrize(

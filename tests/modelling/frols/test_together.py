@@ -11,10 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from textbook import frols_streamed
 
+from mapmore_cli.domain.declared import Contradiction
 from mapmore_cli.modelling.frols import Regression, Weighing, frols_together
 from mapmore_cli.modelling.frols.moments import blocks_of_rows
 from mapmore_cli.modelling.frols.select import CRITERIA
-from mapmore_cli.modelling.selection import Stop
+from mapmore_cli.modelling.selection import Fit, Stop
 
 
 def on_paper(P, Y, terms):
@@ -69,14 +70,6 @@ def test_terms_and_coefficients_are_those_on_paper(data):
     assert {one.stop for one in found} == {"max_terms"}
 
 
-def test_no_output_alone_would_choose_these(data):
-    P, Y = data
-    alone = [{*frols_streamed(blocks_of_rows(P, y), 2).chosen} for y in Y.T]
-    shared = {*together(P, Y, 2)[0].chosen}
-    assert shared == {*on_paper(P, Y, 2)[0]}
-    assert any(shared != one for one in alone)
-
-
 @pytest.mark.parametrize("stop", [rule for rule in CRITERIA if rule != "tolerance"])
 @given(st.integers(0, 10_000))
 def test_an_output_and_its_double_have_as_many_terms_as_it_has_alone(stop, seed):
@@ -93,16 +86,15 @@ def test_a_spec_offers_rules_that_there_are():
     assert {*get_args(Stop)} <= {*CRITERIA, "free_run"}
 
 
-@pytest.mark.parametrize("stop", CRITERIA)
-def test_proportional_outputs_choose_what_one_chooses(data, stop):
-    P, Y = data
-    y = Y[:, 0]
-    alone = frols_streamed(blocks_of_rows(P, y), 5, 1e-3, stop=stop)
-    both = together(P, np.outer(y, [1, -7]), 5, 1e-3, stop=stop)
-    for scale, one in zip((1.0, -7.0), both, strict=True):
-        assert one.chosen.tolist() == alone.chosen.tolist()
-        np.testing.assert_allclose(one.theta, scale * alone.theta, rtol=1e-9)
-        np.testing.assert_allclose(one.err, alone.err, rtol=1e-7)
+def test_a_ridge_prunes_three_times_as_many_terms_as_it_keeps_unless_a_number_is_given():
+    terms = [Fit(max_terms=4, ridge=1e-9, forward=one).forward_terms for one in (None, 30, 2)]
+    assert terms == [12, 30, 4]
+    assert (Fit().known_scale, Fit(loss="huber", scale=2.0).known_scale) == (None, 2.0)
+    usual = Fit()
+    assert (usual.max_terms, usual.tolerance, usual.margin, usual.slack) == (1, 1e-4, 0.15, 0.05)
+    for useless in ({"ridge": 0.9e-9}, {"scale": 2.0}, {"slack": 0.1}, {"beyond": 0.1}):
+        with pytest.raises(Contradiction):
+            Fit(**useless)
 
 
 def test_the_unit_of_an_output_changes_its_own_coefficients_alone(data):

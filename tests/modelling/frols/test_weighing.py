@@ -8,7 +8,12 @@ from scipy.optimize import curve_fit, least_squares, minimize
 from textbook import textbook
 
 from mapmore_cli.modelling.frols import Weighing, frols
-from mapmore_cli.modelling.frols.weighing import LOSSES, loss_weights
+from mapmore_cli.modelling.frols.weighing import (
+    LOSSES,
+    gross_outlier,
+    loss_weights,
+    numbered_curves,
+)
 
 TRUE = np.array([2.0, -1.0, 0.5])
 
@@ -96,6 +101,35 @@ def test_four_curves_are_too_few_for_sums_and_curves_may_count_alike():
     mean = fitted(P[:, :1], 1.0 * curve, curves=curve, alike=True)[0]
     assert mean == pytest.approx([2.0])  # of five curves
     assert fitted(P[:, :1], 1.0 * curve, curves=curve)[0] == pytest.approx([curve.mean()])
+
+
+@pytest.mark.parametrize(("terms", "numbers"), [(5, [1, 0, 1, 2, 3, 4, 5]), (6, None)])
+def test_errors_of_curves_need_more_curves_than_terms(terms, numbers):
+    labels = np.array([2, 0, 2, 4, 5, 6, 9])
+    found = numbered_curves(labels, terms)
+    assert (found if found is None else found.tolist()) == numbers
+
+
+@pytest.mark.parametrize(("size", "outlier"), [(0.1, None), (1.01, 3), (-1.01, 3), (0.99, None)])
+def test_a_gross_outlier_is_twenty_deviations_from_a_fit_to_the_other_samples(size, outlier):
+    P = columns(np.linspace(-1, 1, 7))
+    y = P @ TRUE + 0.1 * np.array([1, -2, 2, 0, -1, 2, -2])
+
+    def without(i):
+        """The value of a fit to the other samples, and the deviation of the sample from it."""
+        rest = np.arange(7) != i
+        theta, (square,), *_ = np.linalg.lstsq(P[rest], y[rest], rcond=None)
+        spread = 1 + P[i] @ np.linalg.inv(P[rest].T @ P[rest]) @ P[i]
+        return P[i] @ theta, np.sqrt(spread * square / 3)
+
+    value, deviation = without(3)
+    y[3] = value + size * 20 * deviation
+    found, worst = gross_outlier(P, y)
+    expected = [(y[i] - without(i)[0]) / without(i)[1] for i in range(7)]
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+    assert worst == outlier
+    zeros, none = gross_outlier(P[:6], y[:6])  # two degrees of freedom of the others
+    assert (zeros.tolist(), none) == ([0.0] * 6, None)
 
 
 def test_a_row_of_the_table_has_the_coefficient_in_its_standard_errors():

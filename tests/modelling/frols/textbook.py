@@ -3,7 +3,7 @@
 import numpy as np
 
 from mapmore_cli.modelling.frols import Regression, Weighing, frols_together
-from mapmore_cli.modelling.frols.select import RANK_TOLERANCE
+from mapmore_cli.modelling.frols.remainders import RANK_TOLERANCE
 
 
 def textbook(P, y, max_terms):

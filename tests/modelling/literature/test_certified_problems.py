@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from certified import FOLDER, LEVELS, PROBLEMS, digits
 
-from mapmore_cli.modelling.literature import Formula, solvers
+from mapmore_cli.modelling.literature import Formula, descent
 
 STARTS = (None, 1, 2)
 # Digits of parameters, standard errors, sum of squares; those beyond depend on the last step of a
@@ -49,7 +49,7 @@ def test_certified_digits(problem, start):
     "problem", [p for p in PROBLEMS if p.name in SHORT_OF_STEPS], ids=lambda problem: problem.name
 )
 def test_only_steps_are_missing_where_a_start_ends_early(problem, monkeypatch):
-    monkeypatch.setattr(solvers, "EVALUATIONS", 20_000)
+    monkeypatch.setattr(descent, "EVALUATIONS", 20_000)
     fit = problem.fitted(1)
     assert fit.status == "converged"
     assert all(found >= least for found, least in zip(problem.digits(fit), PROMISED, strict=True))

@@ -5,6 +5,7 @@ import pytest
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.expressions import evaluate
 from mapmore_cli.modelling.literature import family
 from mapmore_cli.modelling.literature.own import FamilySettings, definition, formula_of
 
@@ -45,6 +46,8 @@ def test_a_length_never_measured_is_predicted():
     columns, y = measured((0.2,))
     predicted = literature.of(fit).predict(fit.parameters, columns)
     assert np.sqrt(np.mean((predicted - y) ** 2)) < 0.03 * np.abs(y).max()
+    equation = literature.of(fit).equation(fit)
+    np.testing.assert_allclose(evaluate(equation, columns), predicted, rtol=1e-6, atol=1e-6)
     assert fit.parameters["zero"] == pytest.approx(-8.0)
     assert fit.parameters["b"] == pytest.approx(19.03, rel=0.15)
     assert "2 specimens" in fit.notes[0]

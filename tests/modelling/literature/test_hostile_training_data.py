@@ -87,20 +87,6 @@ def test_absurd_inputs_are_no_reason_to_raise(name):
     assert np.isnan(list(fit.parameters.values())).all() == fit.failed
 
 
-def test_constant_strain_says_that_the_curvature_is_arbitrary():
-    columns = {"pressure": np.linspace(1, 7, 30), "strain": np.full(30, 0.1)}
-    fit = get("sarosi").fit(columns, wrist_force(columns))
-    assert any("a3 is arbitrary" in note for note in fit.notes)
-
-
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("target", [0.0, 1e-12, -3e12])
-def test_constant_targets(method, target):
-    columns, y = noisy_wrist(0)
-    fit = get("sarosi").fit(columns, np.full_like(y, target), method)
-    assert fit.sse <= 1e-18 * target**2 * len(y)
-
-
 def test_a_curvature_that_runs_away_is_at_bound():
     """A step at the smallest strain is the limit of ever faster decay, and a parabola p*x^2 that of
     none.
@@ -142,7 +128,7 @@ def test_unknown_methods_are_refused():
         get("sarosi").fit(columns, y, "magic")
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", [*METHODS, "simplex"])
 def test_a_formula_that_overflows_everywhere_has_failed(method):
     nonlinear = tuple(Nonlinear(name, None, ((1e6, 1e7),)) for name in "bc")
     explosive = Formula("explosive", "-", ("x",), ("a", "b", "c"), "a*exp(b*x + c*x^2)", nonlinear)

@@ -5,44 +5,29 @@ import pytest
 from global_fits import least_rmse
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from literature_cases import MUSCLE_LIKE, TABLE_I
 from scipy.stats import t as student
 
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.literature import get
 from mapmore_cli.modelling.literature.formulas.sarosi import DECAY, sarosi
 from mapmore_cli.modelling.literature.linear import half_width
 from mapmore_cli.modelling.literature.problem import nominal
 from mapmore_cli.modelling.literature.solvers import METHODS
 
 
-@pytest.mark.parametrize(("fastest", "seen"), [(1e-4, False), (0.5, True)])
-def test_damping_is_not_seen_in_a_record_at_rest_and_motion_shows_it(fastest, seen):
-    rng = np.random.default_rng(1)
-    columns = {
-        "pressure": rng.uniform(200, 600, 400),
-        "length": rng.uniform(0, 0.03, 400),
-        "velocity": rng.uniform(-fastest, fastest, 400),
-    }
-    truth = dict(zip(MUSCLE_LIKE, TABLE_I["16 cm"], strict=True))
-    force = get("muscle_like").predict(truth, columns) + rng.standard_normal(400)
-    notes = get("muscle_like").fit(columns, force).notes
-    assert any("not identified" in note and "b0" in note for note in notes) != seen
-
-
-def test_data_that_determine_a_linear_formula_are_not_said_to_leave_a_choice():
-    rng = np.random.default_rng(2)
-    columns = {"pressure": rng.uniform(80, 350, 200), "strain": rng.uniform(0, 0.2, 200)}
-    truth = dict.fromkeys(get("polynomial_2").parameters, 1.0)
-    force = get("polynomial_2").predict(truth, columns) + rng.normal(0, 1e-6, 200)
-    fit = get("polynomial_2").fit(columns, force)
-    assert (fit.status, fit.rank, fit.notes) == ("converged", len(truth), ())
-
-
 @pytest.mark.parametrize("freedom", [1, 5, 84])
 def test_half_width_is_that_of_the_t_distribution(freedom):
     assert half_width(2.0, freedom) == pytest.approx(2.0 * student.ppf(0.975, freedom), rel=1e-9)
     assert np.isnan(half_width(2.0, 0))
+
+
+@pytest.mark.parametrize(("share", "noted"), [(0.99, True), (1.01, False), (-1.01, False)])
+def test_a_parameter_within_its_half_width_of_zero_is_not_identified(share, noted):
+    x, scatter = np.linspace(-1, 1, 30), np.cos(np.linspace(0, 40, 30))
+    scatter -= x * (x @ scatter) / (x @ x)
+    width = student.ppf(0.975, 29) * np.sqrt(scatter @ scatter / 29 / (x @ x))
+    line = literature.Formula("line", "-", ("x",), ("a",), "a*x")
+    notes = line.fit({"x": x}, share * width * x + scatter).notes
+    assert notes == (("not identified (95 % interval contains zero): a",) if noted else ())
 
 
 LEVELS = (80.0, 150.0, 250.0, 350.0)
@@ -70,12 +55,6 @@ def test_a_second_valley_is_told_with_its_parameters():
     assert fit.sse < rival.sse <= 1.25 * fit.sse
     residual = EITHER.predict(rival.parameters, columns) - force
     assert residual @ residual == pytest.approx(rival.sse, rel=1e-6)
-
-
-def test_a_formula_with_one_valley_has_no_rival():
-    columns, _ = two_valleys()
-    force = columns["pressure"] * (2 * np.exp(-12 * columns["strain"]) - 1 - columns["strain"])
-    assert EITHER.fit(columns, force).rivals == ()
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -108,6 +87,19 @@ def test_scatter_of_held_pressures_hides_no_deficiency(scatter, seed):
     fit = formula.fit(columns, force)
     assert any("rank 18 of 21" in note and "4 of pressure" in note for note in fit.notes)
     assert np.sqrt(fit.sse / len(force)) <= 1.0001 * least_rmse("polynomial_5", columns, force)
+
+
+@pytest.mark.parametrize(
+    ("width", "count", "levels"),
+    [(0.9, 5, [0.45, 10.45]), (0.95, 5, None), (0.9, 4, None), (0.0, 5, None)],
+)
+def test_a_level_is_the_middle_of_at_least_five_values_within_a_tenth_of_the_gap(
+    width, count, levels
+):
+    """The gap between two groups of this width is 10 less the width; equal values are one."""
+    column = np.concatenate([np.linspace(0, width, 5), 10 + np.linspace(0, width, count)])
+    expected = column if levels is None else np.repeat(levels, 5)
+    np.testing.assert_allclose(nominal(column), expected, atol=1e-12)
 
 
 def test_swept_quantities_have_no_levels():

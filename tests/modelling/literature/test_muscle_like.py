@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from literature_cases import MUSCLE_LIKE, TABLE_I, muscle_like, uniform
 
-from mapmore_cli.modelling.expressions import to_text
 from mapmore_cli.modelling.literature import get
 
 
@@ -54,14 +53,6 @@ def test_the_forces_that_the_text_states(muscle, pressure, length, expected):
     row = {"pressure": np.array([pressure]), "length": np.array([length]), "velocity": np.zeros(1)}
     found = get("muscle_like").predict(dict(zip(MUSCLE_LIKE, TABLE_I[muscle], strict=True)), row)
     assert found[0] == pytest.approx(expected, abs=0.5 if length else 0.2)
-
-
-def test_the_equation_is_printed_with_the_parameters_of_table_i():
-    columns = motion(4)
-    fit = get("muscle_like").fit(columns, force(TABLE_I["16 cm"], columns))
-    text = to_text(get("muscle_like").equation(fit), digits=4)
-    assert "25.22*length" in text
-    assert "0.2849" in text
 
 
 def test_hill_is_what_h_prints_and_its_numbers_are_found():

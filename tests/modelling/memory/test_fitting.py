@@ -119,7 +119,8 @@ def hysteretic(n, seed):
     return x, 3 * slow(x, 0.2, STEP) ** 2 - 2 * play(x, 0.8) + x + 5
 
 
-STATES = ("x", *operated("slow", ["x"], [0.05, 0.2, 1]), *operated("play", ["x"], [0.1, 0.2, 0.4]))
+LAGS, WIDTHS = [(0.05,), (0.2,), (1,)], [(0.1,), (0.2,), (0.4,)]
+STATES = ("x", *operated("slow", ["x"], LAGS), *operated("play", ["x"], WIDTHS))
 OPERATED = recipe_of(
     "y",
     texts(STATES, 2, partners=["x"], constant=False),

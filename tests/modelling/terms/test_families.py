@@ -7,9 +7,12 @@ from hypothesis import strategies as st
 from mapmore_cli.modelling.expressions import to_text
 from mapmore_cli.modelling.expressions.families import (
     count_products,
+    fits_whole,
     lags,
     operated,
     products,
+    products_bytes,
+    usable_memory,
 )
 from mapmore_cli.modelling.expressions.operators.lags import spread_times
 from mapmore_cli.modelling.expressions.operators.play import spread_widths
@@ -31,14 +34,14 @@ def test_names_are_written_as_a_person_would():
         "force[k-2]",
         "pressure[k-2]",
     )
-    assert operated("play", ["p"], [0.16, 0.4]) == ("play(p, 0.16)", "play(p, 0.4)")
-    assert operated("slow", operated("play", ["p"], [0.16]), [0.3]) == ("slow(play(p, 0.16), 0.3)",)
+    assert operated("play", ["p"], [(0.16,), (0.4,)]) == ("play(p, 0.16)", "play(p, 0.4)")
+    assert operated("slow", ["play(p, 0.16)"], [(0.3,)]) == ("slow(play(p, 0.16), 0.3)",)
     assert operated("resonance", ["p"]) == ("resonance(p)", "resonance_velocity(p)")
 
 
 @pytest.mark.parametrize(
     ("operator", "numbers"),
-    [("play", [0.0]), ("play", [1.0]), ("resonance", [4.0])],
+    [("play", [(0.0,)]), ("play", [(1.0,)]), ("resonance", [(4.0,)])],
 )
 def test_impossible_operators_are_refused(operator, numbers):
     with pytest.raises(ValueError, match=r"number|between"):
@@ -71,3 +74,13 @@ def test_products_are_those_monomials_that_have_few_states_beside_the_partners(
 def test_impossible_products_are_refused(of, order, partners):
     with pytest.raises(ValueError, match=r"order|twice|which is not in `of`"):
         products(of, order, partners)
+
+
+@pytest.mark.parametrize(("pages", "usable"), [(1000, 2_048_000), (None, 2_000_000_000)])
+def test_a_fit_may_use_half_of_the_memory(pages, usable, monkeypatch):
+    """Of four gigabytes, if the system does not say how much there is."""
+    known = {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": pages} if pages else {"SC_PAGE_SIZE": ""}
+    monkeypatch.setattr("os.sysconf", lambda name: int(known[name]))
+    assert usable_memory() == usable
+    assert [fits_whole(usable // 8 + more, 1) for more in (0, 1)] == [True, False]
+    assert products_bytes(9) == 3 * 8 * 100

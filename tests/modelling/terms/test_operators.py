@@ -2,18 +2,16 @@
 recursion, a free run, derivatives and C.
 """
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from common import files_without_parts
+from common import files_without_parts, rows_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from scipy.integrate import solve_ivp
 
-from datasets.rig.muscle import stop as rig_stop
 from mapmore_cli.modelling.expressions import Name, operators
 from mapmore_cli.modelling.expressions.operator import (
     FLOATS,
@@ -26,8 +24,6 @@ from mapmore_cli.modelling.expressions.operators import OPERATORS, families
 from mapmore_cli.modelling.program.slopes import with_slopes_by
 from mapmore_cli.modelling.program.values import ready_for_columns
 from mapmore_cli.modelling.program.writing import Writer
-
-sys.path.append(str(Path(__file__).parents[2] / "exporting"))
 
 STEP = 0.01
 PATHS = arrays(float, st.integers(1, 60), elements=st.floats(-10, 10, width=16))
@@ -63,14 +59,6 @@ def test_only_an_operator_whose_values_depend_on_the_step_is_timed(name):
     assert OPERATORS[name].timed != np.array_equal(values, slower)
 
 
-@given(PATHS, st.floats(1e-3, 100))
-def test_slow_follows_its_recursion_from_rest(x, tau):
-    a, s = np.exp(-STEP / tau), x[0]
-    np.testing.assert_allclose(
-        state_of("slow", x, tau), [s := a * s + (1 - a) * now for now in x], rtol=1e-9, atol=1e-9
-    )
-
-
 @given(PATHS, WIDTHS, st.lists(st.integers(1, 4), min_size=60, max_size=60))
 def test_play_follows_its_recursion_however_fast_the_path_is_run(x, width, repeats):
     w, each = x[0], np.array(repeats[: len(x)])
@@ -81,28 +69,85 @@ def test_play_follows_its_recursion_however_fast_the_path_is_run(x, width, repea
     )
 
 
-@given(PATHS, WIDTHS)
-def test_stop_is_the_elasto_slide_operator_of_the_rig(x, width):
-    slides = width * rig_stop(x, np.array([width]))[:, 0]
-    np.testing.assert_allclose(
-        state_of("stop", x, width), slides, atol=1e-12 + 1e-14 * len(x) * np.abs(x).max()
-    )
+def test_resonance_answers_an_impulse_as_a_damped_oscillator_of_unit_gain():
+    damping, w, k = 0.1, 2 * np.pi * 4.0, np.arange(4000)
+    turned = w * STEP * np.sqrt(1 - damping**2)
+    free = np.exp(-damping * w * STEP * k) * np.sin(turned * (k + 1))
+    x = np.r_[0.0, 1.0, np.zeros(3999)]
+    y = state_of("resonance", x, 4.0, damping)
+    np.testing.assert_allclose(y[1:], free / free.sum(), atol=1e-12)
+    v = state_of("resonance_velocity", x, 4.0, damping)
+    np.testing.assert_allclose(v[1:], np.diff(y) / (w * STEP), atol=1e-12)
 
 
-def test_resonance_rings_at_its_frequency_with_its_decay():
-    step, frequency, damping = 1e-3, 4.0, 0.1
-    y = state_of("resonance", np.r_[0.0, np.ones(5000)], frequency, damping, step=step)
-    peaks = np.flatnonzero((np.diff(y)[:-1] > 0) & (np.diff(y)[1:] <= 0)) + 1
-    assert np.diff(peaks[:4]) * step == pytest.approx(
-        1 / (frequency * np.sqrt(1 - damping**2)), rel=5e-3
-    )
-    over = y[peaks[:4]] - 1
-    assert over[1:] / over[:-1] == pytest.approx(
-        np.exp(-2 * np.pi * damping / np.sqrt(1 - damping**2)), rel=5e-3
-    )
-    assert y[-1] == pytest.approx(1.0, abs=1e-4)
-    v = state_of("resonance_velocity", np.r_[0.0, np.ones(5000)], frequency, damping, step=step)
-    np.testing.assert_allclose(v[1:], np.diff(y) / (2 * np.pi * frequency * step), atol=1e-9)
+def solved(rate, start, span):
+    """The end of the solution of `ds/da = rate(s)` over a distance a."""
+    return solve_ivp(lambda _, s: rate(s), (0, span), [start], rtol=1e-9, atol=1e-11).y[0, -1]
+
+
+def hysteresis(p, q):
+    """The law of Bouc and Wen over one change of x, whose training range has a width of 7."""
+
+    def law(z, x, before):
+        sign = np.sign(x - before)
+        rate = lambda z: sign - np.where(sign * z > 0, p, -q) * sign * abs(z)  # noqa: E731
+        return solved(rate, z, abs(x - before) / 7)
+
+    return law
+
+
+# each operator at the numbers of `setting_of`, from its last value and two values of the source
+LAWS = {
+    "slow": lambda s, x, _: solved(lambda s: (x - s) / 0.05, s, STEP),
+    "creep": lambda s, x, _: solved(lambda s: 0.7 / 0.05 * np.sinh((x - s) / 0.7), s, STEP),
+    "rate": lambda _, x, before: (x - before) / STEP,
+    "direction": lambda s, x, before: np.sign(x - before) or s,
+    "coulomb": lambda _, x, __: np.tanh(x / (0.05 * 7)),
+    "saturate": lambda _, x, __: min(max(x, -3.0), 4.0),
+    "wen": hysteresis(1.5, 7.0),
+    "wen_stiffening": hysteresis(1.5, 7.0),
+    "dahl": hysteresis(3.0, 3.0),
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_operators_follow_their_laws(name):
+    """The laws of creep and hysteresis are differential equations, which SciPy integrates."""
+    x = np.array([0.2, 0.2, 0.5, 1.9, 3.1, 4.5, 4.4, 3.0, 1.2, 0.1, -1.7, -3.4, -2.0, -2.0, 0.3])
+    s, expected = x[0] * (name in ("slow", "creep")), []
+    for now, before in zip(x, [x[0], *x], strict=False):
+        expected.append(s := LAWS[name](s, now, before))
+    found = along(OPERATORS[name], x, setting_of(name))
+    np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "key", "low", "high"),
+    rows_of("""
+slow            tau     0.005   4000
+creep           tau     0.01    4000
+creep           width   0.005   10
+play            widths  0.001   0.5
+coulomb         v       0.0001  4
+wen             p       0       10000
+wen             q       0       10000
+wen_stiffening  p       -8      10000
+dahl            rate    0       10000
+"""),
+)
+def test_limits_of_the_numbers_that_training_tries(name, key, low, high):
+    """Half a step or one step, and a hundred times the longest piece of 40 s, for times."""
+    (own,) = (one.between for one in OPERATORS[name].parameters if one.key == key)
+    assert own(0.01, 40.0) == pytest.approx((float(low), float(high)))
+
+
+@pytest.mark.parametrize("name", [name for name, one in OPERATORS.items() if one.starts])
+def test_a_search_begins_within_the_numbers_that_it_tries(name):
+    for numbers in (operator := OPERATORS[name]).starts(0.01, 40.0):
+        for number, parameter in zip(numbers, operator.parameters, strict=True):
+            low, high = parameter.between(0.01, 40.0)
+            assert parameter.above < number < parameter.below
+            assert low <= number <= high
 
 
 def sample_by_sample(operator, setting, x):
@@ -139,6 +184,20 @@ def test_every_way_along_a_recording_is_the_recursion(name, x, empty):
 
 
 @pytest.mark.parametrize("name", OPERATORS)
+def test_a_piece_goes_on_from_the_values_before_it(name):
+    """Also from one value only, which then stands for all earlier ones."""
+    operator, setting, x = OPERATORS[name], setting_of(name), np.r_[1.0, 1.0, 3.0, -2.0, 4.5, 0.5]
+    whole = along(operator, x, setting)
+    for begun in (2, 4):
+        empty = np.full(begun - 1, np.nan)
+        before = np.r_[empty, whole[:begun]], np.r_[empty, x[:begun]]
+        found = along(operator, x[begun:], setting, before)
+        np.testing.assert_allclose(found, whole[begun:], atol=1e-12)
+    found = along(operator, x[2:], setting, (whole[1:2], x[1:2]))
+    np.testing.assert_allclose(found, whole[2:], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", OPERATORS)
 def test_slopes_are_the_derivatives_of_the_recursion(name):
     rule = OPERATORS[name].recursion(setting_of(name))
     rng = np.random.default_rng(1)
@@ -156,6 +215,12 @@ def test_slopes_are_the_derivatives_of_the_recursion(name):
             for sign in (1, -1)
         )
         np.testing.assert_allclose(np.broadcast_to(slope, 200), (above - below) / 2e-6, atol=1e-7)
+
+
+@pytest.mark.parametrize("name", OPERATORS)
+def test_a_source_that_did_not_vary_in_training_has_states(name):
+    setting = replace(setting_of(name), limits=(2.0, 2.0))
+    assert np.isfinite(along(OPERATORS[name], np.array([2.0, 2.0, 3.0, 1.0]), setting)).all()
 
 
 @pytest.mark.parametrize("name", OPERATORS)

@@ -98,7 +98,14 @@ MALFORMED = {
         },
         **{"ε + 1": 0, "1 + ٣": 4, "x\u00a0+ 1": 1, "x\x00": 1, "x[k-1][k-2]": 6},
     },
-    "a delay is written": {"x[0]": 1, "x[k-0]": 1, "x[k+1]": 1, "x[k-1": 1, "x[k-00000001]": 1},
+    "a delay is written": {
+        "x[0]": 1,
+        "x[k-0]": 1,
+        "x[k+1]": 1,
+        "x[k-1": 1,
+        "x[k-00000001]": 1,
+        "x[k-1000001]": 1,
+    },
     "takes 0 or 1 number": {"slow(x, 1, 2)": 12},
     "takes 0 or 2": {"resonance(x, 1)": 14},
     "between 0 and 1": {"resonance(x, 1, 1.5)": 19, "play(x, -1)": 10, "play(x, 0)": 9},
@@ -126,13 +133,13 @@ def test_malformed_text_is_refused_at_its_place(message, text, position):
     "text",
     [
         "(" * 1_000_000,
-        "(" * 4000 + "x" + ")" * 4000,
+        "(" * 51 + "x" + ")" * 51,
         "exp(" * 2000 + "x" + ")" * 2000,
         "x" + "^2" * 4000,
         "x^(" * 3000,
         "x+" * 500_000 + "x",
         "9" * 1_000_000,
-        "x" * 1_000_000,
+        "x" * 10_001,
         " " * 1_000_000,
     ],
     ids=["brackets", "balanced", "calls", "powers", "exponents", "sum", "digits", "name", "spaces"],
@@ -143,7 +150,7 @@ def test_hostile_size_is_an_expression_error(text):
 
 
 @pytest.mark.parametrize(
-    "text", ["-" * 9998 + "x", "x" + "+x" * 2499, "x" + "*x" * 4999, "(" * 50 + "x" + ")" * 50]
+    "text", ["-" * 9999 + "x", "x" + "+x" * 2499, "x" + "*x" * 4999, "(" * 50 + "x" + ")" * 50]
 )
 def test_long_but_shallow_text_is_accepted(text):
     assert parse(text).names == {"x"}

@@ -2,12 +2,7 @@
 range.
 """
 
-import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
-
 from mapmore_cli.fitting.kinds.dictionary import terms_of
-from mapmore_cli.modelling.expressions import derivative, dictionary_matrix, evaluate, parse
 from mapmore_cli.modelling.expressions.ranged import placed
 from mapmore_cli.study.sections.dictionary import DictionaryEntry
 
@@ -75,37 +70,6 @@ def test_a_step_times_the_change_and_its_square_over_every_window():
         for f in factors
         for text in (f"{f}*tanh(x/0.1)", f"{f}*tanh((x - 1)/0.1)")
     )
-
-
-ranges = st.tuples(st.floats(-1e3, 1e3), st.floats(1e-2, 1e4)).map(
-    lambda pair: (pair[0], pair[0] + pair[1])
-)
-
-
-@given(ranges, st.integers(2, 12), st.lists(st.floats(-1, 1), min_size=4, max_size=4))
-def test_a_spline_reproduces_cubics_and_bends_without_a_jump(course, knots, cubic):
-    low, high = course
-    x = np.linspace(low, high, 400)
-    u = (x - low) / (high - low)
-    terms = [parse(text) for text in along(spline(knots), 0, 1)]
-    P = dictionary_matrix(terms, {"strain": u}, len(u))
-    y = np.polyval(cubic, u)
-    np.testing.assert_allclose(P @ np.linalg.lstsq(P, y, rcond=None)[0], y, atol=1e-9)
-    assert np.linalg.cond(P / np.linalg.norm(P, axis=0)) < 1e8
-    for term in [parse(text) for text in along(spline(knots), low, high)][4:]:
-        bend = evaluate(derivative(derivative(term, "strain"), "strain"), {"strain": x}, len(x))
-        assert np.abs(np.diff(bend)).max() <= 6 / 399 / (high - low) ** 2 * 1.1
-
-
-@given(ranges, st.sampled_from([0.03, 0.1, 0.3]))
-def test_ends_are_one_at_their_end_and_decay_by_their_width(course, width):
-    low, high = course
-    first, last = (parse(text) for text in along(ends([width]), low, high))
-    x = np.array([low, low + width * (high - low), high - width * (high - low), high])
-    ahead = evaluate(first, {"strain": x}, 4)
-    back = evaluate(last, {"strain": x}, 4)
-    np.testing.assert_allclose([ahead[0], back[3]], 1, rtol=0.05)
-    np.testing.assert_allclose([ahead[1], back[2]], np.exp(-1), rtol=0.05)
 
 
 def test_products_take_them_as_any_other_family():

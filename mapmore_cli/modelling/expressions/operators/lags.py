@@ -43,7 +43,8 @@ def creep(setting: Setting) -> Recursion:
     It uses that `tanh(e/2)` with e = (x - s)/width decays with the time constant tau.
 
     After a step of many widths, s creeps as `width ln(t)`; after a small step, it is a first-order
-    lag. `width` is a fraction of the training range of x. Source: H. Eyring 1936.
+    lag. In the name of a state, `width` is a fraction of the training range of x. Source: H. Eyring
+    1936.
     """
     tau, (low, high) = setting.numbers[0], setting.limits
     width = setting.numbers[1] * (high - low) or 1.0

@@ -67,10 +67,8 @@ class ForceCurve(NamedTuple):
         turns = (self.A > 0.0) & (self.A * self.c * self.B < 0.0)
         # strain of the smallest force, for a curve that is bent upwards
         turning = np.log(-self.B / (self.A * self.c)) / self.c
-        low, high = (
-            np.full_like(self.A, start),
-            np.where(turns, np.clip(turning, start, SHORTEST), SHORTEST),
-        )
+        low = np.full_like(self.A, start)
+        high = np.where(turns, np.clip(turning, start, SHORTEST), SHORTEST)
         slack = self(low) <= 0.0
         for _ in range(BISECTIONS):
             middle = (low + high) / 2
@@ -138,10 +136,8 @@ class HysteresisLoss(Formula):
         names = ("pressure", "strain", "force", "hysteresis")
         columns = {name: finite(name, cycles) for name in names}
         force, hysteresis = columns["force"], columns["hysteresis"]
-        upper, lower = (
-            UPPER.fit(columns, force + hysteresis),
-            LOWER.fit(columns, force - hysteresis),
-        )
+        upper = UPPER.fit(columns, force + hysteresis)
+        lower = LOWER.fit(columns, force - hysteresis)
         given = {"length": length, "strain_min": float(columns["strain"].min())}
         parameters = {**upper.parameters, **lower.parameters, **given}
         notes = [f"upper curve: {note}" for note in upper.notes]
