@@ -7,15 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mapmore_cli.annexes.drafting import names as names_of_files
 from mapmore_cli.annexes.drafting.answers import Hold
 from mapmore_cli.annexes.drafting.by_titles import kind_to_predict, known_by_titles, target_of
 from mapmore_cli.annexes.drafting.clocks import PARTS, clock_in_parts
 from mapmore_cli.annexes.drafting.columns import (
     SINCE_1970,
     TitledColumn,
-    find,
-    listed,
     read_titles,
     unit_of_clock,
 )
@@ -28,14 +25,12 @@ from mapmore_cli.annexes.drafting.draft import (
     scaled,
     yaml_text,
 )
+from mapmore_cli.annexes.drafting.finding import find, listed
 from mapmore_cli.annexes.drafting.layout import Layout
+from mapmore_cli.annexes.drafting.name_groups import files_for_tests, group_words, numbered_groups
+from mapmore_cli.annexes.drafting.name_numbers import Number, is_repeat, numbers_in
 from mapmore_cli.annexes.drafting.names import (
     Condition,
-    Number,
-    group_words,
-    is_repeat,
-    numbered_groups,
-    numbers_in,
     offers_of,
     stem_of,
     told_by_names,
@@ -353,11 +348,10 @@ def test_groups_by_the_number_behind_their_word_then_the_letter_then_the_words()
 
 def test_held_out_files_are_named_by_what_they_are_for():
     files = [Path(one) for one in ("a_train.csv", "b_training.csv", "a_test.csv", "val-2.csv")]
-    held_out_of = names_of_files.tests_of
-    assert held_out_of(files) == ["a_test.csv", "val-2.csv"]
-    assert held_out_of(files[:2]) == held_out_of(files[2:]) == []
+    assert files_for_tests(files) == ["a_test.csv", "val-2.csv"]
+    assert files_for_tests(files[:2]) == files_for_tests(files[2:]) == []
     for other in ("c.csv", "train_test.csv"):
-        assert held_out_of([*files, Path(other)]) == []
+        assert files_for_tests([*files, Path(other)]) == []
     assert stem_of("a/b.1.csv.gz") == "a/b.1"
 
 

@@ -17,7 +17,8 @@ from mapmore_cli.annexes.drafting.answers import (
 from mapmore_cli.annexes.drafting.by_titles import kind_to_predict, known_by_titles, target_of
 from mapmore_cli.annexes.drafting.columns import read_titles
 from mapmore_cli.annexes.drafting.layout import Layout
-from mapmore_cli.annexes.drafting.names import numbers_in, told_by_names
+from mapmore_cli.annexes.drafting.name_numbers import numbers_in
+from mapmore_cli.annexes.drafting.names import told_by_names
 from mapmore_cli.checking.names import read_label
 from mapmore_cli.domain.errors import UsageError
 

@@ -6,8 +6,9 @@ import re
 from collections.abc import Mapping
 from dataclasses import replace
 
-from mapmore_cli.annexes.drafting.columns import Table, TitledColumn, find, listed, unit_of_clock
+from mapmore_cli.annexes.drafting.columns import Table, TitledColumn, unit_of_clock
 from mapmore_cli.annexes.drafting.draft import Named, range_of
+from mapmore_cli.annexes.drafting.finding import find, listed
 from mapmore_cli.annexes.drafting.spelling import words
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.study.units import CANONICAL

@@ -10,7 +10,7 @@ import numpy as np
 from mapmore_cli.annexes.drafting.clocks import clock_in_parts
 from mapmore_cli.annexes.drafting.columns import KINDS, Table, TitledColumn, unit_of_clock
 from mapmore_cli.annexes.drafting.draft import Column, Named, NamedColumn
-from mapmore_cli.annexes.drafting.names import is_repeat
+from mapmore_cli.annexes.drafting.name_numbers import is_repeat
 from mapmore_cli.annexes.drafting.spelling import words
 from mapmore_cli.checking.evidence import same_signals
 from mapmore_cli.checking.names import POSITIONS, read_label

@@ -13,7 +13,6 @@ import numpy as np
 from mapmore_cli.annexes.drafting.columns import Table, TitledColumn
 from mapmore_cli.annexes.drafting.draft import Column
 from mapmore_cli.annexes.drafting.spelling import words
-from mapmore_cli.domain.arrays import Array
 from mapmore_cli.ingestion.clock import MOST_GLITCHES
 
 PARTS = {
@@ -37,11 +36,6 @@ class Part:
     unit: str
 
     @property
-    def numbers(self) -> Sequence[Array]:
-        """The numbers of the part, one array `(n,)` for each file."""
-        return self.column.values
-
-    @property
     def second(self) -> float:
         """The unit in seconds."""
         return PARTS[self.unit][1]
@@ -49,12 +43,12 @@ class Part:
     @property
     def is_whole(self) -> bool:
         """Return True if all numbers are whole, as they must be except in the finest part."""
-        return all((x == np.round(x)).all() for x in self.numbers)
+        return all((x == np.round(x)).all() for x in self.column.values)
 
     @property
     def restarts(self) -> bool:
         """Return True if the numbers decrease somewhere."""
-        return any((np.diff(x) < 0).any() for x in self.numbers)
+        return any((np.diff(x) < 0).any() for x in self.column.values)
 
     def follows(self, coarser: Part) -> bool:
         """Return True if the numbers suit a part that follows the `coarser` part. For seconds that
@@ -62,7 +56,7 @@ class Part:
         largest must be at least 30. The rule for other units is the same, with other numbers.
         """
         turn = round(coarser.second / self.second)
-        highest = max(float(x.max()) for x in self.numbers)
+        highest = max(float(x.max()) for x in self.column.values)
         return highest < turn and (2 * highest >= turn or not self.restarts)
 
 
@@ -90,7 +84,7 @@ def _increases(parts: Sequence[Part]) -> bool:
     """Return True if the sum of all parts of the clock increases in every file, except for a few
     steps back.
     """
-    for numbers in zip(*(part.numbers for part in parts), strict=True):
+    for numbers in zip(*(part.column.values for part in parts), strict=True):
         if len({*map(len, numbers)}) > 1:
             return False
         times = sum(part.second * x for part, x in zip(parts, numbers, strict=True))

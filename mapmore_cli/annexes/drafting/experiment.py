@@ -67,7 +67,8 @@ def find_held(
     If a person names a quantity, this one is returned. Otherwise, it is the only input whose values
     are in names of files, or which stays constant in each recording. If there is no such input and
     the study is a table without a clock, it is the only input that takes a few values repeatedly.
-    Each of these values must have enough samples for a curve. `conditions` are values from names.
+    Each of these values must have enough samples for a curve. `conditions` are the values in names
+    of files, which are also columns of the recordings.
 
     Raises
     ------
@@ -82,9 +83,7 @@ def find_held(
             f"--hold: no input is called {asked}",
             f"name one of {', '.join(inputs)}, or write `--hold none`",
         )
-    levels = {
-        name: values for name in inputs if (values := own_levels(recordings, name, conditions))
-    }
+    levels = {name: values for name in inputs if (values := own_levels(recordings, name))}
     is_table = "time" not in recordings[0].columns
     if asked is None and is_table and not levels:
         levels = {name: values for name in inputs if (values := set_values(recordings, name))}
@@ -95,7 +94,7 @@ def find_held(
     if asked is None and is_table and samples < FEWEST * len(levels[of]):
         # few samples at each value mean that the quantity moved in steps, and was not held
         return None
-    swept = next((name for name in inputs if name not in (of, *levels, *conditions)), None)
+    swept = next((name for name in inputs if name not in (of, *levels)), None)
     at, within = levels.get(of, []), None
     if not at:
         at = find_levels(np.concatenate([one.columns[of] for one in recordings])).tolist()
@@ -108,16 +107,11 @@ def find_held(
     return Held(of, at, within, swept, why)
 
 
-def own_levels(
-    recordings: Sequence[Recording], name: str, conditions: Conditions
-) -> list[float] | None:
+def own_levels(recordings: Sequence[Recording], name: str) -> list[float] | None:
     """Return the levels of a quantity that stays near one value in each recording; None if it has
-    no such levels, or only one such level. The gap between neighbouring levels is more than twice
-    the movement at any level.
+    no such levels, or only one such level. The gap between neighbouring levels is more than half
+    of the movement at any level.
     """
-    if name in conditions:
-        levels = sorted(set(conditions[name]))
-        return levels if len(levels) > 1 else None
     series = [one.columns[name] for one in recordings if one.rows_kept]
     ends = np.array(sorted(np.quantile(values, (0.05, 0.95)).tolist() for values in series))
     reach = np.maximum.accumulate(ends[:, 1])

@@ -105,7 +105,7 @@ def _beyond(done: Experiment) -> list[str]:
     """
     names: list[str] = []
     for name in done.inputs:
-        series = [one.columns[name] for one in done.recordings if name in one.columns]
+        series = [one.columns[name] for one in done.recordings]
         ends = [round((1 - LAST) * len(x)) for x in series]
         if not any(ends):
             continue

@@ -12,8 +12,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from mapmore_cli.annexes.drafting.columns import FEWEST_ROWS, Table, Texts, find, read_titles
-from mapmore_cli.annexes.drafting.draft import Column, Draft
+from mapmore_cli.annexes.drafting.columns import FEWEST_ROWS, Table, Texts, read_titles
+from mapmore_cli.annexes.drafting.draft import Column, Draft, address
+from mapmore_cli.annexes.drafting.finding import find
 from mapmore_cli.annexes.drafting.names import told_by_names
 from mapmore_cli.annexes.drafting.sources import started
 from mapmore_cli.annexes.drafting.studies import Study
@@ -158,10 +159,7 @@ def split_by(table: Table, said: Sequence[str]) -> Table:
     distinguish the recordings. The table is unchanged if one of these columns has missing values.
     Raises UsageError for an unknown column.
     """
-    keys = [
-        find(table, int(one) if one.isdecimal() else one, "--recordings", texts=True)
-        for one in said
-    ]
+    keys = [find(table, address(one), "--recordings", texts=True) for one in said]
     series = {name: x for name, one in table.items() if (x := one.values or one.numbered)}
     sizes = {name: [*map(len, x)] for name, x in series.items()}
     if not keys or any(sizes[key.column] != sizes[keys[0].column] for key in keys):

@@ -128,39 +128,44 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
         )
     inside = (one for one in sorted(path.rglob("*")) if one.is_file() and _is_own(one, path))
     every = [path] if path.is_file() else [*inside]
-    readable = {file for file in every if file == path or reader_of(file) is not None}
+    readable = [file for file in every if file == path or reader_of(file) is not None]
     copies = _copies(readable)  # only files that can be read are compared with their copies
-    left_out: list[str] = []
-    bad: dict[Path, str] = {}
-    above: dict[Path, Sequence[str]] = {}
+    layouts, faults = _layouts_of([file for file in readable if file not in copies])
+    reasons = {
+        **{file: why for file in {*every} - {*readable} if (why := unread(file))},
+        **{file: f"{file.name}: has the same contents as {copies[file].name}" for file in copies},
+        **faults,
+    }
+    bad = {
+        **dict.fromkeys(copies, "has the same contents as another file"),
+        **dict.fromkeys(faults, "holds no table that could be read"),
+    }
+    studies = [replace(one, bad=bad) for one in _joined(layouts)]
+    studies.sort(key=lambda study: (-len(study.files), study.files[0]))
+    folders = [study.folder for study in studies]
+    named = [replace(one, name=_name(one, folders.count(one.folder) == 1)) for one in studies]
+    return named, [reasons[file] for file in every if file in reasons]
+
+
+def _layouts_of(files: Iterable[Path]) -> tuple[dict[Path, Layout], dict[Path, str]]:
+    """Return the layout of each file, and the reasons why other files have none. Of texts with the
+    same kinds of lines, only one is examined.
+    """
+    layouts: dict[Path, Layout] = {}
+    faults: dict[Path, str] = {}
     seen: dict[tuple[str, tuple[bytes, ...]], Layout] = {}
-    layouts: dict[str, tuple[Layout, list[Path]]] = {}
-    for file in every:
-        if file not in readable:
-            left_out += filter(None, [unread(file)])
-            continue
-        if file in copies:
-            left_out.append(f"{file.name}: has the same contents as {copies[file].name}")
-            bad[file] = "has the same contents as another file"
-            continue
+    for file in files:
         try:
             like = (file.suffix, kinds_of_lines(file))
             layout = seen[like] if like in seen and like[1] else preview(file)
         except DataError as fault:
-            left_out.append(fault.message)
-            bad[file] = "holds no table that could be read"
+            faults[file] = fault.message
             continue
         # files with several tables can have equal first lines, but different layouts
         if not layout.tables:
             seen[like] = layout
-        above[file] = layout.above
-        layouts.setdefault(repr(layout), (layout, []))[1].append(file)
-    commented = [(_with_comments(layout, files), files) for layout, files in layouts.values()]
-    studies = [replace(one, bad=bad, above=above) for one in _joined(commented)]
-    studies.sort(key=lambda study: (-len(study.files), study.files[0]))
-    folders = [study.folder for study in studies]
-    named = (replace(one, name=_name(one, folders.count(one.folder) == 1)) for one in studies)
-    return [*named], left_out
+        layouts[file] = layout
+    return layouts, faults
 
 
 def _copies(files: Iterable[Path]) -> dict[Path, Path]:
@@ -220,13 +225,17 @@ def _identities(layout: Layout) -> dict[Column, Identity]:
     return dict(zip([one.column for one in columns], identities, strict=True))
 
 
-def _joined(layouts: Sequence[tuple[Layout, list[Path]]]) -> list[Study]:
+def _joined(layouts: Mapping[Path, Layout]) -> list[Study]:
     """Return a study for each layout, with its files. Layouts that differ only in the units of
     their titles, or in the order of the columns, form one study, for which the layout of the most
     files is used.
     """
+    alike: dict[str, list[Path]] = {}
+    for file, layout in layouts.items():
+        alike.setdefault(repr(layout), []).append(file)
     families: dict[str, list[tuple[Layout, list[Path]]]] = {}
-    for layout, files in layouts:
+    for files in alike.values():
+        layout = _with_comments(layouts[files[0]], files)
         identities = sorted(_identities(layout).values(), key=repr)
         bare = replace(layout, columns=(), titles=(), units=())
         families.setdefault(repr((bare, identities)), []).append((layout, files))
@@ -235,7 +244,8 @@ def _joined(layouts: Sequence[tuple[Layout, list[Path]]]) -> list[Study]:
         (layout, _), *others = sorted(family, key=lambda one: -len(one[1]))
         variants = {file: other for other, files in others for file in files}
         files = sorted(file for _, some in family for file in some)
-        studies.append(Study(tuple(files), layout, variants=variants))
+        above = {file: layouts[file].above for file in files}
+        studies.append(Study(tuple(files), layout, variants=variants, above=above))
     return studies
 
 
