@@ -49,7 +49,7 @@ def experiment(*recordings, inputs=("u",), target="y", held=None, conditions=Non
     ("starts", "levels"),
     [
         # from the 5 % to the 95 % quantile, each recording moves by 0.9; half of this is 0.45
-        ([0, 1.4], [0.5, 1.9]),
+        ([0, 1.4], [0.5, 2]),
         ([0, 1.3], None),
         ([0, 2.8, 4.1], None),
         ([2.8, 0.3, 0], [0.7, 3.3]),  # 0.05 to 1.25 is one level
