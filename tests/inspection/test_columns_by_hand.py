@@ -54,7 +54,7 @@ def test_clocks_of_this_century_show_their_unit(year, within):
     for unit, second in {"s": 1, "ms": 1e3, "us": 1e6, "ns": 1e9}.items():
         clock = [np.array([start, start + 0.5]) * second]
         assert unit_of_clock(clock) == (unit if within else "s")
-    assert unit_of_clock([np.array(SINCE_1970)]) == "s"
+    assert unit_of_clock([np.array(SINCE_1970)]) == unit_of_clock([np.ones(1)]) == "s"
 
 
 @pytest.mark.parametrize(
@@ -343,6 +343,12 @@ def test_groups_by_the_number_behind_their_word_then_the_letter_then_the_words()
     assert group_words(["soft_run1_5kPa", "stiff_run2_5kPa"], "muscle") == ["soft__", "stiff__"]
     assert group_words(["10cm_1", "20cm_1"], "muscle") == ["10cm_", "20cm_"]
     assert group_words(["7", "8"], "muscle") == ["7", "8"]
+    for first, other in (("red", "blue"), ("S1", "S12"), ("Sample 1", "Sample 2")):
+        for form in ("{}_pull_{}bar", "pull_{}_{}bar"):
+            groups = group_words(
+                [form.format(word, bar) for word in (first, other) for bar in "12"], "specimen"
+            )
+            assert [groups.index(one) for one in groups] == [0, 0, 2, 2]
     assert numbered_groups(["s7", "s5", "s7"], "sample").values == (2, 1, 2)
 
 
@@ -364,6 +370,7 @@ def test_letters_of_other_scripts_are_spelt():
 
 
 def test_numbers_of_a_draft_have_ten_digits_and_notes_stand_beside_or_above():
+    assert str(Note("\x1b[2J\nb")) == "# \\x1b[2J b"  # no command to a terminal
     notes = {("a",): Note("why"), ("b",): Note("x" * 100), ("c",): Note("y " * 60, sure=False)}
     spec = {"a": 0.1 + 0.2, "b": [2.0, 1 / 3], "c": "z" * 26, "name": True}
     text = yaml_text(spec, notes, "#").splitlines()

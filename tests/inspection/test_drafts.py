@@ -12,7 +12,6 @@ import yaml
 from recorded import checked, drafted, drafts, loaded, write
 
 from mapmore_cli.annexes.drafting.answers import Answers, Hold
-from mapmore_cli.annexes.drafting.draft import Draft, Note
 from mapmore_cli.annexes.drafting.preview import preview
 from mapmore_cli.annexes.drafting.sources import patterns
 from mapmore_cli.annexes.drafting.start import start
@@ -218,44 +217,6 @@ def test_patterns_match_their_files_and_no_others(tmp_path):
         "a_2_down.csv",
     ]
     assert patterns([files["[x].csv"]], tmp_path) == ["[x].csv"]
-
-
-def test_yaml_says_what_the_dictionary_says():
-    columns = {"force": {"column": "no: #1", "scale": 0.5}}
-    spec = {
-        "name": "1e5",
-        "data": {"files": ["a b.csv", "${x}.csv"], "header": False, "columns": columns},
-        "n": 3,
-    }
-    terms = [{"terms": [f"tanh((pressure-{k / 100:.2f})/0.05)" for k in range(60)]}]
-    text = Draft(
-        {**spec, "dictionary": terms},
-        {
-            ("data", "files", 0): Note("why " * 60),
-            ("data",): Note("is it?", sure=False),
-            ("n",): Note("n"),
-        },
-    ).text()
-    assert yaml.safe_load(text) == {
-        **spec,
-        "data": {**spec["data"], "files": ["a b.csv", "$${x}.csv"]},
-        "dictionary": terms,
-    }
-    assert "# CHECK: is it?" in text
-    assert max(map(len, text.splitlines())) <= 132
-
-
-def test_titles_with_commands_to_a_terminal_are_told_as_text(tmp_path):
-    """In a comment of the draft, they made it no YAML."""
-    rows = "".join(
-        f"{i / 10},{100 + 100 * (i // 30)},{i % 30 / 200},"
-        f"{200 - i % 30 - (i // 30) * (i % 7)},{i}\n"
-        for i in range(90)
-    )
-    (tmp_path / "a.csv").write_text('t,P [kPa],eps,F [N],"\x1b[2J\nb"\n' + rows)
-    draft = drafted(tmp_path)
-    assert "\\x1b[2J" in draft.text()
-    loaded(draft, tmp_path)
 
 
 def stamped(path, stamp, *, odd=""):

@@ -91,6 +91,10 @@ def test_samples_between_levels_of_one_recording_are_left_out():
     one = recording(time=np.arange(600), strain=strain, pressure=np.arange(600) % 200)
     held = find_held([one], ("strain", "pressure"), Hold("strain"), {})
     assert (held.at, held.within) == ([0, 0.1, 0.3], 0.01)  # a tenth of the smallest distance
+    for said in (None, Hold("none")):
+        assert find_held([one], ("strain", "pressure"), said, {}) is None
+    with pytest.raises(UsageError, match="no input is called speed"):
+        find_held([one], ("strain", "pressure"), Hold("speed"), {})
     table = recording(u=np.repeat([1, 2, 3], 5), v=np.arange(15))
     assert find_held([table], ("u", "v"), None, {}).why == "takes few values"
     level = np.append(np.arange(100), np.arange(100)[::-1])
@@ -110,8 +114,11 @@ def test_every_third_inner_level_is_held_out():
 
 
 def logs(count, **columns):
-    return [recording(f"r{k}", y=np.arange(30) % 10, u=np.arange(30) % 7, **columns)
-            for k in range(count)]  # fmt: skip
+    columns |= {"y": np.arange(30) % 10, "u": np.arange(30) % 7}
+    return [recording(f"r{k}", **columns) for k in range(count)]
+
+
+SET = experiment(*logs(4), conditions={"c": [3, 1, 1, 2]})
 
 
 @pytest.mark.parametrize(
@@ -124,7 +131,11 @@ def logs(count, **columns):
         (experiment(*logs(2)), "recordings", {"recordings": ["r1"]}),
         (experiment(*logs(3)), "last", {"last": 0.3}),
         (experiment(*logs(4), conditions={"c": [3, 1, 1, 2]}), None, {"c": [2]}),
-        (experiment(*logs(4), conditions={"c": [3, 1, 1, 2]}), "u", {"u": {"between": [[2.0, 3.4]]}}),
+        (
+            experiment(*logs(4), conditions={"c": [3, 1, 1, 2]}),
+            "u",
+            {"u": {"between": [[2.0, 3.4]]}},
+        ),
         (experiment(*logs(3, c=1)), "c", None),  # the band has no width
         (experiment(*logs(1)), "recordings", None),
     ],

@@ -132,18 +132,6 @@ def test_a_column_of_some_files_alone_is_refused(tmp_path):
         dataset_of(draft, tmp_path)
 
 
-@pytest.mark.parametrize("scatter", [0.01, 20.0])
-def test_a_file_for_each_point_is_static(tmp_path, scatter):
-    """Where nothing moves within a recording nothing is remembered; a step response moves."""
-    for kpa in (0, 100, 200, 300):
-        for mm in (0, 5, 10):
-            force = kpa - 3 * mm + scatter * np.linspace(0, kpa / 10, 40)
-            write(tmp_path / f"pt_{kpa}kPa_{mm}mm.csv", {"t [s]": 0.1 * ROWS, "F [N]": force})
-    draft = drafted(tmp_path)
-    assert draft.spec["target"] == ("static" if scatter < 1 else "force")
-    assert ("resample" in draft.data) == (scatter > 1)
-
-
 @pytest.mark.parametrize(
     ("names", "tip"),
     [
@@ -268,13 +256,3 @@ def test_some_of_many_files_have_every_level_that_names_say(tmp_path, monkeypatc
     assert len(levels) == 6
     assert {*levels} == {100, 200, 300, 400, 500}
     assert {curve.level for curve in dataset_of(few, tmp_path).curves} == {*levels}
-
-
-def test_many_short_recordings_keep_their_samples(tmp_path):
-    """Together they have more than a search takes at first; each keeps a hundred."""
-    for number in range(80):
-        bar = 2 + np.cos(0.1 * LONG[:120] + number)
-        columns = {"t [s]": 0.1 * LONG[:120], "P [bar]": bar, "F [N]": bar**2 + 1 / (1 + number)}
-        write(tmp_path / f"{number}.csv", columns)
-    sizes = [one.rows_kept for one in dataset_of(drafted(tmp_path), tmp_path).recordings]
-    assert min(sizes) >= 100

@@ -49,21 +49,10 @@ def test_what_is_held_out_is_what_a_person_says(tmp_path, said, held_out):
     checked(draft, tmp_path)
 
 
-@pytest.mark.parametrize("clock", [{}, {"t [s]": 0.02 * np.arange(80)}])
-def test_levels_in_order_are_not_cut_at_the_last_one(tmp_path, clock):
-    """The last samples are a pressure of their own: to hold them out is to extrapolate."""
-    pressure, strain = 100 * np.repeat(np.arange(1, 5), 20), np.tile(np.linspace(0, 0.2, 20), 4)
-    columns = {"P [kPa]": pressure, "eps": strain, "F [N]": pressure * (0.5 - 2 * strain)}
-    write(tmp_path / "pull.csv", clock | columns)
-    draft = drafted(tmp_path)
-    assert draft.data["split"] == {"validate": {"pressure": [300]}}
-
-
 @pytest.mark.parametrize(
     ("said", "why"),
     [
         ("F [N]", "is not an input"),
-        ("recordings", "too few values or recordings to hold some of them out"),
         ("9", "no column"),
     ],
 )
@@ -102,13 +91,6 @@ def test_a_column_that_a_person_names_is_no_clock(tmp_path):
     assert set(draft.data["columns"]) == {"x", "y", "signal"}
     timed = drafted(tmp_path, answers=answers_of(target="signal=2:V", inputs="x=0:mm,time=1:s"))
     assert timed.data["columns"]["time"] == {"column": 1, "unit": "s"}
-
-
-def test_a_clock_of_one_sample_has_a_unit_to_ask_about(tmp_path):
-    write(tmp_path / "a.csv", {"t": [1.0], "P [kPa]": [2.0], "bend": [3.0]})
-    write(tmp_path / "b.csv", {"t": 20.0 * K, "P [kPa]": 2.0 * K, "bend": np.sqrt(K)})
-    draft = drafted(tmp_path, answers=answers_of(columns="time=t,pressure=P,bend", target="bend"))
-    assert draft.data["columns"]["time"]["unit"] == "ms"
 
 
 @pytest.mark.parametrize("folder", ["mckibben", "wrist"])

@@ -59,19 +59,6 @@ def test_held_out_recordings_are_those_that_exist(tmp_path, name, cut):
     checked(draft, tmp_path)
 
 
-def test_a_raster_is_not_cut_at_its_end(tmp_path):
-    """That would be beyond what trains: inner rows are held out, and the draft says so."""
-    y, x = np.divmod(np.arange(21 * 21), 21)
-    write(tmp_path / "scan.csv", (x, y, np.exp(-((x - 9) ** 2) / 40 - y / 30)), "")
-    said = answers_of(target="signal=2:V", inputs="x=0:mm,y=1:mm")
-    draft = drafted(tmp_path, answers=said)
-    assert draft.data["split"] == {"validate": {"y": [2, 5, 8, 11, 14, 17]}}
-    assert "between: inner values" in draft.text()
-    assert dataset_of(draft, tmp_path).recordings[0].rows_kept == 441
-    by_end = drafted(tmp_path, answers=answers_of(target="2", inputs="0,1", validate="last"))
-    assert "beyond: the last samples of every recording" in by_end.text()
-
-
 # The clock
 # --------------------------------------------------------------------------------------------------
 
@@ -96,27 +83,6 @@ def test_a_clock_in_parts_is_added_up(tmp_path):
     np.testing.assert_allclose(time - 1772323200, 9 * 3600 + seconds)
 
 
-@pytest.mark.parametrize(
-    ("stamps", "title", "why"),
-    [
-        (np.floor(LONG), "t [s]", "repeats most of its values"),
-        (LONG % 60, "s [s]", "restarts from zero at 60"),
-        (LONG, "", "always increases; if it is the clock, name it as `time=0:s`"),
-    ],
-)
-def test_what_is_no_clock_is_told_and_rows_are_kept(tmp_path, stamps, title, why):
-    pressure, force = (np.tile(values, 4) for values in swing())
-    write(tmp_path / "log.csv", (stamps, pressure, force), f"{title},P,F\n" if title else "")
-    said = SAID if title else {"target": "force=2:N", "inputs": "pressure=1:kPa"}
-    draft = drafted(tmp_path, answers=answers_of(**said))
-    assert "time" not in draft.data["columns"]
-    assert why in " ".join(draft.text().replace("#", "").split())
-    assert "average" not in draft.text()
-    timed = drafted(tmp_path, answers=answers_of(**said, sample_time="100ms"))
-    assert timed.data["sample_time"] == 0.1
-    assert dataset_of(timed, tmp_path).recordings[0].rows_kept == 4 * N
-
-
 def test_a_person_may_say_that_there_is_no_clock(tmp_path):
     recordings(tmp_path, "a")
     draft = drafted(tmp_path, answers=answers_of(**SAID, no_clock=True))
@@ -125,17 +91,6 @@ def test_a_person_may_say_that_there_is_no_clock(tmp_path):
 
 # Names
 # --------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("said", ["s*", "'s[0,0]','s[1,0]','s[2,0]',\"s[3,0]\""])
-def test_many_columns_are_named_at_once(tmp_path, said):
-    """By a pattern, or in quotes where titles hold separators."""
-    random = np.random.default_rng(1)
-    sensors = random.random((5, 90))
-    titles = ",".join(["force", *(f'"s[{number},0]"' for number in range(4)), "other"])
-    write(tmp_path / "skin.csv", (sensors.sum(axis=0), *sensors), f"{titles}\n")
-    draft = drafted(tmp_path, answers=answers_of(target="force", inputs=said))
-    assert [*draft.data["columns"]] == [*(f"s_{number}_0" for number in range(4)), "force"]
 
 
 @pytest.mark.parametrize("said", ["pressure,strain", "pressure,strain=strain"])

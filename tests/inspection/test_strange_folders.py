@@ -45,42 +45,6 @@ def test_pressures_in_names_of_folders_are_levels_and_numbers_of_files_repeats(t
     assert len(data["files"]) == 4
 
 
-def test_lines_of_fewer_cells_before_the_titles_are_no_titles(tmp_path):
-    for number, bar in enumerate((1, 2, 3, 4)):
-        columns = (
-            0.05 * np.arange(80),
-            bar + 0.01 * np.sin(np.arange(80)),
-            200 * THERE_AND_BACK,
-            force(bar, THERE_AND_BACK),
-        )
-        head = "Rig 7;;;\nDatum;12.03.2021;;\nZeit [s];Druck [bar];Weg [mm];Kraft [N]\n"
-        write(tmp_path / f"Messung_{number:02}.csv", columns, head, ";", ",")
-    data = drafted(tmp_path).data
-    assert (data["skip_rows"], data.get("header", 1)) == (2, 1)
-    assert data["columns"]["pressure"] == {"column": "Druck [bar]", "unit": "bar"}
-    assert data["levels"]["at"] == [100, 200, 300, 400]
-
-
-def test_a_title_that_is_missing_leaves_the_others_above_their_units(tmp_path):
-    columns = (
-        np.arange(80.0),
-        100.0 + np.arange(80) % 40,
-        THERE_AND_BACK,
-        force(2, THERE_AND_BACK),
-    )
-    write(tmp_path / "run.csv", columns, ",Druck,eps,Kraft\nNo,kPa,1,N\n")
-    told = {name: one["column"] for name, one in drafted(tmp_path).data["columns"].items()}
-    assert told == {"pressure": "Druck", "strain": "eps", "force": "Kraft"}
-
-
-def test_titles_in_a_remark_name_the_columns_by_their_places(tmp_path):
-    write(tmp_path / "pair.dat", PAIR, "# a joint\n# time pL pR theta\n", "   ")
-    draft = drafted(tmp_path)
-    told = {name: one["column"] for name, one in draft.data["columns"].items()}
-    assert told == {"time": 0, "pL": 1, "pR": 2, "theta": 3}
-    assert draft.output == "theta"
-
-
 @pytest.mark.parametrize("title", ["set_pressure_kPa", "desired", "Valve", "p_set"])
 def test_what_was_commanded_is_no_target_and_no_second_pressure(tmp_path, title):
     command = 200 + 100 * np.sin(T) * np.cos(3.1 * T)
@@ -132,22 +96,6 @@ def test_parts_of_a_clock_are_no_recordings(tmp_path):
     columns = (whole // 100, 10.0 * (whole % 100), u, np.roll(u, 3))
     write(tmp_path / "log.csv", columns, "s,ms,p [kPa],angle [deg]\n")
     assert not drafted(tmp_path).tips
-
-
-@pytest.mark.parametrize(("unit", "second"), [("nanosec", 10**9), ("usec", 10**6), ("ms", 1000)])
-def test_seconds_and_their_parts_in_two_columns_are_the_clock(tmp_path, unit, second):
-    """As ROS (sec, nanosec) and Unix (sec, usec) write it."""
-    u = 50 + 40 * np.sin(T[:600])
-    stamps = [
-        divmod((1_710_150_000 * 1000 + 370 + 20 * k) * second // 1000, second) for k in range(600)
-    ]
-    rows = zip(stamps, u, np.roll(u, 3), strict=True)
-    lines = [f"{whole},{part},{p},{angle}" for (whole, part), p, angle in rows]
-    head = f"header.stamp.sec,header.stamp.{unit},p [kPa],angle [deg]"
-    (tmp_path / "bag.csv").write_text("\n".join([head, *lines]))
-    draft = drafted(tmp_path)
-    assert draft.data["columns"]["time"]["format"].split()[0] == "s"
-    assert draft.data["resample"] == pytest.approx(0.02)
 
 
 @pytest.mark.parametrize("label", ["Count:", "Anzahl"])

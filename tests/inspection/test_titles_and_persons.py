@@ -14,7 +14,7 @@ from mapmore_cli.annexes.drafting.answers import (
     answers_of,
     read_hold,
 )
-from mapmore_cli.annexes.drafting.by_titles import kind_to_predict, known_by_titles, target_of
+from mapmore_cli.annexes.drafting.by_titles import known_by_titles
 from mapmore_cli.annexes.drafting.columns import read_titles
 from mapmore_cli.annexes.drafting.layout import Layout
 from mapmore_cli.annexes.drafting.name_numbers import numbers_in
@@ -88,37 +88,6 @@ def test_columns_are_called_by_their_titles_in_their_units(titles, names):
     told, _ = known_by_titles(table)
     shown = [f"{name}:{one.unit}{'' if one.sure else '?'}" for name, one in told.items()]
     assert " ".join(shown) == names
-
-
-@pytest.mark.parametrize(
-    ("titles", "target"),
-    [
-        ("t,P,strain,F", "force"),
-        ("t,P,x", "x"),
-        ("t,P,x_mm", "displacement"),
-        ("t,p1,p2,angle", "angle"),
-        ("t,u,y", "y"),
-        ("t,x,F", "force"),
-        ("t,P,strain,F,temperature", None),
-        ("t,compressor pressure,F", None),
-        ("t,T1,T2", None),
-        ("t,P,y,z", None),
-        ("t,p1,tip_pos_x,tip_pos_y", None),
-        ("t,cmd_kPa,P", None),
-        ("t,P,simulated force", None),
-        ("t,torque,F", None),
-        ("t,y", None),
-    ],
-)
-def test_the_target_is_what_plain_titles_leave_no_choice_of(titles, target):
-    table = table_of(titles)
-    known, _ = known_by_titles(table)
-    kinds = {
-        name: kind_to_predict(name, table[one.column])
-        for name, one in known.items()
-        if name != "time"
-    }
-    assert target_of(kinds, is_driven=False) == target
 
 
 @pytest.mark.parametrize(

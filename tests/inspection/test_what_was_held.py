@@ -6,14 +6,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from mapmore_cli.annexes.drafting.answers import Hold
 from mapmore_cli.annexes.drafting.draft import Draft
 from mapmore_cli.annexes.drafting.experiment import find_held, goes_in_cycles
-from mapmore_cli.annexes.drafting.held_out import inner, with_split
-from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.annexes.drafting.held_out import with_split
 from mapmore_cli.domain.recording import Recording
 
 T = np.arange(0, 40, 0.02)
@@ -59,45 +55,6 @@ def test_what_stays_in_each_recording_was_held(pressures, at, off):
     assert not goes_in_cycles(there, find_held(there, BOTH, None, {}))
 
 
-def test_holds_within_one_recording_are_found_where_a_person_says_so():
-    holds = np.concatenate(
-        [
-            np.concatenate([np.full(T.size, e), np.linspace(e, e + 0.1, 300)])
-            for e in (0.0, 0.1, 0.2)
-        ]
-    )[:-300]
-    loops = np.concatenate([np.concatenate([500 * LOOP, np.zeros(300)]) for _ in range(3)])[:-300]
-    recordings = [recording(time=np.arange(holds.size), pressure=loops, strain=holds)]
-    assert find_held(recordings, BOTH, None, {}) is None
-    held = find_held(recordings, BOTH, Hold("strain"), {})
-    assert (held.of, held.at) == ("strain", [0, 0.1, 0.2])
-    assert held.within < 0.02
-    assert find_held(recordings, BOTH, Hold("none"), {}) is None
-    with pytest.raises(UsageError, match="no input is called speed"):
-        find_held(recordings, BOTH, Hold("speed"), {})
-
-
-def test_a_table_without_a_clock_has_levels_that_repeat():
-    p, e = (grid.ravel() for grid in np.meshgrid([100.0, 200, 300], np.linspace(0, 0.2, 9)))
-    e = e + 1e-4 * np.arange(e.size)  # measured
-    held = find_held([recording(pressure=p, strain=e)], BOTH, None, {})
-    assert (held.of, held.at) == ("pressure", [100, 200, 300])
-
-
-def test_nothing_was_held_where_both_move_or_only_one_level_was():
-    assert find_held(strokes([500 * LOOP]), BOTH, None, {}) is None
-    assert find_held(strokes([100]), BOTH, None, {}) is None
-    assert find_held(strokes([100, 100]), BOTH, None, {}) is None
-
-
-@given(st.lists(st.floats(0, 1e3), unique=True, max_size=20).map(sorted))
-def test_held_out_levels_are_inner_ones(levels):
-    some = inner(levels)
-    assert set(some) <= set(levels[1:-1])
-    assert bool(some) == (len(levels) >= 3)
-    assert len(levels) - len(some) >= min(len(levels), 2)
-
-
 @pytest.mark.parametrize(
     ("course", "held_out"),
     [
@@ -113,3 +70,8 @@ def test_the_last_samples_are_held_out_unless_most_lie_beyond_the_others(course,
         inputs=("strain",), conditions={}, apart=(),
     )  # fmt: skip
     assert with_split(Draft({"data": {}}), done, None).data["split"] == {"validate": held_out}
+    last = with_split(Draft({"data": {}}), done, "last")
+    assert last.data["split"] == {"validate": {"last": 0.3}}
+    place = "between" if "last" in held_out else "beyond"
+    why = f"you; {place}: the last samples of every recording"
+    assert last.notes["data", "split"].why.startswith(why)
