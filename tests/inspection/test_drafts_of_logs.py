@@ -81,3 +81,16 @@ def test_a_static_response_keeps_the_unit_that_was_told(tmp_path):
 
 # What moves
 # --------------------------------------------------------------------------------------------------
+
+
+def test_a_second_log_is_shifted_if_its_changes_match_those_of_the_target(tmp_path):
+    t = 0.02 * np.arange(2400)
+    pressure = 200 + 100 * np.sign(np.sin(0.7 * t)) * np.sin(0.11 * t)
+    write(tmp_path / "tester.csv", {"Time_ms": 1000 * t, "F_N": 2 * pressure})
+    write(tmp_path / "gauge.csv", {"Time_ms": 1000 * (t + 3), "Pressure_kPa": pressure})
+    draft = drafted(tmp_path, answers=answers_of(target="force", inputs="pressure"))
+    (join,) = draft.data["join"]
+    assert (join["shift"], join["match"]) == ("auto", {"first": "force", "second": "pressure"})
+    note = draft.notes["data", "join"]
+    assert note.sure
+    assert note.why.startswith("the pressure is in a second log; shift -3")

@@ -107,7 +107,7 @@ def _clock_among(
     columns: Mapping[int, TitledColumn], table: Table
 ) -> tuple[int | None, str, str, str]:
     """Return the column that may be a clock, or that counts the rows, and the question about this
-    column. Also return two texts for the example command: an addition to `--columns`, and another
+    column. Also return two texts for the example command: the clock as a further input, and an
     option.
     """
     has_clock = any(one.is_time for one in table.values())

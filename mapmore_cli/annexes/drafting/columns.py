@@ -95,13 +95,8 @@ class TitledColumn:
         known quantity, the number of the column is appended, because the column may hold another
         quantity.
         """
-        name = self.title_as_name
+        name = name_in(self.title)
         return name if name not in ("column", *CANONICAL) else f"{name}_{self.place}"
-
-    @property
-    def title_as_name(self) -> str:
-        """The title without its unit, as a name: letters, digits and `_`."""
-        return name_in(self.title)
 
     @property
     def moves(self) -> bool:
@@ -187,15 +182,14 @@ class TitledColumn:
         """
         if self.texts:
             return NamedColumn(self.column, "1", "you; texts are numbered", texts=self.how)
-        if self.unit or name not in CANONICAL:
-            why = f"{self.source or 'title'}; {range_of(self.values, self.unit or '1')}"
-            return NamedColumn(self.column, self.unit or "1", why)
-        usual = default_unit(name) if name != "time" else unit_of_clock(self.values)
-        if usual == "1":
-            return NamedColumn(self.column, usual, f"title; {range_of(self.values)}")
+        usual = unit_of_clock(self.values) if name == "time" else default_unit(name)
+        unit = self.unit or usual
+        if self.unit or unit == "1":
+            why = f"{self.source or 'title'}; {range_of(self.values, unit)}"
+            return NamedColumn(self.column, unit, why)
         reason = "its title gives no unit" if self.title else "it always increases"
-        why = f"{reason}: is it {usual}? {range_of(self.values)}"
-        return NamedColumn(self.column, usual, why, sure=False)
+        why = f"{reason}: is it {unit}? {range_of(self.values)}"
+        return NamedColumn(self.column, unit, why, sure=False)
 
 
 TURNS = (24.0, 60.0, 1000.0, 3600.0, 86400.0)

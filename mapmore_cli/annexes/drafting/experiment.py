@@ -49,11 +49,6 @@ class Experiment:
     conditions: Conditions
     apart: Sequence[str] = ()
 
-    @property
-    def is_timed(self) -> bool:
-        """Return True if the samples have a clock."""
-        return "time" in self.recordings[0].columns
-
 
 def find_held(
     recordings: Sequence[Recording],
@@ -85,15 +80,20 @@ def find_held(
         )
     levels = {name: values for name in inputs if (values := own_levels(recordings, name))}
     is_table = "time" not in recordings[0].columns
-    if asked is None and is_table and not levels:
-        levels = {name: values for name in inputs if (values := set_values(recordings, name))}
-    if asked is None and len(levels) != 1:
-        return None
+    if asked is None:
+        if is_table and not levels:
+            levels = {name: values for name in inputs if (values := set_values(recordings, name))}
+        if len(levels) != 1:
+            return None
+        (values,) = levels.values()
+        if is_table and sum(one.rows_kept for one in recordings) < FEWEST * len(values):
+            # few samples at each value mean that the quantity moved in steps, and was not held
+            return None
     of = asked or next(iter(levels))
-    samples = sum(len(one.columns[of]) for one in recordings)
-    if asked is None and is_table and samples < FEWEST * len(levels[of]):
-        # few samples at each value mean that the quantity moved in steps, and was not held
-        return None
+    at, within = levels.get(of, []), None
+    if not at:
+        at = find_levels(np.concatenate([one.columns[of] for one in recordings])).tolist()
+        within = two_digits(NEAR * 2 * default_within(np.array(at))) if len(at) > 1 else None
     swept = next((name for name in inputs if name not in (of, *levels)), None)
     at, within = levels.get(of, []), None
     if not at:
@@ -120,8 +120,8 @@ def own_levels(recordings: Sequence[Recording], name: str) -> list[float] | None
     gaps, widths = lows[1:] - highs[:-1], highs - lows
     if not gaps.size or 2 * gaps.min() <= widths.max():
         return None
-    middles = zip((lows + widths / 2).tolist(), (widths / 4).tolist(), strict=True)
-    return [_neat(middle, scatter) for middle, scatter in middles]
+    ends_of_levels = zip(lows.tolist(), highs.tolist(), strict=True)
+    return [_neat((low + high) / 2, (high - low) / 4) for low, high in ends_of_levels]
 
 
 def _neat(middle: float, scatter: float) -> float:

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import pairwise, takewhile, zip_longest
+from itertools import pairwise, takewhile
 from typing import Any
 
 from mapmore_cli.annexes.drafting.first_lines import COMMENT
@@ -89,16 +89,9 @@ class FoundTable:
         others = [lines[line] for line in sorted(lines) if line != titled]
         units = next(filter(self.holds_units, others), [])
         width = 1 + max([*self.numeric, *(place for place, title in enumerate(titles) if title)])
-        titles = [*titles, *[""] * width][:width]
-        pairs = [*zip_longest(self.top.units, units, fillvalue=""), *[("", "")] * width][:width]
-        spelt = [_without_brackets(own or unit) for own, unit in pairs]
-        for place in self.numeric:
-            if stamp_of(str(self.columns[place][0]).strip()) is not None:
-                spelt[place] = "s"  # time stamps are read in seconds, whatever stands above them
-        header, skipped = 0, self.first
-        if titled is not None and len(self.rows[titled]) <= self.wide:
-            filled = [at for at in range(titled, self.first) if nonempty(self.rows[at])]
-            header, skipped = filled[-1] - titled + 1, titled
+        titles = _padded(titles, width)
+        spelt = self._units(_padded(self.top.units, width), _padded(units, width))
+        header, skipped = self._header(titled)
         settings = dict(self.top.settings)
         if not self.top.addresses:
             settings |= {} if header == 1 else {"header": header or False}
@@ -107,7 +100,7 @@ class FoundTable:
         columns = [title if counts[title] == 1 else at for at, title in enumerate(titles)]
         if header and titled is not None:
             words = {at: line for at, line in lines.items() if line != units}
-            titles = _told_apart(titles, words, titled)
+            titles = _told_apart(titles, counts, words, titled)
         return Layout(
             reader,
             self.top.addresses or tuple(columns),
@@ -116,6 +109,25 @@ class FoundTable:
             tuple(spelt) if any(spelt) else (),
             self.numeric,
         )
+
+    def _units(self, own: Sequence[str], written: Sequence[str]) -> list[str]:
+        """Return the unit of each column: its `own` unit if the file stores one, otherwise the unit
+        in the line of units. Time stamps are read in seconds, whatever stands above them.
+        """
+        units = [_without_brackets(unit or line) for unit, line in zip(own, written, strict=True)]
+        for place in self.numeric:
+            if stamp_of(str(self.columns[place][0]).strip()) is not None:
+                units[place] = "s"
+        return units
+
+    def _header(self, titled: int | None) -> tuple[int, int]:
+        """Return the number of lines in the header, and the number of lines above the header. A
+        line of titles that is wider than the table is no header, because it is a remark.
+        """
+        if titled is None or len(self.rows[titled]) > self.wide:
+            return 0, self.first
+        last = max(at for at in range(titled, self.first) if nonempty(self.rows[at]))
+        return last - titled + 1, titled
 
     def holds_units(self, line: Sequence[str]) -> bool:
         """Return True for a line of units. Cells above empty columns are ignored, because they may
@@ -235,20 +247,27 @@ def _labelled_lines(rows: Sequence[Row], wide: int, top: Top) -> list[Row]:
 
 
 def _told_apart(
-    titles: Sequence[str], lines: Mapping[int, Sequence[str]], titled: int
+    titles: Sequence[str],
+    counts: Mapping[str, int],
+    lines: Mapping[int, Sequence[str]],
+    titled: int,
 ) -> list[str]:
-    """Return titles that are unique as far as possible. A title that occurs several times is
+    """Return titles that are unique as far as possible. A title with a count above one is
     replaced by the words of all header `lines` in its column. An empty title is replaced by the
     words below the line of titles, which has the index `titled`. Words above the line of titles are
     not used for that, because they may be about the whole file.
     """
-    counts = Counter(filter(None, titles))
     whole = list[str]()
     for place, title in enumerate(titles):
         words = (lines[at][place : place + 1] for at in sorted(lines) if title or at > titled)
         parts = dict.fromkeys(part for cells in words for part in cells if part)
         whole.append(title if counts[title] == 1 else " ".join(parts))
     return whole
+
+
+def _padded(cells: Sequence[str], width: int) -> list[str]:
+    """Return `width` cells; missing cells are empty."""
+    return [*cells, *[""] * width][:width]
 
 
 def _steps_of(cells: Sequence[Any], is_number: Callable[[Any], bool]) -> list[float]:

@@ -60,11 +60,9 @@ class Condition:
     def in_model_units(self) -> list[float]:
         """The values in the unit of the model."""
         unit = CANONICAL.get(self.quantity, self.unit)
-        written = self.unit or unit
-        return [
-            float(f"{convert(value, written, unit):.12g}") if unit else value
-            for value in self.values
-        ]
+        if not self.unit or not unit:
+            return [*self.values]
+        return [float(f"{convert(value, self.unit, unit):.12g}") for value in self.values]
 
 
 def stem_of(name: str) -> str:

@@ -15,7 +15,7 @@ from mapmore_cli.annexes.drafting.by_titles import known_by_titles
 from mapmore_cli.annexes.drafting.checked import checked
 from mapmore_cli.annexes.drafting.cleaning import cleaned
 from mapmore_cli.annexes.drafting.columns import Table
-from mapmore_cli.annexes.drafting.draft import Draft, Named
+from mapmore_cli.annexes.drafting.draft import Draft, Named, NamedColumn
 from mapmore_cli.annexes.drafting.experiment import Experiment, find_held
 from mapmore_cli.annexes.drafting.finding import find
 from mapmore_cli.annexes.drafting.held_out import LAST_SAMPLES, WHOLE
@@ -49,11 +49,10 @@ def propose(
         If the recordings cannot be read, or if `check` finds an error in them.
     """
     table = split_by(table_of(study, folder), answers.recordings)
-    beside: Named = {}
+    answers, beside = _with_measured_strain(answers, table), dict[str, NamedColumn]()
     if second is not None:
         columns, beside = _shared_out(answers.columns, table)
         answers = replace(answers, columns=columns)
-    answers = replace(answers, inputs=_measured_strain(answers, table))
     if second is not None and answers.inputs is not None:
         inputs, in_second = _shared_out(answers.inputs, table)
         answers, beside = replace(answers, inputs=inputs), beside | in_second
@@ -80,19 +79,19 @@ def _shared_out(columns: Named, table: Table) -> tuple[Named, Named]:
     return here, {name: one for name, one in columns.items() if name not in here}
 
 
-def _measured_strain(answers: Answers, table: Table) -> Named | None:
-    """Return the inputs. An input `strain` that no column has is replaced by the measured length or
-    displacement, from which `with_strain` computes the strain.
+def _with_measured_strain(answers: Answers, table: Table) -> Answers:
+    """Return the answers. An input `strain` that no column has is replaced by the measured length
+    or displacement, from which `with_strain` computes the strain.
     """
-    inputs, known = answers.inputs, known_by_titles(table)[0] | answers.columns
+    inputs = dict(answers.inputs or {})
+    strain = inputs.pop("strain", None)
+    if strain is None or answers.length is None or not strain.refers_to("strain"):
+        return answers
+    known = known_by_titles(table)[0] | answers.columns
     measured = next((name for name in ("length", "displacement") if name in known), None)
-    if inputs is None or answers.length is None or measured is None or "strain" in known:
-        return inputs
-    strain = inputs.get("strain")
-    if strain is None or not strain.refers_to("strain"):
-        return inputs
-    others = {name: column for name, column in inputs.items() if name != "strain"}
-    return {**others, measured: known[measured]}
+    if measured is None or "strain" in known:
+        return answers
+    return replace(answers, inputs={**inputs, measured: known[measured]})
 
 
 @dataclass(frozen=True)
@@ -119,8 +118,7 @@ class _Proposal:
         if second is not None and "pressure" not in self.known.columns:
             draft = with_second_log(draft, second, self.folder, target, beside)
         draft = self._with_experiment(draft, target)
-        tips = (*self._tips(), *self._tip_on_clock(draft), *draft.tips)
-        return replace(draft, tips=tips)
+        return replace(draft, tips=(*self._tips(draft), *draft.tips))
 
     def _with_files(self) -> Draft:
         """Return a draft with the files, the time between samples and the groups."""
@@ -168,9 +166,10 @@ class _Proposal:
         line = [{"polynomial": {"of": inputs[:1], "order": 1}}]
         return checked(whole, (simple, simple.with_section("dictionary", line)), folder)
 
-    def _tips(self) -> Iterator[str]:
+    def _tips(self, draft: Draft) -> Iterator[str]:
         """Yield tips on further options: for rows that are no samples, for a column whose blocks of
-        equal values may be recordings, and for numbers in names that may be levels.
+        equal values may be recordings, for numbers in names that may be levels, and for the time
+        between samples of long recordings that have neither a clock nor levels.
         """
         answers, known = self.answers, self.known
         named = {**answers.columns, **(answers.inputs or {})}
@@ -195,20 +194,14 @@ class _Proposal:
                 )
         if not answers.hold:
             yield from offers_of(self.study.names)
-
-    def _tip_on_clock(self, draft: Draft) -> Iterator[str]:
-        """Yield a tip on the time between samples, for long recordings that have neither a clock
-        nor levels.
-        """
-        has_clock = "time" in draft.data["columns"] or "sample_time" in draft.data
         rows = max((len(x) for one in self.table.values() for x in one.values), default=0)
-        if has_clock or self.answers.no_clock or "levels" in draft.data or rows < FEWEST:
-            return
-        yield (
-            "no column is a clock, so the order of the rows is not used; if the time from row to "
-            "row is constant, write it, for example `--sample-time 10ms`, so that the model may "
-            "have memory; otherwise write `--no-clock`"
-        )
+        has_clock = "time" in draft.data["columns"] or "sample_time" in draft.data
+        if not has_clock and not answers.no_clock and "levels" not in draft.data and rows >= FEWEST:
+            yield (
+                "no column is a clock, so the order of the rows is not used; if the time from row "
+                "to row is constant, write it, for example `--sample-time 10ms`, so that the model "
+                "may have memory; otherwise write `--no-clock`"
+            )
 
 
 def _with_sessions(draft: Draft, apart: Unequal | None, group: str | None) -> Draft:

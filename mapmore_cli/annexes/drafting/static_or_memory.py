@@ -45,7 +45,7 @@ def with_experiment(
     held, target, recordings = done.held, done.target, done.recordings
     samples = sum(one.rows_kept for one in recordings)
     is_static = _is_at_rest(done) if held is None else held.why == "you" or target == "force"
-    if not is_static and done.is_timed and samples >= FEWEST:
+    if not is_static and "time" in recordings[0].columns and samples >= FEWEST:
         draft = _as_memory_study(draft, recordings).with_section("target", target)
         if "gaps" in draft.data:  # read again, because each piece of a recording has its own id
             done = replace(done, recordings=read(draft))

@@ -16,6 +16,7 @@ from mapmore_cli.annexes.drafting.first_lines import HEAD, comment_among, kinds_
 from mapmore_cli.annexes.drafting.layout import Layout
 from mapmore_cli.annexes.drafting.names import stem_of
 from mapmore_cli.annexes.drafting.preview import preview
+from mapmore_cli.annexes.drafting.titles import name_in
 from mapmore_cli.checking.names import read_label
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.ingestion.files import relative_name
@@ -131,19 +132,16 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
     readable = [file for file in every if file == path or reader_of(file) is not None]
     copies = _copies(readable)  # only files that can be read are compared with their copies
     layouts, faults = _layouts_of([file for file in readable if file not in copies])
-    reasons = {
-        **{file: why for file in {*every} - {*readable} if (why := unread(file))},
+    bad = {
         **{file: f"{file.name}: has the same contents as {copies[file].name}" for file in copies},
         **faults,
     }
-    bad = {
-        **dict.fromkeys(copies, "has the same contents as another file"),
-        **dict.fromkeys(faults, "holds no table that could be read"),
-    }
+    others = {file: why for file in {*every} - {*readable} if (why := unread(file))}
     studies = [replace(one, bad=bad) for one in _joined(layouts)]
     studies.sort(key=lambda study: (-len(study.files), study.files[0]))
     folders = [study.folder for study in studies]
     named = [replace(one, name=_name(one, folders.count(one.folder) == 1)) for one in studies]
+    reasons = bad | others
     return named, [reasons[file] for file in every if file in reasons]
 
 
@@ -211,7 +209,7 @@ def _identities(layout: Layout) -> dict[Column, Identity]:
     columns = [one for one in read_titles(layout, {}).values() if one.place in layout.numeric]
     identities: list[Identity] = [
         (
-            one.title_as_name,
+            name_in(one.title),
             one.quantity,
             one.unit if one.quantity not in CANONICAL else bool(one.unit),
         )

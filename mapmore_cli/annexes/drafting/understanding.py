@@ -51,29 +51,18 @@ class Understood:
     group: str | None
     apart: list[str]
 
-    @property
-    def drives(self) -> list[str]:
-        """Names of the inputs, including those whose values are in names of files."""
-        return [*self.inputs, *(one.quantity for one in self.conditions)]
-
-    def without_others(self, target: str) -> Named:
-        """Return the columns of the study, except the targets other than `target`."""
-        others = {*self.targets} - {target}
-        return {name: one for name, one in self.columns.items() if name not in others}
-
     def drive_called(self, said: str, table: Table, option: str) -> str:
         """Return the name of the input that a person means by a name, a title or a number. Raises
         UsageError if there is none.
         """
-        if said in self.drives:
+        drives = [*self.inputs, *(one.quantity for one in self.conditions)]
+        if said in drives:
             return said
         column = find(table, address(said), option).column
-        names = [name for name in self.inputs if self.columns[name].column == column]
-        if not names:
-            raise UsageError(
-                f"{option}: {said} is not an input", f"name one of {', '.join(self.drives)}"
-            )
-        return names[0]
+        for name in self.inputs:
+            if self.columns[name].column == column:
+                return name
+        raise UsageError(f"{option}: {said} is not an input", f"name one of {', '.join(drives)}")
 
 
 def understood(
