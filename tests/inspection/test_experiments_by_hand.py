@@ -165,6 +165,25 @@ def test_recordings_of_one_file_and_pieces_of_a_log_are_held_out_whole():
         assert draft.data["split"] == {"validate": {"last": 0.3}}
 
 
+@pytest.mark.parametrize(
+    ("course", "held_out"),
+    [
+        (np.append(np.arange(51), np.arange(49)[::-1]), {"last": 0.3}),
+        (np.append(np.arange(85), np.full(15, 60)), {"last": 0.3}),  # half of the last 30 goes on
+        (np.append(np.arange(86), np.full(14, 60)), {"fraction": 0.2, "seed": 1}),
+        (np.repeat([0, 1, 2, 3], 25), {"strain": [2]}),  # most of the last 30 have a new value
+    ],
+)
+def test_the_last_samples_are_held_out_unless_most_lie_beyond_the_others(course, held_out):
+    done = experiment(recording(strain=course), inputs=("strain",))
+    assert with_split(BARE, done, None).data["split"] == {"validate": held_out}
+    last = with_split(BARE, done, "last")
+    assert last.data["split"] == {"validate": {"last": 0.3}}
+    place = "between" if "last" in held_out else "beyond"
+    why = f"you; {place}: the last samples of every recording"
+    assert last.notes["data", "split"].why.startswith(why)
+
+
 # Static or with memory
 # --------------------------------------------------------------------------------------------------
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 import h5py
 import numpy as np
 import pytest
-from recorded import drafted, tree, workbook
+from recorded import drafted, workbook
 from scipy.io import savemat
 from test_lvm_reader import FIRST, HEAD
 
@@ -238,6 +238,17 @@ def test_columns_of_an_hdf5_file(tmp_path, arrays, columns, settings):
     assert (found.columns, found.settings) == (columns, settings)
 
 
+def test_groups_with_equal_columns_are_recordings_with_their_sample_time(tmp_path):
+    columns = {name: x for name, x in COLUMNS.items() if name != "time_s"}
+    runs = {f"run_{k}/{name}": k * x for k in (1, 2, 10) for name, x in columns.items()}
+    hdf5(tmp_path / "a.h5", **runs, **{f"run_{k}/fs": 50.0 for k in (1, 2, 10)})
+    draft = drafted(tmp_path)
+    assert (draft.data["root"], draft.data["sample_time"]) == ("[*]", 0.02)
+    assert draft.notes["data", "sample_time"].why == "s: as the file says"
+    recordings = read_draft(draft, tmp_path, "force").recordings
+    assert [one.columns["pressure"][0] for one in recordings] == [100, 200, 1000]
+
+
 def test_links_in_circles_end(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         run = file.create_group("run")
@@ -290,32 +301,6 @@ def test_labview_texts_are_known_by_how_they_begin_and_archives_by_their_arrays(
     assert (found.columns, found.units) == (("X_Value", "P", "F", "Comment"), ("s", "kPa", "N", ""))
     np.savez(tmp_path / "a.npz", **{"P [kPa]": T, "y": np.column_stack([T, T]), "who": "me"})
     assert preview(tmp_path / "a.npz").columns == ("P [kPa]", "y[:,0]", "y[:,1]")
-
-
-@pytest.mark.parametrize(
-    ("suffix", "word"),
-    [("h5", "run_{}"), ("h5", "Run.{}"), ("mat", "run_{}"), ("tdms", "run_{}"), ("tdms", "Run.{}")],
-)
-def test_groups_of_a_tree_are_recordings_in_the_order_of_their_numbers(tmp_path, suffix, word):
-    """Also where something of another kind lies beside them; the sample time stands for a clock."""
-    levels = [100, 200, 1000]
-    runs = {
-        word.format(level // 100): COLUMNS | {"P_kPa": np.full(N, float(level))} for level in levels
-    }
-    tree(
-        tmp_path / f"a.{suffix}",
-        {
-            name: {title: run[title] for title in ("P_kPa", "eps", "F_N")}
-            for name, run in runs.items()
-        },
-    )
-    draft = drafted(tmp_path)
-    assert (draft.data["root"], draft.data["sample_time"]) == ("[*]", 0.02)
-    assert draft.data["columns"]["force"] == {"column": "F_N", "unit": "N"}
-    assert draft.data["levels"] == {"of": "pressure", "at": levels}
-    recordings = read_draft(draft, tmp_path, "force").recordings
-    assert len({one.id for one in recordings if one.rows_kept == N}) == 3
-    assert [one.columns["pressure"][0] for one in recordings] == levels
 
 
 @pytest.mark.parametrize("content", [{"x": 1.0}, {"who": "me"}, {"only": T}])
