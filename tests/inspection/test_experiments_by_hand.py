@@ -130,12 +130,9 @@ SET = experiment(*logs(4), conditions={"c": [3, 1, 1, 2]})
         (experiment(*logs(6)), None, {"recordings": ["r1", "r4"]}),
         (experiment(*logs(2)), "recordings", {"recordings": ["r1"]}),
         (experiment(*logs(3)), "last", {"last": 0.3}),
-        (experiment(*logs(4), conditions={"c": [3, 1, 1, 2]}), None, {"c": [2]}),
-        (
-            experiment(*logs(4), conditions={"c": [3, 1, 1, 2]}),
-            "u",
-            {"u": {"between": [[2.0, 3.4]]}},
-        ),
+        (SET, None, {"c": [2]}),
+        (SET, "u", {"u": {"between": [[2.0, 3.4]]}}),
+        (replace(SET, conditions={"c": [1, 1, 2, 2]}), "c", None),
         (experiment(*logs(3, c=1)), "c", None),  # the band has no width
         (experiment(*logs(1)), "recordings", None),
     ],

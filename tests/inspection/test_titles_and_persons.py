@@ -103,6 +103,8 @@ def test_targets_and_inputs_are_named_by_titles_words_or_places(tmp_path, target
     """A CSV written by pandas has an empty first title; it hid all others."""
     rows = (np.arange(400), *WAVES[:3])
     write(tmp_path / "a.csv", rows, ",Motor position,Tip z,Q\n,,mm,\n")
+    with pytest.raises(UsageError, match="--columns: no column of numbers is called Mtr"):
+        drafted(tmp_path, answers=answers_of(columns="motor=Mtr:mm,tip=Tip z:mm", target="tip"))
     if inputs == "Motor position,2":
         with pytest.raises(UsageError, match="no column of numbers"):
             drafted(tmp_path, answers=answers_of(target="Tip", inputs="motor,lever"))

@@ -16,7 +16,6 @@ def find(table: Table, wanted: Column, option: str, texts: bool = False) -> Titl
 
     Raises UsageError with a list of the columns if there is none, or if there are several.
     """
-    numbers = [one for one in table.values() if one.values or (texts and one.texts)]
     rules: list[Callable[[TitledColumn], bool]] = [
         lambda one: one.column == wanted,
         lambda one: one.place == wanted,
@@ -28,11 +27,10 @@ def find(table: Table, wanted: Column, option: str, texts: bool = False) -> Titl
             lambda one: bool(parts) and {*parts} <= {*words(one.title)},
             lambda one: one.name == wanted,
         ]
-    near = next(filter(None, ([*filter(rule, numbers)] for rule in rules)), [])
-    empty = next(
-        (one for one in table.values() if not near and any(rule(one) for rule in rules)), None
-    )
-    if texts and empty is not None:
+    usable = [one for one in table.values() if one.values or (texts and one.texts)]
+    near = next(filter(None, ([*filter(rule, usable)] for rule in rules)), [])
+    empty = next((one for one in table.values() if any(rule(one) for rule in rules)), None)
+    if texts and not near and empty is not None:
         raise UsageError(
             f"{option}: {empty.called} has no numbers, and no text of it stands in several rows",
             "fill the empty cells: write each text into every row that it describes (`init` does "
@@ -41,7 +39,7 @@ def find(table: Table, wanted: Column, option: str, texts: bool = False) -> Titl
     if len(near) != 1:
         kind = "" if texts else " of numbers"
         problem = "several columns are" if near else f"no column{kind} is"
-        several = ", ".join(one.called for one in near or numbers)
+        several = ", ".join(one.called for one in near or usable)
         raise UsageError(
             f"{option}: {problem} called {wanted}",
             f"give the title or the number of one of these: {several}",

@@ -111,7 +111,7 @@ def _beyond(done: Experiment) -> list[str]:
         before = np.concatenate([x[:end] for x, end in zip(series, ends, strict=True)])
         last = np.concatenate([x[end:] for x, end in zip(series, ends, strict=True)])
         outside = (last < before.min()) | (last > before.max())
-        names += [name] if outside.size and np.mean(outside) > 0.5 else []
+        names += [name] if 2 * np.count_nonzero(outside) > outside.size else []
     return names
 
 

@@ -15,7 +15,7 @@ from mapmore_cli.annexes.drafting.by_titles import known_by_titles
 from mapmore_cli.annexes.drafting.checked import checked
 from mapmore_cli.annexes.drafting.cleaning import cleaned
 from mapmore_cli.annexes.drafting.columns import Table
-from mapmore_cli.annexes.drafting.draft import Draft, Named, NamedColumn
+from mapmore_cli.annexes.drafting.draft import Draft, Named
 from mapmore_cli.annexes.drafting.experiment import Experiment, find_held
 from mapmore_cli.annexes.drafting.finding import find
 from mapmore_cli.annexes.drafting.held_out import LAST_SAMPLES, WHOLE
@@ -49,13 +49,13 @@ def propose(
         If the recordings cannot be read, or if `check` finds an error in them.
     """
     table = split_by(table_of(study, folder), answers.recordings)
-    answers, beside = _with_measured_strain(answers, table), dict[str, NamedColumn]()
+    answers = _with_measured_strain(answers, table)
+    beside: Named = {}
     if second is not None:
         columns, beside = _shared_out(answers.columns, table)
-        answers = replace(answers, columns=columns)
-    if second is not None and answers.inputs is not None:
-        inputs, in_second = _shared_out(answers.inputs, table)
-        answers, beside = replace(answers, inputs=inputs), beside | in_second
+        inputs, in_second = _shared_out(answers.inputs or {}, table)
+        beside |= in_second
+        answers = replace(answers, columns=columns, inputs=answers.inputs and inputs)
     view = partial(understood, study, table, path=path, is_driven=second is not None)
     if ask is not None:
         answers = interview(table, study.names, view, answers, ask)

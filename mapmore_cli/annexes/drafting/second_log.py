@@ -72,7 +72,8 @@ def with_second_log(draft: Draft, second: Study, folder: Path, target: str, said
         notes = read_draft(lenient(draft.with_data("join", [entry])), folder, target).notes
         how_shifted = next((note for note in notes if ": shift " in note), "").partition(": ")[2]
     except DataError:  # no shift was found: a log never changes, or several shifts fit
-        entry = {key: value for key, value in entry.items() if key != "match"} | {"shift": 0.0}
+        del entry["match"]
+        entry["shift"] = 0.0
         how_shifted, sure = "do both logs have the same clock?", False
     return draft.with_data(
         "join",

@@ -71,7 +71,11 @@ def start(
         if study in seconds:
             continue
         label = f"{study.name} ({study})"
-        if why := _why_not_tried(study, studies[0], answers, is_enough=bool(drafts) and is_single):
+        why = "another study" if drafts and is_single else ""
+        if study is not studies[0] and answers.has_places:
+            first = studies[0].files[0].name
+            why = f"another layout; the numbers of columns that you give belong to {first}"
+        if why:
             remarks.append(f"{label}: {why}; call `mapmore init` with its files alone")
             continue
         if name is not None:
@@ -101,15 +105,6 @@ def _with_own_names(studies: Sequence[Study]) -> list[Study]:
         for place, name in enumerate(names)
     ]
     return [replace(study, name=label) for study, label in zip(studies, labels, strict=True)]
-
-
-def _why_not_tried(study: Study, first: Study, answers: Answers, is_enough: bool) -> str:
-    """Return the reason why no draft of a study is tried; empty if it is tried."""
-    if study is not first and answers.has_places:
-        return (
-            f"another layout; the numbers of columns that you give belong to {first.files[0].name}"
-        )
-    return "another study" if is_enough else ""
 
 
 def _refuse_all(

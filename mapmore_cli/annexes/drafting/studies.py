@@ -105,8 +105,7 @@ class Study:
         names = []
         for file, place in self.parts:
             titles = dict(zip(self.layout.tables, self.above[file], strict=True))
-            title = titles.get(place.get("table", 0), "")
-            title = title or (place.get("sheet", "") if is_one else "")
+            title = titles.get(place.get("table", 0), "") or (place.get("sheet") if is_one else "")
             names.append(title if is_one and title else f"{stems[file]} {title}".strip())
         return names
 
