@@ -125,6 +125,7 @@ def test_parts_of_a_clock_stay_below_their_turns():
         assert [*units] == (["min", "s"] if title == "time hh" else [])
     # the seconds of a minute are not those of an hour
     assert not clock_in_parts({name: table[name] for name in ("time hh", "time ss")})
+    assert not clock_in_parts(table | {"time ss": column(seconds[1:] % 60, title="time ss")})
     # no part starts again
     assert not clock_in_parts({name: column([0, 0, 1], title=name) for name in table})
 

@@ -285,6 +285,18 @@ def test_a_layout_is_described_by_some_of_its_files(tmp_path):
     assert patterns(study.files, tmp_path) == ["rig/run*.csv"]
 
 
+def test_a_study_is_called_like_its_folder_or_by_words_in_the_names_of_its_files(tmp_path):
+    values = np.arange(40.0)
+    for number in range(4):
+        columns = {"P [kPa]": values + number, "F [N]": values**2}
+        write(tmp_path / f"arm 7/left_pull_{number}.csv", columns)
+    names = [one.name for one in find_studies(tmp_path)[0]]
+    write(tmp_path / "arm 7/left_push_1.csv", {"a": values, "b": values, "c": values})
+    write(tmp_path / "arm 7/x.csv", {"d": values, "e": values**2})
+    names += [one.name for one in find_studies(tmp_path)[0]]
+    assert names == ["arm-7", "left_pull", "left_push_1", "x"]
+
+
 def test_a_second_log_is_the_only_layout_with_a_pressure_and_as_many_files(tmp_path):
     def study(*titles, files=1, folder="a"):
         paths = tuple(tmp_path / folder / f"{titles}{k}" for k in range(files))

@@ -128,6 +128,14 @@ def test_a_line_of_units_that_has_a_one_and_words_beside_numbers(tmp_path):
     assert (layout.columns, layout.titles, layout.units) == ((0, 1), ("t", "P"), ("s", "kPa"))
 
 
+def test_tables_below_each_other_differ_in_their_titles_or_their_number_of_columns(tmp_path):
+    path, rows = tmp_path / "a.csv", "".join(f"{k},{k * k}\n" for k in range(30))
+    path.write_text(f"{rows}\n{rows}\n1,2,3\n4,5,6\n")
+    assert (preview(path).tables, preview(path).left) == ((1, 2), ("table 3 (3 columns)",))
+    path.write_text(f"a,b\n{rows}# x,y\n{rows}")  # a comment is no header
+    assert preview(path).tables == ()
+
+
 @pytest.mark.parametrize("name", ["a.zip", "a.MF4", "a.ndjson", "a.npy", "a.pkl", "a.bag"])
 def test_what_no_reader_takes_is_named_with_what_to_do(tmp_path, name):
     (tmp_path / name).write_bytes(b"x")

@@ -25,10 +25,13 @@ def numbered_groups(names: Sequence[str], group: str) -> Condition:
 
 
 def group_words(names: Sequence[str], group: str) -> list[str]:
-    """Return the text of each name that distinguishes groups: the number or letter after the word
-    `group`, or the number after its first letter, such as `s1` for a sample. Without such a number
-    or letter, the text is the words of the name, including specimens and sizes such as `10cm`, but
-    without other numbers. In a name without words, the text is the whole name.
+    """Return, for each name, the text that distinguishes its group. The first of these texts is
+    returned that no name lacks, and that is not the same in all names:
+
+    - the number or letter after the word `group`;
+    - the number after the first letter of `group`, for example `1` in `s1` for the group `sample`;
+    - the name without its numbers, except for specimens and for sizes such as `10cm`;
+    - the whole name.
     """
     behind = re.compile(
         rf"{re.escape(group)}\w*?[\s_#=.-]*(\d+|[A-Za-z])(?![^\W\d_])", re.IGNORECASE

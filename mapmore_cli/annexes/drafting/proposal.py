@@ -137,7 +137,7 @@ class _Proposal:
 
     def _with_experiment(self, draft: Draft, target: str) -> Draft:
         """Return the draft with the settings that its recordings need, and with its target, levels
-        and held-out data. `check` finds no error in it that a simpler draft does not have.
+        and held-out data. If `check` finds an error in this draft, a simpler draft is returned.
         """
         answers, known, folder = self.answers, self.known, self.folder
         in_names = {one.quantity: one.in_model_units for one in known.conditions}

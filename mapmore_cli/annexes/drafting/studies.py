@@ -195,7 +195,9 @@ def _with_comments(layout: Layout, files: Sequence[Path]) -> Layout:
 
 
 Identity = tuple[str | int, ...]
-"""What is equal in the titles of a column in all files of a study."""
+"""The name, the quantity and the unit of a column, as far as they are equal in all files of a
+study.
+"""
 
 
 def _identities(layout: Layout) -> dict[Column, Identity]:
@@ -258,8 +260,8 @@ def _is_own(file: Path, folder: Path) -> bool:
 
 
 def _name(study: Study, alone: bool) -> str:
-    """Return a name for a study: the name of the folder if it contains no other study, otherwise
-    the words that all names of its files share.
+    """Return a name for a study: the words that all names of its files share, or the name of the
+    folder if there are none, or if the study is `alone` in the folder and has several files.
     """
     stems = [re.split(r"[_\s/]+", stem_of(file.name)) for file in study.files]
     common = [words[0] for words in zip(*stems, strict=False) if len(set(words)) == 1]
