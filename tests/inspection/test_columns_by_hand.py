@@ -508,7 +508,12 @@ def test_titles_and_units_of_files(title, line, quantity, unit, source):
 @pytest.mark.parametrize(
     ("title", "name"),
     [
-        *(("Angle_deg", "Angle"), ("angle [deg]", "angle"), ("s[12]", "s_12"), ("9", "column_9")),
+        *(
+            ("Angle_deg", "Angle"),
+            ("angle [deg]", "angle"),
+            ("s[12]", "s_12"),
+            ("9 a", "column_9_a"),
+        ),
         *(("", "column_3"), ("time", "time_3"), ("a" * 41, "a" * 40), ("strain", "strain_3")),
     ],
 )
@@ -596,3 +601,5 @@ def test_a_name_without_a_number_means_zero():
     assert (found.values, found.sure) == ((2, 5, 0), False)
     assert "0 for 'empty', which has no number" in found.why
     assert told_by_names(["a", "b"], Hold("none")) == ([], [])
+    with pytest.raises(UsageError, match="no number in the names"):  # it is equal in all names
+        told_by_names(["k3_a", "k3_b"], Hold("k"))

@@ -124,16 +124,6 @@ def test_the_held_strain_in_the_names_of_files(tmp_path):
     assert "numbers not used: run 1" in draft.text()
 
 
-def test_files_of_one_layout_are_one_study_and_others_another(tmp_path):
-    for name, percent in (("left/pull", 1.0), ("right/slow_pull", 0.9)):
-        isobaric(tmp_path / "rig", name + "_{:g}.csv", percent)
-    write(tmp_path / "rig" / "lift.csv", {"t_s": T, "P_bar": 3 * LOOP, "x_mm": 8 * LOOP**2})
-    one, other = drafts(tmp_path)
-    assert one.files == 8
-    assert one.data["files"] == ["rig/*/*.csv"]
-    assert other.name == "lift"
-
-
 def test_one_folder_a_test_is_one_study(tmp_path):
     """Each folder was a study of one recording."""
     for k, stamp in enumerate(("2031-05-04_101112_run", "2031-05-04_101305_run", "test_9")):

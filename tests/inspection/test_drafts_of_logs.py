@@ -69,20 +69,6 @@ def test_a_log_whose_clock_is_none_cannot_be_joined(untried, log, stamps, told):
     assert told in (caught.value.remedy or "")
 
 
-def test_a_static_response_keeps_the_unit_that_was_told(tmp_path):
-    write(tmp_path / "bend.csv", {"P": 100 * DRIVE[:150], "b": np.tanh(DRIVE[:150])})
-    draft = drafted(
-        tmp_path,
-        answers=answers_of(columns="pressure=P:kPa,bend=b:mm", target="bend"),
-    )
-    assert draft.spec["units"] == {"bend": "mm"}
-    assert draft.text().count("made plain") == 0
-
-
-# What moves
-# --------------------------------------------------------------------------------------------------
-
-
 def test_a_second_log_is_shifted_if_its_changes_match_those_of_the_target(tmp_path):
     t = 0.02 * np.arange(2400)
     pressure = 200 + 100 * np.sign(np.sin(0.7 * t)) * np.sin(0.11 * t)

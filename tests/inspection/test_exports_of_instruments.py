@@ -95,9 +95,10 @@ def test_a_text_applies_to_the_empty_cells_below_it(tmp_path, is_merged):
     assert [one.rows_kept for one in found] == [30] * 3
 
 
-def test_a_remark_in_a_row_names_no_recordings(tmp_path):
+@pytest.mark.parametrize("place", [0, 40])
+def test_a_remark_in_a_row_names_no_recordings(tmp_path, place):
     lines = rows(P, X).splitlines()
-    lines = [f"{'bubble' if at == 40 else ''},{line}" for at, line in enumerate(lines)]
+    lines = [f"{'bubble' if at == place else ''},{line}" for at, line in enumerate(lines)]
     (tmp_path / "a.csv").write_text("\n".join(["Remark,P [kPa],x [mm]", *lines]))
     with pytest.raises(UsageError, match="Remark has no numbers, and no text"):
         drafted(tmp_path, answers=answers_of(target="x", inputs="P", recordings="Remark"))

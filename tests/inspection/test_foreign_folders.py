@@ -97,24 +97,6 @@ def test_rows_of_means_are_told(tmp_path):
 # --------------------------------------------------------------------------------------------------
 
 
-def test_files_with_other_units_are_one_study(tmp_path):
-    """Of two thirds in bar and one in kPa, all are read, each in its unit."""
-    eps = 10 + 5 * np.sin(0.7 * LONG)
-    for number, unit in enumerate(["bar", "bar", "kPa"]):
-        bar = 2 + np.cos(0.1 * LONG + number)
-        force = 50 * bar - eps**2 / 9
-        scale = 100 if unit == "kPa" else 1
-        columns = {f"P [{unit}]": scale * bar, "strain [%]": eps, "F [N]": force}
-        write(tmp_path / f"log{number}.csv", columns)
-    draft = drafted(tmp_path)
-    read = dataset_of(draft, tmp_path).recordings
-    assert [float(one.columns["pressure"].max()) for one in read] == pytest.approx(
-        [300] * 3, rel=0.01
-    )
-    assert "1 of 3 files have other names or units" in draft.text()
-    checked(draft, tmp_path)
-
-
 def test_units_that_are_no_other_units_of_one_quantity_are_other_layouts(tmp_path):
     for number, title in enumerate(["angle [deg]", "angle [deg]", "angle [V]", "angle"]):
         write(tmp_path / f"{number}.csv", {"P [bar]": ROWS, title: ROWS**2})

@@ -93,6 +93,7 @@ ABOVE = {  # what stands above three columns of numbers: their names in the spec
     "t,P,P\n": ("t 1 2", ""),
     "Operator,me,\nSpeed,5,mm/s\nt,P,F\n": ("t P F", ""),
     "s,bar,N\ntime,P,F\n": ("time P F", "s bar N"),
+    "t,P,F\nclock,gauge,cell\n": ("t P F", ""),
     "#t,P,F\n": ("#t P F", ""),
     "# of me, and you, on 1 May\n# t,P,F\n# s,kPa,N\n": ("#_t P F", "s kPa N"),
     "": ("0 1 2", ""),
@@ -134,6 +135,18 @@ def test_tables_below_each_other_differ_in_their_titles_or_their_number_of_colum
     assert (preview(path).tables, preview(path).left) == ((1, 2), ("table 3 (3 columns)",))
     path.write_text(f"a,b\n{rows}# x,y\n{rows}")  # a comment is no header
     assert preview(path).tables == ()
+    path.write_text(f"a,b\n{rows}c,d\n{rows}# x,y\n{rows}")
+    assert preview(path).tables == (1,)
+
+
+@pytest.mark.parametrize(("numbers", "numeric"), [(10, (0, 2)), (11, (0, 1, 2))])
+def test_a_column_of_numbers_has_more_numbers_than_words_in_the_lower_half(
+    tmp_path, numbers, numeric
+):
+    words = [*["on"] * 20, *["1.5"] * numbers, *["off"] * (20 - numbers)]
+    rows = "".join(f"{k},{word},{k * k}\n" for k, word in enumerate(words))
+    (tmp_path / "a.csv").write_text(f"t,state,F\n{rows}")
+    assert preview(tmp_path / "a.csv").numeric == numeric
 
 
 @pytest.mark.parametrize("name", ["a.zip", "a.MF4", "a.ndjson", "a.npy", "a.pkl", "a.bag"])

@@ -10,6 +10,7 @@ from recorded import checked, drafted, drafts, loaded, write
 
 from mapmore_cli.annexes.drafting.answers import answers_of
 from mapmore_cli.annexes.drafting.start import start
+from mapmore_cli.annexes.drafting.studies import find_studies
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import slice_of
@@ -81,12 +82,6 @@ def test_a_clock_in_parts_is_added_up(tmp_path):
     draft = draft.with_data("columns", draft.data["columns"] | {"time": dated})
     time = dataset_of(draft, tmp_path).recordings[0].columns["time"]
     np.testing.assert_allclose(time - 1772323200, 9 * 3600 + seconds)
-
-
-def test_a_person_may_say_that_there_is_no_clock(tmp_path):
-    recordings(tmp_path, "a")
-    draft = drafted(tmp_path, answers=answers_of(**SAID, no_clock=True))
-    assert {"time", "sample_time"}.isdisjoint({*draft.data, *draft.data["columns"]})
 
 
 # Names
@@ -176,6 +171,9 @@ def test_each_file_has_its_own_words_above_its_tables(tmp_path, title, samples):
             rows = (f"{0.1 * k:.1f},{pressure + k + ord(name)}" for k in range(samples))
             text += "\n".join([f"{title.format(pressure)},", "time [s],F [N]", *rows, ""])
         (tmp_path / f"{name}.csv").write_text(text)
+    (study,), _ = find_studies(tmp_path)
+    titles = [title.format(x) for x in (100, 200, 100, 300)]
+    assert study.names == [f"{file} {own}" for file, own in zip("aabb", titles, strict=True)]
     draft = drafted(tmp_path, answers=answers_of(target="F", inputs="pressure"))
     found = [one.columns["pressure"][0] for one in dataset_of(draft, tmp_path).recordings]
     assert sorted(found) == [100, 100, 200, 300]
@@ -228,6 +226,8 @@ def test_a_file_with_the_columns_in_another_order_belongs_to_the_others(tmp_path
     lines = [f"t [s],F [N],p [{unit}],note", *(f"{t},{f},{p},ok" for t, f, p in rows)]
     (tmp_path / "r4.csv").write_text("\n".join(lines))
     (draft,) = drafts(tmp_path)
+    says = "1 of 5 files have other names or units" in draft.text()
+    assert says == (unit == "psi")
     dataset = dataset_of(draft, tmp_path)
     assert len(dataset.recordings) == 5
     np.testing.assert_allclose(dataset.recordings[4].columns["pressure"], pressure[::-1], rtol=1e-6)
@@ -253,11 +253,3 @@ def test_a_column_tells_recordings_apart(tmp_path):
     draft = draft.with_data("recordings", {"of": "specimen"})
     with pytest.raises(SpecError, match="no column is called `specimen`"):
         loaded(draft, tmp_path)
-
-
-def test_an_input_in_a_second_log_may_be_named(tmp_path):
-    pressure, force = swing()
-    write(tmp_path / "tester.csv", {"time [s]": T, "force [N]": force})
-    write(tmp_path / "valve.csv", {"time [s]": T[::2], "pressure [kPa]": pressure[::2]})
-    draft = drafted(tmp_path, answers=answers_of(target="force", inputs="pressure"))
-    assert [*draft.data["join"][0]["columns"]] == ["time", "pressure"]
