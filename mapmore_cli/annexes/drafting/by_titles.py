@@ -69,7 +69,10 @@ def _why_unused(one: TitledColumn, has_clock: bool) -> str:
             "`time`"
         )
     if one.quantity == "time" or (one.is_time and has_clock):
-        return "is a second clock" if has_clock else _why_no_clock(one)
+        if has_clock:
+            return "is a second clock"
+        repeats = any(2 * np.count_nonzero(np.diff(x)) < len(x) - 1 for x in one.values)
+        return "repeats most of its values, unlike a clock" if repeats else "its clock is set back"
     if one.may_be_clock:
         unit = unit_of_clock(one.values)
         return f"always increases; if it is the clock, name it as `time={one.place}:{unit}`"
@@ -78,11 +81,6 @@ def _why_unused(one: TitledColumn, has_clock: bool) -> str:
     if one.blocks and any(map(is_repeat, words(one.title))):
         return "numbers recordings or specimens; name it with --inputs to use it"
     return "counts its rows" if not one.quantity and one.counts else ""
-
-
-def _why_no_clock(one: TitledColumn) -> str:
-    repeats = any(2 * np.count_nonzero(np.diff(x)) < len(x) - 1 for x in one.values)
-    return "repeats most of its values, unlike a clock" if repeats else "its clock is set back"
 
 
 def _copies(columns: Sequence[TitledColumn]) -> dict[Column, str]:

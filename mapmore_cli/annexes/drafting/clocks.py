@@ -41,11 +41,6 @@ class Part:
         return PARTS[self.unit][1]
 
     @property
-    def is_whole(self) -> bool:
-        """Return True if all numbers are whole, as they must be except in the finest part."""
-        return all((x == np.round(x)).all() for x in self.column.values)
-
-    @property
     def restarts(self) -> bool:
         """Return True if the numbers decrease somewhere."""
         return any((np.diff(x) < 0).any() for x in self.column.values)
@@ -74,7 +69,8 @@ def clock_in_parts(table: Table) -> dict[Column, str]:
     parts = [found[unit] for unit in PARTS if unit in found]
     fits = [finer.follows(coarser) for coarser, finer in pairwise(parts)]
     parts = parts[: 1 + [*fits, False].index(False)]
-    is_whole = all(part.is_whole for part in parts[:-1])
+    # only the finest part may have decimal places
+    is_whole = all((x == np.round(x)).all() for part in parts[:-1] for x in part.column.values)
     if is_whole and any(part.restarts for part in parts[1:]) and _increases(parts):
         return {part.column.column: part.unit for part in parts}
     return {}

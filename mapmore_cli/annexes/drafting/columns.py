@@ -132,9 +132,10 @@ class TitledColumn:
         usual = 1.5 * float(np.median(np.abs(np.concatenate(steps))) or 1.0)
         before = np.concatenate([x[at] for x, at in zip(self.values, falls, strict=True)])
         after = np.concatenate([x[at + 1] for x, at in zip(self.values, falls, strict=True)])
-        regular = (after >= 0).all() and (after <= usual).all()
+        if (after < 0).any() or (after > usual).any():
+            return 0.0
         turns = (one for one in TURNS if (before < one).all() and (before >= one - usual).all())
-        return next(turns, 0.0) if regular else 0.0
+        return next(turns, 0.0)
 
     @property
     def counts(self) -> bool:

@@ -42,7 +42,7 @@ def with_split(
     elif way == WHOLE:
         held_out, why = _whole_recordings(done, logs), "between: whole recordings"
     else:
-        places: object = inside.get(way) or _band(way, done.recordings, values)
+        places = inside.get(way) or _band(way, done.recordings, values)
         held_out, why = {way: places} if places else {}, "between: inner values"
     if not held_out:
         raise UsageError(
@@ -107,9 +107,8 @@ def _beyond(done: Experiment) -> list[str]:
     names: list[str] = []
     for name in done.inputs:
         series = [one.columns[name] for one in done.recordings]
-        ends = [round((1 - LAST) * len(x)) for x in series]
-        before = np.concatenate([x[:end] for x, end in zip(series, ends, strict=True)])
-        last = np.concatenate([x[end:] for x, end in zip(series, ends, strict=True)])
+        parts_of = [np.split(x, [round((1 - LAST) * len(x))]) for x in series]
+        before, last = (np.concatenate(parts) for parts in zip(*parts_of, strict=True))
         outside = (last < before.min()) | (last > before.max())
         names += [name] if 2 * np.count_nonzero(outside) > outside.size else []
     return names

@@ -172,11 +172,9 @@ class _Proposal:
         between samples of long recordings that have neither a clock nor levels.
         """
         answers, known = self.answers, self.known
-        named = {**answers.columns, **(answers.inputs or {})}
-        used = {known.columns[name].column for name in known.inputs if name in named}
-        for name in ("time", known.group):
-            if name in known.columns:
-                used |= known.columns[name].places
+        chosen = {*answers.columns, *(answers.inputs or {})} & {*known.inputs}
+        names = [name for name in ("time", known.group, *chosen) if name in known.columns]
+        used = {place for name in names for place in known.columns[name].places}
         read = {one.column for one in known.columns.values()}
         for one in self.table.values():
             if one.summaries and one.column not in read:

@@ -24,9 +24,12 @@ def units_in(title: str) -> list[str]:
 
 def name_in(title: str) -> str:
     """Return a title without its unit, as a name: at most 40 letters, digits and `_`."""
-    title = title.translate(HALF_WIDTH)
-    bare = _BRACKETS.sub(lambda match: "" if unit_of(match[1]) else match[0], title)
-    behind = _BEHIND.search(bare)
-    bare = bare[: behind.start()] if behind is not None and unit_of(behind[1]) else bare
+    bare = _BRACKETS.sub(_unless_unit, title.translate(HALF_WIDTH))
+    bare = _BEHIND.sub(_unless_unit, bare)
     name = re.sub(r"\W+", "_", spelt(bare), flags=re.ASCII).strip("_")[:40]
     return f"column_{name}" if name[:1].isdigit() else name or "column"
+
+
+def _unless_unit(match: re.Match[str]) -> str:
+    """Return the matched text, or an empty text if its first group is a unit."""
+    return "" if unit_of(match[1]) else match[0]
