@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
-from recorded import checked, drafted, drafts, loaded, write
+from recorded import checked, drafted, loaded, write
 
 from mapmore_cli.annexes.drafting.answers import Answers, Hold
 from mapmore_cli.annexes.drafting.preview import preview
@@ -185,14 +185,6 @@ def test_an_error_that_the_spec_can_mend_is_said_in_the_draft(tmp_path):
 
 # Names and text
 # --------------------------------------------------------------------------------------------------
-
-
-def test_results_of_runs_are_no_recordings(tmp_path):
-    isobaric(tmp_path)
-    isobaric(tmp_path / "runs" / "old")
-    (tmp_path / "runs" / "old" / "run.json").write_text("{}")
-    assert len(drafts(tmp_path, single=True)) == 1
-    assert drafted(tmp_path).files == 4
 
 
 def test_patterns_match_their_files_and_no_others(tmp_path):

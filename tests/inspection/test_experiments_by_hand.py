@@ -227,9 +227,11 @@ def test_gaps_are_longer_than_five_steps_and_are_counted():
 )  # of the target within a recording, as a fraction of that between recordings
 def test_recordings_in_which_nothing_moves_are_points(scatter, is_static):
     swing = np.where(np.arange(100) % 2, 1.0, -1.0)
-    recordings = [recording(f"r{k}", time=np.arange(100), u=k, y=s + scatter * swing)
-                  for k, s in enumerate((-1, 1, -1, 1))]  # fmt: skip
-    assert ("resample" in drafted_of(experiment(*recordings)).data) != is_static
+    points = {k: s + scatter * swing for k, s in enumerate((-1, 1, -1, 1))}
+    more = {"time": np.arange(100), "constant": 7}
+    recordings = [recording(f"r{k}", u=k, y=y, **more) for k, y in points.items()]
+    done = experiment(*recordings, inputs=("u", "constant"))
+    assert ("resample" in drafted_of(done).data) != is_static
     moving = [replace(one, columns={**one.columns, "u": 9 * swing}) for one in recordings]
     assert "resample" in drafted_of(experiment(*moving)).data
 

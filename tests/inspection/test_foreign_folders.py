@@ -152,13 +152,6 @@ def test_a_map_of_cells_is_a_table_of_its_cells(tmp_path, corner, mark, point):
     np.testing.assert_allclose(one.columns["force"], np.ravel([row[1:] for row in cells]))
 
 
-def test_channels_that_count_by_ones_are_no_map(tmp_path):
-    rows = [[0.1 * k, np.sin(k), np.cos(k), k % 7] for k in range(30)]
-    lines = [",".join(f"{x:.4f}" for x in row) for row in rows]
-    (tmp_path / "a.csv").write_text("t,1,2,3\n" + "\n".join(lines) + "\n")
-    drafted(tmp_path, answers=answers_of(target="force=3:N", inputs="pressure=1:bar"))
-
-
 @pytest.mark.parametrize(
     "titles",
     [
@@ -237,4 +230,5 @@ def test_some_of_many_files_have_every_level_that_names_say(tmp_path, monkeypatc
     levels = [entry["set"]["pressure"] for entry in few.data["files"]]
     assert len(levels) == 6
     assert {*levels} == {100, 200, 300, 400, 500}
+    assert levels == sorted(levels)  # the files stay in their order
     assert {curve.level for curve in dataset_of(few, tmp_path).curves} == {*levels}

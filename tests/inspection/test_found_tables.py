@@ -124,9 +124,25 @@ def test_a_line_of_units_that_has_a_one_and_words_beside_numbers(tmp_path):
     )
     path.write_text("t;state;F\n" + "".join(f"{k},5;up;{k},25\n" for k in range(20)))
     assert preview(path).settings == {"delimiter": ";", "decimal": ","}
+    path.write_text(",F\n" + "".join(f"{k},{k * k}\n" for k in range(20)))
+    assert preview(path).titles == ("", "F")  # half of the columns are named
     path.write_text("# t P\n# s kPa\n" + "".join(f"{k} {k}\n" for k in range(20)))
     layout = preview(path)
     assert (layout.columns, layout.titles, layout.units) == ((0, 1), ("t", "P"), ("s", "kPa"))
+
+
+@pytest.mark.parametrize(
+    ("across", "is_map"),
+    [
+        *(("10,20,40", True), ("40,20,10", True), ("10,10,40", False), ("40,10,10", False)),
+        ("1,2,3", False),
+    ],
+)
+def test_values_above_and_beside_a_map_rise_or_fall(tmp_path, across, is_map):
+    (tmp_path / "a.csv").write_text(f",{across}\n1,5,6,7\n2,6,7,8\n4,7,8,9\n8,9,9,9\n")
+    found = preview(tmp_path / "a.csv")
+    assert found.is_map == is_map
+    assert not is_map or found.numeric == (0, 1, 2)
 
 
 def test_tables_below_each_other_differ_in_their_titles_or_their_number_of_columns(tmp_path):

@@ -4,8 +4,6 @@ prints; and what a draft costs.
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -99,14 +97,3 @@ def test_a_draft_of_a_shipped_folder_takes_a_second(folder, tmp_path):
     begin = time.process_time()
     assert start(DATASETS / folder, tmp_path).drafts
     assert time.process_time() - begin < 1.0
-
-
-def test_nothing_of_the_search_is_imported(tmp_path):
-    code = (
-        "import sys; from pathlib import Path;"
-        "from mapmore_cli.annexes.drafting.start import start;"
-        f"start(Path({str(DATASETS / 'wrist')!r}), Path({str(tmp_path)!r}));"
-        "print([name for name in sys.modules if name.startswith('mapmore_cli.annexes.search')])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "[]\n"
