@@ -23,8 +23,8 @@ PARTS = {
     "us": ("us usec micros microsecond microseconds mikrosekunden", 1e-6),
     "ns": ("ns nsec nsecs nanos nanosec nanosecs nanosecond nanoseconds nanosekunden", 1e-9),
 }
-"""For each unit of time, the coarsest first: words in the titles of such a part of a clock, and the
-unit in seconds.
+"""For each unit of time, from the coarsest to the finest: the words with which titles of columns in
+this unit end, and the length of the unit in seconds.
 """
 
 
