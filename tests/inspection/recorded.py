@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import h5py
 import numpy as np
 import pytest
-from scipy.io import savemat
 
 from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.pipeline.inspection import inspect
@@ -44,39 +42,6 @@ def workbook(path, sheets):
         for row in rows:
             sheet.append(list(row))
     book.save(path)
-
-
-def tree(path, runs):
-    """Write runs at 50 Hz as groups of an HDF5 or TDMS file, or structs of a MAT file, with
-    something of another kind beside them.
-    """
-    if path.suffix == ".h5":
-        with h5py.File(path, "w") as file:
-            for run, columns in runs.items():
-                for name, values in columns.items():
-                    file[f"{run}/{name}"] = values[:, None] if len(name) % 2 else values
-                file[f"{run}/fs"] = 50.0
-            file["comment"] = "made by hand"
-    elif path.suffix == ".mat":
-        structs = {run: {**columns, "fs": 50.0} for run, columns in runs.items()}
-        savemat(
-            path,
-            {
-                **(structs if len(structs) > 1 else next(iter(structs.values()))),
-                "comment": "made by hand",
-            },
-        )
-    else:
-        nptdms = pytest.importorskip("nptdms")
-        with nptdms.TdmsWriter(path) as file:
-            for run, columns in runs.items():
-                file.write_segment(
-                    [
-                        nptdms.ChannelObject(run, name, values, {"wf_increment": 0.02})
-                        for name, values in columns.items()
-                    ]
-                )
-            file.write_segment([nptdms.ChannelObject("Notes", "who", ["me", "you"])])
 
 
 def drafts(folder, **settings):

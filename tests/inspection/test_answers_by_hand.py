@@ -31,6 +31,7 @@ def test_columns_have_units_scales_and_offsets():
     assert [one.is_called for one in named.values()] == [False, True, False, True]
     (one,) = read_names("--target", "7").items()
     assert one == ("7", NamedColumn(7))
+    assert read_names("--target", "²")["²"].column == "²"  # a digit that is no decimal number
     assert [*read_names("--inputs", "'Kraft, z=1':N,tip[:,0]:mm")] == ["Kraft, z=1", "tip[:,0]"]
     quoted = read_names("--inputs", 'a="Kraft, z=1":N')["a"]
     assert (quoted.column, quoted.unit) == ("Kraft, z=1", "N")

@@ -7,15 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mapmore_cli.annexes.drafting import names as names_of_files
 from mapmore_cli.annexes.drafting.answers import Hold
 from mapmore_cli.annexes.drafting.by_titles import kind_to_predict, known_by_titles, target_of
 from mapmore_cli.annexes.drafting.clocks import PARTS, clock_in_parts
 from mapmore_cli.annexes.drafting.columns import (
     SINCE_1970,
     TitledColumn,
-    find,
-    listed,
     read_titles,
     unit_of_clock,
 )
@@ -28,14 +25,12 @@ from mapmore_cli.annexes.drafting.draft import (
     scaled,
     yaml_text,
 )
+from mapmore_cli.annexes.drafting.finding import find, listed
 from mapmore_cli.annexes.drafting.layout import Layout
+from mapmore_cli.annexes.drafting.name_groups import files_for_tests, group_words, numbered_groups
+from mapmore_cli.annexes.drafting.name_numbers import Number, is_repeat, numbers_in
 from mapmore_cli.annexes.drafting.names import (
     Condition,
-    Number,
-    group_words,
-    is_repeat,
-    numbered_groups,
-    numbers_in,
     offers_of,
     stem_of,
     told_by_names,
@@ -59,7 +54,7 @@ def test_clocks_of_this_century_show_their_unit(year, within):
     for unit, second in {"s": 1, "ms": 1e3, "us": 1e6, "ns": 1e9}.items():
         clock = [np.array([start, start + 0.5]) * second]
         assert unit_of_clock(clock) == (unit if within else "s")
-    assert unit_of_clock([np.array(SINCE_1970)]) == "s"
+    assert unit_of_clock([np.array(SINCE_1970)]) == unit_of_clock([np.ones(1)]) == "s"
 
 
 @pytest.mark.parametrize(
@@ -130,6 +125,7 @@ def test_parts_of_a_clock_stay_below_their_turns():
         assert [*units] == (["min", "s"] if title == "time hh" else [])
     # the seconds of a minute are not those of an hour
     assert not clock_in_parts({name: table[name] for name in ("time hh", "time ss")})
+    assert not clock_in_parts(table | {"time ss": column(seconds[1:] % 60, title="time ss")})
     # no part starts again
     assert not clock_in_parts({name: column([0, 0, 1], title=name) for name in table})
 
@@ -348,16 +344,21 @@ def test_groups_by_the_number_behind_their_word_then_the_letter_then_the_words()
     assert group_words(["soft_run1_5kPa", "stiff_run2_5kPa"], "muscle") == ["soft__", "stiff__"]
     assert group_words(["10cm_1", "20cm_1"], "muscle") == ["10cm_", "20cm_"]
     assert group_words(["7", "8"], "muscle") == ["7", "8"]
+    for first, other in (("red", "blue"), ("S1", "S12"), ("Sample 1", "Sample 2")):
+        for form in ("{}_pull_{}bar", "pull_{}_{}bar"):
+            groups = group_words(
+                [form.format(word, bar) for word in (first, other) for bar in "12"], "specimen"
+            )
+            assert [groups.index(one) for one in groups] == [0, 0, 2, 2]
     assert numbered_groups(["s7", "s5", "s7"], "sample").values == (2, 1, 2)
 
 
 def test_held_out_files_are_named_by_what_they_are_for():
     files = [Path(one) for one in ("a_train.csv", "b_training.csv", "a_test.csv", "val-2.csv")]
-    held_out_of = names_of_files.tests_of
-    assert held_out_of(files) == ["a_test.csv", "val-2.csv"]
-    assert held_out_of(files[:2]) == held_out_of(files[2:]) == []
+    assert files_for_tests(files) == ["a_test.csv", "val-2.csv"]
+    assert files_for_tests(files[:2]) == files_for_tests(files[2:]) == []
     for other in ("c.csv", "train_test.csv"):
-        assert held_out_of([*files, Path(other)]) == []
+        assert files_for_tests([*files, Path(other)]) == []
     assert stem_of("a/b.1.csv.gz") == "a/b.1"
 
 
@@ -370,6 +371,7 @@ def test_letters_of_other_scripts_are_spelt():
 
 
 def test_numbers_of_a_draft_have_ten_digits_and_notes_stand_beside_or_above():
+    assert str(Note("\x1b[2J\nb")) == "# \\x1b[2J b"  # no command to a terminal
     notes = {("a",): Note("why"), ("b",): Note("x" * 100), ("c",): Note("y " * 60, sure=False)}
     spec = {"a": 0.1 + 0.2, "b": [2.0, 1 / 3], "c": "z" * 26, "name": True}
     text = yaml_text(spec, notes, "#").splitlines()
@@ -390,7 +392,7 @@ def test_columns_of_a_draft_name_only_what_is_unusual():
     assert full == {"column": "P", "unit": "kPa", "scale": 2.0, "offset": 1.0, "texts": True}
     assert NamedColumn(3).refers_to("3")
     assert not NamedColumn(3, is_called=True).refers_to("3")
-    assert not NamedColumn(3).refers_to("x")
+    assert not NamedColumn("3").refers_to("4")
     assert range_of([np.array([1.0, -2.0]), np.array([3.14159])], "N") == "-2 to 3.142 N"
     np.testing.assert_array_equal(scaled(np.array([2.0, 4.0, 3.0])), [0, 1, 0.5])
     np.testing.assert_array_equal(scaled(np.ones(2)), [0, 0])
@@ -443,8 +445,6 @@ def test_where_a_column_is_read():
     parts = NamedColumn("h", parts={"h": "h", 3: "min"})
     assert parts.as_spec() == {"columns": ["h", 3], "format": "h min"}
     assert (parts.places, NamedColumn("P").places) == ({"h", 3}, {"P"})
-    assert NamedColumn("P").refers_to("P")
-    assert not NamedColumn("3").refers_to("4")
 
 
 def test_a_drawing_of_a_column_is_scaled_to_its_box():
@@ -506,7 +506,12 @@ def test_titles_and_units_of_files(title, line, quantity, unit, source):
 @pytest.mark.parametrize(
     ("title", "name"),
     [
-        *(("Angle_deg", "Angle"), ("angle [deg]", "angle"), ("s[12]", "s_12"), ("9", "column_9")),
+        *(
+            ("Angle_deg", "Angle"),
+            ("angle [deg]", "angle"),
+            ("s[12]", "s_12"),
+            ("9 a", "column_9_a"),
+        ),
         *(("", "column_3"), ("time", "time_3"), ("a" * 41, "a" * 40), ("strain", "strain_3")),
     ],
 )
@@ -594,3 +599,5 @@ def test_a_name_without_a_number_means_zero():
     assert (found.values, found.sure) == ((2, 5, 0), False)
     assert "0 for 'empty', which has no number" in found.why
     assert told_by_names(["a", "b"], Hold("none")) == ([], [])
+    with pytest.raises(UsageError, match="no number in the names"):  # it is equal in all names
+        told_by_names(["k3_a", "k3_b"], Hold("k"))

@@ -1,26 +1,17 @@
-"""What `init` writes in the end: one study or several of specimens, its page, and the table of
-measured data.
-
-Quick folders of measured data are tried here, `docs/drafted_tables.py` tries all.
-"""
+"""What `init` writes for specimens that the names of files distinguish, and for several outputs."""
 
 from __future__ import annotations
 
-import re
-from pathlib import Path
-from tempfile import TemporaryDirectory
-
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from recorded import checked, drafted, write
+import yaml
+from recorded import checked, drafted, drafts, loaded, write
 
-from mapmore_cli.annexes.drafting.answers import Answers
+from mapmore_cli.annexes.drafting.answers import Answers, answers_of
+from mapmore_cli.annexes.drafting.outputs import as_files
 from mapmore_cli.annexes.search.stage import search_slice
-from mapmore_cli.ingestion.files import expand
+from mapmore_cli.study.loader import load
 
-# Specimens that the names of files tell apart
-# --------------------------------------------------------------------------------------
+T = 0.02 * np.arange(600)
 
 
 def pull(path, bar, strength):
@@ -31,61 +22,51 @@ def pull(path, bar, strength):
     )
 
 
-SPECIMENS = [
-    *(
-        ("red", "green", "blue"),
-        ("left", "right"),
-        ("10cm", "20cm"),
-        ("S1", "S2", "S12"),
-        ("Sample 1", "Sample 2"),
-    ),
-    *(("muscleA", "muscleB"), ("specimen-3", "specimen-10"), ("actuator_1", "actuator_2")),
-]
-
-
-@settings(max_examples=12)
-@given(
-    words=st.sampled_from(SPECIMENS),
-    bars=st.lists(st.integers(1, 9), min_size=2, max_size=4, unique=True),
-    first=st.booleans(),
-)
-def test_specimens_are_one_study_and_groups_where_a_person_says_so(words, bars, first):
-    with TemporaryDirectory() as place:
-        folder = Path(place)
-        for number, word in enumerate(words):
-            for bar in bars:
-                pull(
-                    folder
-                    / (f"{word}_pull_{bar}bar.csv" if first else f"pull_{word}_{bar}bar.csv"),
-                    bar,
-                    2 + number,
-                )
-        pooled = drafted(folder)
-        assert "groups" not in pooled.data
-        assert len(expand_all(pooled, folder)) == len(words) * len(bars)
-        grouped = drafted(folder, answers=Answers(group="specimen"))
-        # what explains the difference at equal inputs is switched on
-        assert grouped.data["groups"]["of"] == "specimen"
-        assert {*grouped.data["groups"].values()} <= {"specimen", True}
-        for number in range(1, len(words) + 1):
-            own = [entry for entry in grouped.data["files"] if entry["set"]["specimen"] == number]
-            names = [path.name for entry in own for path in expand(entry["path"], folder)]
-            assert len(names) == len(bars)
-            assert any(all(re.search(rf"{word}(?!\d)", name) for name in names) for word in words)
-
-
-def expand_all(draft, folder):
-    """The files that a draft reads."""
-    return [
-        path
-        for entry in draft.data["files"]
-        for path in expand(entry if isinstance(entry, str) else entry["path"], folder)
-    ]
-
-
 def test_the_groups_are_no_input_of_a_search(tmp_path):
-    for number in (1, 2):
+    for number, word in ((1, "blue"), (2, "red")):
         for bar in (1, 2, 3):
-            pull(tmp_path / f"{10 * number}cm_pull_{bar}bar.csv", bar, 2 + number / 10)
-    spec = checked(drafted(tmp_path, answers=Answers(group="specimen")), tmp_path).spec
+            pull(tmp_path / f"{word}_pull_{bar}bar.csv", bar, 2 + number)
+    draft = drafted(tmp_path, answers=Answers(group="specimen"))
+    # the group explains the difference at equal inputs
+    assert draft.data["groups"] == {"of": "specimen", "offset": True}
+    assert draft.data["files"] == [
+        {"path": f"{word}_pull_*.csv", "set": {"specimen": number}}
+        for number, word in ((1, "blue"), (2, "red"))
+    ]
+    spec = checked(draft, tmp_path).spec
     assert search_slice(spec).ignored == ("force", "specimen")
+
+
+def test_several_outputs_share_a_file_and_are_a_campaign(tmp_path):
+    drive = 3 + 2 * np.sin(0.7 * T) * np.cos(0.31 * T)
+    columns = {"t [s]": T, "P [bar]": drive, "q [mm]": drive**2, "r [V]": np.tanh(drive)}
+    write(tmp_path / "rig" / "log.csv", columns)
+    said = answers_of(target="q,r", inputs="P")
+    found = drafts(tmp_path / "rig", name="arm", answers=said)
+    assert [(one.name, one.of, one.output) for one in found] == [
+        ("arm-q", "arm", "q"),
+        ("arm-r", "arm", "r"),
+    ]
+    files = as_files(found, tmp_path / "rig" / "arm.yaml")
+    assert [path.name for path in files] == [
+        *("arm.yaml", "_arm.yaml", "arm-q.yaml", "arm-r.yaml"),
+    ]
+    for path, (text, _) in files.items():
+        path.write_text(text, encoding="utf-8")
+    first, shared, *specs = files
+    runs = yaml.safe_load(first.read_text())
+    assert runs["runs"] == [{"base": "arm-q.yaml"}, {"base": "arm-r.yaml"}]
+    assert runs["campaign"] == "arm"
+    assert "batch" in first.read_text().splitlines()[0]
+    common = yaml.safe_load(shared.read_text())
+    assert {*common["data"]["columns"]} == {"time", "pressure"}
+    assert "target" not in common
+    for draft, path in zip(found, specs, strict=True):
+        own = yaml.safe_load(path.read_text())
+        assert own["extends"] == "_arm.yaml"
+        assert own["data"].keys() == {"columns"}
+        assert own["data"]["columns"].keys() == {draft.output}
+        assert own["units"] == {draft.output: {"q": "mm", "r": "V"}[draft.output]}
+        assert load(path).spec == loaded(draft, tmp_path / "rig").spec
+    only = as_files(found[:1], None)
+    assert [path.name for path in only] == ["arm.yaml"]

@@ -9,10 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
-from recorded import checked, drafted, drafts, loaded, write
+from recorded import checked, drafted, loaded, write
 
 from mapmore_cli.annexes.drafting.answers import Answers, Hold
-from mapmore_cli.annexes.drafting.draft import Draft, Note
 from mapmore_cli.annexes.drafting.preview import preview
 from mapmore_cli.annexes.drafting.sources import patterns
 from mapmore_cli.annexes.drafting.start import start
@@ -125,16 +124,6 @@ def test_the_held_strain_in_the_names_of_files(tmp_path):
     assert "numbers not used: run 1" in draft.text()
 
 
-def test_files_of_one_layout_are_one_study_and_others_another(tmp_path):
-    for name, percent in (("left/pull", 1.0), ("right/slow_pull", 0.9)):
-        isobaric(tmp_path / "rig", name + "_{:g}.csv", percent)
-    write(tmp_path / "rig" / "lift.csv", {"t_s": T, "P_bar": 3 * LOOP, "x_mm": 8 * LOOP**2})
-    one, other = drafts(tmp_path)
-    assert one.files == 8
-    assert one.data["files"] == ["rig/*/*.csv"]
-    assert other.name == "lift"
-
-
 def test_one_folder_a_test_is_one_study(tmp_path):
     """Each folder was a study of one recording."""
     for k, stamp in enumerate(("2031-05-04_101112_run", "2031-05-04_101305_run", "test_9")):
@@ -198,14 +187,6 @@ def test_an_error_that_the_spec_can_mend_is_said_in_the_draft(tmp_path):
 # --------------------------------------------------------------------------------------------------
 
 
-def test_results_of_runs_are_no_recordings(tmp_path):
-    isobaric(tmp_path)
-    isobaric(tmp_path / "runs" / "old")
-    (tmp_path / "runs" / "old" / "run.json").write_text("{}")
-    assert len(drafts(tmp_path, single=True)) == 1
-    assert drafted(tmp_path).files == 4
-
-
 def test_patterns_match_their_files_and_no_others(tmp_path):
     names = ["a_1_up.csv", "a_2_up.csv", "a_1_down.csv", "a_2_down.csv", "[x].csv"]
     files = {name: tmp_path / name for name in names}
@@ -218,44 +199,6 @@ def test_patterns_match_their_files_and_no_others(tmp_path):
         "a_2_down.csv",
     ]
     assert patterns([files["[x].csv"]], tmp_path) == ["[x].csv"]
-
-
-def test_yaml_says_what_the_dictionary_says():
-    columns = {"force": {"column": "no: #1", "scale": 0.5}}
-    spec = {
-        "name": "1e5",
-        "data": {"files": ["a b.csv", "${x}.csv"], "header": False, "columns": columns},
-        "n": 3,
-    }
-    terms = [{"terms": [f"tanh((pressure-{k / 100:.2f})/0.05)" for k in range(60)]}]
-    text = Draft(
-        {**spec, "dictionary": terms},
-        {
-            ("data", "files", 0): Note("why " * 60),
-            ("data",): Note("is it?", sure=False),
-            ("n",): Note("n"),
-        },
-    ).text()
-    assert yaml.safe_load(text) == {
-        **spec,
-        "data": {**spec["data"], "files": ["a b.csv", "$${x}.csv"]},
-        "dictionary": terms,
-    }
-    assert "# CHECK: is it?" in text
-    assert max(map(len, text.splitlines())) <= 132
-
-
-def test_titles_with_commands_to_a_terminal_are_told_as_text(tmp_path):
-    """In a comment of the draft, they made it no YAML."""
-    rows = "".join(
-        f"{i / 10},{100 + 100 * (i // 30)},{i % 30 / 200},"
-        f"{200 - i % 30 - (i // 30) * (i % 7)},{i}\n"
-        for i in range(90)
-    )
-    (tmp_path / "a.csv").write_text('t,P [kPa],eps,F [N],"\x1b[2J\nb"\n' + rows)
-    draft = drafted(tmp_path)
-    assert "\\x1b[2J" in draft.text()
-    loaded(draft, tmp_path)
 
 
 def stamped(path, stamp, *, odd=""):

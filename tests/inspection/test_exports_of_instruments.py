@@ -6,10 +6,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from recorded import checked, drafted, loaded, workbook, write
+from recorded import checked, drafted, loaded, workbook
 
 from mapmore_cli.annexes.drafting.answers import answers_of
-from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import slice_of
@@ -96,9 +95,10 @@ def test_a_text_applies_to_the_empty_cells_below_it(tmp_path, is_merged):
     assert [one.rows_kept for one in found] == [30] * 3
 
 
-def test_a_remark_in_a_row_names_no_recordings(tmp_path):
+@pytest.mark.parametrize("place", [0, 40])
+def test_a_remark_in_a_row_names_no_recordings(tmp_path, place):
     lines = rows(P, X).splitlines()
-    lines = [f"{'bubble' if at == 40 else ''},{line}" for at, line in enumerate(lines)]
+    lines = [f"{'bubble' if at == place else ''},{line}" for at, line in enumerate(lines)]
     (tmp_path / "a.csv").write_text("\n".join(["Remark,P [kPa],x [mm]", *lines]))
     with pytest.raises(UsageError, match="Remark has no numbers, and no text"):
         drafted(tmp_path, answers=answers_of(target="x", inputs="P", recordings="Remark"))
@@ -131,29 +131,6 @@ def test_words_at_the_head_of_a_file_are_not_those_of_its_first_table(tmp_path):
         {"pressure": pressure} for pressure in (100, 100, 200, 200, 300, 300)
     ]
     checked(drafted(tmp_path), tmp_path)
-
-
-def test_steps_of_the_strain_are_no_levels_where_each_has_few_samples(tmp_path):
-    """The pressure was held, but its measured values differ by noise."""
-    strain = np.tile(np.linspace(0, 0.2, 40), 4)
-    held = np.repeat((100.0, 200, 300, 400), 40) + np.sin(np.arange(160) ** 2)
-    columns = {"P [kPa]": held, "strain [1]": strain, "F [N]": held * (1 - 3 * strain)}
-    write(tmp_path / "a.csv", columns)
-    draft = drafted(tmp_path)
-    assert "levels" not in draft.data
-    assert draft.data["split"]
-    checked(draft, tmp_path)
-
-
-@pytest.mark.parametrize("title", ["", "Sequence"])
-def test_a_count_of_rows_is_asked_for_the_time_between_them(tmp_path, title):
-    head = f"{title},CH1,CH2\n" if title else ""
-    write(tmp_path / "a.csv", (np.arange(200), P, X), head)
-    with pytest.raises(UsageError) as refused:
-        start(tmp_path, tmp_path)
-    assert "counts the rows: how long is the time between them?" in refused.value.message
-    assert "--sample-time 10ms" in str(refused.value.remedy)
-    assert "time=0" not in str(refused.value.remedy)
 
 
 def test_the_first_lines_of_a_file_are_no_header_of_a_table_further_down(tmp_path):

@@ -7,7 +7,7 @@ from __future__ import annotations
 import h5py
 import numpy as np
 import pytest
-from recorded import drafted, tree, workbook
+from recorded import drafted, workbook
 from scipy.io import savemat
 from test_lvm_reader import FIRST, HEAD
 
@@ -93,6 +93,7 @@ ABOVE = {  # what stands above three columns of numbers: their names in the spec
     "t,P,P\n": ("t 1 2", ""),
     "Operator,me,\nSpeed,5,mm/s\nt,P,F\n": ("t P F", ""),
     "s,bar,N\ntime,P,F\n": ("time P F", "s bar N"),
+    "t,P,F\nclock,gauge,cell\n": ("t P F", ""),
     "#t,P,F\n": ("#t P F", ""),
     "# of me, and you, on 1 May\n# t,P,F\n# s,kPa,N\n": ("#_t P F", "s kPa N"),
     "": ("0 1 2", ""),
@@ -123,9 +124,45 @@ def test_a_line_of_units_that_has_a_one_and_words_beside_numbers(tmp_path):
     )
     path.write_text("t;state;F\n" + "".join(f"{k},5;up;{k},25\n" for k in range(20)))
     assert preview(path).settings == {"delimiter": ";", "decimal": ","}
+    path.write_text(",F\n" + "".join(f"{k},{k * k}\n" for k in range(20)))
+    assert preview(path).titles == ("", "F")  # half of the columns are named
     path.write_text("# t P\n# s kPa\n" + "".join(f"{k} {k}\n" for k in range(20)))
     layout = preview(path)
     assert (layout.columns, layout.titles, layout.units) == ((0, 1), ("t", "P"), ("s", "kPa"))
+
+
+@pytest.mark.parametrize(
+    ("across", "is_map"),
+    [
+        *(("10,20,40", True), ("40,20,10", True), ("10,10,40", False), ("40,10,10", False)),
+        ("1,2,3", False),
+    ],
+)
+def test_values_above_and_beside_a_map_rise_or_fall(tmp_path, across, is_map):
+    (tmp_path / "a.csv").write_text(f",{across}\n1,5,6,7\n2,6,7,8\n4,7,8,9\n8,9,9,9\n")
+    found = preview(tmp_path / "a.csv")
+    assert found.is_map == is_map
+    assert not is_map or found.numeric == (0, 1, 2)
+
+
+def test_tables_below_each_other_differ_in_their_titles_or_their_number_of_columns(tmp_path):
+    path, rows = tmp_path / "a.csv", "".join(f"{k},{k * k}\n" for k in range(30))
+    path.write_text(f"{rows}\n{rows}\n1,2,3\n4,5,6\n")
+    assert (preview(path).tables, preview(path).left) == ((1, 2), ("table 3 (3 columns)",))
+    path.write_text(f"a,b\n{rows}# x,y\n{rows}")  # a comment is no header
+    assert preview(path).tables == ()
+    path.write_text(f"a,b\n{rows}c,d\n{rows}# x,y\n{rows}")
+    assert preview(path).tables == (1,)
+
+
+@pytest.mark.parametrize(("numbers", "numeric"), [(10, (0, 2)), (11, (0, 1, 2))])
+def test_a_column_of_numbers_has_more_numbers_than_words_in_the_lower_half(
+    tmp_path, numbers, numeric
+):
+    words = [*["on"] * 20, *["1.5"] * numbers, *["off"] * (20 - numbers)]
+    rows = "".join(f"{k},{word},{k * k}\n" for k, word in enumerate(words))
+    (tmp_path / "a.csv").write_text(f"t,state,F\n{rows}")
+    assert preview(tmp_path / "a.csv").numeric == numeric
 
 
 @pytest.mark.parametrize("name", ["a.zip", "a.MF4", "a.ndjson", "a.npy", "a.pkl", "a.bag"])
@@ -238,6 +275,17 @@ def test_columns_of_an_hdf5_file(tmp_path, arrays, columns, settings):
     assert (found.columns, found.settings) == (columns, settings)
 
 
+def test_groups_with_equal_columns_are_recordings_with_their_sample_time(tmp_path):
+    columns = {name: x for name, x in COLUMNS.items() if name != "time_s"}
+    runs = {f"run_{k}/{name}": k * x for k in (1, 2, 10) for name, x in columns.items()}
+    hdf5(tmp_path / "a.h5", **runs, **{f"run_{k}/fs": 50.0 for k in (1, 2, 10)})
+    draft = drafted(tmp_path)
+    assert (draft.data["root"], draft.data["sample_time"]) == ("[*]", 0.02)
+    assert draft.notes["data", "sample_time"].why == "s: as the file says"
+    recordings = read_draft(draft, tmp_path, "force").recordings
+    assert [one.columns["pressure"][0] for one in recordings] == [100, 200, 1000]
+
+
 def test_links_in_circles_end(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         run = file.create_group("run")
@@ -290,32 +338,6 @@ def test_labview_texts_are_known_by_how_they_begin_and_archives_by_their_arrays(
     assert (found.columns, found.units) == (("X_Value", "P", "F", "Comment"), ("s", "kPa", "N", ""))
     np.savez(tmp_path / "a.npz", **{"P [kPa]": T, "y": np.column_stack([T, T]), "who": "me"})
     assert preview(tmp_path / "a.npz").columns == ("P [kPa]", "y[:,0]", "y[:,1]")
-
-
-@pytest.mark.parametrize(
-    ("suffix", "word"),
-    [("h5", "run_{}"), ("h5", "Run.{}"), ("mat", "run_{}"), ("tdms", "run_{}"), ("tdms", "Run.{}")],
-)
-def test_groups_of_a_tree_are_recordings_in_the_order_of_their_numbers(tmp_path, suffix, word):
-    """Also where something of another kind lies beside them; the sample time stands for a clock."""
-    levels = [100, 200, 1000]
-    runs = {
-        word.format(level // 100): COLUMNS | {"P_kPa": np.full(N, float(level))} for level in levels
-    }
-    tree(
-        tmp_path / f"a.{suffix}",
-        {
-            name: {title: run[title] for title in ("P_kPa", "eps", "F_N")}
-            for name, run in runs.items()
-        },
-    )
-    draft = drafted(tmp_path)
-    assert (draft.data["root"], draft.data["sample_time"]) == ("[*]", 0.02)
-    assert draft.data["columns"]["force"] == {"column": "F_N", "unit": "N"}
-    assert draft.data["levels"] == {"of": "pressure", "at": levels}
-    recordings = read_draft(draft, tmp_path, "force").recordings
-    assert len({one.id for one in recordings if one.rows_kept == N}) == 3
-    assert [one.columns["pressure"][0] for one in recordings] == levels
 
 
 @pytest.mark.parametrize("content", [{"x": 1.0}, {"who": "me"}, {"only": T}])

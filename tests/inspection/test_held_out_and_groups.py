@@ -4,8 +4,6 @@ prints; and what a draft costs.
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -49,21 +47,10 @@ def test_what_is_held_out_is_what_a_person_says(tmp_path, said, held_out):
     checked(draft, tmp_path)
 
 
-@pytest.mark.parametrize("clock", [{}, {"t [s]": 0.02 * np.arange(80)}])
-def test_levels_in_order_are_not_cut_at_the_last_one(tmp_path, clock):
-    """The last samples are a pressure of their own: to hold them out is to extrapolate."""
-    pressure, strain = 100 * np.repeat(np.arange(1, 5), 20), np.tile(np.linspace(0, 0.2, 20), 4)
-    columns = {"P [kPa]": pressure, "eps": strain, "F [N]": pressure * (0.5 - 2 * strain)}
-    write(tmp_path / "pull.csv", clock | columns)
-    draft = drafted(tmp_path)
-    assert draft.data["split"] == {"validate": {"pressure": [300]}}
-
-
 @pytest.mark.parametrize(
     ("said", "why"),
     [
         ("F [N]", "is not an input"),
-        ("recordings", "too few values or recordings to hold some of them out"),
         ("9", "no column"),
     ],
 )
@@ -104,27 +91,9 @@ def test_a_column_that_a_person_names_is_no_clock(tmp_path):
     assert timed.data["columns"]["time"] == {"column": 1, "unit": "s"}
 
 
-def test_a_clock_of_one_sample_has_a_unit_to_ask_about(tmp_path):
-    write(tmp_path / "a.csv", {"t": [1.0], "P [kPa]": [2.0], "bend": [3.0]})
-    write(tmp_path / "b.csv", {"t": 20.0 * K, "P [kPa]": 2.0 * K, "bend": np.sqrt(K)})
-    draft = drafted(tmp_path, answers=answers_of(columns="time=t,pressure=P,bend", target="bend"))
-    assert draft.data["columns"]["time"]["unit"] == "ms"
-
-
 @pytest.mark.parametrize("folder", ["mckibben", "wrist"])
 def test_a_draft_of_a_shipped_folder_takes_a_second(folder, tmp_path):
     """Its whole command takes two: the rest is to begin."""
     begin = time.process_time()
     assert start(DATASETS / folder, tmp_path).drafts
     assert time.process_time() - begin < 1.0
-
-
-def test_nothing_of_the_search_is_imported(tmp_path):
-    code = (
-        "import sys; from pathlib import Path;"
-        "from mapmore_cli.annexes.drafting.start import start;"
-        f"start(Path({str(DATASETS / 'wrist')!r}), Path({str(tmp_path)!r}));"
-        "print([name for name in sys.modules if name.startswith('mapmore_cli.annexes.search')])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "[]\n"

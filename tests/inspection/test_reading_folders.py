@@ -10,6 +10,7 @@ from recorded import checked, drafted, drafts, loaded, write
 
 from mapmore_cli.annexes.drafting.answers import answers_of
 from mapmore_cli.annexes.drafting.start import start
+from mapmore_cli.annexes.drafting.studies import find_studies
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import slice_of
@@ -59,19 +60,6 @@ def test_held_out_recordings_are_those_that_exist(tmp_path, name, cut):
     checked(draft, tmp_path)
 
 
-def test_a_raster_is_not_cut_at_its_end(tmp_path):
-    """That would be beyond what trains: inner rows are held out, and the draft says so."""
-    y, x = np.divmod(np.arange(21 * 21), 21)
-    write(tmp_path / "scan.csv", (x, y, np.exp(-((x - 9) ** 2) / 40 - y / 30)), "")
-    said = answers_of(target="signal=2:V", inputs="x=0:mm,y=1:mm")
-    draft = drafted(tmp_path, answers=said)
-    assert draft.data["split"] == {"validate": {"y": [2, 5, 8, 11, 14, 17]}}
-    assert "between: inner values" in draft.text()
-    assert dataset_of(draft, tmp_path).recordings[0].rows_kept == 441
-    by_end = drafted(tmp_path, answers=answers_of(target="2", inputs="0,1", validate="last"))
-    assert "beyond: the last samples of every recording" in by_end.text()
-
-
 # The clock
 # --------------------------------------------------------------------------------------------------
 
@@ -96,46 +84,8 @@ def test_a_clock_in_parts_is_added_up(tmp_path):
     np.testing.assert_allclose(time - 1772323200, 9 * 3600 + seconds)
 
 
-@pytest.mark.parametrize(
-    ("stamps", "title", "why"),
-    [
-        (np.floor(LONG), "t [s]", "repeats most of its values"),
-        (LONG % 60, "s [s]", "restarts from zero at 60"),
-        (LONG, "", "always increases; if it is the clock, name it as `time=0:s`"),
-    ],
-)
-def test_what_is_no_clock_is_told_and_rows_are_kept(tmp_path, stamps, title, why):
-    pressure, force = (np.tile(values, 4) for values in swing())
-    write(tmp_path / "log.csv", (stamps, pressure, force), f"{title},P,F\n" if title else "")
-    said = SAID if title else {"target": "force=2:N", "inputs": "pressure=1:kPa"}
-    draft = drafted(tmp_path, answers=answers_of(**said))
-    assert "time" not in draft.data["columns"]
-    assert why in " ".join(draft.text().replace("#", "").split())
-    assert "average" not in draft.text()
-    timed = drafted(tmp_path, answers=answers_of(**said, sample_time="100ms"))
-    assert timed.data["sample_time"] == 0.1
-    assert dataset_of(timed, tmp_path).recordings[0].rows_kept == 4 * N
-
-
-def test_a_person_may_say_that_there_is_no_clock(tmp_path):
-    recordings(tmp_path, "a")
-    draft = drafted(tmp_path, answers=answers_of(**SAID, no_clock=True))
-    assert {"time", "sample_time"}.isdisjoint({*draft.data, *draft.data["columns"]})
-
-
 # Names
 # --------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("said", ["s*", "'s[0,0]','s[1,0]','s[2,0]',\"s[3,0]\""])
-def test_many_columns_are_named_at_once(tmp_path, said):
-    """By a pattern, or in quotes where titles hold separators."""
-    random = np.random.default_rng(1)
-    sensors = random.random((5, 90))
-    titles = ",".join(["force", *(f'"s[{number},0]"' for number in range(4)), "other"])
-    write(tmp_path / "skin.csv", (sensors.sum(axis=0), *sensors), f"{titles}\n")
-    draft = drafted(tmp_path, answers=answers_of(target="force", inputs=said))
-    assert [*draft.data["columns"]] == [*(f"s_{number}_0" for number in range(4)), "force"]
 
 
 @pytest.mark.parametrize("said", ["pressure,strain", "pressure,strain=strain"])
@@ -221,6 +171,9 @@ def test_each_file_has_its_own_words_above_its_tables(tmp_path, title, samples):
             rows = (f"{0.1 * k:.1f},{pressure + k + ord(name)}" for k in range(samples))
             text += "\n".join([f"{title.format(pressure)},", "time [s],F [N]", *rows, ""])
         (tmp_path / f"{name}.csv").write_text(text)
+    (study,), _ = find_studies(tmp_path)
+    titles = [title.format(x) for x in (100, 200, 100, 300)]
+    assert study.names == [f"{file} {own}" for file, own in zip("aabb", titles, strict=True)]
     draft = drafted(tmp_path, answers=answers_of(target="F", inputs="pressure"))
     found = [one.columns["pressure"][0] for one in dataset_of(draft, tmp_path).recordings]
     assert sorted(found) == [100, 100, 200, 300]
@@ -273,6 +226,8 @@ def test_a_file_with_the_columns_in_another_order_belongs_to_the_others(tmp_path
     lines = [f"t [s],F [N],p [{unit}],note", *(f"{t},{f},{p},ok" for t, f, p in rows)]
     (tmp_path / "r4.csv").write_text("\n".join(lines))
     (draft,) = drafts(tmp_path)
+    says = "1 of 5 files have other names or units" in draft.text()
+    assert says == (unit == "psi")
     dataset = dataset_of(draft, tmp_path)
     assert len(dataset.recordings) == 5
     np.testing.assert_allclose(dataset.recordings[4].columns["pressure"], pressure[::-1], rtol=1e-6)
@@ -298,11 +253,3 @@ def test_a_column_tells_recordings_apart(tmp_path):
     draft = draft.with_data("recordings", {"of": "specimen"})
     with pytest.raises(SpecError, match="no column is called `specimen`"):
         loaded(draft, tmp_path)
-
-
-def test_an_input_in_a_second_log_may_be_named(tmp_path):
-    pressure, force = swing()
-    write(tmp_path / "tester.csv", {"time [s]": T, "force [N]": force})
-    write(tmp_path / "valve.csv", {"time [s]": T[::2], "pressure [kPa]": pressure[::2]})
-    draft = drafted(tmp_path, answers=answers_of(target="force", inputs="pressure"))
-    assert [*draft.data["join"][0]["columns"]] == ["time", "pressure"]

@@ -14,10 +14,11 @@ from mapmore_cli.annexes.drafting.answers import (
     answers_of,
     read_hold,
 )
-from mapmore_cli.annexes.drafting.by_titles import kind_to_predict, known_by_titles, target_of
+from mapmore_cli.annexes.drafting.by_titles import known_by_titles
 from mapmore_cli.annexes.drafting.columns import read_titles
 from mapmore_cli.annexes.drafting.layout import Layout
-from mapmore_cli.annexes.drafting.names import numbers_in, told_by_names
+from mapmore_cli.annexes.drafting.name_numbers import numbers_in
+from mapmore_cli.annexes.drafting.names import told_by_names
 from mapmore_cli.checking.names import read_label
 from mapmore_cli.domain.errors import UsageError
 
@@ -90,37 +91,6 @@ def test_columns_are_called_by_their_titles_in_their_units(titles, names):
 
 
 @pytest.mark.parametrize(
-    ("titles", "target"),
-    [
-        ("t,P,strain,F", "force"),
-        ("t,P,x", "x"),
-        ("t,P,x_mm", "displacement"),
-        ("t,p1,p2,angle", "angle"),
-        ("t,u,y", "y"),
-        ("t,x,F", "force"),
-        ("t,P,strain,F,temperature", None),
-        ("t,compressor pressure,F", None),
-        ("t,T1,T2", None),
-        ("t,P,y,z", None),
-        ("t,p1,tip_pos_x,tip_pos_y", None),
-        ("t,cmd_kPa,P", None),
-        ("t,P,simulated force", None),
-        ("t,torque,F", None),
-        ("t,y", None),
-    ],
-)
-def test_the_target_is_what_plain_titles_leave_no_choice_of(titles, target):
-    table = table_of(titles)
-    known, _ = known_by_titles(table)
-    kinds = {
-        name: kind_to_predict(name, table[one.column])
-        for name, one in known.items()
-        if name != "time"
-    }
-    assert target_of(kinds, is_driven=False) == target
-
-
-@pytest.mark.parametrize(
     ("target", "inputs", "columns"),
     [
         ("tip", "motor", {"Motor_position": ("Motor position", None), "Tip_z": ("Tip z", "mm")}),
@@ -133,6 +103,8 @@ def test_targets_and_inputs_are_named_by_titles_words_or_places(tmp_path, target
     """A CSV written by pandas has an empty first title; it hid all others."""
     rows = (np.arange(400), *WAVES[:3])
     write(tmp_path / "a.csv", rows, ",Motor position,Tip z,Q\n,,mm,\n")
+    with pytest.raises(UsageError, match="--columns: no column of numbers is called Mtr"):
+        drafted(tmp_path, answers=answers_of(columns="motor=Mtr:mm,tip=Tip z:mm", target="tip"))
     if inputs == "Motor position,2":
         with pytest.raises(UsageError, match="no column of numbers"):
             drafted(tmp_path, answers=answers_of(target="Tip", inputs="motor,lever"))

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, NamedTuple
 
-from mapmore_cli.annexes.drafting.draft import Named, NamedColumn
+from mapmore_cli.annexes.drafting.draft import Named, NamedColumn, address
 from mapmore_cli.domain.errors import SpecError, UsageError
 from mapmore_cli.study.units import CANONICAL, check_unit, convert, parse_quantity
 
@@ -169,8 +169,7 @@ def read_names(option: str, text: str) -> Named:
                 "give each column a name of its own, for example `p1` and `p2`",
             )
         if column.column == "":
-            address = place if option == "--columns" else int(name) if name.isdigit() else name
-            column = replace(column, column=address)
+            column = replace(column, column=place if option == "--columns" else address(name))
         columns[name] = column
     if not columns:
         raise UsageError(f"{option}: no column is named", f"name one, for example `{option} force`")
@@ -205,7 +204,7 @@ def _read_entry(option: str, entry: str) -> tuple[str, NamedColumn]:
     if is_quantity and not _QUANTITY.fullmatch(name):
         raise UsageError(f"{option}: {name[:40]!r} is not a valid name of a quantity", FORM)
     return name, NamedColumn(
-        int(where) if where.isdigit() else where,
+        address(where),
         match["unit"],
         scale=float(match["scale"] or 1),
         offset=float(match["offset"] or 0),

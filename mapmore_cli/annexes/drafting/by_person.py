@@ -6,8 +6,9 @@ import re
 from collections.abc import Mapping
 from dataclasses import replace
 
-from mapmore_cli.annexes.drafting.columns import Table, TitledColumn, find, listed, unit_of_clock
+from mapmore_cli.annexes.drafting.columns import Table, TitledColumn, unit_of_clock
 from mapmore_cli.annexes.drafting.draft import Named, range_of
+from mapmore_cli.annexes.drafting.finding import find, listed
 from mapmore_cli.annexes.drafting.spelling import words
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.study.units import CANONICAL
@@ -106,7 +107,7 @@ def _clock_among(
     columns: Mapping[int, TitledColumn], table: Table
 ) -> tuple[int | None, str, str, str]:
     """Return the column that may be a clock, or that counts the rows, and the question about this
-    column. Also return two texts for the example command: an addition to `--columns`, and another
+    column. Also return two texts for the example command: the clock as a further input, and an
     option.
     """
     has_clock = any(one.is_time for one in table.values())

@@ -10,7 +10,7 @@ import numpy as np
 from mapmore_cli.annexes.drafting.clocks import clock_in_parts
 from mapmore_cli.annexes.drafting.columns import KINDS, Table, TitledColumn, unit_of_clock
 from mapmore_cli.annexes.drafting.draft import Column, Named, NamedColumn
-from mapmore_cli.annexes.drafting.names import is_repeat
+from mapmore_cli.annexes.drafting.name_numbers import is_repeat
 from mapmore_cli.annexes.drafting.spelling import words
 from mapmore_cli.checking.evidence import same_signals
 from mapmore_cli.checking.names import POSITIONS, read_label
@@ -37,20 +37,19 @@ def known_by_titles(table: Table) -> Known:
     name of the quantity; the others are named by their titles. A copy of another column, a computed
     column, and a column that increases like a clock but is not the time are left out.
     """
-    parts = clock_in_parts(table)
-    clock = next(
-        (one for one in table.values() if one.is_time and one.rises and not one.turn), None
-    )
-    used = {*parts} or {one.column for one in [clock] if one is not None}
+    columns: Named = {}
+    clocks = (one for one in table.values() if one.is_time and one.rises and not one.turn)
+    if parts := clock_in_parts(table):
+        why = "titles: a clock in parts, which are added"
+        columns["time"] = NamedColumn(next(iter(parts)), why=why, parts=parts)
+    elif (clock := next(clocks, None)) is not None:
+        columns["time"] = clock.as_quantity("time")
+    used = columns["time"].places if columns else set()
     rest = [one for one in table.values() if one.column not in used]
     left_out = {one.column: why for one in rest if (why := _why_unused(one, bool(used)))}
     left_out |= _copies([one for one in rest if one.column not in left_out])
     kept = [one for one in rest if one.column not in left_out]
     quantities = _plain_names(kept)
-    columns: Named = {} if clock is None else {"time": clock.as_quantity("time")}
-    if parts:
-        why = "titles: a clock in parts, which are added"
-        columns["time"] = NamedColumn(next(iter(parts)), why=why, parts=parts)
     for one in kept:
         name = quantities.get(one.column, one.name)
         name = f"column_{one.place}" if name in {*columns, "time"} else name
@@ -70,7 +69,10 @@ def _why_unused(one: TitledColumn, has_clock: bool) -> str:
             "`time`"
         )
     if one.quantity == "time" or (one.is_time and has_clock):
-        return "is a second clock" if has_clock else _why_no_clock(one)
+        if has_clock:
+            return "is a second clock"
+        repeats = any(2 * np.count_nonzero(np.diff(x)) < len(x) - 1 for x in one.values)
+        return "repeats most of its values, unlike a clock" if repeats else "its clock is set back"
     if one.may_be_clock:
         unit = unit_of_clock(one.values)
         return f"always increases; if it is the clock, name it as `time={one.place}:{unit}`"
@@ -79,11 +81,6 @@ def _why_unused(one: TitledColumn, has_clock: bool) -> str:
     if one.blocks and any(map(is_repeat, words(one.title))):
         return "numbers recordings or specimens; name it with --inputs to use it"
     return "counts its rows" if not one.quantity and one.counts else ""
-
-
-def _why_no_clock(one: TitledColumn) -> str:
-    repeats = any(2 * np.count_nonzero(np.diff(x)) < len(x) - 1 for x in one.values)
-    return "repeats most of its values, unlike a clock" if repeats else "its clock is set back"
 
 
 def _copies(columns: Sequence[TitledColumn]) -> dict[Column, str]:
@@ -114,7 +111,7 @@ def _plain_names(columns: Sequence[TitledColumn]) -> dict[Column, str]:
     """
     names: dict[Column, str] = {}
     for quantity in KINDS:
-        ranks = {one.column: _plainness(one) if one.quantity == quantity else 0 for one in columns}
+        ranks = {one.column: _plainness(one) for one in columns if one.quantity == quantity}
         best = [column for column, rank in ranks.items() if rank == max(ranks.values()) > 0]
         if len(best) == 1:
             names[best[0]] = quantity

@@ -87,14 +87,11 @@ def _channel_in(file: Path) -> Channel | None:
 def _pasted(channels: Sequence[Channel], table: str) -> str:
     """Return the command that pastes the channels; only the first keeps its clock."""
     first, *others = channels
-    parts = [quote(str(first.path))]
-    if first.delimiter:
-        cut = "cut -f2" if first.delimiter == "\t" else f"cut -d{quote(first.delimiter)} -f2"
-        parts += [f"<({cut} {quote(str(one.path))})" for one in others]
-    else:
-        parts += [quote(str(one.path)) for one in others]
-    mark = f" -d{quote(first.delimiter)}" if first.delimiter else ""
-    pasted = f"paste{mark} {' '.join(parts)}"
+    # without `-d`, both commands separate columns by tabs
+    mark = "" if first.delimiter in ("", "\t") else f" -d{quote(first.delimiter)}"
+    names = [quote(str(one.path)) for one in others]
+    rest = [f"<(cut{mark} -f2 {name})" for name in names] if first.delimiter else names
+    pasted = " ".join([f"paste{mark}", quote(str(first.path)), *rest])
     if not first.has_title:
         titles = "\\t".join(stem_of(one.path.name) for one in channels)
         pasted = f"(printf '%b\\n' {quote(titles)}; {pasted})"

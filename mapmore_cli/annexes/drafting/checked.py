@@ -1,5 +1,5 @@
-"""Try a draft with the rules of `check` before it is written. No model is fitted. If there are
-thousands of files, the rules examine only some of them. All files were read before.
+"""Try a draft with the rules of `check` before it is written. No model is fitted. If there are many
+files, the rules examine only some of them.
 """
 
 from __future__ import annotations
@@ -60,10 +60,11 @@ random.
 def with_few_files(draft: Draft, folder: Path) -> tuple[Draft, int]:
     """Return a draft with `MOST` of the files, drawn at random with seed 1, and the number of all
     files. For all values that names of files contain, for example for each level, at least one file
-    is drawn. The recordings keep their ids.
+    is drawn. The recordings keep their ids. Nothing is held out if the draft holds out recordings
+    or files by their names, because only some of them are drawn.
 
-    The draft is unchanged in four cases: it has at most `MOST` files; another log is joined; names
-    contain more than `MOST` different values; the drawn files do not contain the held-out data.
+    The draft is unchanged if it has at most `MOST` files, if another log is joined, or if names
+    contain more than `MOST` different values.
     """
     data = Data.model_validate(draft.data)
     sources = find_sources(data.files, folder, data.join, bad=data.skip_bad_files)
@@ -72,7 +73,6 @@ def with_few_files(draft: Draft, folder: Path) -> tuple[Draft, int]:
     if len(sources) <= MOST or data.join or len(first) > MOST:
         return draft, len(sources)
     drawn = [*dict.fromkeys([*first.values(), *shuffled])][:MOST]
-    few = [sources[at] for at in sorted(drawn)]
     entries: list[Section] = [
         {
             "path": one.name,
@@ -84,20 +84,13 @@ def with_few_files(draft: Draft, folder: Path) -> tuple[Draft, int]:
                 name: column.model_dump(exclude_unset=True) for name, column in one.columns.items()
             },
         }
-        for one in few
+        for one in (sources[at] for at in sorted(drawn))
     ]
-    some = draft.with_data("files", entries)
-    held = dict(draft.data.get("split", {}).get("validate", {}))
-    if "recordings" in held:
-        ids = tuple(one.id for one in few)
-        parts = tuple(f"{name}{mark}" for name in ids for mark in "#[")
-        held["recordings"] = [x for x in held["recordings"] if x in ids or x.startswith(parts)]
-    if "files" in held:
-        names = {Path(one.name).name for one in few}
-        held["files"] = [name for name in held["files"] if name in names]
-    if not all(held.values()):
-        return draft, len(sources)
-    return (some.with_data("split", {"validate": held}) if held else some), len(sources)
+    few = draft.with_data("files", entries)
+    held_out = draft.data.get("split", {}).get("validate", {})
+    if "recordings" in held_out or "files" in held_out:
+        few = few.without_data("split")
+    return few, len(sources)
 
 
 def _fault(draft: Draft, folder: Path) -> SpecError | DataError | None:

@@ -5,6 +5,8 @@ time stamps, and for files that cannot be read.
 from __future__ import annotations
 
 import re
+from collections import Counter
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +14,7 @@ from pathlib import Path
 from mapmore_cli.annexes.drafting.draft import Draft
 from mapmore_cli.annexes.drafting.reading import read_draft, with_words
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.domain.recording import Dataset, Recording
 from mapmore_cli.ingestion.clock import REPEATS
 from mapmore_cli.ingestion.dataset import BAD
 from mapmore_cli.ingestion.files import find_sources
@@ -31,7 +33,7 @@ def lenient(draft: Draft) -> Draft:
     return draft
 
 
-def cleaned(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset]:
+def cleaned(draft: Draft, folder: Path, target: str) -> tuple[Draft, Sequence[Recording]]:
     """Return the draft with all settings that its recordings need, and the recordings.
 
     A recording is cut where its clock is set back. Unreadable files are left out by name. If most
@@ -56,15 +58,17 @@ def cleaned(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset]:
             ways += [bare, bare.with_data("skip_bad_files", True)]
     for way in ways:
         with suppress(DataError):
-            found, dataset, is_most = _read_tolerantly(way, folder, target)
+            found, recordings, is_most = _read_tolerantly(way, folder, target)
             if is_most or way is ways[-1]:
-                return found, dataset
+                return found, recordings
     raise first
 
 
-def _read_tolerantly(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset, bool]:
-    """Return a draft that can be read, its dataset, and True if at least half of the files are in
-    the dataset. The draft gets the words for missing values and the names of files that cannot be
+def _read_tolerantly(
+    draft: Draft, folder: Path, target: str
+) -> tuple[Draft, Sequence[Recording], bool]:
+    """Return a draft that can be read, its recordings, and True if they come from at least half of
+    the files. The draft gets the words for missing values and the names of files that cannot be
     read.
     """
     warnings: list[str] = []
@@ -79,37 +83,36 @@ def _read_tolerantly(draft: Draft, folder: Path, target: str) -> tuple[Draft, Da
         names = dict.fromkeys(source.name for source in sources)
         read = {one.source for one in dataset.recordings}
         bad = [name for name in names if name not in read]
-        told = [warning for warning in dict.fromkeys(warnings) if BAD in warning]
-        why = "; ".join(told)
+        why = "; ".join(warning for warning in dict.fromkeys(warnings) if BAD in warning)
         draft = draft.with_data("skip_bad_files", bad or True, why, False)
         is_most = 2 * len(read) >= len(names)
     hidden = tuple(one for one in dict.fromkeys(warnings) if " hidden " in one)
-    return _with_losses_told(replace(draft, tips=hidden), dataset), dataset, is_most
+    return _with_losses(replace(draft, tips=hidden), dataset), dataset.recordings, is_most
 
 
-def _with_losses_told(draft: Draft, dataset: Dataset) -> Draft:
-    """Return the draft with notes on empty cells and odd time stamps, if there are any; cells and
-    time stamps of a joined log are not counted.
+def _with_losses(draft: Draft, dataset: Dataset) -> Draft:
+    """Return the draft with notes that count empty cells and odd time stamps, and without the
+    settings for losses that do not occur. Cells and time stamps of a joined log are not counted.
     """
-    rules = {
-        "missing": ("missing value", "samples have an empty cell"),
-        "repeated_time": ("", f"{REPEATS}: the logger rounds them"),
-        "glitches": ("glitch of the clock", "time stamps lie before an earlier one"),
+    dropped = sum((Counter(one.dropped) for one in dataset.recordings), Counter[str]())
+    repeats = (re.search(rf": (\d+) {REPEATS}", note) for note in dataset.notes)
+    losses = {
+        "missing": (dropped["missing value"], "samples have an empty cell"),
+        "repeated_time": (
+            sum(int(match[1]) for match in repeats if match is not None),
+            f"{REPEATS}: the logger rounds them",
+        ),
+        "glitches": (dropped["glitch of the clock"], "time stamps lie before an earlier one"),
     }
-    for key, (reason, words) in rules.items():
-        count = sum(one.dropped.get(reason, 0) for one in dataset.recordings)
-        if not reason:
-            told = (re.search(rf": (\d+) {REPEATS}", note) for note in dataset.notes)
-            count = sum(int(match[1]) for match in told if match is not None)
+    for key, (count, words) in losses.items():
         rule = draft.data[key]
         if isinstance(rule, dict):
             tokens = ", ".join(map(repr, rule["tokens"]))
-            draft = draft.noted(
-                ("data", key),
+            why = (
                 f"{count} samples have a cell that is empty or holds {tokens}; it is read as a "
-                "missing value",
-                False,
+                "missing value"
             )
+            draft = draft.noted(("data", key), why, sure=False)
         elif count:
             draft = draft.noted(("data", key), f"{count} {words}")
         elif "join" not in draft.data:

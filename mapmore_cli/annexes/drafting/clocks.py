@@ -13,7 +13,6 @@ import numpy as np
 from mapmore_cli.annexes.drafting.columns import Table, TitledColumn
 from mapmore_cli.annexes.drafting.draft import Column
 from mapmore_cli.annexes.drafting.spelling import words
-from mapmore_cli.domain.arrays import Array
 from mapmore_cli.ingestion.clock import MOST_GLITCHES
 
 PARTS = {
@@ -24,8 +23,8 @@ PARTS = {
     "us": ("us usec micros microsecond microseconds mikrosekunden", 1e-6),
     "ns": ("ns nsec nsecs nanos nanosec nanosecs nanosecond nanoseconds nanosekunden", 1e-9),
 }
-"""For each unit of time, the coarsest first: words in the titles of such a part of a clock, and the
-unit in seconds.
+"""For each unit of time, from the coarsest to the finest: the words with which titles of columns in
+this unit end, and the length of the unit in seconds.
 """
 
 
@@ -37,24 +36,14 @@ class Part:
     unit: str
 
     @property
-    def numbers(self) -> Sequence[Array]:
-        """The numbers of the part, one array `(n,)` for each file."""
-        return self.column.values
-
-    @property
     def second(self) -> float:
         """The unit in seconds."""
         return PARTS[self.unit][1]
 
     @property
-    def is_whole(self) -> bool:
-        """Return True if all numbers are whole, as they must be except in the finest part."""
-        return all((x == np.round(x)).all() for x in self.numbers)
-
-    @property
     def restarts(self) -> bool:
         """Return True if the numbers decrease somewhere."""
-        return any((np.diff(x) < 0).any() for x in self.numbers)
+        return any((np.diff(x) < 0).any() for x in self.column.values)
 
     def follows(self, coarser: Part) -> bool:
         """Return True if the numbers suit a part that follows the `coarser` part. For seconds that
@@ -62,7 +51,7 @@ class Part:
         largest must be at least 30. The rule for other units is the same, with other numbers.
         """
         turn = round(coarser.second / self.second)
-        highest = max(float(x.max()) for x in self.numbers)
+        highest = max(float(x.max()) for x in self.column.values)
         return highest < turn and (2 * highest >= turn or not self.restarts)
 
 
@@ -80,7 +69,8 @@ def clock_in_parts(table: Table) -> dict[Column, str]:
     parts = [found[unit] for unit in PARTS if unit in found]
     fits = [finer.follows(coarser) for coarser, finer in pairwise(parts)]
     parts = parts[: 1 + [*fits, False].index(False)]
-    is_whole = all(part.is_whole for part in parts[:-1])
+    # only the finest part may have decimal places
+    is_whole = all((x == np.round(x)).all() for part in parts[:-1] for x in part.column.values)
     if is_whole and any(part.restarts for part in parts[1:]) and _increases(parts):
         return {part.column.column: part.unit for part in parts}
     return {}
@@ -90,7 +80,7 @@ def _increases(parts: Sequence[Part]) -> bool:
     """Return True if the sum of all parts of the clock increases in every file, except for a few
     steps back.
     """
-    for numbers in zip(*(part.numbers for part in parts), strict=True):
+    for numbers in zip(*(part.column.values for part in parts), strict=True):
         if len({*map(len, numbers)}) > 1:
             return False
         times = sum(part.second * x for part, x in zip(parts, numbers, strict=True))

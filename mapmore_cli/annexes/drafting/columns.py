@@ -6,8 +6,7 @@ column.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 from shlex import quote
@@ -16,10 +15,9 @@ import numpy as np
 
 from mapmore_cli.annexes.drafting.draft import Column, NamedColumn, Raw, range_of
 from mapmore_cli.annexes.drafting.layout import Layout
-from mapmore_cli.annexes.drafting.spelling import spelt, words
+from mapmore_cli.annexes.drafting.titles import HALF_WIDTH, name_in, units_in
 from mapmore_cli.checking.names import POSITIONS, read_label
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.ingestion.clock import MOST_GLITCHES
 from mapmore_cli.study.units import CANONICAL, default_unit, unit_of
 
@@ -27,12 +25,6 @@ KINDS = {"pressure": "pressure", "force": "force", "load": "force"} | dict.fromk
     POSITIONS, "position"
 )
 """Quantities that a title can identify, and the kind of each."""
-# A whole number in brackets is an index, as in `s[12]`, except for the unit 1 in `strain [1]`.
-_BRACKETS = re.compile(r"[\[(]\s*((?<=\s[\[(])1(?=\s*[\])])|(?!\d+\s*[\])])[^\])]+?)\s*[\])]")
-HALF_WIDTH = str.maketrans(
-    "（）［］／％", "()[]/%"
-)  # brackets and signs of Chinese and Japanese texts
-_BEHIND = re.compile(r"(?:[_,/]|\bin)\s*(?!\d+$)([^\s_,/]+)$")
 
 
 @dataclass(frozen=True)
@@ -103,18 +95,8 @@ class TitledColumn:
         known quantity, the number of the column is appended, because the column may hold another
         quantity.
         """
-        name = self.title_as_name
+        name = name_in(self.title)
         return name if name not in ("column", *CANONICAL) else f"{name}_{self.place}"
-
-    @property
-    def title_as_name(self) -> str:
-        """The title without its unit, as a name: letters, digits and `_`."""
-        title = self.title.translate(HALF_WIDTH)
-        bare = _BRACKETS.sub(lambda match: "" if unit_of(match[1]) else match[0], title)
-        behind = _BEHIND.search(bare)
-        bare = bare[: behind.start()] if behind is not None and unit_of(behind[1]) else bare
-        name = re.sub(r"\W+", "_", spelt(bare), flags=re.ASCII).strip("_")[:40]
-        return f"column_{name}" if name[:1].isdigit() else name or "column"
 
     @property
     def moves(self) -> bool:
@@ -150,9 +132,10 @@ class TitledColumn:
         usual = 1.5 * float(np.median(np.abs(np.concatenate(steps))) or 1.0)
         before = np.concatenate([x[at] for x, at in zip(self.values, falls, strict=True)])
         after = np.concatenate([x[at + 1] for x, at in zip(self.values, falls, strict=True)])
-        regular = (after >= 0).all() and (after <= usual).all()
+        if (after < 0).any() or (after > usual).any():
+            return 0.0
         turns = (one for one in TURNS if (before < one).all() and (before >= one - usual).all())
-        return next(turns, 0.0) if regular else 0.0
+        return next(turns, 0.0)
 
     @property
     def counts(self) -> bool:
@@ -200,15 +183,14 @@ class TitledColumn:
         """
         if self.texts:
             return NamedColumn(self.column, "1", "you; texts are numbered", texts=self.how)
-        if self.unit or name not in CANONICAL:
-            why = f"{self.source or 'title'}; {range_of(self.values, self.unit or '1')}"
-            return NamedColumn(self.column, self.unit or "1", why)
-        usual = default_unit(name) if name != "time" else unit_of_clock(self.values)
-        if usual == "1":
-            return NamedColumn(self.column, usual, f"title; {range_of(self.values)}")
+        usual = unit_of_clock(self.values) if name == "time" else default_unit(name)
+        unit = self.unit or usual
+        if self.unit or unit == "1":
+            why = f"{self.source or 'title'}; {range_of(self.values, unit)}"
+            return NamedColumn(self.column, unit, why)
         reason = "its title gives no unit" if self.title else "it always increases"
-        why = f"{reason}: is it {usual}? {range_of(self.values)}"
-        return NamedColumn(self.column, usual, why, sure=False)
+        why = f"{reason}: is it {unit}? {range_of(self.values)}"
+        return NamedColumn(self.column, unit, why, sure=False)
 
 
 TURNS = (24.0, 60.0, 1000.0, 3600.0, 86400.0)
@@ -260,11 +242,10 @@ def _read_title(
     """Return a column. If its unit does not suit the quantity in its title, for example volts for a
     force, the title names no quantity.
     """
-    plain = title.translate(HALF_WIDTH)
-    label = read_label(plain)
+    label = read_label(title.translate(HALF_WIDTH))
     # cells that are shown in per cent contain fractions, whatever the title says
     is_ratio = line == "1"
-    texts = ["1"] if is_ratio else [*_BRACKETS.findall(plain), *_BEHIND.findall(plain), line]
+    texts = ["1"] if is_ratio else [*units_in(title), line]
     unit = next((one for text in texts if (one := unit_of(text))), "")
     quantity, is_plain = "", False
     if label is not None:
@@ -274,54 +255,10 @@ def _read_title(
         )
         if own_unit or not unit:
             quantity, is_plain, unit = label.quantity, label.plain, own_unit
-    if not (unit or quantity) and plain.strip().casefold() in CLOCKS:  # the title is only a unit
-        unit = plain.strip().casefold()
+    if not (unit or quantity) and title.strip().casefold() in CLOCKS:  # the title is only a unit
+        unit = title.strip().casefold()
     source = "" if not unit else "the file's units" if unit_of(line) else "title"
     return TitledColumn(column, place, title, values, quantity, is_plain, unit, source)
-
-
-def find(table: Table, wanted: Column, option: str, texts: bool = False) -> TitledColumn:
-    """Return the column that a person means by a number, a title, or a word that occurs in only one
-    title. With `texts`, it may also be a column of texts.
-
-    Raises UsageError with a list of the columns if there is none, or if there are several.
-    """
-    numbers = [one for one in table.values() if one.values or (texts and one.texts)]
-    rules: list[Callable[[TitledColumn], bool]] = [
-        lambda one: one.column == wanted,
-        lambda one: one.place == wanted,
-    ]
-    if isinstance(wanted, str):
-        parts = words(wanted)
-        rules += [
-            lambda one: words(one.title) == parts,
-            lambda one: bool(parts) and {*parts} <= {*words(one.title)},
-            lambda one: one.name == wanted,
-        ]
-    near = next(filter(None, ([*filter(rule, numbers)] for rule in rules)), [])
-    empty = next(
-        (one for one in table.values() if not near and any(rule(one) for rule in rules)), None
-    )
-    if texts and empty is not None:
-        raise UsageError(
-            f"{option}: {empty.called} has no numbers, and no text of it stands in several rows",
-            "fill the empty cells: write each text into every row that it describes (`init` does "
-            "so itself only if the first row of the table has a text)",
-        )
-    if len(near) != 1:
-        kind = "" if texts else " of numbers"
-        problem = "several columns are" if near else f"no column{kind} is"
-        several = ", ".join(one.called for one in near or numbers)
-        raise UsageError(
-            f"{option}: {problem} called {wanted}",
-            f"give the title or the number of one of these: {several}",
-        )
-    return near[0]
-
-
-def listed(table: Table, but: Iterable[Column] = ()) -> dict[int, TitledColumn]:
-    """Return the columns whose values change. Their keys are the numbers that `init` prints."""
-    return {one.place: one for one in table.values() if one.moves and one.column not in {*but}}
 
 
 def unit_of_clock(values: Sequence[Array]) -> str:

@@ -39,6 +39,13 @@ Section = dict[str, Any]
 """A spec or a section of it, as in YAML."""
 
 
+def address(text: str) -> Column:
+    """Return the column that a person writes: the index if the text is a whole number, otherwise
+    the text, which is a title or a name.
+    """
+    return int(text) if text.isdecimal() else text
+
+
 @dataclass(frozen=True)
 class NamedColumn:
     """The column of a quantity, its unit, and the reason for the choice, for example its title.
@@ -63,7 +70,7 @@ class NamedColumn:
         """Return True if `name` is the title or the index of the column, and no person gave the
         quantity another name.
         """
-        return not self.is_called and self.column in (name, int(name) if name.isdigit() else name)
+        return not self.is_called and self.column in (name, address(name))
 
     @property
     def places(self) -> set[Column]:

@@ -49,11 +49,6 @@ class Experiment:
     conditions: Conditions
     apart: Sequence[str] = ()
 
-    @property
-    def is_timed(self) -> bool:
-        """Return True if the samples have a clock."""
-        return "time" in self.recordings[0].columns
-
 
 def find_held(
     recordings: Sequence[Recording],
@@ -67,7 +62,8 @@ def find_held(
     If a person names a quantity, this one is returned. Otherwise, it is the only input whose values
     are in names of files, or which stays constant in each recording. If there is no such input and
     the study is a table without a clock, it is the only input that takes a few values repeatedly.
-    Each of these values must have enough samples for a curve. `conditions` are values from names.
+    Each of these values must have enough samples for a curve. `conditions` are the values in names
+    of files, which are also columns of the recordings.
 
     Raises
     ------
@@ -82,20 +78,23 @@ def find_held(
             f"--hold: no input is called {asked}",
             f"name one of {', '.join(inputs)}, or write `--hold none`",
         )
-    levels = {
-        name: values for name in inputs if (values := own_levels(recordings, name, conditions))
-    }
+    levels = {name: values for name in inputs if (values := own_levels(recordings, name))}
     is_table = "time" not in recordings[0].columns
-    if asked is None and is_table and not levels:
-        levels = {name: values for name in inputs if (values := set_values(recordings, name))}
-    if asked is None and len(levels) != 1:
-        return None
+    if asked is None:
+        if is_table and not levels:
+            levels = {name: values for name in inputs if (values := set_values(recordings, name))}
+        if len(levels) != 1:
+            return None
+        (values,) = levels.values()
+        if is_table and sum(one.rows_kept for one in recordings) < FEWEST * len(values):
+            # few samples at each value mean that the quantity moved in steps, and was not held
+            return None
     of = asked or next(iter(levels))
-    samples = sum(len(one.columns[of]) for one in recordings)
-    if asked is None and is_table and samples < FEWEST * len(levels[of]):
-        # few samples at each value mean that the quantity moved in steps, and was not held
-        return None
-    swept = next((name for name in inputs if name not in (of, *levels, *conditions)), None)
+    at, within = levels.get(of, []), None
+    if not at:
+        at = find_levels(np.concatenate([one.columns[of] for one in recordings])).tolist()
+        within = two_digits(NEAR * 2 * default_within(np.array(at))) if len(at) > 1 else None
+    swept = next((name for name in inputs if name not in (of, *levels)), None)
     at, within = levels.get(of, []), None
     if not at:
         at = find_levels(np.concatenate([one.columns[of] for one in recordings])).tolist()
@@ -108,16 +107,11 @@ def find_held(
     return Held(of, at, within, swept, why)
 
 
-def own_levels(
-    recordings: Sequence[Recording], name: str, conditions: Conditions
-) -> list[float] | None:
+def own_levels(recordings: Sequence[Recording], name: str) -> list[float] | None:
     """Return the levels of a quantity that stays near one value in each recording; None if it has
-    no such levels, or only one such level. The gap between neighbouring levels is more than twice
-    the movement at any level.
+    no such levels, or only one such level. The gap between neighbouring levels is more than half
+    of the movement at any level.
     """
-    if name in conditions:
-        levels = sorted(set(conditions[name]))
-        return levels if len(levels) > 1 else None
     series = [one.columns[name] for one in recordings if one.rows_kept]
     ends = np.array(sorted(np.quantile(values, (0.05, 0.95)).tolist() for values in series))
     reach = np.maximum.accumulate(ends[:, 1])
@@ -126,8 +120,8 @@ def own_levels(
     gaps, widths = lows[1:] - highs[:-1], highs - lows
     if not gaps.size or 2 * gaps.min() <= widths.max():
         return None
-    middles = zip((lows + widths / 2).tolist(), (widths / 4).tolist(), strict=True)
-    return [_neat(middle, scatter) for middle, scatter in middles]
+    ends_of_levels = zip(lows.tolist(), highs.tolist(), strict=True)
+    return [_neat((low + high) / 2, (high - low) / 4) for low, high in ends_of_levels]
 
 
 def _neat(middle: float, scatter: float) -> float:

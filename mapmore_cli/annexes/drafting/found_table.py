@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import pairwise, takewhile, zip_longest
+from itertools import pairwise, takewhile
 from typing import Any
 
 from mapmore_cli.annexes.drafting.first_lines import COMMENT
 from mapmore_cli.annexes.drafting.layout import Layout
-from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.annexes.drafting.rows import (
+    Row,
+    are_units,
+    filled_by_column,
+    nonempty,
+    without_brackets,
+)
 from mapmore_cli.storage.tables import Top
 from mapmore_cli.storage.tables.below import MAP_COLUMNS, names_its_line
 from mapmore_cli.storage.tables.cells import stamp_of
-from mapmore_cli.study.units import check_unit
 
 REMARKS = ("#", "%", "//", "!")  # beginnings of lines that are remarks instead of data
-LETTERS = "smNVAKgh1%°-"  # single characters that are common units
-
-Row = Sequence[Any]
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class FoundTable:
     @property
     def columns(self) -> list[list[Any]]:
         """The filled cells below the header, one list for each column."""
-        return _filled_by_column(self.rows[self.first :], self.wide)
+        return filled_by_column(self.rows[self.first :], self.wide)
 
     @property
     def top_of_map(self) -> int | None:
@@ -89,16 +90,9 @@ class FoundTable:
         others = [lines[line] for line in sorted(lines) if line != titled]
         units = next(filter(self.holds_units, others), [])
         width = 1 + max([*self.numeric, *(place for place, title in enumerate(titles) if title)])
-        titles = [*titles, *[""] * width][:width]
-        pairs = [*zip_longest(self.top.units, units, fillvalue=""), *[("", "")] * width][:width]
-        spelt = [_without_brackets(own or unit) for own, unit in pairs]
-        for place in self.numeric:
-            if stamp_of(str(self.columns[place][0]).strip()) is not None:
-                spelt[place] = "s"  # time stamps are read in seconds, whatever stands above them
-        header, skipped = 0, self.first
-        if titled is not None and len(self.rows[titled]) <= self.wide:
-            filled = [at for at in range(titled, self.first) if nonempty(self.rows[at])]
-            header, skipped = filled[-1] - titled + 1, titled
+        titles = _padded(titles, width)
+        spelt = self._units(_padded(self.top.units, width), _padded(units, width))
+        header, skipped = self._header(titled)
         settings = dict(self.top.settings)
         if not self.top.addresses:
             settings |= {} if header == 1 else {"header": header or False}
@@ -107,7 +101,7 @@ class FoundTable:
         columns = [title if counts[title] == 1 else at for at, title in enumerate(titles)]
         if header and titled is not None:
             words = {at: line for at, line in lines.items() if line != units}
-            titles = _told_apart(titles, words, titled)
+            titles = _told_apart(titles, counts, words, titled)
         return Layout(
             reader,
             self.top.addresses or tuple(columns),
@@ -117,11 +111,30 @@ class FoundTable:
             self.numeric,
         )
 
+    def _units(self, own: Sequence[str], written: Sequence[str]) -> list[str]:
+        """Return the unit of each column: its `own` unit if the file stores one, otherwise the unit
+        in the line of units. Time stamps are read in seconds, whatever stands above them.
+        """
+        units = [without_brackets(unit or line) for unit, line in zip(own, written, strict=True)]
+        for place in self.numeric:
+            if stamp_of(str(self.columns[place][0]).strip()) is not None:
+                units[place] = "s"
+        return units
+
+    def _header(self, titled: int | None) -> tuple[int, int]:
+        """Return the number of lines in the header, and the number of lines above the header. A
+        line of titles that is wider than the table is no header, because it is a remark.
+        """
+        if titled is None or len(self.rows[titled]) > self.wide:
+            return 0, self.first
+        last = max(at for at in range(titled, self.first) if nonempty(self.rows[at]))
+        return last - titled + 1, titled
+
     def holds_units(self, line: Sequence[str]) -> bool:
         """Return True for a line of units. Cells above empty columns are ignored, because they may
         say what the line holds, for example `Unit:`.
         """
-        return _are_units([cell for cell, below in zip(line, self.columns, strict=False) if below])
+        return are_units([cell for cell, below in zip(line, self.columns, strict=False) if below])
 
     def header_lines(self) -> dict[int, list[str]]:
         """Return the lines directly above the numbers that may be titles or units, by their index.
@@ -137,7 +150,7 @@ class FoundTable:
         labels = [place for place, cells in enumerate(self.columns) if not cells]
         for place in reversed(range(self.first)):
             filled = nonempty(self.rows[place])
-            if not filled and all(map(_are_units, lines.values())):
+            if not filled and all(map(are_units, lines.values())):
                 continue
             cells = ["" if cell is None else str(cell).strip() for cell in self.rows[place]]
             if any(self.rows[place] is line for line in self.labelled):
@@ -145,7 +158,7 @@ class FoundTable:
                 continue
             if len(cells) == self.wide + 1 and cells[0] in REMARKS:
                 cells = cells[1:]
-            has_number = any(map(self.top.is_number, filled)) and not _are_units(cells)
+            has_number = any(map(self.top.is_number, filled)) and not are_units(cells)
             has_number &= not any(cells[place] for place in labels if place < len(cells))
             if filled and not has_number and len(cells) > last and not any(cells[self.wide :]):
                 lines[place] = cells
@@ -169,7 +182,7 @@ class FoundTable:
             line: nonempty([cells[at] for at in self.numeric]) for line, cells in lines.items()
         }
         naming = [line for line in sorted(lines) if 2 * len(names[line]) >= len(self.numeric)]
-        titles = [line for line in naming if len(lines) == 1 or not _are_units(lines[line])]
+        titles = [line for line in naming if len(lines) == 1 or not are_units(lines[line])]
         return max(titles or naming[:1], key=rank, default=None)
 
 
@@ -185,7 +198,7 @@ def table_in(top: Top) -> FoundTable | None:
     wide = widths.most_common(1)[0][0] if widths else 0
     end = max((i for i, row in enumerate(rows) if len(row) == wide and nonempty(row)), default=-1)
     rows = rows[: end + 1]
-    lower = _filled_by_column(rows[len(rows) // 2 :], wide)
+    lower = filled_by_column(rows[len(rows) // 2 :], wide)
     numeric = tuple(
         place
         for place, cells in enumerate(lower)
@@ -199,7 +212,7 @@ def table_in(top: Top) -> FoundTable | None:
         cells = nonempty([row[place] for place in numeric])
         count = sum(map(top.is_number, cells))
         # a line of units may contain a number too, for example `kPa;1`
-        return count > 0 and (count == len(cells) or not _are_units([*map(str, cells)]))
+        return count > 0 and (count == len(cells) or not are_units([*map(str, cells)]))
 
     def is_between(place: int) -> bool:
         """Return True for a comment between two rows of the table, or a row with a remark behind
@@ -215,7 +228,7 @@ def table_in(top: Top) -> FoundTable | None:
     first = next((place for place in filled if place > above), None)
     if first is None:
         return None
-    below = _filled_by_column(rows[first:], wide)
+    below = filled_by_column(rows[first:], wide)
     numeric = tuple(place for place in numeric if below[place])
     return FoundTable(top, rows, wide, numeric, first, labelled) if len(numeric) > 1 else None
 
@@ -235,20 +248,27 @@ def _labelled_lines(rows: Sequence[Row], wide: int, top: Top) -> list[Row]:
 
 
 def _told_apart(
-    titles: Sequence[str], lines: Mapping[int, Sequence[str]], titled: int
+    titles: Sequence[str],
+    counts: Mapping[str, int],
+    lines: Mapping[int, Sequence[str]],
+    titled: int,
 ) -> list[str]:
-    """Return titles that are unique as far as possible. A title that occurs several times is
+    """Return titles that are unique as far as possible. A title with a count above one is
     replaced by the words of all header `lines` in its column. An empty title is replaced by the
     words below the line of titles, which has the index `titled`. Words above the line of titles are
     not used for that, because they may be about the whole file.
     """
-    counts = Counter(filter(None, titles))
     whole = list[str]()
     for place, title in enumerate(titles):
         words = (lines[at][place : place + 1] for at in sorted(lines) if title or at > titled)
         parts = dict.fromkeys(part for cells in words for part in cells if part)
         whole.append(title if counts[title] == 1 else " ".join(parts))
     return whole
+
+
+def _padded(cells: Sequence[str], width: int) -> list[str]:
+    """Return `width` cells; missing cells are empty."""
+    return [*cells, *[""] * width][:width]
 
 
 def _steps_of(cells: Sequence[Any], is_number: Callable[[Any], bool]) -> list[float]:
@@ -261,37 +281,3 @@ def _steps_of(cells: Sequence[Any], is_number: Callable[[Any], bool]) -> list[fl
         numbers = [float(str(cell).replace(",", ".")) for cell in cells]
         return [after - before for before, after in pairwise(numbers)]
     return []
-
-
-def _filled_by_column(rows: Sequence[Row], wide: int) -> list[list[Any]]:
-    return [*map(nonempty, zip(*(row for row in rows if len(row) == wide), strict=True))]
-
-
-def _are_units(cells: Sequence[str]) -> bool:
-    filled = nonempty(cells)
-    return 2 * sum(map(_reads_as_unit, filled)) > len(filled)
-
-
-def _reads_as_unit(cell: str) -> bool:
-    """Return True if a cell is a unit. A single letter may also be a title, so it counts as a unit
-    only if the unit is common.
-    """
-    unit = _without_brackets(cell)
-    if len(unit) == 1:
-        return unit in LETTERS
-    with suppress(SpecError):
-        check_unit(unit)
-        return True
-    return False
-
-
-def _without_brackets(unit: str) -> str:
-    """Return a unit without brackets, and without a sign such as `#` that marks its line as a
-    remark.
-    """
-    return re.sub(r"^[(\[{<]\s*(.*?)\s*[)\]}>]$", r"\1", unit.lstrip("# "))
-
-
-def nonempty(row: Row) -> list[Any]:
-    """Return the cells of a row that are not empty."""
-    return [cell for cell in row if cell is not None and str(cell).strip()]

@@ -42,7 +42,7 @@ def with_split(
     elif way == WHOLE:
         held_out, why = _whole_recordings(done, logs), "between: whole recordings"
     else:
-        places: object = inside.get(way) or _band(way, done.recordings, values)
+        places = inside.get(way) or _band(way, done.recordings, values)
         held_out, why = {way: places} if places else {}, "between: inner values"
     if not held_out:
         raise UsageError(
@@ -89,14 +89,15 @@ def _whole_recordings(done: Experiment, logs: Sequence[str]) -> Section:
     neither the first nor the last are preferred. If the recordings differ in the value of a single
     quantity, the held-out recordings are named by their values of this quantity.
     """
-    held = logs[1:-1:3] or logs[1:]
     if len(done.apart) == 1:
         name = done.apart[0]
         values = sorted({float(one.columns[name][0]) for one in done.recordings})
-        some = values[1:-1:3] or values[1:]
-        return {name: some} if some else {}
-    ids = [one.id for one in done.recordings if (one.log or one.id) in held]
-    return {WHOLE: ids} if ids else {}
+        held_out: Section = {name: values[1:-1:3] or values[1:]}
+    else:
+        held = logs[1:-1:3] or logs[1:]
+        ids = [one.id for one in done.recordings if (one.log or one.id) in held]
+        held_out = {WHOLE: ids}
+    return held_out if all(held_out.values()) else {}
 
 
 def _beyond(done: Experiment) -> list[str]:
@@ -105,14 +106,11 @@ def _beyond(done: Experiment) -> list[str]:
     """
     names: list[str] = []
     for name in done.inputs:
-        series = [one.columns[name] for one in done.recordings if name in one.columns]
-        ends = [round((1 - LAST) * len(x)) for x in series]
-        if not any(ends):
-            continue
-        before = np.concatenate([x[:end] for x, end in zip(series, ends, strict=True)])
-        last = np.concatenate([x[end:] for x, end in zip(series, ends, strict=True)])
+        series = [one.columns[name] for one in done.recordings]
+        parts_of = [np.split(x, [round((1 - LAST) * len(x))]) for x in series]
+        before, last = (np.concatenate(parts) for parts in zip(*parts_of, strict=True))
         outside = (last < before.min()) | (last > before.max())
-        names += [name] if outside.size and np.mean(outside) > 0.5 else []
+        names += [name] if 2 * np.count_nonzero(outside) > outside.size else []
     return names
 
 

@@ -4,52 +4,20 @@ transition zones.
 
 from __future__ import annotations
 
-from typing import Any
-
 from mapmore_cli.annexes.drafting.draft import Draft
 from mapmore_cli.annexes.drafting.experiment import Held
 from mapmore_cli.domain.errors import UsageError
 
-Settings = dict[str, tuple[Any, str]]
-"""A section of the spec, and the note about it."""
 
-
-def settings(paper: str, swept: str) -> Settings:
-    """Return the sections of a paper's static study of a `swept` quantity at held levels.
+def with_paper(draft: Draft, paper: str, held: Held | None) -> Draft:
+    """Return the draft with the settings of a paper's static study of a quantity that was swept at
+    held levels.
 
     M1 (section IV) uses three segments, and does not state the number of terms and the
     extrapolation. M2 (sections 4.4 and 5.1) uses the method of M1 with four segments and one term,
     and extrapolates by the last piece.
-    """
-    terms: dict[str, float] = {"max_terms": 1}
-    count, reference = 3, "M1, section IV"
-    if paper == "m2":
-        terms |= {"tolerance": 1e-4}
-        count, reference = 4, "M2, sections 4.4 and 5.1"
-    return {
-        "segment": (
-            {swept: {"method": "even", "count": count}},
-            f"{reference}: {count} segments of equal width",
-        ),
-        "dictionary": (
-            [{"polynomial": {"of": [swept], "order": 4}}],
-            "the candidates: powers up to the fourth",
-        ),
-        "fit": (
-            {"scaling": "unit_square", **terms},
-            "inputs scaled to 0..1; `max_terms` limits the terms of each segment",
-        ),
-        "fuse": (
-            {"transition": "linear", "z_s": 0.25, "hold": "none", "extrapolation": "continue"},
-            "weights fall linearly in zones of a quarter of each segment (eq 9-12); `hold: none`: "
-            "inputs are not clamped; `continue`: the last piece also applies beyond the data",
-        ),
-    }
 
-
-def with_paper(draft: Draft, paper: str, held: Held | None) -> Draft:
-    """Return the draft with a paper's settings. Raises UsageError if no quantity was held
-    constant.
+    Raises UsageError if no quantity was held constant.
     """
     if held is None:
         raise UsageError(
@@ -57,6 +25,29 @@ def with_paper(draft: Draft, paper: str, held: Held | None) -> Draft:
             "constant; none was found",
             "name the quantity, for example `--hold pressure`",
         )
-    for key, (value, why) in settings(paper, held.swept).items():
-        draft = draft.with_section(key, value, why)
-    return draft
+    terms: dict[str, float] = {"max_terms": 1}
+    count, reference = 3, "M1, section IV"
+    if paper == "m2":
+        terms |= {"tolerance": 1e-4}
+        count, reference = 4, "M2, sections 4.4 and 5.1"
+    draft = draft.with_section(
+        "segment",
+        {held.swept: {"method": "even", "count": count}},
+        f"{reference}: {count} segments of equal width",
+    )
+    draft = draft.with_section(
+        "dictionary",
+        [{"polynomial": {"of": [held.swept], "order": 4}}],
+        "the candidates: powers up to the fourth",
+    )
+    draft = draft.with_section(
+        "fit",
+        {"scaling": "unit_square", **terms},
+        "inputs scaled to 0..1; `max_terms` limits the terms of each segment",
+    )
+    return draft.with_section(
+        "fuse",
+        {"transition": "linear", "z_s": 0.25, "hold": "none", "extrapolation": "continue"},
+        "weights fall linearly in zones of a quarter of each segment (eq 9-12); `hold: none`: "
+        "inputs are not clamped; `continue`: the last piece also applies beyond the data",
+    )

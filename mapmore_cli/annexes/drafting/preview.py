@@ -8,8 +8,9 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 from mapmore_cli.annexes.drafting.first_lines import LINES, comment_among, refuse_serial, unread
-from mapmore_cli.annexes.drafting.found_table import FoundTable, nonempty, table_in
+from mapmore_cli.annexes.drafting.found_table import FoundTable, table_in
 from mapmore_cli.annexes.drafting.layout import Layout
+from mapmore_cli.annexes.drafting.rows import nonempty
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import reader_of, suffix_of
 from mapmore_cli.storage.tables import Reader, TableRequest

@@ -11,10 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mapmore_cli.annexes.drafting.answers import Answers, read_group, read_names
-from mapmore_cli.annexes.drafting.columns import Table, find, listed
+from mapmore_cli.annexes.drafting.columns import Table
 from mapmore_cli.annexes.drafting.draft import Column, scaled
+from mapmore_cli.annexes.drafting.finding import find, listed
 from mapmore_cli.annexes.drafting.held_out import LAST, LAST_SAMPLES, WHOLE
-from mapmore_cli.annexes.drafting.names import group_words
+from mapmore_cli.annexes.drafting.name_groups import group_words
 from mapmore_cli.annexes.drafting.understanding import Understood
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError

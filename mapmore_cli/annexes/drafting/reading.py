@@ -12,8 +12,15 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from mapmore_cli.annexes.drafting.columns import FEWEST_ROWS, Table, Texts, find, read_titles
-from mapmore_cli.annexes.drafting.draft import Column, Draft
+from mapmore_cli.annexes.drafting.columns import (
+    FEWEST_ROWS,
+    Table,
+    Texts,
+    TitledColumn,
+    read_titles,
+)
+from mapmore_cli.annexes.drafting.draft import Column, Draft, address
+from mapmore_cli.annexes.drafting.finding import find
 from mapmore_cli.annexes.drafting.names import told_by_names
 from mapmore_cli.annexes.drafting.sources import started
 from mapmore_cli.annexes.drafting.studies import Study
@@ -158,29 +165,23 @@ def split_by(table: Table, said: Sequence[str]) -> Table:
     distinguish the recordings. The table is unchanged if one of these columns has missing values.
     Raises UsageError for an unknown column.
     """
-    keys = [
-        find(table, int(one) if one.isdecimal() else one, "--recordings", texts=True)
-        for one in said
-    ]
+    keys = [find(table, address(one), "--recordings", texts=True) for one in said]
     series = {name: x for name, one in table.items() if (x := one.values or one.numbered)}
     sizes = {name: [*map(len, x)] for name, x in series.items()}
     if not keys or any(sizes[key.column] != sizes[keys[0].column] for key in keys):
         return table
-    usual = sizes[keys[0].column]
-    pieces: list[list[IntArray]] = []
-    for file in range(len(usual)):
-        rows = np.column_stack([series[key.column][file] for key in keys])
-        member = np.unique(rows, axis=0, return_inverse=True)[1].ravel()
-        pieces.append([np.flatnonzero(member == kind) for kind in range(member.max() + 1)])
-    return {
-        name: replace(
-            one,
-            values=[x[rows] for x, parts in zip(one.values, pieces, strict=True) for rows in parts],
-        )
-        if one.values and sizes[name] == usual
-        else one
-        for name, one in table.items()
-    }
+    rows_of: list[list[IntArray]] = []  # the rows of each recording, for each file
+    for labels in zip(*(series[key.column] for key in keys), strict=True):
+        member = np.unique(np.column_stack(labels), axis=0, return_inverse=True)[1].ravel()
+        rows_of.append([np.flatnonzero(member == kind) for kind in range(member.max() + 1)])
+
+    def divided(one: TitledColumn) -> TitledColumn:
+        if not one.values or sizes[one.column] != sizes[keys[0].column]:
+            return one
+        files = zip(one.values, rows_of, strict=True)
+        return replace(one, values=[x[rows] for x, parts in files for rows in parts])
+
+    return {name: divided(one) for name, one in table.items()}
 
 
 def _read_columns(

@@ -24,10 +24,12 @@ BREAK = 5
 
 
 def second_of(study: Study, studies: Sequence[Study]) -> Study | None:
-    """Return the log with the pressure of the same tests. It is the only other layout in the folder
-    that has as many files as the study and a title that names the pressure.
+    """Return the log with the pressure of the same tests. It is the only layout in the folder of
+    the study that has as many files as the study, titles that name the time and the pressure, and
+    no title that names a force or a position.
 
-    Return None if the study has its own pressure, or if several other layouts are possible.
+    Return None if the study has no time or a pressure of its own, or if several layouts are
+    possible.
     """
     beside = [
         one
@@ -42,7 +44,10 @@ def second_of(study: Study, studies: Sequence[Study]) -> Study | None:
 
 def with_second_log(draft: Draft, second: Study, folder: Path, target: str, said: Named) -> Draft:
     """Return the draft with the pressure of a second log. If a time shift can be found at which the
-    changes of the pressure match the changes of the target, the log is shifted by this time.
+    changes of the pressure match the changes of the target, the log is shifted by this time. `said`
+    are the columns of the second log that a person named.
+
+    Raises DataError if one of the two logs has no clock, or if the second log has no pressure.
     """
     table = table_of(second, folder)
     columns, _ = known_by_titles(table)
@@ -67,7 +72,8 @@ def with_second_log(draft: Draft, second: Study, folder: Path, target: str, said
         notes = read_draft(lenient(draft.with_data("join", [entry])), folder, target).notes
         how_shifted = next((note for note in notes if ": shift " in note), "").partition(": ")[2]
     except DataError:  # no shift was found: a log never changes, or several shifts fit
-        entry = {key: value for key, value in entry.items() if key != "match"} | {"shift": 0.0}
+        del entry["match"]
+        entry["shift"] = 0.0
         how_shifted, sure = "do both logs have the same clock?", False
     return draft.with_data(
         "join",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import glob
 import os
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -35,15 +35,9 @@ def resolved(files: Iterable[Path]) -> set[tuple[Path, str]]:
     """Return the resolved folder and the name of each file, which are the same however the path is
     written. Only the folders are resolved, because there may be thousands of files.
     """
-    members: dict[Path, list[str]] = {}
-    for file in files:
-        members.setdefault(file.parent, []).append(file.name)
-    return {
-        (whole, name)
-        for folder, names in members.items()
-        for whole in [folder.resolve()]
-        for name in names
-    }
+    files = list(files)
+    folders = {parent: parent.resolve() for parent in {file.parent for file in files}}
+    return {(folders[file.parent], file.name) for file in files}
 
 
 def _glob_of(parts: Sequence[str]) -> str:
@@ -68,45 +62,34 @@ def started(
 
     `remark` is about numbers in names that only count repetitions.
     """
-    layout = study.layout
-    data: Section = {"files": [], "reader": layout.reader, **layout.settings}
+    layout, changed = study.layout, study.changed_columns(columns or {})
+    is_by_sheet = bool(study.parts[0][1]) and bool(conditions or layout.left)
+    is_by_part = bool(layout.tables) or is_by_sheet
+    entries = _file_entries(study, folder, conditions, is_by_part, changed)
+    data: Section = {"files": entries, "reader": layout.reader, **layout.settings}
+    if is_by_part and not layout.tables:
+        del data["sheet"]
     draft = Draft({"schema_version": 1, "name": study.name, "data": data}, files=len(study.files))
     if not layout.settings.get("header", True):
         draft = draft.noted(("data", "header"), "the first line holds numbers")
     if "sample_time" in layout.settings:
         draft = draft.noted(("data", "sample_time"), "s: as the file says")
-    is_by_part = bool(layout.tables) or (
-        bool(study.parts[0][1]) and bool(conditions or layout.left)
-    )
-    if is_by_part and not layout.tables:
-        draft = draft.without_data("sheet")
     if layout.is_map:
         draft = draft.noted(("data", "table"), "a map: each cell is a sample")
     if layout.left:
         why = f"left out because their layout differs: {', '.join(map(repr, layout.left))}"
-        draft = draft.noted(("data", "sheet" if "sheet" in draft.data else "reader"), why)
-    entries = _file_entries(study, folder, conditions, is_by_part, columns or {})
-    draft = draft.with_data("files", entries)
-    named = {one if isinstance(one, str) else one["path"] for one in entries}
-    globs = [one for one in named if glob.has_magic(one)] if study.bad else []
-    matched = {place for one in globs for place in resolved(expand(one, folder, True))}
-    bad = {
-        relative_name(file, folder): reason
-        for file, reason in study.bad.items()
-        if matched & resolved([file])
-    }
-    if bad:
-        why = "; ".join(f"{name} {reason}" for name, reason in sorted(bad.items()))
+        draft = draft.noted(("data", "sheet" if "sheet" in data else "reader"), why)
+    if bad := _bad_among(study, folder, entries):
+        why = "; ".join(bad[name] for name in sorted(bad))
         draft = draft.with_data("skip_bad_files", sorted(bad), why)
     reasons = [f"names: {', '.join(one.why for one in conditions)}"] if conditions else []
-    if changed := study.changed_columns(columns or {}):
+    if changed:
         reasons.append(f"{len(changed)} of {len(study.files)} files have other names or units")
     if layout.tables:
         reasons.append(f"each of the {len(layout.tables)} tables in a file is a recording")
-    if reasons or remark:
-        why = "; ".join(filter(None, [*reasons, remark]))
-        draft = draft.noted(("data", "files"), why, all(one.sure for one in conditions))
-    return draft
+    why = "; ".join(filter(None, [*reasons, remark]))
+    sure = all(one.sure for one in conditions)
+    return draft.noted(("data", "files"), why or None, sure)
 
 
 def _file_entries(
@@ -114,13 +97,12 @@ def _file_entries(
     folder: Path,
     conditions: Sequence[Condition],
     is_by_part: bool,
-    columns: Named,
+    changed: Mapping[Path, Section],
 ) -> list[Any]:
-    """Return the `files` of a spec: globs, with the sheet or the table, and the values from
-    names.
+    """Return the `files` of a spec: globs, with the sheet or the table, and the values from names.
+    Files with other units get the entries of `columns` in `changed`.
     """
     values = [one.in_model_units for one in conditions]
-    changed = study.changed_columns(columns)
     members: dict[tuple[Any, ...], list[Path]] = {}
     for at, (file, place) in enumerate(study.parts):
         part = tuple(place.items() if is_by_part else ())
@@ -136,3 +118,17 @@ def _file_entries(
         paths = patterns(list(dict.fromkeys(files)), folder, study.bad)
         entries += [{"path": path, **more} for path in paths] if more else paths
     return entries
+
+
+def _bad_among(study: Study, folder: Path, entries: Sequence[Any]) -> dict[str, str]:
+    """Return the bad files that the globs of the entries match, by name, with the reasons."""
+    if not study.bad:
+        return {}
+    named = {one if isinstance(one, str) else one["path"] for one in entries}
+    globs = filter(glob.has_magic, named)
+    matched = {place for one in globs for place in resolved(expand(one, folder, True))}
+    return {
+        relative_name(file, folder): reason
+        for file, reason in study.bad.items()
+        if matched & resolved([file])
+    }

@@ -28,8 +28,10 @@ def _spelt_word(match: re.Match[str]) -> str:
     for sign in match[0]:
         said = unicodedata.name(sign, "").rpartition(" LETTER ")[2].removeprefix("FINAL ").lower()
         name = said.partition(" with ")[0]
-        if not name.replace(" ", "").isalpha() or sign == "\N{LATIN SMALL LETTER SHARP S}":
-            name = "ss" if sign == "\N{LATIN SMALL LETTER SHARP S}" else f"u{ord(sign):x}"
+        if sign == "\N{LATIN SMALL LETTER SHARP S}":
+            name = "ss"
+        elif not name.replace(" ", "").isalpha():
+            name = f"u{ord(sign):x}"
         elif len(match[0]) > 1 and "GREEK" in unicodedata.name(sign):
             name = name[: 2 if name[:2] in ("th", "ph", "ch", "ps") else 1]
         letters.append(name.replace(" ", "_"))

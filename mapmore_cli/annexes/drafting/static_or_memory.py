@@ -45,7 +45,7 @@ def with_experiment(
     held, target, recordings = done.held, done.target, done.recordings
     samples = sum(one.rows_kept for one in recordings)
     is_static = _is_at_rest(done) if held is None else held.why == "you" or target == "force"
-    if not is_static and done.is_timed and samples >= FEWEST:
+    if not is_static and "time" in recordings[0].columns and samples >= FEWEST:
         draft = _as_memory_study(draft, recordings).with_section("target", target)
         if "gaps" in draft.data:  # read again, because each piece of a recording has its own id
             done = replace(done, recordings=read(draft))
@@ -55,11 +55,10 @@ def with_experiment(
     draft = with_split(draft, done, held_out)
     if target != "force":
         return draft.with_section("target", target)
-    inputs = {*recordings[0].columns, *done.conditions}
     formulas = [
         formula.name
         for formula in map(literature.get, COMPETITORS)
-        if {*formula.inputs} <= inputs and len(formula.parameters) < samples
+        if recordings[0].columns.keys() >= {*formula.inputs} and len(formula.parameters) < samples
     ]
     draft = draft.with_section("target", "static")
     return draft.with_section("validate", {"against": formulas}) if formulas else draft
@@ -74,9 +73,8 @@ def _is_at_rest(done: Experiment) -> bool:
     moving = [
         name
         for name in done.inputs
-        if name not in done.conditions
-        and any(np.ptp(one.columns[name]) > 0 for one in recordings)
-        and not own_levels(recordings, name, done.conditions)
+        if any(np.ptp(one.columns[name]) > 0 for one in recordings)
+        and not own_levels(recordings, name)
     ]
     series = [one.columns[done.target] for one in recordings if one.rows_kept]
     within = max(float(np.std(x)) for x in series)

@@ -16,6 +16,7 @@ from mapmore_cli.annexes.drafting.first_lines import HEAD, comment_among, kinds_
 from mapmore_cli.annexes.drafting.layout import Layout
 from mapmore_cli.annexes.drafting.names import stem_of
 from mapmore_cli.annexes.drafting.preview import preview
+from mapmore_cli.annexes.drafting.titles import name_in
 from mapmore_cli.checking.names import read_label
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.ingestion.files import relative_name
@@ -104,8 +105,7 @@ class Study:
         names = []
         for file, place in self.parts:
             titles = dict(zip(self.layout.tables, self.above[file], strict=True))
-            title = titles.get(place.get("table", 0), "")
-            title = title or (place.get("sheet", "") if is_one else "")
+            title = titles.get(place.get("table", 0), "") or (place.get("sheet") if is_one else "")
             names.append(title if is_one and title else f"{stems[file]} {title}".strip())
         return names
 
@@ -128,39 +128,41 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
         )
     inside = (one for one in sorted(path.rglob("*")) if one.is_file() and _is_own(one, path))
     every = [path] if path.is_file() else [*inside]
-    readable = {file for file in every if file == path or reader_of(file) is not None}
+    readable = [file for file in every if file == path or reader_of(file) is not None]
     copies = _copies(readable)  # only files that can be read are compared with their copies
-    left_out: list[str] = []
-    bad: dict[Path, str] = {}
-    above: dict[Path, Sequence[str]] = {}
+    layouts, faults = _layouts_of([file for file in readable if file not in copies])
+    bad = {
+        **{file: f"{file.name}: has the same contents as {copies[file].name}" for file in copies},
+        **faults,
+    }
+    others = {file: why for file in {*every} - {*readable} if (why := unread(file))}
+    studies = [replace(one, bad=bad) for one in _joined(layouts)]
+    studies.sort(key=lambda study: (-len(study.files), study.files[0]))
+    folders = [study.folder for study in studies]
+    named = [replace(one, name=_name(one, folders.count(one.folder) == 1)) for one in studies]
+    reasons = bad | others
+    return named, [reasons[file] for file in every if file in reasons]
+
+
+def _layouts_of(files: Iterable[Path]) -> tuple[dict[Path, Layout], dict[Path, str]]:
+    """Return the layout of each file, and the reasons why other files have none. Of texts with the
+    same kinds of lines, only one is examined.
+    """
+    layouts: dict[Path, Layout] = {}
+    faults: dict[Path, str] = {}
     seen: dict[tuple[str, tuple[bytes, ...]], Layout] = {}
-    layouts: dict[str, tuple[Layout, list[Path]]] = {}
-    for file in every:
-        if file not in readable:
-            left_out += filter(None, [unread(file)])
-            continue
-        if file in copies:
-            left_out.append(f"{file.name}: has the same contents as {copies[file].name}")
-            bad[file] = "has the same contents as another file"
-            continue
+    for file in files:
         try:
             like = (file.suffix, kinds_of_lines(file))
             layout = seen[like] if like in seen and like[1] else preview(file)
         except DataError as fault:
-            left_out.append(fault.message)
-            bad[file] = "holds no table that could be read"
+            faults[file] = fault.message
             continue
         # files with several tables can have equal first lines, but different layouts
         if not layout.tables:
             seen[like] = layout
-        above[file] = layout.above
-        layouts.setdefault(repr(layout), (layout, []))[1].append(file)
-    commented = [(_with_comments(layout, files), files) for layout, files in layouts.values()]
-    studies = [replace(one, bad=bad, above=above) for one in _joined(commented)]
-    studies.sort(key=lambda study: (-len(study.files), study.files[0]))
-    folders = [study.folder for study in studies]
-    named = (replace(one, name=_name(one, folders.count(one.folder) == 1)) for one in studies)
-    return [*named], left_out
+        layouts[file] = layout
+    return layouts, faults
 
 
 def _copies(files: Iterable[Path]) -> dict[Path, Path]:
@@ -193,7 +195,9 @@ def _with_comments(layout: Layout, files: Sequence[Path]) -> Layout:
 
 
 Identity = tuple[str | int, ...]
-"""What is equal in the titles of a column in all files of a study."""
+"""The name, the quantity and the unit of a column, as far as they are equal in all files of a
+study.
+"""
 
 
 def _identities(layout: Layout) -> dict[Column, Identity]:
@@ -206,7 +210,7 @@ def _identities(layout: Layout) -> dict[Column, Identity]:
     columns = [one for one in read_titles(layout, {}).values() if one.place in layout.numeric]
     identities: list[Identity] = [
         (
-            one.title_as_name,
+            name_in(one.title),
             one.quantity,
             one.unit if one.quantity not in CANONICAL else bool(one.unit),
         )
@@ -220,13 +224,17 @@ def _identities(layout: Layout) -> dict[Column, Identity]:
     return dict(zip([one.column for one in columns], identities, strict=True))
 
 
-def _joined(layouts: Sequence[tuple[Layout, list[Path]]]) -> list[Study]:
+def _joined(layouts: Mapping[Path, Layout]) -> list[Study]:
     """Return a study for each layout, with its files. Layouts that differ only in the units of
     their titles, or in the order of the columns, form one study, for which the layout of the most
     files is used.
     """
+    alike: dict[str, list[Path]] = {}
+    for file, layout in layouts.items():
+        alike.setdefault(repr(layout), []).append(file)
     families: dict[str, list[tuple[Layout, list[Path]]]] = {}
-    for layout, files in layouts:
+    for files in alike.values():
+        layout = _with_comments(layouts[files[0]], files)
         identities = sorted(_identities(layout).values(), key=repr)
         bare = replace(layout, columns=(), titles=(), units=())
         families.setdefault(repr((bare, identities)), []).append((layout, files))
@@ -235,7 +243,8 @@ def _joined(layouts: Sequence[tuple[Layout, list[Path]]]) -> list[Study]:
         (layout, _), *others = sorted(family, key=lambda one: -len(one[1]))
         variants = {file: other for other, files in others for file in files}
         files = sorted(file for _, some in family for file in some)
-        studies.append(Study(tuple(files), layout, variants=variants))
+        above = {file: layouts[file].above for file in files}
+        studies.append(Study(tuple(files), layout, variants=variants, above=above))
     return studies
 
 
@@ -251,8 +260,8 @@ def _is_own(file: Path, folder: Path) -> bool:
 
 
 def _name(study: Study, alone: bool) -> str:
-    """Return a name for a study: the name of the folder if it contains no other study, otherwise
-    the words that all names of its files share.
+    """Return a name for a study: the words that all names of its files share, or the name of the
+    folder if there are none, or if the study is `alone` in the folder and has several files.
     """
     stems = [re.split(r"[_\s/]+", stem_of(file.name)) for file in study.files]
     common = [words[0] for words in zip(*stems, strict=False) if len(set(words)) == 1]

@@ -11,8 +11,9 @@ import numpy as np
 from mapmore_cli.annexes.drafting.answers import Answers
 from mapmore_cli.annexes.drafting.by_person import named_by_person, refuse_choice
 from mapmore_cli.annexes.drafting.by_titles import kind_to_predict, known_by_titles, target_of
-from mapmore_cli.annexes.drafting.columns import Table, TitledColumn, find
-from mapmore_cli.annexes.drafting.draft import Column, Named
+from mapmore_cli.annexes.drafting.columns import Table, TitledColumn
+from mapmore_cli.annexes.drafting.draft import Column, Named, address
+from mapmore_cli.annexes.drafting.finding import find
 from mapmore_cli.annexes.drafting.names import Condition, told_by_names
 from mapmore_cli.annexes.drafting.studies import Study
 from mapmore_cli.checking.evidence import FEWEST, ROUNDING, same_signals
@@ -22,10 +23,23 @@ from mapmore_cli.domain.errors import UsageError
 
 @dataclass(frozen=True)
 class Understood:
-    """Interpretation of a study: the columns that are targets or inputs, the columns that are left
-    out, the quantities whose values stand in names of files, and the quantity that distinguishes
-    groups, which is a column or a word in names. The values of the columns in `apart` distinguish
-    recordings.
+    """Interpretation of a study.
+
+    Attributes
+    ----------
+    columns
+        The columns that are read, by quantity.
+    targets, inputs
+        The quantities to predict, and the inputs that are columns.
+    conditions, remark
+        The quantities whose values stand in names of files, and a remark about the numbers in names
+        that are not used.
+    left_out
+        The reasons why other columns are left out.
+    group
+        The quantity that distinguishes groups. It is a column or a word in names of files.
+    apart
+        The quantities whose values distinguish the recordings of one file.
     """
 
     columns: Named
@@ -37,29 +51,18 @@ class Understood:
     group: str | None
     apart: list[str]
 
-    @property
-    def drives(self) -> list[str]:
-        """Names of the inputs, including those whose values are in names of files."""
-        return [*self.inputs, *(one.quantity for one in self.conditions)]
-
-    def without_others(self, target: str) -> Named:
-        """Return the columns of the study, except the targets other than `target`."""
-        others = {*self.targets} - {target}
-        return {name: one for name, one in self.columns.items() if name not in others}
-
     def drive_called(self, said: str, table: Table, option: str) -> str:
         """Return the name of the input that a person means by a name, a title or a number. Raises
         UsageError if there is none.
         """
-        if said in self.drives:
+        drives = [*self.inputs, *(one.quantity for one in self.conditions)]
+        if said in drives:
             return said
-        column = find(table, int(said) if said.isdecimal() else said, option).column
-        names = [name for name in self.inputs if self.columns[name].column == column]
-        if not names:
-            raise UsageError(
-                f"{option}: {said} is not an input", f"name one of {', '.join(self.drives)}"
-            )
-        return names[0]
+        column = find(table, address(said), option).column
+        for name in self.inputs:
+            if self.columns[name].column == column:
+                return name
+        raise UsageError(f"{option}: {said} is not an input", f"name one of {', '.join(drives)}")
 
 
 def understood(
@@ -75,42 +78,26 @@ def understood(
         does not exist.
     """
     columns, left_out = _columns_of(table, answers)
-    apart = {
-        name: one
-        for said in answers.recordings
-        for name, one in _column_called(table, said, "--recordings", columns).items()
-    }
+    apart: Named = {}
+    for said in answers.recordings:
+        apart |= _column_called(table, said, "--recordings", columns)
     columns |= apart
     chosen = named_by_person(answers.target, table, "--target", columns)
     columns |= chosen
-    wanted = answers.inputs or {}
-    renamed = [name for name, column in wanted.items() if not column.refers_to(name)]
-    measured = [one.quantity for one in _found(table, wanted)]  # names of known quantities
-    known = [*columns, *renamed, *measured]
-    conditions, repeats = told_by_names(study.names, answers.hold, known)
-    titled = {} if answers.columns else table
-    kinds = {
-        name: kind_to_predict(name, titled.get(column.column))
-        for name, column in columns.items()
-        if name not in ("time", *apart)
-    }
-    targets = [*chosen] or [*filter(None, [target_of(kinds, bool(conditions))])]
+    conditions, unused = _conditions_of(study, table, answers, columns)
+    # a person who names inputs also says that something drives the target
+    has_input = bool(conditions or answers.inputs)
+    targets = [*chosen] or _target_by_titles(table, answers, columns, apart, has_input)
     if not targets:
         raise refuse_choice(table, study.files[0].name, path, study.layout.is_map)
     if answers.inputs is None:
         inputs = _free(table, columns, targets, left_out)
     else:
         in_names = {condition.quantity for condition in conditions}
-        rest = {name: column for name, column in wanted.items() if name not in in_names}
+        rest = {name: one for name, one in answers.inputs.items() if name not in in_names}
         driving = named_by_person(rest, table, "--inputs", columns)
         columns |= driving
         inputs = [name for name in driving if name not in ("time", *targets)]
-        needed = {*wanted, answers.hold.name if answers.hold else ""}
-        unused = [one for one in conditions if not one.unit and one.quantity not in needed]
-        conditions = [condition for condition in conditions if condition not in unused]
-        repeats += [
-            f"{condition.quantity} (name it with --inputs to use it)" for condition in unused
-        ]
     group, grouping = _group_of(table, answers.group, columns)
     columns |= grouping
     inputs = [name for name in inputs if name not in {*grouping, *apart}]
@@ -120,23 +107,9 @@ def understood(
             f"model of {targets[0]}",
             "name the inputs with --inputs, or the quantity that was held constant with --hold",
         )
-    used = [
-        name
-        for name in dict.fromkeys(["time", *apart, *inputs, *targets, group])
-        if name in columns
-    ]
-    remark = f"numbers not used: {', '.join(dict.fromkeys(repeats))}" if repeats else ""
-    columns = {name: columns[name] for name in used}
-    return Understood(columns, targets, inputs, conditions, remark, left_out, group, [*apart])
-
-
-def _found(table: Table, named: Named) -> Iterator[TitledColumn]:
-    """Yield the columns that a person names. A quantity whose values are in names of files has no
-    column.
-    """
-    for column in named.values():
-        with suppress(UsageError):
-            yield find(table, column.column, "")
+    used = dict.fromkeys(["time", *apart, *inputs, *targets, group])
+    columns = {name: columns[name] for name in used if name in columns}
+    return Understood(columns, targets, inputs, conditions, unused, left_out, group, [*apart])
 
 
 def _columns_of(table: Table, answers: Answers) -> tuple[Named, dict[Column, str]]:
@@ -160,6 +133,50 @@ def _columns_of(table: Table, answers: Answers) -> tuple[Named, dict[Column, str
     return columns, left_out
 
 
+def _found(table: Table, named: Named) -> Iterator[TitledColumn]:
+    """Yield the columns that a person names. A quantity whose values are in names of files has no
+    column.
+    """
+    for column in named.values():
+        with suppress(UsageError):
+            yield find(table, column.column, "")
+
+
+def _conditions_of(
+    study: Study, table: Table, answers: Answers, columns: Named
+) -> tuple[list[Condition], str]:
+    """Return the quantities whose values stand in names of files, and a remark about the numbers in
+    names that are not used. If a person names the inputs, a number without a unit is used only if
+    the person names it.
+    """
+    wanted = answers.inputs or {}
+    renamed = [name for name, column in wanted.items() if not column.refers_to(name)]
+    measured = [one.quantity for one in _found(table, wanted)]  # names of known quantities
+    conditions, unused = told_by_names(study.names, answers.hold, [*columns, *renamed, *measured])
+    if answers.inputs is not None:
+        needed = {*wanted, answers.hold.name if answers.hold else ""}
+        others = [one for one in conditions if not one.unit and one.quantity not in needed]
+        conditions = [one for one in conditions if one not in others]
+        unused += [f"{one.quantity} (name it with --inputs to use it)" for one in others]
+    return conditions, f"numbers not used: {', '.join(dict.fromkeys(unused))}" if unused else ""
+
+
+def _target_by_titles(
+    table: Table, answers: Answers, columns: Named, apart: Named, has_input: bool
+) -> list[str]:
+    """Return a list with the quantity to predict, or an empty list if the titles leave a choice.
+    If a person lists the columns, the names that the person gives are read instead of titles.
+    """
+    titled = {} if answers.columns else table
+    kinds = {
+        name: kind_to_predict(name, titled.get(one.column))
+        for name, one in columns.items()
+        if name not in ("time", *apart)
+    }
+    target = target_of(kinds, has_input)
+    return [] if target is None else [target]
+
+
 def _group_of(table: Table, said: str | None, known: Named) -> tuple[str | None, Named]:
     """Return the name of the quantity that distinguishes groups, and its column; there is no column
     if groups are distinguished by a word in names of files.
@@ -178,40 +195,34 @@ def _column_called(table: Table, said: str, option: str, known: Named) -> Named:
     """Find the column that a person calls by its number, its title or its name. Return it as the
     only entry of a mapping, by its name. Raises UsageError if there is no such column.
     """
-    titled = find(table, int(said) if said.isdecimal() else said, option, texts=True)
+    titled = find(table, address(said), option, texts=True)
     names = {one.column: name for name, one in known.items()}
     name = names.get(titled.column, titled.name)
     return {name: known.get(name, titled.as_quantity(name))}
 
 
 def _free(
-    table: Table,
-    columns: Named,
-    targets: Sequence[str],
-    left_out: dict[Column, str],
+    table: Table, columns: Named, targets: Sequence[str], left_out: dict[Column, str]
 ) -> list[str]:
     """Return the names of all columns that may be inputs. A column is left out, with a reason, in
     two cases: it is the same signal as a target; or a target was computed from it by a linear
     filter, and there are other inputs.
     """
-    free = {
-        name: one.column
-        for name, one in columns.items()
-        if name not in {"time", *targets} and not one.texts
-    }
+    free = [
+        name for name, one in columns.items() if name not in {"time", *targets} and not one.texts
+    ]
     for target in targets:
         wanted = table[columns[target].column]
-        for name, column in list(free.items()):
-            candidate = table[column]
+        for name in [*free]:
+            candidate = table[columns[name].column]
             if candidate.kind not in ("", wanted.kind):
                 continue
-            both = [np.concatenate(one.values) for one in (candidate, wanted)]
-            is_copy = same_signals(both)
+            is_copy = same_signals([np.concatenate(one.values) for one in (candidate, wanted)])
             if is_copy or (len(free) > 1 and _is_filtered(candidate.values, wanted.values)):
-                del free[name]
+                free.remove(name)
                 how = "is a copy of" if is_copy else "gives, through a linear filter,"
-                left_out[column] = f"{how} {target}; name it with --inputs to use it"
-    return list(free)
+                left_out[candidate.column] = f"{how} {target}; name it with --inputs to use it"
+    return free
 
 
 def _is_filtered(x: Sequence[Array], y: Sequence[Array]) -> bool:

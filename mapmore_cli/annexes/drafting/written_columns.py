@@ -22,18 +22,16 @@ def with_columns(draft: Draft, known: Understood, target: str, table: Table) -> 
         for column, one in table.items()
         if column not in used
     )
-    columns = known.without_others(target)
+    others = {*known.targets} - {target}
+    columns = {name: one for name, one in known.columns.items() if name not in others}
     entries = {name: one.as_spec() for name, one in columns.items()}
     draft = draft.with_data("columns", entries, f"left out: {left}" if left else None)
     units = {
         name: "kPa" if can_convert(one.unit, "kPa") else one.unit
         for name, one in columns.items()
-        if not is_canonical(name) and one.unit != "1"
-    }
-    units_in_names = {one.quantity: one.unit for one in known.conditions if one.unit}
-    if units := units | {
-        name: unit for name, unit in units_in_names.items() if not is_canonical(name)
-    }:
+        if one.unit != "1"
+    } | {one.quantity: one.unit for one in known.conditions if one.unit}
+    if units := {name: unit for name, unit in units.items() if not is_canonical(name)}:
         draft = draft.with_section("units", units)
     if known.apart:
         of = known.apart if len(known.apart) > 1 else known.apart[0]
