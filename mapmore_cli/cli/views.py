@@ -35,6 +35,7 @@ from mapmore_cli.reporting.tables import (
     pieces_table,
     recordings_table,
     rival_minima,
+    sample_counts,
     segment_ends,
     terms_table,
 )
@@ -218,11 +219,7 @@ def of_dataset(dataset: Dataset) -> View:
     of the curves.
     """
     curves = [
-        {
-            **members(curve, "id", "level", "recordings"),
-            "train": int(curve.training.sum()),
-            "validate": int(curve.held_out.sum()),
-        }
+        {**members(curve, "id", "level", "recordings"), **sample_counts(curve)}
         for curve in dataset.curves
     ]
     keys = ("id", "source", "rows_read", "rows_kept", "dropped")

@@ -18,7 +18,7 @@ from mapmore_cli.domain.fits import (
     SegmentFit,
 )
 from mapmore_cli.domain.models import Equation, FoldError, Model, SegmentFunction
-from mapmore_cli.domain.recording import CurveRange, Dataset
+from mapmore_cli.domain.recording import Curve, CurveRange, Dataset
 from mapmore_cli.domain.results import ErrorBand, FitResult, Outlier
 from mapmore_cli.modelling.literature.linear import half_width
 from mapmore_cli.modelling.literature.own import units_of_parameters
@@ -73,8 +73,8 @@ SINGLE_VALUED_NOTE = (
 
 
 def levels_table(dataset: Dataset, along: str | None = None, whole: Dataset | None = None) -> Table:
-    """Return a table of the curves, with their numbers of training and validation samples in the
-    `whole` dataset.
+    """Return a table of the curves, with their numbers of training and held-out samples in the
+    `whole` dataset. Samples at rest are in neither number, unless they are held out.
 
     `along` is the quantity that varies within a curve. A static model has a single output for each
     value of `along`. If measured curves have several outputs at one value, a column gives the error
@@ -84,8 +84,7 @@ def levels_table(dataset: Dataset, along: str | None = None, whole: Dataset | No
     columns = ["curve", level, "train", "validate", "recordings"]
     rows: list[Cells] = []
     for curve in (whole or dataset).curves:
-        held_out = int(np.count_nonzero(curve.held_out))
-        counts = (curve.size - held_out, held_out)
+        counts = sample_counts(curve).values()
         rows.append((curve.id, curve.level, *counts, ", ".join(curve.recordings)))
     notes: list[str] = []
     if lowest := _single_valued(dataset, along):
@@ -94,6 +93,11 @@ def levels_table(dataset: Dataset, along: str | None = None, whole: Dataset | No
         notes.append(SINGLE_VALUED_NOTE.format(along=along, target=dataset.target))
     title = f"Samples of every curve{f', levels of {dataset.level}' if dataset.level else ''}"
     return Table.of("levels", title, columns, rows, *notes)
+
+
+def sample_counts(curve: Curve) -> dict[str, int]:
+    """Return the numbers of training samples (`train`) and of held-out samples (`validate`)."""
+    return {"train": int(curve.training.sum()), "validate": int(curve.held_out.sum())}
 
 
 def _single_valued(dataset: Dataset, along: str | None) -> list[float]:

@@ -124,6 +124,13 @@ class TestData:
             assert train + validate == curve.size
         assert column(table, "level [kPa]") == [80, 150, 250, 350]
 
+    def test_samples_at_rest_count_only_if_they_are_held_out(self, mixed):
+        held = mixed.dataset.curves[0].held_out
+        curve = replace(mixed.dataset.curves[0], at_rest=np.arange(len(held)) % 3 == 0)
+        table = levels_table(replace(mixed.dataset, curves=(curve,)))
+        assert column(table, "train") == [sum(~held[k] and k % 3 > 0 for k in range(len(held)))]
+        assert column(table, "validate") == [held.sum()]
+
     def test_levels_say_how_far_they_are_from_single_valued(self, inputs):
         """A loop of 12 % of the largest force about a straight line errs by 6 % at least; one
         without a loop has no such column.

@@ -16,9 +16,15 @@ def findings(spec: ExperimentSpec) -> Iterator[Finding]:
     """Check a state-space model: the quantities that drive it are measured and are not its target,
     and every setting has an effect.
     """
-    if spec.model.type != "state_space":
-        return
-    model = cast(MotionSettings, spec.model)
+    if spec.model.type == "state_space":
+        model = cast(MotionSettings, spec.model)
+        yield from _of_quantities(spec, model)
+        yield from _of_sections(model)
+        yield from _of_solver(model)
+
+
+def _of_quantities(spec: ExperimentSpec, model: MotionSettings) -> Iterator[Finding]:
+    """Check the input, the target and the load."""
     if model.input is None:
         yield Finding(
             "model.type",
@@ -39,6 +45,10 @@ def findings(spec: ExperimentSpec) -> Iterator[Finding]:
                     f"`{name}` is the target itself",
                     "name the quantity that drives it, for example a pressure or a voltage",
                 )
+
+
+def _of_sections(model: MotionSettings) -> Iterator[Finding]:
+    """Check the boundaries between sections, and the settings for the direction of the input."""
     if not isinstance(model.sections, int) and any(
         after <= before for before, after in pairwise(model.sections)
     ):
@@ -52,10 +62,6 @@ def findings(spec: ExperimentSpec) -> Iterator[Finding]:
             "settings every change of the input counts"
         )
         yield Finding("model.dead_band:", problem, "remove it")
-    for key in ("begin", "seed") if model.solver != "swarm" else ():
-        if getattr(model, key) != getattr(MotionSettings, key):
-            problem = f"`solver: {model.solver}` has no particles, so that `{key}` has no effect"
-            yield Finding(f"model.{key}:", problem, f"remove `{key}`, or write `solver: swarm`")
     if model.mask != "input" and not model.direction:
         yield Finding(
             "model.mask:",
@@ -63,6 +69,16 @@ def findings(spec: ExperimentSpec) -> Iterator[Finding]:
             "`direction: true` the sections do not distinguish the two",
             "add `direction: true`",
         )
+
+
+def _of_solver(model: MotionSettings) -> Iterator[Finding]:
+    """Check that the solver has particles if the spec describes them, and that the particle swarm
+    can find all parameters of the model.
+    """
+    for key in ("begin", "seed") if model.solver != "swarm" else ():
+        if getattr(model, key) != getattr(MotionSettings, key):
+            problem = f"`solver: {model.solver}` has no particles, so that `{key}` has no effect"
+            yield Finding(f"model.{key}:", problem, f"remove `{key}`, or write `solver: swarm`")
     if model.solver == "swarm" and (
         model.offset or model.load is not None or model.switching == "bumpless"
     ):
@@ -70,8 +86,4 @@ def findings(spec: ExperimentSpec) -> Iterator[Finding]:
             "`solver: swarm` finds P1, P2 and P3 only; it cannot find an offset, a load or "
             "bumpless switching"
         )
-        yield Finding(
-            "model.solver",
-            problem,
-            "use `least_squares`",
-        )
+        yield Finding("model.solver", problem, "use `least_squares`")
