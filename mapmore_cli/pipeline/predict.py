@@ -291,7 +291,7 @@ def _digits(value: float) -> str:
 
 
 def names_of_points(model: Model) -> tuple[str, str, str]:
-    """Read the points to which the model of a family is adapted, and return their columns."""
+    """Return the names of the columns in a table of points to which `adapt` fits a model."""
     return "pressure", "strain", model.output.name
 
 

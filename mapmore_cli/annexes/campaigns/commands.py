@@ -203,7 +203,7 @@ def _results(
         if scheduler is None or not waiting
         else run_on_cluster(waiting, scheduler, todo[0].runs, tell, reporter.say)
     )
-    results = dict[int, Result]()
+    results: dict[int, Result] = {}
     with closing(outcomes):
         for number, result in chain(sealed.items(), outcomes):
             results[number] = (
