@@ -75,7 +75,7 @@ FROM = {
     "pipeline/notebooks.py export": (),
     "cli/pipeline.py warn": (),
     "annexes/campaigns/commands.py _tell": (),
-    "annexes/campaigns/commands.py batch": (),
+    "annexes/campaigns/commands.py _results": (),
     "annexes/campaigns/commands.py tell": (),
     "api/runs.py load_model": (),
     "api/runs.py run": (),
