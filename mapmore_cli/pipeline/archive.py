@@ -123,7 +123,9 @@ def _entry(path: Path, *keys: str) -> object:
 
 
 def _check_finished(run_dir: Path) -> None:
-    """Raise DataError unless all files that `run.json` lists exist and are unchanged."""
+    """Raise DataError if the folder lacks one of the files that are frozen, or if the model or the
+    scores were changed after the run wrote them.
+    """
     remedy = "bring the run up to date with `mapmore run`"
     if missing := [kept for kept in KEPT if not (run_dir / kept).is_file()]:
         raise DataError(f"{run_dir}: is not a finished run ({', '.join(missing)} missing)", remedy)

@@ -29,7 +29,9 @@ BEYOND = 0.15
 """Fraction of the training range of an input by which its slider goes beyond each end."""
 
 NEAR = 0.06
-"""Fraction of the training range of an input within which samples are near a value of it."""
+"""A sample counts as near the value of a slider if it differs from this value by at most this
+fraction of the training range of the input.
+"""
 
 PER_PERIOD, REST, MOST_RESTING = 500, 30.0, 20_000
 """Number of samples in a period of the course that a page shows at first; time in seconds after

@@ -50,11 +50,12 @@ class Dialect:
     - `nothing`: the value that stands for a missing value.
     - `quotient`: text of a quotient of dividend and divisor.
     - `assigned`: an assignment; `state`: prefix of a name that is kept in the state `s`.
-    - `recalled`, `queued`: value of a queue `steps` ago, or `left` places after its oldest value;
-      lines that append a value.
-    - `several`: lines that name the results of a function.
-    - `branches`: a condition, a further one, the remaining case, and the end. Without them, all
-      cases of a choice are computed for all rows.
+    - `recalled`: text of the value that was appended to a queue `steps` samples ago; this value
+      stands `left` places after the oldest value. `queued`: lines that append a value to a queue.
+    - `several`: lines that call a function with several results, and assign its results to names.
+    - `branches`: lines that begin the first case of a choice, a further case and the remaining
+      case, and the line that ends the choice. If there are none, all cases of a choice are computed
+      for all rows.
     - `short`: True if a choice of one value may be written `condition ? value : other`.
     """
 

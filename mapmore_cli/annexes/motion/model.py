@@ -57,8 +57,8 @@ def _motion(model: Model) -> Motion:
 
 
 def _falls(m: Writer, motion: Motion, u: Expression, first: Condition) -> Expression:
-    """Write 1 if the input does not rise above its value one sample before, and 0 otherwise (P eq
-    16).
+    """Write 1 if the input does not rise above its value one sample before, and 0 otherwise
+    (equation 16 of Brown and Xie 2024).
 
     With bumpless switching, write 1 once the input has fallen from its last peak by more than the
     dead band, until it has risen as far from its last trough.
@@ -104,7 +104,7 @@ def _shared(
     m: Writer, motion: Motion, of_section: OfSection, drives: list[Expression], first: Condition
 ) -> Expression:
     """Write the output of sections that share one state, which the active section drives: `x1[k+2]
-    = P2 x1[k+1] + P1 x1[k] + d[k]` (P eq 10).
+    = P2 x1[k+1] + P1 x1[k] + d[k]` (equation 10 of Brown and Xie 2024).
     """
     now, later = m.number("now"), m.number("later")
     resting = [
