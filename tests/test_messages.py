@@ -53,7 +53,7 @@ FROM = {
     "pipeline/stages.py fuse": (*NOTES_OF_MODELS, *INTERVALS),
     "pipeline/scoring.py _warn_of_fits": (
         "pipeline/scoring.py: _diverged",
-        "reporting/tables.py: rival_minima",
+        "reporting/fit_tables.py: rival_minima",
     ),
     "pipeline/report.py write_pages": ("pipeline/report.py: faults_of",),
     "pipeline/report.py drawn_figure": ("pipeline/report.py: faults_of",),

@@ -10,21 +10,14 @@ from mapmore_cli.domain.models import FoldError
 from mapmore_cli.domain.recording import Dataset, Quantity, Recording
 from mapmore_cli.domain.results import AUTOCORRELATION, ResidualTest, Validation
 from mapmore_cli.domain.scores import Published, ScoreTable
+from mapmore_cli.reporting.fit_tables import folds_table, formulas_table, rival_minima, same_models
 from mapmore_cli.reporting.score_tables import (
     pieces_sentence,
     score_table,
     short_verdict,
     verdict_sentence,
 )
-from mapmore_cli.reporting.tables import (
-    folds_table,
-    formulas_table,
-    levels_table,
-    limits_tables,
-    recordings_table,
-    rival_minima,
-    same_models,
-)
+from mapmore_cli.reporting.tables import levels_table, limits_tables, recordings_table
 
 
 def column(table, heading):

@@ -12,24 +12,21 @@ from mapmore_cli.domain.models import Equation
 from mapmore_cli.domain.recording import Dataset, Quantity
 from mapmore_cli.domain.results import ErrorBand, Outlier, Search, Tried
 from mapmore_cli.domain.scores import Score
+from mapmore_cli.reporting.fit_tables import (
+    coefficients_table,
+    outliers_table,
+    segment_ends,
+    segments_table,
+    terms_table,
+    training_rmse,
+)
 from mapmore_cli.reporting.score_tables import (
     changes_table,
     drift_table,
     score_table,
     search_table,
 )
-from mapmore_cli.reporting.tables import (
-    bands_table,
-    coefficients_table,
-    equations_table,
-    outliers_table,
-    pieces_table,
-    segment_ends,
-    segments_table,
-    shape_table,
-    terms_table,
-    training_rmse,
-)
+from mapmore_cli.reporting.tables import bands_table, equations_table, pieces_table, shape_table
 
 
 def piece(name="s", stop="tolerance", tied=(0, 2)):
