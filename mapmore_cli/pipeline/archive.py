@@ -19,11 +19,8 @@ from mapmore_cli import __version__
 from mapmore_cli.domain.errors import DataError, UsageError, WriteError
 from mapmore_cli.modelling.kinds import alone
 from mapmore_cli.modelling.validation.comparison import Comparison, compare
-from mapmore_cli.pipeline.staleness import (
-    MODEL_STAGE,
-    recorded,
-    slice_differences,
-)
+from mapmore_cli.pipeline.differences import recorded, slice_differences
+from mapmore_cli.pipeline.staleness import MODEL_STAGE
 from mapmore_cli.storage.artefacts import read_model
 from mapmore_cli.storage.atomic import (
     content_of,
