@@ -147,8 +147,8 @@ class TestManyInputs:
         own, *_ = inputs.validation.residual_tests
         first, second = (quantity.name for quantity in inputs.model.inputs)
         tests = [
-            replace(own, name=name, x=np.arange(4.0), values=values, bounds=np.full(4, 0.5))
-            for name, values in ((first, np.zeros(4)), (second, np.ones(4)))
+            replace(own, name=name, x=0 * values, values=values, bounds=np.full(len(values), 0.5))
+            for name, values in ((first, np.arange(30) % 2.0), (second, np.ones(4)))
         ]
         validation = replace(inputs.validation, residual_tests=(own, *tests))
         monkeypatch.setattr(residuals, "MOST_INPUTS", 1)

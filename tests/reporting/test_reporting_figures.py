@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from report_builder import build, drawn, legend_of, of_pieces
 
+from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.scores import REPEATABILITY
 from mapmore_cli.modelling.signals.sampling import envelope
 from mapmore_cli.reporting.figures import elements, nrmse, panels, style
 from mapmore_cli.reporting.figures.drawing import drawings
@@ -24,6 +26,29 @@ from mapmore_cli.reporting.inputs import FigureStyle
 def every(inputs):
     """All figures of a study."""
     return drawn(inputs)
+
+
+def test_curves_and_logs_are_meant_by_their_id_their_level_or_their_label(inputs):
+    for words in ("pressure=250", "250", "250 kPa"):
+        assert inputs.ids_of(words) == {"pressure=250"}
+    assert inputs.ids_of("load_cycle_250") == {"load_cycle_250"}
+    assert inputs.ids_of("pressure") == frozenset()
+    first, second, *others = inputs.dataset.recordings
+    logs = (replace(first, log="whole"), replace(second, log="whole"), *others)
+    cut = replace(inputs, whole=replace(inputs.whole, recordings=logs))
+    assert cut.ids_of("whole") == {first.id, second.id}
+
+
+def test_models_that_are_named_stay_beside_the_own_one_in_their_order(inputs):
+    row = inputs.validation.scores[0]
+    scores = (*inputs.validation.scores, replace(row, model=REPEATABILITY))
+    study = replace(inputs, validation=replace(inputs.validation, scores=scores))
+    few = study.beside(["polynomial_2"])
+    assert few.models == ("mapmore", "polynomial_2")
+    assert {row.model for row in few.validation.scores} == {*few.models, REPEATABILITY}
+    assert study.beside(["polynomial_2", "sarosi"]).models[1:] == ("polynomial_2", "sarosi")
+    with pytest.raises(UsageError, match="compares no model called 'cubic'"):
+        study.beside(["sarosi", "cubic"])
 
 
 class TestThinning:
@@ -60,6 +85,10 @@ class TestLabels:
         assert FigureStyle().axis_label(Quantity("strain_rate", "1/s")) == "Strain rate (1/s)"
         assert FigureStyle().axis_label(Quantity("strain", "1")) == "Strain (–)"
         assert FigureStyle().axis_label(Quantity("force", "N"), "measured") == "Measured force (N)"
+        own = FigureStyle(labels={"force": "$F$ (N)"})
+        assert own.axis_label(Quantity("force", "N"), "measured") == "measured $F$ (N)"
+        assert own.axis_label(Quantity("force", "N")) == "$F$ (N)"
+        assert [own.is_own_label(text) for text in ("measured $F$ (N)", "Force (N)")] == [1, 0]
 
     def test_curves_are_named_by_their_level(self, inputs):
         curve = inputs.dataset.curves[0]

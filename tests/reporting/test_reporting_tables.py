@@ -2,13 +2,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from report_builder import score, tables_of
+from report_builder import of_pieces, score, tables_of
 from scipy.stats import t as student
 
 from mapmore_cli.domain.fits import FormulaFit, Optimum
 from mapmore_cli.domain.models import FoldError
 from mapmore_cli.domain.recording import Dataset, Quantity, Recording
-from mapmore_cli.domain.results import AUTOCORRELATION, ResidualTest, Validation
+from mapmore_cli.domain.results import AUTOCORRELATION, FitResult, ResidualTest, Validation
 from mapmore_cli.domain.scores import Published, ScoreTable
 from mapmore_cli.reporting.fit_tables import folds_table, formulas_table, rival_minima, same_models
 from mapmore_cli.reporting.score_tables import (
@@ -156,6 +156,15 @@ class TestModel:
         reach = student.ppf(0.975, 50 - 1) * 0.1
         assert row[3:5] == ("a", 1.0)
         assert row[6:9] == pytest.approx((0.1, 1.0 - reach, 1.0 + reach))
+
+    def test_the_formula_of_the_model_comes_before_those_of_competitors(self, inputs):
+        fits = {name: formula_fit(name, 2.0) for name in ("sarosi", "kothera")}
+        validation = replace(inputs.validation, formulas={"kothera": fits["kothera"]})
+        study = replace(inputs, fit=FitResult(fits["sarosi"]), validation=validation)
+        alone = replace(study, model=of_pieces(inputs.model, curves=()))
+        for each, role in ((study, "backbone"), (alone, "own model")):
+            rows = formulas_table(each).rows
+            assert [row[:2] for row in rows] == [("sarosi", role), ("kothera", "competitor")]
 
     def test_limits_are_those_of_each_curve(self, inputs):
         (table,) = limits_tables(inputs.model)
