@@ -35,8 +35,8 @@ def adapt(
     specimen. Raises DataError if the table is empty or lacks a column.
     """
     of = dimension_of(model)
-    assert isinstance(model.body, Formula)
-    low, high = model.body.ranges[0].limits[of]
+    body = model.body_of(Formula)
+    low, high = body.ranges[0].limits[of]
     if set(constants) != {of}:
         unit = next(quantity.unit for quantity in model.inputs if quantity.name == of)
         remedy = (
@@ -55,13 +55,13 @@ def adapt(
         known = complete(columns.values(), len(block))
         columns = columns_at(columns, known)
     target = columns.pop(model.output.name)
-    fit = adapted(model.body.fit, columns, target, constants[of])
+    fit = adapted(body.fit, columns, target, constants[of])
     ranges = tuple(
         replace(
             curve_range,
             limits={name: ends for name, ends in curve_range.limits.items() if name != of},
         )
-        for curve_range in model.body.ranges
+        for curve_range in body.ranges
     )
     inputs = tuple(quantity for quantity in model.inputs if quantity.name != of)
     notes = [*fit.notes]
@@ -76,7 +76,7 @@ def adapt(
             "them"
         )
     return replace(
-        model, inputs=inputs, body=replace(model.body, fit=fit, ranges=ranges), notes=tuple(notes)
+        model, inputs=inputs, body=replace(body, fit=fit, ranges=ranges), notes=tuple(notes)
     )
 
 

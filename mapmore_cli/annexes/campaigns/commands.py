@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
 from itertools import chain
@@ -140,8 +140,7 @@ def batch(
         finished = [result for result in results if not isinstance(result, BaseException)]
         write_runs_page(runs, finished, reporter.warn)
     ended = dict(zip(names, results, strict=True))
-    in_campaigns = {names[number] for campaign in campaigns for number in campaign.jobs}
-    view = _view(entries, names, ended, in_campaigns, pages, no_pages)
+    view = _view(entries, names, ended, pages, no_pages)
     print_view(view, as_json)
     write_ci_files(junit, summary, ended, view.tables)
     if code := max(map(_code, results)):
@@ -152,7 +151,6 @@ def _view(
     entries: Sequence[Entry],
     names: Sequence[str],
     ended: Mapping[str, Result],
-    in_campaigns: Set[str],
     pages: Sequence[tuple[Path, Sequence[Table]]],
     no_pages: bool,
 ) -> View:
@@ -163,7 +161,8 @@ def _view(
     from mapmore_cli.annexes.campaigns.tables import campaign_tables
     from mapmore_cli.cli.views import page_lines
 
-    alone = {name: result for name, result in ended.items() if name not in in_campaigns}
+    places = list(zip(entries, names, strict=True))
+    alone = {name: ended[name] for entry, name in places if entry.campaign is None}
     tables = [table for _, of_page in pages for table in of_page]
     if alone:
         tables += campaign_tables(scores_of(alone))
@@ -171,10 +170,7 @@ def _view(
     lines = [line for run in finished if not no_pages for line in page_lines(run.run_dir)]
     lines += [f"campaign page: {path}" for path, _ in pages]
     lines += [line for name, result in ended.items() for line in _ends(name, result)]
-    documents = [
-        _run_document(entry.config, name, ended[name])
-        for entry, name in zip(entries, names, strict=True)
-    ]
+    documents = [_run_document(entry.config, name, ended[name]) for entry, name in places]
     return View({"runs": documents}, tuple(tables), tuple(lines))
 
 

@@ -32,7 +32,7 @@ def write_page(
     campaign: Campaign,
     results: Mapping[str, Finished | BaseException],
     runs: Path,
-    warn: Warn = lambda _message: None,
+    warn: Warn,
 ) -> tuple[Path, tuple[Table, ...]]:
     """Write `RUNS/CAMPAIGN/index.html` with its figures and tables. `results` holds the results of
     its runs by name, in order. `warn` is called for each file in this folder that somebody changed.

@@ -19,8 +19,7 @@ def findings(spec: ExperimentSpec) -> Iterator[Finding]:
     if spec.model.type == "state_space":
         model = cast(MotionSettings, spec.model)
         yield from _of_quantities(spec, model)
-        yield from _of_sections(model)
-        yield from _of_solver(model)
+        yield from _of_settings(model)
 
 
 def _of_quantities(spec: ExperimentSpec, model: MotionSettings) -> Iterator[Finding]:
@@ -47,8 +46,10 @@ def _of_quantities(spec: ExperimentSpec, model: MotionSettings) -> Iterator[Find
                 )
 
 
-def _of_sections(model: MotionSettings) -> Iterator[Finding]:
-    """Check the boundaries between sections, and the settings for the direction of the input."""
+def _of_settings(model: MotionSettings) -> Iterator[Finding]:
+    """Check the boundaries between sections, the settings for the direction of the input, and those
+    of the solver.
+    """
     if not isinstance(model.sections, int) and any(
         after <= before for before, after in pairwise(model.sections)
     ):
@@ -69,12 +70,6 @@ def _of_sections(model: MotionSettings) -> Iterator[Finding]:
             "`direction: true` the sections do not distinguish the two",
             "add `direction: true`",
         )
-
-
-def _of_solver(model: MotionSettings) -> Iterator[Finding]:
-    """Check that the solver has particles if the spec describes them, and that the particle swarm
-    can find all parameters of the model.
-    """
     for key in ("begin", "seed") if model.solver != "swarm" else ():
         if getattr(model, key) != getattr(MotionSettings, key):
             problem = f"`solver: {model.solver}` has no particles, so that `{key}` has no effect"

@@ -52,8 +52,7 @@ def motion_inputs(motion: Motion) -> list[str]:
 
 
 def _motion(model: Model) -> Motion:
-    assert isinstance(model.body, StateSpace)
-    return model.body.motion
+    return model.body_of(StateSpace).motion
 
 
 def _falls(m: Writer, motion: Motion, u: Expression, first: Condition) -> Expression:
@@ -196,9 +195,9 @@ class MotionVerbs(Verbs):
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
         """Write a model of motion. It begins at rest under the first input, or at zero."""
-        assert isinstance(model.body, StateSpace)
-        motion = model.body.motion
-        limit(m, model.body.ranges, None, inputs)
+        body = model.body_of(StateSpace)
+        motion = body.motion
+        limit(m, body.ranges, None, inputs)
         m.kept.steps.append(motion.step)
         seen = m.number("seen")
         first = Condition(seen, "==", ZERO)

@@ -19,9 +19,7 @@ from mapmore_cli.reporting.table import MODEL, Cells, Column, Columns, Table
 
 def show(model: Model) -> View:
     """Return what `mapmore show` prints about a model."""
-    body = model.body
-    assert isinstance(body, StateSpace)
-    return View({"motion": _document(body.motion)})
+    return View({"motion": _document(model.body_of(StateSpace).motion)})
 
 
 def show_fit(fit: Fit) -> tuple[dict[str, object], tuple[Table, ...]]:

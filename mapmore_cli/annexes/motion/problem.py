@@ -179,8 +179,6 @@ class Problem:
         self.start, self.reach = start, reach
         self.random = np.random.default_rng(seed)
         self.pieces = tuple(piece for piece in pieces if piece.counts.any())
-        # a slice avoids a copy
-        self.own = [slice(None) if piece.counts.all() else piece.counts for piece in self.pieces]
         self.y = np.concatenate([piece.y[piece.counts] for piece in self.pieces])
         self.size = root_mean_square(self.y) or 1.0
         self.evaluations = 0
@@ -191,10 +189,7 @@ class Problem:
         """
         self.evaluations += 1
         return np.concatenate(
-            [
-                response(p1, p2, piece.drives, self.start)[rows]
-                for piece, rows in zip(self.pieces, self.own, strict=True)
-            ]
+            [response(p1, p2, piece.drives, self.start)[piece.counts] for piece in self.pieces]
         )
 
     def rmse(self, p1: float, p2: float, weights: Array | None = None) -> float:

@@ -87,7 +87,3 @@ def draw_model(
     ax.set_xlabel(style.PLAIN.axis_label(quantity))
     ax.set_ylabel(style.PLAIN.axis_label(model.output))
     ax.legend()
-
-
-# Campaigns
-# --------------------------------------------------------------------------------------------------
