@@ -103,7 +103,7 @@ def _term_rows(segment: SegmentFit) -> Iterator[Cells]:
 
 
 def coefficient_rows(
-    fit: FitResult, model: Model | None = None
+    fit: FitResult, model: Model | None
 ) -> Iterator[tuple[SegmentFit, dict[str, Any]]]:
     """Yield a row for each term of each segment, or of the model with memory. A row comes with its
     segment; it is the row of `Selection.table`, with half the width of the 95 % interval of the

@@ -26,7 +26,7 @@ NO_CRITERIA = (
 )
 
 
-def summary_table(fit: FitResult, model: Model, scores: ScoreTable, weighed: bool = False) -> Table:
+def summary_table(fit: FitResult, model: Model, scores: ScoreTable, weighed: bool) -> Table:
     """Return a table with a row for each coefficient: of the formula, and of every segment or of
     the model with memory. `weighed` is True if samples had different weights in the fit.
 

@@ -46,9 +46,7 @@ def drift_drawing(
     return Drawing("drift", caption, (Panel("", on, "Campaign", (what,)),), Layout(2.6))
 
 
-def draw_model(
-    ax: Axes, model: Model, level: float | None = None, held_out: Sequence[Curve] = ()
-) -> None:
+def draw_model(ax: Axes, model: Model, level: float | None, held_out: Sequence[Curve]) -> None:
     """Draw a line for every training curve over the input that varies most within it, with the
     other inputs in the middle of their ranges. For `held_out` curves, draw samples as dots, and the
     model at them as a dashed line.
