@@ -160,14 +160,6 @@ def test_the_middle_of_the_widest_gap_comes_first():
         planning._of_levels("a", given, {"pressure": 3.0, "strain": 1.0})
 
 
-def test_a_wanted_half_width_is_a_share_or_a_number():
-    assert planning._size_of(" 2% ", 400.0) == 8.0
-    assert planning._size_of("2", 400.0) == 2.0
-    for text in ("0", "-1%", "inf", "nan", "two", ""):
-        with refused("is not a half width", error=UsageError):
-            planning._size_of(text, 400.0)
-
-
 def test_formulas_that_stay_within_twice_the_measured_range_are_members():
     given = at_levels(80.0, 150.0, 250.0)
     columns = {name: np.concatenate([c.columns[name] for c in given.curves]) for name in QUANTITIES}

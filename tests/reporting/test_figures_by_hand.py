@@ -60,6 +60,21 @@ def test_errors_of_training_are_pale_below_those_of_held_out_samples(mixed):
     assert {*held[1]} <= {*mixed.errors_of("mapmore")[held_out]}
 
 
+def test_models_that_are_far_off_do_not_set_the_scale_and_say_how_far_they_are(inputs):
+    scores = [replace(s, rmse=1e6) if s.model == "sarosi" else s for s in inputs.validation.scores]
+    validation = replace(inputs.validation, scores=tuple(scores))
+    (figure,) = error.draw(replace(inputs, validation=validation))
+    assert figure.caption.endswith("Too far off for the scale: Sárosi.")
+    own, far = map(calls_of, figure.panels[:2])
+    assert [len(ax.named("plot")) for ax in (own, far)] == [2, 0]
+    assert [len(ax.named("add_artist")) for ax in (own, far)] == [0, 2]
+    largest = np.abs(inputs.errors_of("sarosi")).max()
+    words = [args[0] for ax in (own, far) for args, _ in ax.named("annotate")]
+    assert words == [f"beyond the scale: up to {largest:.3g} N"]
+    (held, *_) = fit.draw(replace(inputs, validation=validation))
+    assert "Too far off for the scale: Sárosi." in held.caption
+
+
 def test_bars_of_a_model_stand_around_its_row_the_held_out_one_above_and_solid(inputs):
     (figure,) = nrmse.draw(inputs)
     ax = calls_of(figure.panels[0])
@@ -90,6 +105,7 @@ def test_errors_that_differ_by_more_than_twenty_times_are_on_a_logarithmic_axis(
     ax = sketch.Sketch(7.0)
     figure.panels[0].draw(ax)
     assert ax.yaxis.logarithmic is logarithmic
+    assert logarithmic or ax.yaxis.ends == (0.0, pytest.approx(1.05 * largest))
     words = [bands._short(value) for value in (999.4, 1000.0, 99_999.0, 1e5, 0.12345)]
     assert words == ["999", "1000", "99999", "1e+05", "0.123"]
 
@@ -261,5 +277,3 @@ def test_panels_stand_in_rows_of_three_or_of_two_if_they_are_four():
         assert (plan.columns, plan.width) == (columns, 3.5 if count == 1 else drawing.DOUBLE)
         narrow = drawing.arranged(figure, style.PLAIN, width=drawing.DOUBLE * 0.7)
         assert narrow.columns == max(1, int(columns * 0.7))
-    places = sketched.sketched(figure, style.PLAIN).svg
-    assert places.count(f'"y": {2.0 * 72:.1f}') == 3  # the second row is one row of panels below

@@ -7,14 +7,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 from report_builder import build, drawn, legend_of, of_pieces
 
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.scores import REPEATABILITY
-from mapmore_cli.modelling.signals.sampling import envelope
-from mapmore_cli.reporting.figures import elements, nrmse, panels, style
+from mapmore_cli.reporting.figures import elements, panels, style
 from mapmore_cli.reporting.figures.drawing import drawings
 from mapmore_cli.reporting.figures.fit import curve_fit, held_out_spans
 from mapmore_cli.reporting.figures.segments import draw_segments, segment_curves
@@ -52,27 +50,6 @@ def test_models_that_are_named_stay_beside_the_own_one_in_their_order(inputs):
 
 
 class TestThinning:
-    @given(
-        arrays(float, st.integers(0, 400), elements=st.floats(-1e6, 1e6) | st.just(np.nan)),
-        st.integers(2, 60),
-        st.sampled_from([envelope, panels.cloud]),
-    )
-    def test_few_points_no_extreme_lost(self, y, limit, thin):
-        rows = thin(y, limit)
-        assert len(rows) <= max(limit, 2)
-        assert (np.diff(rows) > 0).all()
-        assert ((rows >= 0) & (rows < len(y))).all()
-        if np.isfinite(y).any():
-            assert (np.nanmin(y[rows]), np.nanmax(y[rows])) == (np.nanmin(y), np.nanmax(y))
-
-    @given(st.text(max_size=60), st.integers(5, 40))
-    def test_shortened_names_keep_both_ends(self, text, length):
-        short = panels.shorten(text, length)
-        assert len(short) <= length
-        if len(text) > length:
-            assert text.startswith(short.split("…")[0])
-            assert text.endswith(short[-1])
-
     @given(st.lists(st.text(max_size=60), min_size=1, max_size=8), st.integers(8, 40))
     def test_titles_differ_where_names_do(self, names, length):
         shown = panels.told_apart(names, length)
@@ -281,9 +258,3 @@ class TestResiduals:
 
     def test_few_samples_are_not_tested(self):
         assert drawings("residuals", build(samples=12, segments=1)) == []
-
-
-def test_errors_of_a_paper_stand_in_per_cent_beside_ours(inputs):
-    (drawing,) = nrmse.draw(inputs)
-    published = drawing.panels[0].data["published NRMSE [%]"]
-    assert [error for error in published if error != ""] == pytest.approx([2.2, 2.5, 7.0])
