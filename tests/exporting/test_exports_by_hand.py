@@ -13,7 +13,7 @@ from scipy.io import loadmat
 from mapmore_cli.annexes.exporting import fmu, table, verifying
 from mapmore_cli.annexes.exporting.c_source import c_source
 from mapmore_cli.annexes.exporting.exports import exported, snippet
-from mapmore_cli.annexes.exporting.templates import NOTICE, notes_of, with_notice
+from mapmore_cli.annexes.exporting.templates import notes_of
 from mapmore_cli.domain.errors import MapmoreError, UsageError
 from mapmore_cli.domain.recording import Quantity
 
@@ -142,16 +142,6 @@ def test_files_of_a_unit_can_be_read_and_its_library_run(monkeypatch):
     for entry in zipfile.ZipFile(io.BytesIO(data)).infolist():
         expected = 0o755 if entry.filename.startswith("binaries/") else 0o644
         assert (entry.external_attr >> 16, entry.create_system) == (expected, 3)
-
-
-@pytest.mark.parametrize(
-    ("name", "first"),
-    [("a.c", "/* {} */"), ("a.py", "# {}"), ("a.mjs", "// {}"), ("a.mo", "// {}")],
-)
-def test_the_licence_stands_first_and_in_matlab_last(name, first):
-    assert with_notice(name, "text") == f"{first.format(NOTICE)}\ntext"
-    assert with_notice("a.m", "text") == f"text\n% {NOTICE}\n"
-    assert with_notice("a.csv", "text") == "text"
 
 
 def test_notes_name_inputs_that_are_called_otherwise_and_the_shape():

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from literature_cases import MUSCLE_LIKE, TABLE_I, muscle_like, uniform
 
 from mapmore_cli.annexes.sums import Part, Sum, joint
-from mapmore_cli.annexes.sums.fitted import _unit, behind_tendon, formula_parts
+from mapmore_cli.annexes.sums.fitted import SumMaker, _unit, behind_tendon, formula_parts
 from mapmore_cli.annexes.sums.joint import (
     fit_jointly,
     joint_formula,
@@ -25,9 +25,10 @@ from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Formula, Model
 from mapmore_cli.domain.recording import CurveRange, Quantity
+from mapmore_cli.domain.results import FitResult
 from mapmore_cli.modelling.kinds import equations, one_step_ahead, outside_range, predict
 from mapmore_cli.modelling.literature import get
-from mapmore_cli.study.sections.model import Summand
+from mapmore_cli.study.sections.model import Summand, TendonSettings
 
 FORCE = Quantity("force", "N")
 
@@ -279,3 +280,27 @@ def test_formulas_of_a_sum_are_models_of_their_own_inputs_with_signs_and_ranges(
     assert [one.unit for one in second.model.inputs] == ["1", "%"]
     (limits,) = second.model.body.ranges
     assert limits.limits == {"pressure": (2, 6), "strain": (-0.2, 0)}
+
+
+def test_models_of_other_runs_are_added_with_their_inputs_signs_and_tendons():
+    units = {"p1": "kPa", "p2": "kPa", "s": "1", "force": "N", "pressure": "kPa", "strain": "1"}
+    quantities = {name: Quantity(name, unit) for name, unit in units.items()}
+    runs = {"a.yaml": braid("flexor", 2.0), "b.yaml": braid("extensor", 3.0)}
+    dataset = SimpleNamespace(target="force", quantities=quantities)
+    given = SimpleNamespace(dataset=dataset, model_of=runs.get)
+
+    def built(*summands, needed=()):
+        part = SimpleNamespace(
+            name="joint", model=SimpleNamespace(sum=summands or None), summands=needed
+        )
+        return SumMaker().build(part, given, FitResult(None))
+
+    first = Summand(model="a.yaml", inputs={"pressure": "p1", "strain": "s"})
+    second = Summand(model="b.yaml", sign=-1, inputs={"pressure": "p2", "strain": "-s"})
+    assert built(first, second) == flexed()
+    alone = built(needed=["a.yaml"])
+    assert alone.body.parts == (Part(runs["a.yaml"]),)
+    with pytest.raises(SpecError, match="both have an input called `strain`"):
+        built(first, Summand(model="b.yaml", inputs={"pressure": "p2"}), first)
+    with pytest.raises(SpecError, match="does not depend on `length`"):
+        built(Summand(model="a.yaml", tendon=TendonSettings(stiffness=1000.0)), second)
