@@ -1,4 +1,4 @@
-"""Make the tables over all runs of a campaign, with links to the page of each run."""
+"""Make the tables over all runs of a campaign."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Define the settings of a model of motion: the keys of `model: {type: state_space}`."""
+"""Define the settings of a model of motion, which are the keys of `model: {type: state_space}`, and
+the error that its solvers minimise.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Draw the figures of the commands `tune`, `plan`, `compare` and of campaigns, and a single model
+"""Draw the drift of a muscle over several campaigns for `mapmore compare`, and draw a single model
 for notebooks.
 """
 
