@@ -11,9 +11,11 @@ from matplotlib.colors import to_rgb
 
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.results import ErrorBand
+from mapmore_cli.domain.scores import REPEATABILITY
 from mapmore_cli.reporting.figures import (
     bands,
     colours,
+    commands,
     drawing,
     error,
     fit,
@@ -90,6 +92,13 @@ def test_bars_of_a_model_stand_around_its_row_the_held_out_one_above_and_solid(i
     ]
     assert ax.named("set_xlim") == [((), {"left": 0})]
     assert not ax.named("axvline")
+    row = next(s for s in inputs.validation.scores if (s.curve, s.split) == ("all", "validate"))
+    scores = (*inputs.validation.scores, replace(row, model=REPEATABILITY, nrmse=0.015))
+    study = replace(inputs, validation=replace(inputs.validation, scores=scores))
+    (figure,) = nrmse.draw(study)
+    (line,) = calls_of(figure.panels[0]).named("axvline")
+    assert line[0] == (pytest.approx(1.5),)
+    assert figure.legend[-1].label == "repeatability 1.50"
 
 
 @pytest.mark.parametrize(("largest", "logarithmic"), [(20.0, False), (20.1, True)])
@@ -175,6 +184,21 @@ def test_a_loop_is_cut_where_samples_are_not_held_out():
         ([3, 4, 5], [-9, -16, -25], "mapmore"),
     ]
     assert panel.data["y [mm]"].tolist() == [0, 1, 9, 16, 25]
+
+
+def test_a_drift_is_in_per_cent_of_the_first_campaign():
+    points = [
+        SimpleNamespace(inputs={"p": 100.0, "x": 0.12345}, outputs=(50.0, 55.0)),
+        SimpleNamespace(inputs={"p": 200.0}, outputs=(-10.0, -8.0)),
+    ]
+    figure = commands.drift_drawing(["spring", "autumn"], points, Quantity("force", "N"))
+    ax = calls_of(figure.panels[0])
+    lines = [(args[0], look["label"]) for args, look in ax.named("plot")]
+    assert lines == [
+        (pytest.approx([100, 110]), "p 100, x 0.123"),
+        (pytest.approx([100, 80]), "p 200"),
+    ]
+    assert ax.named("set_xticks")[0][0] == (range(2), ["spring", "autumn"])
 
 
 # Colours and elements

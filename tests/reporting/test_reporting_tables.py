@@ -246,6 +246,12 @@ repeatability is told
 repeatability is no competitor
     mapmore .02, repeatability .01
     HEAD; it was compared with no other model; repeated measurements differ by 1 %.
+a model that saw held-out samples is named
+    mapmore .02, sarosi .04, old .01 seen
+    (0.5 times the RMSE); old was trained on held-out samples, and is not compared.
+models that saw held-out samples are named
+    mapmore .02, old .01 seen, older .01 seen
+    with no other model; old, older were trained on held-out samples, and are not compared.
 no score
     nothing
     mapmore gave no prediction.
