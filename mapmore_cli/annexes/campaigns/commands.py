@@ -117,7 +117,7 @@ def batch(
         Job(entry.config, runs, entry.overrides, replace(options, campaign=entry.campaign), until)
         for entry in entries
     ]
-    known = (known_by_seal(*own) for own in zip(todo, (one.called for one in entries), strict=True))
+    known = map(known_by_seal, todo, [entry.called for entry in entries])
     sealed = {number: result for number, result in enumerate(known) if result is not None}
     if any(path is not None and path.exists() for path in (junit, summary)):
         for number, job in enumerate(todo):

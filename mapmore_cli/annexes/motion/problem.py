@@ -201,7 +201,7 @@ class Problem:
         """
         if not stable(p1, p2, self.reach if weights is None else 1.0):
             return PENALTY * self.size * max(abs(poles(p1, p2)[0]), 1.0)
-        return _root_mean_square(
+        return root_mean_square(
             self.projected(p1, p2)[1]
             if weights is None
             else _weighted(self.responses(p1, p2), weights) - self.y
@@ -225,14 +225,10 @@ class Problem:
         errors during the search, in their order.
         """
         weights, residuals = self.projected(p1, p2)
-        rmse, lowest = _root_mean_square(residuals), np.minimum.accumulate(history)
+        rmse, lowest = root_mean_square(residuals), np.minimum.accumulate(history)
         return Found(p1, p2, weights, rmse, self.evaluations, lowest)
 
 
 def _weighted(moved: Array, weights: Array) -> Array:
     """Return `moved @ weights`, for a single column without the matrix product, which is slow."""
     return moved[:, 0] * weights[0] if len(weights) == 1 else moved @ weights
-
-
-def _root_mean_square(residuals: Array) -> float:
-    return float(np.sqrt(residuals @ residuals / len(residuals)))
