@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from functools import partial
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.domain.scores import REPEATABILITY
 from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
 from mapmore_cli.reporting.figures.panels import key, label_rows, looks_of, titles, write_beside
-from mapmore_cli.reporting.figures.style import BLACK, GREY, ModelStyle
+from mapmore_cli.reporting.figures.style import BLACK, GREY
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.score_tables import full_scale
 from mapmore_cli.reporting.table import title_of
@@ -44,18 +43,28 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     # published numbers belong beside held-out data only
     paper = inputs.published if splits[0] == "validate" else None
     known = {} if paper is None else paper.nrmse
-    published = {model: 100 * known[model] for model in inputs.models if model in known}
-    floor = errors.get((REPEATABILITY, splits[0]))
-    rows = [
-        (
-            model,
-            split,
-            errors.get((model, split), math.nan),
-            published.get(model, "") if split == "validate" else "",
-        )
-        for model in inputs.models
-        for split in splits
-    ]
+    published = {(m, "validate"): 100 * known[m] for m in inputs.models if m in known}
+    floor, looks = errors.get((REPEATABILITY, splits[0])), looks_of(inputs)
+    bars = product(inputs.models, splits)
+    rows = [(*bar, errors.get(bar, math.nan), published.get(bar, "")) for bar in bars]
+
+    def on(ax: Axes) -> None:
+        for number, (model, split, error, printed) in enumerate(rows):
+            row, place = divmod(number, len(splits))
+            at = row + (place - (len(splits) - 1) / 2) * BAR
+            text = "failed" if math.isnan(error) else f"{error:.2f}"
+            if printed != "":
+                ax.plot(printed, at, zorder=5, clip_on=False, **DIAMOND)
+                text += f" (published {printed:.3g})"
+            if math.isfinite(error):
+                look = _bar_look(looks[model].colour, split == splits[0])
+                ax.barh(at, error, BAR * 0.9, linewidth=0.8, **look)
+            write_beside(ax, at, text)
+        if floor is not None:
+            ax.axvline(floor, zorder=4, **FLOOR)
+        label_rows(ax, titles([title_of(model) for model in inputs.models], 18))
+        ax.set_xlim(left=0)
+
     handles = [key(SPLITS[split], **_bar_look(BLACK, split == splits[0])) for split in splits]
     caption = (
         "Normalised root mean square error of all curves pooled. "
@@ -73,42 +82,8 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
         caption += f" Diamonds: {paper.source}."
     headings = ("model", "data", "NRMSE [%]", "published NRMSE [%]")
     data = dict(zip(headings, zip(*rows, strict=True), strict=True))
-    on = partial(draw_bars, looks=looks_of(inputs), rows=rows, splits=splits, floor=floor)
     panel = Panel("", on, "NRMSE (%)", ("",), data)
     return [Drawing("nrmse", caption, (panel,), Layout(0.3 + 0.42 * len(inputs.models)), handles)]
-
-
-Bar = tuple[str, str, float, float | str]
-"""A model, a split, the error in per cent, and the published error in per cent, or an empty text.
-"""
-
-
-def draw_bars(
-    ax: Axes,
-    looks: Mapping[str, ModelStyle],
-    rows: Sequence[Bar],
-    splits: Sequence[str],
-    floor: float | None,
-) -> None:
-    """Draw the bars of each model around its row, and the difference between repeated measurements
-    (`floor`) as a line.
-    """
-    for number, (model, split, error, printed) in enumerate(rows):
-        row, place = divmod(number, len(splits))
-        at = row + (place - (len(splits) - 1) / 2) * BAR
-        text = "failed" if math.isnan(error) else f"{error:.2f}"
-        if printed != "":
-            ax.plot(printed, at, zorder=5, clip_on=False, **DIAMOND)
-            text += f" (published {printed:.3g})"
-        if math.isfinite(error):
-            look = _bar_look(looks[model].colour, split == splits[0])
-            ax.barh(at, error, BAR * 0.9, linewidth=0.8, **look)
-        write_beside(ax, at, text)
-    if floor is not None:
-        ax.axvline(floor, zorder=4, **FLOOR)
-    names = dict.fromkeys(model for model, *_ in rows)
-    label_rows(ax, titles([title_of(model) for model in names], 18))
-    ax.set_xlim(left=0)
 
 
 def _bar_look(colour: str, solid: bool) -> dict[str, Any]:
