@@ -184,7 +184,7 @@ def _record(inputs: ReportInputs, curves: Sequence[Curve]) -> dict[str, Any]:
     """
     model, output = inputs.model, inputs.model.output.name
     curve = next((one for one in curves if one.held_out.any()), curves[0])
-    start = int(np.argmax(curve.held_out)) if curve.held_out.any() else 0
+    start = int(np.argmax(curve.held_out))  # 0 if no sample is held out
     columns = {name: column[start:] for name, column in curve.columns.items()}
     time, step = columns["time"], program_of(model).step
     assert step is not None  # every model that runs along a recording has a time step

@@ -66,10 +66,10 @@ def levels_table(dataset: Dataset, along: str | None = None, whole: Dataset | No
     """
     level = f"level [{dataset.unit(dataset.level)}] .6g" if dataset.level else "level"
     columns = ["curve", level, "train", "validate", "recordings"]
-    rows: list[Cells] = []
-    for curve in (whole or dataset).curves:
-        counts = sample_counts(curve).values()
-        rows.append((curve.id, curve.level, *counts, ", ".join(curve.recordings)))
+    rows: list[Cells] = [
+        (curve.id, curve.level, *sample_counts(curve).values(), ", ".join(curve.recordings))
+        for curve in (whole or dataset).curves
+    ]
     notes: list[str] = []
     if lowest := _single_valued(dataset, along):
         columns.append("single-valued [%] .2g")

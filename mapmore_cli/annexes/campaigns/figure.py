@@ -39,8 +39,7 @@ def campaign_figures(scores: CampaignScores) -> list[Drawing]:
     if len(every) < 2:
         return []
     own = {run: by_model[OWN].nrmse for run, by_model in pooled.items() if OWN in by_model}
-    finite = [run for run, error in own.items() if np.isfinite(error)]
-    best = min(finite, key=own.__getitem__, default="")
+    best = min((run for run in own if np.isfinite(own[run])), key=own.__getitem__, default="")
     shown = {best, *(every[place] for place in panels.evenly(len(every), MOST_RUNS))}
     runs = [run for run in every if run in shown]
     exact = [run for run in runs if own.get(run, np.nan) <= ROUNDING]
