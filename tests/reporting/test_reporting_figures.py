@@ -85,9 +85,6 @@ class TestLabels:
             texts = [text for text in figure.findobj(mpl.text.Text) if text.get_text()]
             assert min(text.get_fontsize() for text in texts) >= 7, name
 
-    def test_widths_are_those_of_journal_columns(self, every):
-        assert {round(figure.get_figwidth(), 2) for figure in every.values()} <= {3.5, 7.16}
-
 
 def test_the_own_model_always_looks_the_same_and_no_two_models_do():
     styles = style.model_styles(["mapmore", *"abcdef"])
