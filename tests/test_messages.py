@@ -54,7 +54,7 @@ FROM = {
     "pipeline/stages.py fuse": (*NOTES_OF_MODELS, *INTERVALS),
     "pipeline/scoring.py _warn_of_fits": (
         "pipeline/scoring.py: _diverged",
-        "reporting/tables.py: rival_minima",
+        "reporting/fit_tables.py: rival_minima",
     ),
     "pipeline/report.py write_pages": ("pipeline/report.py: faults_of",),
     "pipeline/report.py drawn_figure": ("pipeline/report.py: faults_of",),
@@ -76,7 +76,7 @@ FROM = {
     "pipeline/notebooks.py export": (),
     "cli/pipeline.py warn": (),
     "annexes/campaigns/commands.py _tell": (),
-    "annexes/campaigns/commands.py batch": (),
+    "annexes/campaigns/commands.py _results": (),
     "annexes/campaigns/commands.py tell": (),
     "api/runs.py load_model": (),
     "api/runs.py run": (),

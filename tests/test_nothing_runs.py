@@ -148,7 +148,7 @@ def test_what_is_harmless(text):
 
 def test_code_is_made_by_the_printers_alone():
     """`Code` is written as it stands; `code` takes forms that stand in the source."""
-    makers = {"templates.py", "dialect.py", "c_source.py", "python_module.py", "table.py"}
+    makers = {"templates.py", "dialect.py", "program_text.py", "c_source.py", "table.py"}
     printers = [*(PACKAGE / "annexes" / "exporting").glob("*.py")]
     assert printers
     for path in printers:

@@ -366,7 +366,7 @@ def adapt(
     other model. Without a TABLE, the new model is computed only from the dimension that --set
     gives, and its intervals are the intervals of the family.
     """
-    from mapmore_cli.pipeline.predict import adapt, dimension_of, names_of_points
+    from mapmore_cli.pipeline.adapting import adapt, dimension_of, names_of_points
     from mapmore_cli.reporting.table import Column, Table
     from mapmore_cli.storage.artefacts import read_model, write_model
     from mapmore_cli.storage.outputs import note_chosen, refuse_early, refuse_foreign_file

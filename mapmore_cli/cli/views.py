@@ -16,6 +16,13 @@ from mapmore_cli.domain.models import Formula, Memory, Outputs, Pieces
 from mapmore_cli.domain.results import OutputsFit
 from mapmore_cli.domain.scores import OWN
 from mapmore_cli.reporting import memory_tables
+from mapmore_cli.reporting.fit_tables import (
+    coefficients_table,
+    outliers_table,
+    rival_minima,
+    segment_ends,
+    terms_table,
+)
 from mapmore_cli.reporting.order import RUN_PAGE
 from mapmore_cli.reporting.score_tables import (
     curve_scores_table,
@@ -25,18 +32,13 @@ from mapmore_cli.reporting.score_tables import (
     verdict_sentence,
 )
 from mapmore_cli.reporting.sections import shown_by
-from mapmore_cli.reporting.table import Cells, Table
+from mapmore_cli.reporting.table import FROM_TO, Cells, Table
 from mapmore_cli.reporting.tables import (
-    FROM_TO,
-    coefficients_table,
     levels_table,
     limits_tables,
-    outliers_table,
     pieces_table,
     recordings_table,
-    rival_minima,
-    segment_ends,
-    terms_table,
+    sample_counts,
 )
 from mapmore_cli.storage import artefacts
 from mapmore_cli.storage.run_folder import RESULTS, RunFiles
@@ -218,11 +220,7 @@ def of_dataset(dataset: Dataset) -> View:
     of the curves.
     """
     curves = [
-        {
-            **members(curve, "id", "level", "recordings"),
-            "train": int(curve.training.sum()),
-            "validate": int(curve.held_out.sum()),
-        }
+        {**members(curve, "id", "level", "recordings"), **sample_counts(curve)}
         for curve in dataset.curves
     ]
     keys = ("id", "source", "rows_read", "rows_kept", "dropped")

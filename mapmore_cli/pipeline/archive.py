@@ -19,11 +19,8 @@ from mapmore_cli import __version__
 from mapmore_cli.domain.errors import DataError, UsageError, WriteError
 from mapmore_cli.modelling.kinds import alone
 from mapmore_cli.modelling.validation.comparison import Comparison, compare
-from mapmore_cli.pipeline.staleness import (
-    MODEL_STAGE,
-    recorded,
-    slice_differences,
-)
+from mapmore_cli.pipeline.differences import recorded, slice_differences
+from mapmore_cli.pipeline.staleness import MODEL_STAGE
 from mapmore_cli.storage.artefacts import read_model
 from mapmore_cli.storage.atomic import (
     content_of,
@@ -123,7 +120,9 @@ def _entry(path: Path, *keys: str) -> object:
 
 
 def _check_finished(run_dir: Path) -> None:
-    """Raise DataError unless all files that `run.json` lists exist and are unchanged."""
+    """Raise DataError if the folder lacks one of the files that are frozen, or if the model or the
+    scores were changed after the run wrote them.
+    """
     remedy = "bring the run up to date with `mapmore run`"
     if missing := [kept for kept in KEPT if not (run_dir / kept).is_file()]:
         raise DataError(f"{run_dir}: is not a finished run ({', '.join(missing)} missing)", remedy)

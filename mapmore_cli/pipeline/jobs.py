@@ -1,5 +1,5 @@
-"""Do many runs at the same time, in processes of this machine or of other machines. If a run fails,
-the other runs continue.
+"""Represent a run as a job, which a process of this machine or of another machine can do, and
+represent its result.
 """
 
 from __future__ import annotations

@@ -73,31 +73,30 @@ def _rows(run: Finished, known: Iterable[Row]) -> list[Row]:
     stages = record["stages"].items()
     seconds = {name: round(own["seconds"], 3) for name, own in stages if "seconds" in own}
     files = RunFiles(run.run_dir)
+    rows = []
     scored = zip(run.table.each, files.validation().each, files.dataset().each, strict=True)
-    return [
-        Row(
+    for table, validation, dataset in scored:
+        scores = deciding(table.scores)
+        target = scores[0].target if scores else ""
+        row = Row(
             run=run.name,
             muscle=str(muscle or ""),
             campaign=str(record.get("origin", {}).get("campaign", "")),
             data=f"{data[0]} and {len(data) - 1} more" if data[1:] else "".join(data),
-            target=table.scores[0].target if table.scores else "",
-            split="".join({score.split: "" for score in deciding(table.scores)}),
+            target=target,
+            split=scores[0].split if scores else "",
             nrmse={
                 score.model: round(100 * score.nrmse, 6)
-                for score in deciding(table.scores)
+                for score in scores
                 if score.model != REPEATABILITY and np.isfinite(score.nrmse)
             },
-            alerts=tuple(
-                alert
-                for alert in run.alerts
-                if alert.target in ("", table.scores[0].target if table.scores else "")
-            ),
+            alerts=tuple(alert for alert in run.alerts if alert.target in ("", target)),
             ended=ended,
             picture=_picture(validation, dataset),
             seconds=seconds,
         )
-        for table, validation, dataset in scored
-    ]
+        rows.append(row)
+    return rows
 
 
 def _picture(validation: Validation, dataset: Any) -> tuple[str, str]:

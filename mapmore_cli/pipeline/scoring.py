@@ -31,8 +31,8 @@ from mapmore_cli.modelling.validation.repeatability import repeated_cycles, repe
 from mapmore_cli.modelling.validation.residuals import alarms
 from mapmore_cli.modelling.validation.shown import for_report
 from mapmore_cli.pipeline.scores_slice import ScoresSlice
+from mapmore_cli.reporting.fit_tables import rival_minima
 from mapmore_cli.reporting.sections import shown_by
-from mapmore_cli.reporting.tables import rival_minima
 from mapmore_cli.storage.artefacts import write_validation
 from mapmore_cli.storage.run_folder import VALIDATION
 from mapmore_cli.storage.run_record import write_scores

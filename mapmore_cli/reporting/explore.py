@@ -188,24 +188,24 @@ def pieces_of(model: Model, equations: Mapping[str, str]) -> dict[str, Any]:
         "choose": f"Choose {cut} above to see the pieces along it.",
         "level": body.level,
         "transitions": [(name, name) for name in TRANSITIONS],
-        "variables": list(body.variables),
+        "variables": body.variables,
         "joint": {
             "z_s": fusion.z_s,
             "transition": fusion.transition,
             "levels": fusion.levels,
             "hold": fusion.hold,
-            "extrapolation": {name: list(ends) for name, ends in sides.items()},
+            "extrapolation": sides,
         },
         "curves": [
             {
                 "level": curve.level,
-                "limits": {name: list(ends) for name, ends in curve.limits.items()},
+                "limits": dict(curve.limits),
                 "boundaries": [ends.tolist() for ends in curve.boundaries],
                 "segments": [
                     {
                         "id": one.id,
-                        "cell": list(one.cell),
-                        "limits": {name: list(ends) for name, ends in one.limits.items()},
+                        "cell": one.cell,
+                        "limits": dict(one.limits),
                         "equation": equations.get(one.id, ""),
                     }
                     for one in curve.segments

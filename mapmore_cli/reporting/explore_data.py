@@ -29,7 +29,9 @@ BEYOND = 0.15
 """Fraction of the training range of an input by which its slider goes beyond each end."""
 
 NEAR = 0.06
-"""Fraction of the training range of an input within which samples are near a value of it."""
+"""A sample counts as near the value of a slider if it differs from this value by at most this
+fraction of the training range of the input.
+"""
 
 PER_PERIOD, REST, MOST_RESTING = 500, 30.0, 20_000
 """Number of samples in a period of the course that a page shows at first; time in seconds after
@@ -182,7 +184,7 @@ def _record(inputs: ReportInputs, curves: Sequence[Curve]) -> dict[str, Any]:
     """
     model, output = inputs.model, inputs.model.output.name
     curve = next((one for one in curves if one.held_out.any()), curves[0])
-    start = int(np.argmax(curve.held_out)) if curve.held_out.any() else 0
+    start = int(np.argmax(curve.held_out))  # 0 if no sample is held out
     columns = {name: column[start:] for name, column in curve.columns.items()}
     time, step = columns["time"], program_of(model).step
     assert step is not None  # every model that runs along a recording has a time step

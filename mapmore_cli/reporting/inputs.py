@@ -258,7 +258,7 @@ class ReportInputs:
     @property
     def holds_out(self) -> bool:
         """Return True if some samples are held out."""
-        return any(curve.held_out.any() for curve in self.dataset.curves)
+        return bool(self.pooled_held_out.any())
 
     @property
     def left_out(self) -> LeftOut | None:

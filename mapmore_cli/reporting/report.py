@@ -28,6 +28,7 @@ from mapmore_cli.reporting.figures.drawing import (
 from mapmore_cli.reporting.figures.panels import evenly
 from mapmore_cli.reporting.figures.sketched import sketched
 from mapmore_cli.reporting.figures.style import figure_style
+from mapmore_cli.reporting.fit_tables import training_rmse
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.order import FIGURES, FILES_ALONE
 from mapmore_cli.reporting.score_tables import scored, verdict_sentence
@@ -41,7 +42,6 @@ from mapmore_cli.reporting.table import (
     to_csv,
     to_latex,
 )
-from mapmore_cli.reporting.tables import training_rmse
 
 TABLE_FILES: Mapping[str, Callable[[Table], str]] = {"csv": to_csv, "tex": to_latex}
 """Function that writes a table, by format."""

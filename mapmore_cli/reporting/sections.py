@@ -12,7 +12,7 @@ from typing import Protocol, runtime_checkable
 
 from mapmore_cli.domain.fits import Fit
 from mapmore_cli.modelling.kinds import kind_of_fit
-from mapmore_cli.reporting import memory_tables, tables
+from mapmore_cli.reporting import fit_tables, memory_tables, tables
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.score_tables import curve_scores_table, score_table, search_table
 from mapmore_cli.reporting.table import Table
@@ -78,9 +78,9 @@ def _of_data(inputs: ReportInputs) -> Iterable[Table]:
 
 
 def _of_terms(inputs: ReportInputs) -> Iterable[Table]:
-    yield tables.terms_table(inputs.fit)
-    yield tables.coefficients_table(inputs.fit, inputs.target.unit, inputs.model)
-    yield tables.outliers_table(inputs.validation.outliers, inputs.target.unit)
+    yield fit_tables.terms_table(inputs.fit)
+    yield fit_tables.coefficients_table(inputs.fit, inputs.target.unit, inputs.model)
+    yield fit_tables.outliers_table(inputs.validation.outliers, inputs.target.unit)
     if inputs.search is not None:
         yield search_table(inputs.search)
     if (memory := inputs.fit.memory) is not None:
@@ -91,8 +91,8 @@ def _of_terms(inputs: ReportInputs) -> Iterable[Table]:
 
 def _of_formulas(inputs: ReportInputs) -> Iterable[Table]:
     pieces = inputs.model.pieces
-    yield tables.formulas_table(inputs)
-    yield tables.folds_table(pieces.cross_validation if pieces else (), inputs.target.unit)
+    yield fit_tables.formulas_table(inputs)
+    yield fit_tables.folds_table(pieces.cross_validation if pieces else (), inputs.target.unit)
 
 
 SECTIONS = (
@@ -112,7 +112,7 @@ SECTIONS = (
     ),
     Section("data", "Your data as read", _of_data),
     Section(
-        "segments", "Segments and their weights", lambda inputs: [tables.segments_table(inputs)]
+        "segments", "Segments and their weights", lambda inputs: [fit_tables.segments_table(inputs)]
     ),
     Section("terms", "Selected terms", _of_terms),
     Section("formulas", "Fits of formulas", _of_formulas),

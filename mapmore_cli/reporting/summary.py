@@ -13,8 +13,8 @@ from mapmore_cli.domain.scores import OWN, ScoreTable
 from mapmore_cli.modelling.kinds import equations, parameters
 from mapmore_cli.modelling.literature.linear import half_width
 from mapmore_cli.modelling.validation.metrics import information_criteria
+from mapmore_cli.reporting.fit_tables import coefficient_rows
 from mapmore_cli.reporting.table import Cells, Table
-from mapmore_cli.reporting.tables import coefficient_rows
 
 COLUMNS = ("part", "term", "coefficient #.6g", "standard error .3g", "t .3g", "ERR [%] .4f")
 
@@ -26,7 +26,7 @@ NO_CRITERIA = (
 )
 
 
-def summary_table(fit: FitResult, model: Model, scores: ScoreTable, weighed: bool = False) -> Table:
+def summary_table(fit: FitResult, model: Model, scores: ScoreTable, weighed: bool) -> Table:
     """Return a table with a row for each coefficient: of the formula, and of every segment or of
     the model with memory. `weighed` is True if samples had different weights in the fit.
 

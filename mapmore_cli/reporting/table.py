@@ -70,6 +70,8 @@ Columns = Iterable[Column | str]
 """Columns of a table; a text such as `RMSE [N] .3g` is converted by `Column.of`."""
 
 MODEL = Column("model", form="model")
+FROM_TO = ("from", "to")
+"""Words for the two ends of a range in headings."""
 
 
 @dataclass(frozen=True, repr=False)

@@ -1,31 +1,15 @@
-"""Make the tables of the report about the data and the scores."""
+"""Make the tables of the report about the data, the errors and the equations of the model."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
-from typing import Any
 
-import numpy as np
-
-from mapmore_cli.domain.fits import (
-    PIECE,
-    FormulaFit,
-    MemoryModel,
-    Segment,
-    SegmentedCurve,
-    SegmentFit,
-)
-from mapmore_cli.domain.models import Equation, FoldError, Model, SegmentFunction
-from mapmore_cli.domain.recording import CurveRange, Dataset
-from mapmore_cli.domain.results import ErrorBand, FitResult, Outlier
-from mapmore_cli.modelling.literature.linear import half_width
-from mapmore_cli.modelling.literature.own import units_of_parameters
+from mapmore_cli.domain.models import Equation, Model
+from mapmore_cli.domain.recording import Curve, CurveRange, Dataset
+from mapmore_cli.domain.results import ErrorBand
 from mapmore_cli.modelling.validation.repeatability import floors
-from mapmore_cli.modelling.validation.residuals import SAME
 from mapmore_cli.reporting.inputs import ReportInputs
-from mapmore_cli.reporting.table import Cells, Column, Columns, Table, cells_of
+from mapmore_cli.reporting.table import FROM_TO, Cells, Column, Columns, Table
 
 
 def bands_table(sizes: Sequence[ErrorBand], unit: str) -> Table:
@@ -73,8 +57,8 @@ SINGLE_VALUED_NOTE = (
 
 
 def levels_table(dataset: Dataset, along: str | None = None, whole: Dataset | None = None) -> Table:
-    """Return a table of the curves, with their numbers of training and validation samples in the
-    `whole` dataset.
+    """Return a table of the curves, with their numbers of training and held-out samples in the
+    `whole` dataset. Samples at rest are in neither number, unless they are held out.
 
     `along` is the quantity that varies within a curve. A static model has a single output for each
     value of `along`. If measured curves have several outputs at one value, a column gives the error
@@ -82,11 +66,10 @@ def levels_table(dataset: Dataset, along: str | None = None, whole: Dataset | No
     """
     level = f"level [{dataset.unit(dataset.level)}] .6g" if dataset.level else "level"
     columns = ["curve", level, "train", "validate", "recordings"]
-    rows: list[Cells] = []
-    for curve in (whole or dataset).curves:
-        held_out = int(np.count_nonzero(curve.held_out))
-        counts = (curve.size - held_out, held_out)
-        rows.append((curve.id, curve.level, *counts, ", ".join(curve.recordings)))
+    rows: list[Cells] = [
+        (curve.id, curve.level, *sample_counts(curve).values(), ", ".join(curve.recordings))
+        for curve in (whole or dataset).curves
+    ]
     notes: list[str] = []
     if lowest := _single_valued(dataset, along):
         columns.append("single-valued [%] .2g")
@@ -94,6 +77,11 @@ def levels_table(dataset: Dataset, along: str | None = None, whole: Dataset | No
         notes.append(SINGLE_VALUED_NOTE.format(along=along, target=dataset.target))
     title = f"Samples of every curve{f', levels of {dataset.level}' if dataset.level else ''}"
     return Table.of("levels", title, columns, rows, *notes)
+
+
+def sample_counts(curve: Curve) -> dict[str, int]:
+    """Return the numbers of training samples (`train`) and of held-out samples (`validate`)."""
+    return {"train": int(curve.training.sum()), "validate": int(curve.held_out.sum())}
 
 
 def _single_valued(dataset: Dataset, along: str | None) -> list[float]:
@@ -105,142 +93,6 @@ def _single_valued(dataset: Dataset, along: str | None) -> list[float]:
     return floors(
         *([curve.columns[name] for curve in dataset.curves] for name in (along, dataset.target))
     )
-
-
-def segments_table(inputs: ReportInputs) -> Table:
-    """Return a table of the segments: the range of each, its scaling, and the training RMSE of its
-    own function before the pieces are joined.
-    """
-    places = {
-        segment.id: segment_ends(curve, segment)
-        for curve in inputs.segmentation
-        for segment in curve.segments
-    }
-    variables = inputs.segmentation[0].variables if inputs.segmentation else ()
-    ends = [Column(f"{v} {end}", inputs.dataset.unit(v)) for v in variables for end in FROM_TO]
-    last = {
-        "scaling": "scaling.rule",
-        "origin": "scaling.placement",
-        "condition .3g": "selection.condition",
-    }
-    rows = (
-        (
-            *(fit.id, fit.selection.samples, *places[fit.id]),
-            *(training_rmse(fit), *cells_of(fit, last)),
-        )
-        for fit in inputs.fit.segments
-    )
-    columns: Columns = ("segment", "samples", *ends, f"RMSE [{inputs.target.unit}]", *last)
-    return Table.of("segments", "Segments", columns, rows)
-
-
-def training_rmse(fit: SegmentFit) -> float:
-    """Return the RMSE of a segment's own function before the pieces are joined, in the unit of the
-    target.
-    """
-    mean_square = max(fit.selection.sse, 0.0) / fit.selection.samples
-    return math.sqrt(mean_square) * abs(fit.scaling.y_slope)
-
-
-FROM_TO = ("from", "to")
-
-
-def segment_ends(curve: SegmentedCurve, segment: Segment) -> list[float]:
-    """Return the start and end of a segment along each variable of its curve."""
-    cuts = zip(curve.boundaries, segment.cell, strict=True)
-    return [float(end) for places, cell in cuts for end in places[cell - 1 : cell + 1]]
-
-
-def terms_table(fit: FitResult) -> Table:
-    """Return a table of the terms in the order of selection, with the error reduction ratio of
-    each, the sum of the ratios so far, the runner-up, and the margin over the runner-up.
-    """
-    columns = (
-        *("segment", "step", "term", "ERR [%] .4f", "sum of ERR [%] .4f", "runner-up"),
-        *("its ERR [%] .4f", "margin [%] .4f", "tied", "stop"),
-    )
-    notes = [
-        "ERR: share of the segment's uncentred sum of squares, in scaled coordinates, that a "
-        "term explains when it is chosen."
-    ]
-    if any(np.any(piece.selection.tied > 0) for piece in fit.pieces):
-        notes.append(
-            "Tied: other candidates whose ERR was the same within 1e-9; the first of them in the "
-            "dictionary was chosen."
-        )
-    rows = (row for piece in fit.pieces for row in _term_rows(piece))
-    return Table.of("terms", "Selected terms", columns, rows, *notes)
-
-
-def _term_rows(segment: SegmentFit) -> Iterator[Cells]:
-    chosen = segment.selection
-    running = np.cumsum(chosen.err)
-    for step, term in enumerate(segment.terms):
-        own, second = float(chosen.err[step]), int(chosen.runner_up[step])
-        rival, rival_err = None, math.nan
-        if second >= 0:
-            rival, rival_err = segment.candidates[second], float(chosen.err_all[step, second])
-        stop = chosen.stop if step == len(segment.terms) - 1 else None
-        ours = (term, 100 * own, 100 * float(running[step]))
-        theirs = (rival, 100 * rival_err, 100 * (own - rival_err))
-        yield segment.id, step + 1, *ours, *theirs, int(chosen.tied[step]) or None, stop
-
-
-def coefficient_rows(
-    fit: FitResult, model: Model | None = None
-) -> Iterator[tuple[SegmentFit, dict[str, Any]]]:
-    """Yield a row for each term of each segment, or of the model with memory. A row comes with its
-    segment; it is the row of `Selection.table`, with half the width of the 95 % interval of the
-    coefficient under `width`.
-
-    If a `model` that keeps a shape is given, its coefficients replace the coefficients of the fit.
-    """
-    kept: dict[str, SegmentFunction | MemoryModel] = {}
-    if model is not None and model.shape is not None:
-        kept = {one.id: one for one in (model.pieces.segments if model.pieces else ())}
-        kept.update((PIECE, one) for one in model.memories)
-    for piece in fit.pieces:
-        chosen = piece.selection
-        if own := kept.get(piece.id):
-            chosen = replace(chosen, theta=own.theta, theta_error=own.theta_error)
-        for term, row in zip(piece.terms, chosen.table(), strict=True):
-            width = half_width(row["standard_error"], chosen.freedom)
-            yield piece, {**row, "term": term, "width": width}
-
-
-def coefficients_table(fit: FitResult, unit: str, model: Model | None = None) -> Table:
-    """Return the coefficients of every segment with standard errors and 95 % confidence intervals,
-    in scaled coordinates and in the target's unit; a note names the coefficients that the data do
-    not determine.
-    """
-    columns = (
-        *("segment", "term", "theta", "standard error .3g", "t .3g", "± 95 % .3g"),
-        *("lower", "upper", f"theta × y_slope [{unit}]", f"± 95 % [{unit}] .3g"),
-    )
-    rows: list[Cells] = []
-    unknown: list[str] = []
-    for piece, row in coefficient_rows(fit, model):
-        theta, width, slope = row["coefficient"], row["width"], piece.scaling.y_slope
-        ends = (width, theta - width, theta + width, theta * slope, width * abs(slope))
-        rows.append((piece.id, row["term"], theta, row["standard_error"], row["t"], *ends))
-        unknown += [f"{row['term']} ({piece.id})"] if width > abs(theta) else []
-    notes = list(dict.fromkeys(piece.selection.errors_note for piece in fit.pieces))
-    if unknown:
-        named = ", ".join(unknown[:MOST_NAMED]) + (", ..." if len(unknown) > MOST_NAMED else "")
-        notes.append(f"Not identified (95 % interval beyond zero): {named}.")
-    title = "Coefficients with 95 % confidence intervals"
-    return Table.of("coefficients", title, columns, rows, *notes)
-
-
-MOST_NAMED = 12  # largest number of terms that are named in one sentence
-
-
-def outliers_table(outliers: Sequence[Outlier], unit: str) -> Table:
-    """Return training samples that lie far from a robust fit, the farthest first."""
-    columns = ("file", "place", "curve", f"measured − predicted [{unit}] .4g", "in scales .3g")
-    rows = ((one.file, one.place, one.curve, one.off, one.scales) for one in outliers)
-    note = "They have a smaller weight in the fit. None is left out of the data or of the scores."
-    return Table.of("outliers", "Samples far from the fit", columns, rows, note)
 
 
 def pieces_table(equations: Sequence[Equation], title: str) -> Table:
@@ -342,79 +194,3 @@ def equations_table(
     return Table.of(
         "equations", "Equations in physical units", ("id", *weight, *texts, *sources), rows
     )
-
-
-def formulas_table(inputs: ReportInputs) -> Table:
-    """Return parameters ± standard error of every fitted formula; a failed fit has one row without
-    numbers.
-    """
-    own, formulas = inputs.fit.formula, inputs.validation.formulas
-    fitted = [(name, "competitor", formula) for name, formula in formulas.items()]
-    if own is not None:
-        fitted.insert(0, (own.name, "backbone" if inputs.has_pieces else "own model", own))
-    columns = (
-        Column("formula", form="model"),
-        *("role", "status", "parameter", "value #.6g", "unit", "standard error .3g"),
-        *("95 %, from .4g", "to .4g", "method", "rank", "condition .3g", "samples"),
-    )
-    rows = [row for name, role, formula in fitted for row in _formula_rows(name, role, formula)]
-    notes = list(dict.fromkeys(formula.errors_note for _, _, formula in fitted))
-    notes += same_models([(name, formula) for name, _, formula in fitted])
-    for name, role, formula in fitted:
-        notes += [f"{name} ({role}): {note}" for note in formula.notes]
-        notes += rival_minima(name, formula)
-    return Table.of("formulas", "Parameters of the fitted formulas", columns, rows, *notes)
-
-
-def _formula_rows(name: str, role: str, formula: FormulaFit) -> Iterator[Cells]:
-    head = (name, role, formula.status.replace("_", " "))
-    if formula.failed:
-        yield *head, *[None] * 6, formula.method, None, None, formula.samples
-        return
-    units = units_of_parameters(formula)
-    tail = (formula.method, formula.rank, formula.condition, formula.samples)
-    for key, value in formula.parameters.items():
-        error = formula.errors.get(key, math.nan)
-        reach = half_width(error, formula.samples - formula.rank)
-        yield *head, key, value, units.get(key), error, value - reach, value + reach, *tail
-
-
-def same_models(fitted: Sequence[tuple[str, FormulaFit]]) -> tuple[str, ...]:
-    """Return a sentence for every pair of formulas with different names that are the same model
-    here.
-
-    Two formulas count as the same model if their fits to the same samples have the same sum of
-    squares. For example, tondu_lopez with a fitted area is chou_hannaford in other parameters, if
-    the parameters of chou_hannaford describe a braid.
-    """
-    known = [(name, fit) for name, fit in fitted if not fit.failed and fit.sse > 0.0]
-    return tuple(
-        f"{first} and {second} are one model here, in other parameters: their sums of squares "
-        f"agree within {SAME:g}. Count them once."
-        for i, (first, one) in enumerate(known)
-        for second, other in known[i + 1 :]
-        if one.name != other.name
-        and one.samples == other.samples
-        and abs(one.sse - other.sse) <= SAME * one.sse
-    )
-
-
-def rival_minima(name: str, formula: FormulaFit) -> Iterator[str]:
-    """Yield other minima of a formula's error that the training data hardly distinguish from the
-    chosen one, each as a sentence.
-    """
-    for rival in formula.rivals:
-        ratio = math.sqrt(rival.sse / formula.sse)
-        parameters = ", ".join(f"{key} = {value:.4g}" for key, value in rival.parameters.items())
-        yield (f"{name}: another minimum, {parameters}, has {ratio:.3g} times its training error")
-
-
-def folds_table(choices: Sequence[FoldError], unit: str) -> Table:
-    """Return a table of the cross-validation errors by which mapmore chose between the formula
-    alone and the formula with segments.
-    """
-    best = min((choice.rmse for choice in choices), default=math.nan)
-    columns = ("choice", f"RMSE of left-out samples [{unit}]", "folds", "least error")
-    rows = ((c.choice, c.rmse, c.folds, "yes" if c.rmse == best else "no") for c in choices)
-    title = "Is the residual worth its segments? Errors on left-out training data"
-    return Table.of("cross_validation", title, columns, rows)

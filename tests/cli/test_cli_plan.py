@@ -39,16 +39,6 @@ def test_a_single_level_says_nothing_and_levels_have_no_forecast(tmp_path, mapmo
     mapmore("plan", write(tmp_path, LEVELS), "--until", "2%", code=2, says="--points")
 
 
-def test_points_are_not_planned_where_samples_are_held_out(tmp_path, planned):
-    """The middle is what the committee knows least, but there are samples."""
-    spec = write(tmp_path, [0, 100, 300, 500, 600], (300,))
-    points = [(one["pressure"], one["strain"]) for one in planned(spec, "--points", 8)["next"]]
-    assert any(120 < pressure < 480 for pressure, _ in points)
-    for pressure, strain in points:
-        at_sample = np.abs(np.linspace(0.0, 0.2, 15) - strain).min() < 0.2 / 80
-        assert not (at_sample and min(abs(pressure - level) for level in (0, 300, 600)) < 7.5)
-
-
 def test_points_of_a_map_and_its_figure(tmp_path, planned):
     spec = write(tmp_path, LEVELS)
     files = [tmp_path / "plan.svg", tmp_path / "plan.csv"]

@@ -115,6 +115,7 @@ def test_code_and_derivatives_run_clean_under_the_sanitizers(tmp_path, model):
         ("20 mm", "model_20_mm"),
         ("double", "model_double"),
         ("a  b!", "a_b"),
+        ("x", "model_x"),  # an input `reset` of a model `x` is `x_reset`
     ],
 )
 def test_names_that_c_does_not_allow(name, identifier):

@@ -13,7 +13,7 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 import pytest
-from export_samples import WITH_MEMORY, formula
+from export_samples import formula
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -135,31 +135,6 @@ def test_names_and_texts_of_a_stranger_are_names_and_texts(names, tmp_path):
     }
     assert {*tex_commands(source)} <= known
     assert not (tmp_path / "mark").exists()
-
-
-@needs_compiler
-def test_inputs_that_are_called_as_functions_of_a_model():
-    """An input `reset` of a model `x` was `x_reset` in C, as the function; Python's `force` called
-    its inputs `step` and `evaluate`.
-    """
-    inner = WITH_MEMORY["fed back"]
-    reset = replace(inner.inputs[0], name="reset")
-    whole = Model(
-        "x",
-        inner.output,
-        (reset, *inner.inputs[1:]),
-        Sum((Part(inner, 1.0, {inner.inputs[0].name: "reset"}),)),
-    )
-    assert exported(whole, "c")
-    names = {"pressure": "state", "strain": "evaluate"}
-    inputs = tuple(replace(one, name=names[one.name]) for one in formula("sarosi").inputs)
-    (text,) = exported(
-        Model("demo", Quantity("force", "N"), inputs, Sum((Part(formula("sarosi"), 1.0, names),))),
-        "py",
-    ).values()
-    module = {}
-    exec(text, module)
-    assert module["force"](200.0, 0.1) == module["evaluate"](200.0, 0.1)
 
 
 @needs_compiler

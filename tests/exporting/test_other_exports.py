@@ -80,11 +80,6 @@ def test_a_table_has_the_points_of_its_grid():
     assert np.allclose(numbers[:, 2], expected, rtol=1e-11, atol=0)
 
 
-def test_a_grid_beyond_the_training_range_is_refused():
-    with pytest.raises(UsageError, match="outside of the training range"):
-        exported(pieces(), "csv", grid="pressure=0:500:100,strain=0.03:0.19:0.04")
-
-
 def test_equations_in_latex():
     text = exported(pieces(), "tex")["dmsp_20.tex"].decode()
     assert text.count(r"\[") == text.count(r"\]") == 12

@@ -77,6 +77,8 @@ FAULTS = [
     ("math", ("isfinite", "NaN"), "eval"),
     ("beyond", ("curve_1", "len"), "derivatives"),
     ("m", ("m_eval", "out"), "invert_out"),
+    ("x", ("reset", "state"), "step"),
+    ("demo", ("step", "evaluate"), "force"),
     ("end", ("range", "input"), "range"),
     ("_Bool", ("_Bool", "__LINE__"), "__func__"),
 ]

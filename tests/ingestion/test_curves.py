@@ -11,8 +11,8 @@ from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import slice_of
 from mapmore_cli.modelling.signals.cycles import last_cycles
+from mapmore_cli.pipeline.differences import recorded
 from mapmore_cli.pipeline.stages import INGEST
-from mapmore_cli.pipeline.staleness import recorded
 
 REPEATS = {
     f"{level}_{repeat}.csv": steps(level, F=100 * level + repeat)

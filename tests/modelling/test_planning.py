@@ -1,6 +1,7 @@
 """What to measure next: points of maps."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,10 +10,10 @@ from scipy.stats import multivariate_normal
 from sklearn.gaussian_process import GaussianProcessRegressor, kernels
 from surfaces import QUANTITIES, curves
 
-from mapmore_cli.annexes.planning import planning, points
+from mapmore_cli.annexes.planning import of_points, planning, points
 from mapmore_cli.annexes.planning.of_points import formulas_of
 from mapmore_cli.annexes.search.black_boxes import smooth
-from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.domain.errors import SpecError, UsageError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.backbone import fit_formula
@@ -160,14 +161,6 @@ def test_the_middle_of_the_widest_gap_comes_first():
         planning._of_levels("a", given, {"pressure": 3.0, "strain": 1.0})
 
 
-def test_a_wanted_half_width_is_a_share_or_a_number():
-    assert planning._size_of(" 2% ", 400.0) == 8.0
-    assert planning._size_of("2", 400.0) == 2.0
-    for text in ("0", "-1%", "inf", "nan", "two", ""):
-        with refused("is not a half width", error=UsageError):
-            planning._size_of(text, 400.0)
-
-
 def test_formulas_that_stay_within_twice_the_measured_range_are_members():
     given = at_levels(80.0, 150.0, 250.0)
     columns = {name: np.concatenate([c.columns[name] for c in given.curves]) for name in QUANTITIES}
@@ -192,6 +185,32 @@ def test_formulas_that_stay_within_twice_the_measured_range_are_members():
     assert list(formulas_of(other, measured, places)) == ["none"]
     turned = replace(measured, names=("pressure", "load"))
     assert list(formulas_of(given, turned, places)) == ["none"]
+
+
+@pytest.mark.parametrize("held_out", [(), (150.0,)])
+def test_points_are_planned_over_the_inputs_that_vary_and_not_where_samples_are(
+    held_out, monkeypatch
+):
+    """A grid of 41 steps; samples that are held out are measured, too."""
+    names = ["pressure", "strain"]
+    monkeypatch.setattr(of_points, "refit", lambda *_: SimpleNamespace(input_names=names))
+    monkeypatch.setattr(of_points, "STEPS", {1: 11, 2: 5})
+    whole, choices = at_levels(100.0, 150.0, 200.0, held_out=held_out), SimpleNamespace(name="a")
+    found, shown, forecast, notes = of_points.of_points(choices, whole, 2, 1e9, {"strain": 2.0})
+    assert (len(found), forecast.more, len(notes)) == (2, 0, 2)
+    pressure = np.concatenate([curve.columns["pressure"] for curve in whole.curves])
+    strain = np.concatenate([curve.columns["strain"] for curve in whole.curves])
+    for one in found:
+        near = np.abs(pressure - one.at["pressure"]) <= 100 / 4 / 2
+        near &= np.abs(strain - one.at["strain"]) <= np.ptp(strain) / 4 / 2 * (1 - 1e-9)
+        assert not near.any()
+    assert len(shown.measured["strain"]) == 20 * (3 - len(held_out))
+    names[:] = ["strain"]
+    with refused("all points of a grid with 11 steps have been measured"):
+        of_points.of_points(choices, whole, 2, None, {})
+    names[:] = ["pressure", "strain", "force"]
+    with refused("at most 2 inputs, but 3 vary", error=SpecError):
+        of_points.of_points(choices, whole, 2, None, {})
 
 
 def test_places_lie_within_what_was_measured():

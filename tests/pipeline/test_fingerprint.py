@@ -7,13 +7,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from mapmore_cli.pipeline.staleness import (
-    _file_differences,
-    _reasons,
-    fingerprint,
-    place_in_spec,
-    slice_differences,
-)
+from mapmore_cli.pipeline.differences import fingerprint, place_in_spec, slice_differences
+from mapmore_cli.pipeline.staleness import _file_differences, _reasons
 from mapmore_cli.storage.run_record import StageRecord, Stamp
 
 

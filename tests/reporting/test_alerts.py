@@ -139,6 +139,17 @@ def test_competitors_that_err_less_or_as_much_are_alerts(inputs, factors, kind):
     assert found == ({kind} if kind else set())
 
 
+def test_better_competitors_are_named_with_both_errors_the_best_first(inputs):
+    row = next(one for one in inputs.validation.scores if one.curve == "all")
+    errors = {"mapmore": 2.0, "arx": 1.5, "sarosi": 1.0, "cubic": 1.99}
+    scores = tuple(replace(row, model=name, rmse=error) for name, error in errors.items())
+    found = replace(inputs, validation=replace(inputs.validation, scores=scores)).alerts
+    assert [one.sentence for one in found if one.kind == "competitor"] == [
+        "Sárosi has a smaller error: RMSE 1 against 2 N",
+        "ARX has a smaller error: RMSE 1.5 against 2 N",
+    ]
+
+
 def test_a_page_says_so_if_a_black_box_or_a_simple_model_errs_less():
     """Competitors that only the measurement names are not on the page of a study without them."""
     report = build(competitors={"quadratic": lambda p, _: p, "mlp": lambda p, e: surface(p, e)})

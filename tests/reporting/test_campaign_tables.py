@@ -9,14 +9,14 @@ from matplotlib.figure import Figure
 from report_builder import Page, score
 
 from mapmore_cli.annexes.campaigns.figure import BEST_OTHER, MOST_RUNS, campaign_figures
-from mapmore_cli.annexes.campaigns.page import render_campaign
+from mapmore_cli.annexes.campaigns.page import render_campaign, scores_of
 from mapmore_cli.annexes.campaigns.tables import (
     CampaignScores,
     campaign_tables,
     nrmse_table,
     published_table,
 )
-from mapmore_cli.domain.scores import REPEATABILITY, Published
+from mapmore_cli.domain.scores import REPEATABILITY, Published, ScoreTable
 
 
 def row(model, rmse, split="validate"):
@@ -187,6 +187,28 @@ def test_runs_with_few_models_in_common_are_listed():
         [None, 1.5, 2.0, 0.5, None, 5.0, None, 2 / 3, None]
     )
     assert not CampaignScores(runs_of("a mapmore 2 sarosi 4; b mapmore 1")).sparse
+
+
+def test_scores_of_runs_have_the_groups_and_references_of_their_campaign():
+    one, other = (
+        ScoreTable((replace(row("mapmore", 1.0), target=name),), {name: unit})
+        for name, unit in (("x", "mm"), ("y", "N"))
+    )
+    paper = Published("a paper", {"mapmore": 0.1})
+    results = {
+        "A": SimpleNamespace(name="a", table=SimpleNamespace(each=(one,)), published=paper),
+        "B": SimpleNamespace(name="b", table=SimpleNamespace(each=(one, other)), published=None),
+        "C": ValueError("lost"),
+    }
+    scores = scores_of(results)
+    assert [*scores.runs] == ["a", "b (x)", "b (y)"]
+    assert scores.units == {"a": "mm", "b (x)": "mm", "b (y)": "N"}
+    assert (scores.published, scores.failed, scores.groups) == ({"a": paper}, ("C",), {})
+    runs = [SimpleNamespace(group=group) for group in (None, "g", "h")]
+    campaign = SimpleNamespace(runs=runs, relative_to="sarosi", best_of=["sarosi"])
+    scores = scores_of(results, campaign)
+    assert (scores.groups, scores.relative_to) == ({"b (x)": "g", "b (y)": "g"}, "sarosi")
+    assert scores.best_of == ["sarosi"]
 
 
 def drawn_lines(drawing):

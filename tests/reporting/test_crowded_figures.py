@@ -1,20 +1,16 @@
-"""Figures of many models, of models that are far off, of repeated measurements; the places of
-panels.
-"""
+"""Figures of many levels, quantities and inputs; the places of panels."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from matplotlib.backend_bases import RendererBase
-from report_builder import build, of_pieces, surface
+from report_builder import of_pieces
 
 from mapmore_cli.reporting.figures import data, residuals
 from mapmore_cli.reporting.figures.drawing import compose, drawings
 from mapmore_cli.reporting.figures.segments import level_figures
 from mapmore_cli.reporting.figures.style import figure_style
-
-FAR = {"far": lambda p, e: surface(p, e) + 4000 * e**0.5}
 
 
 def drawing(inputs, name):
@@ -22,44 +18,6 @@ def drawing(inputs, name):
         return next(
             found for found in drawings(name.partition("_")[0], inputs) if found.name == name
         )
-
-
-@pytest.fixture(scope="module")
-def outlier():
-    return build(competitors={"near": lambda p, e: surface(p, e) + 9, **FAR})
-
-
-class TestFarOff:
-    def test_they_do_not_set_the_scale(self, outlier):
-        assert outlier.far_off == ("far",)
-        near = build(competitors={"near": lambda p, e: surface(p, e) + 9})
-        for name in ("fit", "error"):
-            held, free = (drawing(study, name) for study in (outlier, near))
-            for ax, same in zip(compose(held).axes, compose(free).axes, strict=False):
-                assert np.ptp(ax.get_ylim()) == pytest.approx(np.ptp(same.get_ylim()), rel=0.15)
-            assert held.caption.endswith("Too far off for the scale: far.")
-            assert "Too far" not in free.caption
-
-    def test_their_panel_says_how_far(self, outlier):
-        errors = np.abs(np.concatenate(outlier.validation.predictions["far"]) - np.concatenate(
-            [curve.columns["force"] for curve in outlier.dataset.curves]
-        ))  # fmt: skip
-        with figure_style():
-            panels = {
-                ax.get_title(loc="left"): ax for ax in compose(drawing(outlier, "error")).axes
-            }
-        assert [text.get_text() for text in panels["far"].texts] == [
-            f"beyond the scale: up to {errors.max():.3g} N"
-        ]
-        assert not panels["mapmore"].texts
-
-    def test_an_own_model_that_is_worst_hides_nobody(self, outlier):
-        predictions = outlier.validation.predictions
-        swapped = replace(
-            outlier.validation,
-            predictions={"far": predictions["far"], "mapmore": predictions["mapmore"]},
-        )
-        assert replace(outlier, validation=swapped).far_off == ()
 
 
 def boxes(figure):
@@ -147,8 +105,8 @@ class TestManyInputs:
         own, *_ = inputs.validation.residual_tests
         first, second = (quantity.name for quantity in inputs.model.inputs)
         tests = [
-            replace(own, name=name, x=np.arange(4.0), values=values, bounds=np.full(4, 0.5))
-            for name, values in ((first, np.zeros(4)), (second, np.ones(4)))
+            replace(own, name=name, x=0 * values, values=values, bounds=np.full(len(values), 0.5))
+            for name, values in ((first, np.arange(30) % 2.0), (second, np.ones(4)))
         ]
         validation = replace(inputs.validation, residual_tests=(own, *tests))
         monkeypatch.setattr(residuals, "MOST_INPUTS", 1)

@@ -7,10 +7,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from common import curve_of
+from export_samples import SAROSI
 from report_builder import build
 
 from mapmore_cli.domain.recording import Quantity, Signal
+from mapmore_cli.modelling.literature.model import formula_equations
 from mapmore_cli.modelling.validation.intervals import left_out_summary
+from mapmore_cli.reporting import competitors, explore
 from mapmore_cli.reporting import explore_data as data
 
 
@@ -141,6 +144,39 @@ def test_a_record_begins_at_its_held_out_part_in_even_steps(
     else:
         assert found["columns"]["u"] == pytest.approx(u)
         assert found["at_rest"] == "at rest after 30 s at the offset"
+
+
+def stub(step=None, output="force", inputs=("pressure",), segments=0):
+    memories = [] if step is None else [SimpleNamespace(states=SimpleNamespace(step=step))]
+    return SimpleNamespace(
+        inputs=[Quantity(name, "1") for name in inputs], output=Quantity(output, "N"), every=(),
+        memories=memories, pieces=SimpleNamespace(segments=range(segments)),
+    )  # fmt: skip
+
+
+def test_competitors_that_a_page_computes_have_the_output_the_inputs_and_the_step_of_the_model():
+    models = {
+        "same": stub(0.1), "static": stub(), "slower": stub(0.2), "other": stub(output="strain"),
+        "more": stub(inputs=("pressure", "strain")), "long": stub(segments=101),
+        "most": stub(segments=100), "unseen": stub(),
+    }  # fmt: skip
+    shown = [name for name in models if name != "unseen"]
+    validation = SimpleNamespace(models=models)
+    inputs = SimpleNamespace(model=stub(0.1), validation=validation, models=shown)
+    assert [*explore._competitors(inputs)] == ["same", "static", "most"]
+
+
+def test_formulas_that_were_fitted_one_after_the_other_stand_below_each_other():
+    fits = {"a (static)": SAROSI, "a (damping)": SAROSI, "a": SAROSI, "b": SAROSI, "ab": SAROSI}
+    unknown = replace(SAROSI, name="nobody's")
+    inputs = SimpleNamespace(
+        models=("mapmore", "a", "c", "d", "lost"), failed=("lost",),
+        validation=SimpleNamespace(models={}, formulas=fits | {"d": unknown}),
+    )  # fmt: skip
+    several, none, other = competitors.printed_competitors(inputs)
+    assert several.equations == 3 * formula_equations(SAROSI, {})
+    assert (several.words, none.words) == ((), (competitors.NOT_KNOWN,))
+    assert (other.equations, other.words) == ((), (competitors.NOT_KNOWN,))
 
 
 def test_what_a_run_begins_with(inputs, monkeypatch):

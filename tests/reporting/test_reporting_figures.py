@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 from report_builder import build, drawn, legend_of, of_pieces
 
+from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.modelling.signals.sampling import envelope
-from mapmore_cli.reporting.figures import elements, nrmse, panels, style
+from mapmore_cli.domain.scores import REPEATABILITY
+from mapmore_cli.reporting.figures import elements, panels, style
 from mapmore_cli.reporting.figures.drawing import drawings
 from mapmore_cli.reporting.figures.fit import curve_fit, held_out_spans
 from mapmore_cli.reporting.figures.segments import draw_segments, segment_curves
@@ -26,28 +26,30 @@ def every(inputs):
     return drawn(inputs)
 
 
+def test_curves_and_logs_are_meant_by_their_id_their_level_or_their_label(inputs):
+    for words in ("pressure=250", "250", "250 kPa"):
+        assert inputs.ids_of(words) == {"pressure=250"}
+    assert inputs.ids_of("load_cycle_250") == {"load_cycle_250"}
+    assert inputs.ids_of("pressure") == frozenset()
+    first, second, *others = inputs.dataset.recordings
+    logs = (replace(first, log="whole"), replace(second, log="whole"), *others)
+    cut = replace(inputs, whole=replace(inputs.whole, recordings=logs))
+    assert cut.ids_of("whole") == {first.id, second.id}
+
+
+def test_models_that_are_named_stay_beside_the_own_one_in_their_order(inputs):
+    row = inputs.validation.scores[0]
+    scores = (*inputs.validation.scores, replace(row, model=REPEATABILITY))
+    study = replace(inputs, validation=replace(inputs.validation, scores=scores))
+    few = study.beside(["polynomial_2"])
+    assert few.models == ("mapmore", "polynomial_2")
+    assert {row.model for row in few.validation.scores} == {*few.models, REPEATABILITY}
+    assert study.beside(["polynomial_2", "sarosi"]).models[1:] == ("polynomial_2", "sarosi")
+    with pytest.raises(UsageError, match="compares no model called 'cubic'"):
+        study.beside(["sarosi", "cubic"])
+
+
 class TestThinning:
-    @given(
-        arrays(float, st.integers(0, 400), elements=st.floats(-1e6, 1e6) | st.just(np.nan)),
-        st.integers(2, 60),
-        st.sampled_from([envelope, panels.cloud]),
-    )
-    def test_few_points_no_extreme_lost(self, y, limit, thin):
-        rows = thin(y, limit)
-        assert len(rows) <= max(limit, 2)
-        assert (np.diff(rows) > 0).all()
-        assert ((rows >= 0) & (rows < len(y))).all()
-        if np.isfinite(y).any():
-            assert (np.nanmin(y[rows]), np.nanmax(y[rows])) == (np.nanmin(y), np.nanmax(y))
-
-    @given(st.text(max_size=60), st.integers(5, 40))
-    def test_shortened_names_keep_both_ends(self, text, length):
-        short = panels.shorten(text, length)
-        assert len(short) <= length
-        if len(text) > length:
-            assert text.startswith(short.split("…")[0])
-            assert text.endswith(short[-1])
-
     @given(st.lists(st.text(max_size=60), min_size=1, max_size=8), st.integers(8, 40))
     def test_titles_differ_where_names_do(self, names, length):
         shown = panels.told_apart(names, length)
@@ -60,6 +62,10 @@ class TestLabels:
         assert FigureStyle().axis_label(Quantity("strain_rate", "1/s")) == "Strain rate (1/s)"
         assert FigureStyle().axis_label(Quantity("strain", "1")) == "Strain (–)"
         assert FigureStyle().axis_label(Quantity("force", "N"), "measured") == "Measured force (N)"
+        own = FigureStyle(labels={"force": "$F$ (N)"})
+        assert own.axis_label(Quantity("force", "N"), "measured") == "measured $F$ (N)"
+        assert own.axis_label(Quantity("force", "N")) == "$F$ (N)"
+        assert [own.is_own_label(text) for text in ("measured $F$ (N)", "Force (N)")] == [1, 0]
 
     def test_curves_are_named_by_their_level(self, inputs):
         curve = inputs.dataset.curves[0]
@@ -78,9 +84,6 @@ class TestLabels:
             figure.draw_without_rendering()
             texts = [text for text in figure.findobj(mpl.text.Text) if text.get_text()]
             assert min(text.get_fontsize() for text in texts) >= 7, name
-
-    def test_widths_are_those_of_journal_columns(self, every):
-        assert {round(figure.get_figwidth(), 2) for figure in every.values()} <= {3.5, 7.16}
 
 
 def test_the_own_model_always_looks_the_same_and_no_two_models_do():
@@ -252,9 +255,3 @@ class TestResiduals:
 
     def test_few_samples_are_not_tested(self):
         assert drawings("residuals", build(samples=12, segments=1)) == []
-
-
-def test_errors_of_a_paper_stand_in_per_cent_beside_ours(inputs):
-    (drawing,) = nrmse.draw(inputs)
-    published = drawing.panels[0].data["published NRMSE [%]"]
-    assert [error for error in published if error != ""] == pytest.approx([2.2, 2.5, 7.0])

@@ -18,7 +18,6 @@ from mapmore_cli.reporting.table import (
     title_of,
     to_csv,
     to_html,
-    to_latex,
     to_markdown,
     to_text,
 )
@@ -126,12 +125,6 @@ def test_markdown_prints_a_text_and_does_nothing_else(text):
     ]
     shown = printable(" ".join(text.split()))
     assert said.count(shown) == 2 if shown else True
-
-
-def test_latex_escapes_what_latex_reads():
-    text = to_latex(Table("t", "t", (Column("50 % of a_b"),), (("x^2 & {y}\\",),)))
-    assert r"50 \% of a\_b \\" in text
-    assert r"x\textasciicircum{}2 \& \{y\}\textbackslash{} \\" in text
 
 
 def test_long_paths_may_break_and_short_ones_may_not():

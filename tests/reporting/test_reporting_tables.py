@@ -2,29 +2,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from report_builder import score, tables_of
+from report_builder import of_pieces, score, tables_of
 from scipy.stats import t as student
 
 from mapmore_cli.domain.fits import FormulaFit, Optimum
 from mapmore_cli.domain.models import FoldError
 from mapmore_cli.domain.recording import Dataset, Quantity, Recording
-from mapmore_cli.domain.results import AUTOCORRELATION, ResidualTest, Validation
+from mapmore_cli.domain.results import AUTOCORRELATION, FitResult, ResidualTest, Validation
 from mapmore_cli.domain.scores import Published, ScoreTable
+from mapmore_cli.reporting.fit_tables import folds_table, formulas_table, rival_minima, same_models
 from mapmore_cli.reporting.score_tables import (
     pieces_sentence,
     score_table,
     short_verdict,
     verdict_sentence,
 )
-from mapmore_cli.reporting.tables import (
-    folds_table,
-    formulas_table,
-    levels_table,
-    limits_tables,
-    recordings_table,
-    rival_minima,
-    same_models,
-)
+from mapmore_cli.reporting.tables import levels_table, limits_tables, recordings_table
 
 
 def column(table, heading):
@@ -124,6 +117,13 @@ class TestData:
             assert train + validate == curve.size
         assert column(table, "level [kPa]") == [80, 150, 250, 350]
 
+    def test_samples_at_rest_count_only_if_they_are_held_out(self, mixed):
+        held = mixed.dataset.curves[0].held_out
+        curve = replace(mixed.dataset.curves[0], at_rest=np.arange(len(held)) % 3 == 0)
+        table = levels_table(replace(mixed.dataset, curves=(curve,)))
+        assert column(table, "train") == [sum(~held[k] and k % 3 > 0 for k in range(len(held)))]
+        assert column(table, "validate") == [held.sum()]
+
     def test_levels_say_how_far_they_are_from_single_valued(self, inputs):
         """A loop of 12 % of the largest force about a straight line errs by 6 % at least; one
         without a loop has no such column.
@@ -156,6 +156,15 @@ class TestModel:
         reach = student.ppf(0.975, 50 - 1) * 0.1
         assert row[3:5] == ("a", 1.0)
         assert row[6:9] == pytest.approx((0.1, 1.0 - reach, 1.0 + reach))
+
+    def test_the_formula_of_the_model_comes_before_those_of_competitors(self, inputs):
+        fits = {name: formula_fit(name, 2.0) for name in ("sarosi", "kothera")}
+        validation = replace(inputs.validation, formulas={"kothera": fits["kothera"]})
+        study = replace(inputs, fit=FitResult(fits["sarosi"]), validation=validation)
+        alone = replace(study, model=of_pieces(inputs.model, curves=()))
+        for each, role in ((study, "backbone"), (alone, "own model")):
+            rows = formulas_table(each).rows
+            assert [row[:2] for row in rows] == [("sarosi", role), ("kothera", "competitor")]
 
     def test_limits_are_those_of_each_curve(self, inputs):
         (table,) = limits_tables(inputs.model)
@@ -237,6 +246,12 @@ repeatability is told
 repeatability is no competitor
     mapmore .02, repeatability .01
     HEAD; it was compared with no other model; repeated measurements differ by 1 %.
+a model that saw held-out samples is named
+    mapmore .02, sarosi .04, old .01 seen
+    (0.5 times the RMSE); old was trained on held-out samples, and is not compared.
+models that saw held-out samples are named
+    mapmore .02, old .01 seen, older .01 seen
+    with no other model; old, older were trained on held-out samples, and are not compared.
 no score
     nothing
     mapmore gave no prediction.

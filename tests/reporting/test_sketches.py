@@ -4,7 +4,6 @@ import math
 import re
 import subprocess
 import sys
-from dataclasses import replace
 from types import SimpleNamespace
 from xml.etree import ElementTree
 
@@ -12,7 +11,6 @@ import numpy as np
 import pytest
 from report_builder import build
 
-from mapmore_cli.domain.results import ErrorBand
 from mapmore_cli.modelling.kinds import outside_range
 from mapmore_cli.reporting.figures.axis import Axis, levels_of, nice_ticks
 from mapmore_cli.reporting.figures.contours import outlines_above
@@ -254,17 +252,6 @@ def test_shared_axes_reach_from_the_lowest_to_the_highest_end(all_x, common_y, x
     for name, expected in zip(names, (x, y), strict=True):
         axes = [getattr(sheet, name) for (sheet,) in panels]
         assert [(axis.low, axis.high) for axis in axes] == expected
-
-
-def test_errors_by_size_have_room_above_the_largest(inputs):
-    """From zero, so that the drawing has no margin of its own."""
-    rmse = dict.fromkeys(inputs.lines, 3.0)
-    bands = [ErrorBand(low, low + 1.0, 9, rmse) for low in (0.0, 1.0)]
-    alike = replace(inputs, validation=replace(inputs.validation, bands=tuple(bands)))
-    (drawing,) = drawings("bands", alike)
-    ax = Sketch(7.0)
-    drawing.panels[0].draw(ax)
-    assert ax.yaxis.ends == (0.0, pytest.approx(3.15))
 
 
 def test_names_in_the_numbers_of_a_figure_are_no_formulas():

@@ -12,24 +12,22 @@ from mapmore_cli.domain.models import Equation
 from mapmore_cli.domain.recording import Dataset, Quantity
 from mapmore_cli.domain.results import ErrorBand, Outlier, Search, Tried
 from mapmore_cli.domain.scores import Score
+from mapmore_cli.reporting.fit_tables import (
+    coefficients_table,
+    outliers_table,
+    segment_ends,
+    segments_table,
+    terms_table,
+    training_rmse,
+)
+from mapmore_cli.reporting.memory_tables import identified_table, states_table
 from mapmore_cli.reporting.score_tables import (
     changes_table,
     drift_table,
     score_table,
     search_table,
 )
-from mapmore_cli.reporting.tables import (
-    bands_table,
-    coefficients_table,
-    equations_table,
-    outliers_table,
-    pieces_table,
-    segment_ends,
-    segments_table,
-    shape_table,
-    terms_table,
-    training_rmse,
-)
+from mapmore_cli.reporting.tables import bands_table, equations_table, pieces_table, shape_table
 
 
 def piece(name="s", stop="tolerance", tied=(0, 2)):
@@ -200,6 +198,37 @@ def test_structures_are_in_the_order_of_their_errors_with_failures_last():
         "n",
     )
     assert len(search_table(replace(search, parts="")).notes) == 3
+
+
+@pytest.mark.parametrize("ordered", [False, True])
+def test_states_have_their_frequencies_ranges_and_scales(ordered):
+    states = SimpleNamespace(
+        resonances={"r": (2.0, 0.1)}, ranges={"p": (0.0, 5.0)}, step=0.025, ordered=ordered,
+        scaled=True, names=("s",), low=np.array([-1.0]), high=np.array([3.0]), margin=0.2,
+    )  # fmt: skip
+    table = states_table(states)
+    assert [(row[0], *row[2:]) for row in table.rows] == [
+        ("r", None, None, 2, 0.1),
+        ("p", 0, 5, None, None),
+        ("s", -1, 3, None, None),
+    ]
+    assert table.notes[0].startswith("Samples are 0.025 s apart" + " in the median" * ordered)
+    assert "plus 0.2 of it at each end" in table.notes[1]
+    states.scaled = False
+    assert (len(states_table(states).rows), len(states_table(states).notes)) == (2, 1)
+
+
+def test_numbers_of_operators_say_which_are_at_a_bound():
+    numbers = SimpleNamespace(
+        names=("a", "b"), numbers=np.array([1.5, 2.0]), errors=np.array([0.1, 0.2]),
+        held=np.array([True, False]),
+    )  # fmt: skip
+    fit = SimpleNamespace(identified=numbers, selection=SimpleNamespace(errors_note="a note"))
+    table = identified_table(fit)
+    assert table.rows == (("a", 1.5, 0.1, "yes"), ("b", 2.0, 0.2, "no"))
+    assert table.notes[0].endswith("a note")
+    fit.identified = None
+    assert identified_table(fit).rows == ()
 
 
 def test_later_models_are_compared_with_the_first():

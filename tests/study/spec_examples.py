@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.pipeline.staleness import recorded
+from mapmore_cli.pipeline.differences import recorded
 from mapmore_cli.study.loader import load
 
 STATIC = """\

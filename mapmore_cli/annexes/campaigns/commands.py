@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -34,47 +36,53 @@ from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import LimitMissed, RunWarning, UsageError, error_text
 
 if TYPE_CHECKING:
-    from mapmore_cli.pipeline.jobs import Finished
+    from mapmore_cli.pipeline.jobs import Finished, Job
+    from mapmore_cli.reporting.table import Table
+    from mapmore_cli.study.campaign import Entry
 
     Result = Finished | BaseException
 
+Configs = Annotated[
+    list[Path], Argument(metavar="CONFIG...", help="Experiment specs or campaigns (YAML).")
+]
+PROCESSORS = os.cpu_count() or 1
+Jobs = Annotated[int, Option("--jobs", "-j", metavar="N", min=1, help="Runs at a time.")]
+Cluster = Annotated[
+    str | None,
+    Option(
+        "--cluster",
+        metavar="ADDRESS",
+        help="Address of the Dask scheduler of a cluster, for example tcp://host:8786.",
+    ),
+]
+ClusterFile = Annotated[
+    Path | None,
+    Option(
+        "--cluster-file",
+        metavar="FILE",
+        help="The Dask scheduler of a cluster, given by the file that it wrote.",
+    ),
+]
+NoPages = Annotated[
+    bool,
+    Option(
+        "--no-pages",
+        help=(
+            "Do not write the pages of the runs. The same command without this option writes them "
+            "later."
+        ),
+    ),
+]
+
 
 def batch(
-    configs: Annotated[
-        list[Path],
-        Argument(metavar="CONFIG...", help="Experiment specs or campaigns (YAML)."),
-    ],
+    configs: Configs,
     runs: Runs = RUNS,
-    jobs: Annotated[
-        int, Option("--jobs", "-j", metavar="N", min=1, help="Runs at a time.")
-    ] = os.cpu_count() or 1,
-    cluster: Annotated[
-        str | None,
-        Option(
-            "--cluster",
-            metavar="ADDRESS",
-            help="Address of the Dask scheduler of a cluster, for example tcp://host:8786.",
-        ),
-    ] = None,
-    cluster_file: Annotated[
-        Path | None,
-        Option(
-            "--cluster-file",
-            metavar="FILE",
-            help="The Dask scheduler of a cluster, given by the file that it wrote.",
-        ),
-    ] = None,
+    jobs: Jobs = PROCESSORS,
+    cluster: Cluster = None,
+    cluster_file: ClusterFile = None,
     overrides: Overrides = NONE,
-    no_pages: Annotated[
-        bool,
-        Option(
-            "--no-pages",
-            help=(
-                "Do not write the pages of the runs. The same command without this option "
-                "writes them later."
-            ),
-        ),
-    ] = False,
+    no_pages: NoPages = False,
     force: Force = False,
     rehash: Rehash = False,
     no_check: NoCheck = False,
@@ -88,12 +96,9 @@ def batch(
     A failed run does not stop the others; the exit code is the highest exit code of all runs. Each
     campaign gets its own page.
     """
-    from mapmore_cli.annexes.campaigns import workers
-    from mapmore_cli.annexes.campaigns.cluster import run_on_cluster
-    from mapmore_cli.annexes.campaigns.page import run_names, scores_of, write_page
-    from mapmore_cli.annexes.campaigns.sealed import known_by_seal, run_and_seal
-    from mapmore_cli.annexes.campaigns.tables import campaign_tables
-    from mapmore_cli.cli.views import page_lines
+    from mapmore_cli.annexes.campaigns.page import run_names, write_page
+    from mapmore_cli.annexes.campaigns.sealed import known_by_seal
+    from mapmore_cli.annexes.campaigns.workers import stoppable
     from mapmore_cli.pipeline.jobs import Job, note_sources
     from mapmore_cli.pipeline.runner import Options
     from mapmore_cli.pipeline.runs_page import write_runs_page
@@ -108,48 +113,21 @@ def batch(
     note_read([] if cluster_file is None else [cluster_file])
     options = Options(force, rehash, not no_check)
     until = "validate" if no_pages else "report"
-    todo = {
-        number: Job(
-            entry.config, runs, entry.overrides, replace(options, campaign=entry.campaign), until
-        )
-        for number, entry in enumerate(entries)
-    }
-    sealed = {
-        number: known
-        for number, entry in enumerate(entries)
-        if (known := known_by_seal(todo[number], entry.called)) is not None
-    }
+    todo = [
+        Job(entry.config, runs, entry.overrides, replace(options, campaign=entry.campaign), until)
+        for entry in entries
+    ]
+    known = map(known_by_seal, todo, [entry.called for entry in entries])
+    sealed = {number: result for number, result in enumerate(known) if result is not None}
     if any(path is not None and path.exists() for path in (junit, summary)):
-        for number, job in todo.items():
+        for number, job in enumerate(todo):
             note_sources(job, sealed.get(number))
-    results: dict[int, Result] = {**sealed}
-    names = run_names(entries, campaigns, {number: entries[number].called for number in results})
+    names = run_names(entries, campaigns, {number: entries[number].called for number in sealed})
     # if the page of a campaign cannot be written, the campaign is refused before its runs begin
     for campaign in campaigns:
         refuse_foreign(runs / campaign.campaign.campaign, CAMPAIGN_RECORD)
-    waiting = {number: job for number, job in todo.items() if number not in results}
-    scheduler = cluster or cluster_file
-    with Reporter(quiet) as reporter, workers.stoppable():
-
-        def tell(number: int, message: str) -> None:
-            reporter.warn(RunWarning.of(names[number], message))
-
-        outcomes = (
-            workers.in_processes(run_and_seal, waiting, jobs, tell)
-            if scheduler is None or not waiting
-            else run_on_cluster(waiting, scheduler, runs, tell, reporter.say)
-        )
-        with closing(outcomes):
-            for count, (number, result) in enumerate(results.items(), 1):
-                _tell(reporter, names[number], result, f"{count} of {len(todo)}")
-            for number, result in outcomes:
-                results[number] = (
-                    result
-                    if isinstance(result, BaseException)
-                    else replace(result, run_dir=runs / result.name)
-                )
-                _tell(reporter, names[number], result, f"{len(results)} of {len(todo)}")
-        ordered = {name: results[number] for number, name in enumerate(names)}
+    with Reporter(quiet) as reporter, stoppable():
+        results = _results(todo, sealed, names, jobs, cluster or cluster_file, reporter)
         pages = [
             write_page(
                 campaign.campaign,
@@ -159,25 +137,78 @@ def batch(
             )
             for campaign in campaigns
         ]
-        done = [result for result in results.values() if not isinstance(result, BaseException)]
-        write_runs_page(runs, done, reporter.warn)
-    in_campaigns = {names[number] for campaign in campaigns for number in campaign.jobs}
-    alone = {name: result for name, result in ordered.items() if name not in in_campaigns}
+        finished = [result for result in results if not isinstance(result, BaseException)]
+        write_runs_page(runs, finished, reporter.warn)
+    ended = dict(zip(names, results, strict=True))
+    view = _view(entries, names, ended, pages, no_pages)
+    print_view(view, as_json)
+    write_ci_files(junit, summary, ended, view.tables)
+    if code := max(map(_code, results)):
+        raise Exit(code)
+
+
+def _view(
+    entries: Sequence[Entry],
+    names: Sequence[str],
+    ended: Mapping[str, Result],
+    pages: Sequence[tuple[Path, Sequence[Table]]],
+    no_pages: bool,
+) -> View:
+    """Return how each run ended. The tables are those of the `pages` of campaigns, and tables of
+    the runs that belong to no campaign.
+    """
+    from mapmore_cli.annexes.campaigns.page import scores_of
+    from mapmore_cli.annexes.campaigns.tables import campaign_tables
+    from mapmore_cli.cli.views import page_lines
+
+    places = list(zip(entries, names, strict=True))
+    alone = {name: ended[name] for entry, name in places if entry.campaign is None}
     tables = [table for _, of_page in pages for table in of_page]
     if alone:
         tables += campaign_tables(scores_of(alone))
-    finished = [run for run in ordered.values() if not isinstance(run, BaseException)]
+    finished = [run for run in ended.values() if not isinstance(run, BaseException)]
     lines = [line for run in finished if not no_pages for line in page_lines(run.run_dir)]
     lines += [f"campaign page: {path}" for path, _ in pages]
-    lines += [line for name, result in ordered.items() for line in _ends(name, result)]
-    documents = [
-        _run_document(entry.config, name, ordered[name])
-        for entry, name in zip(entries, names, strict=True)
-    ]
-    print_view(View({"runs": documents}, tuple(tables), tuple(lines)), as_json)
-    write_ci_files(junit, summary, ordered, tables)
-    if code := max(map(_code, ordered.values())):
-        raise Exit(code)
+    lines += [line for name, result in ended.items() for line in _ends(name, result)]
+    documents = [_run_document(entry.config, name, ended[name]) for entry, name in places]
+    return View({"runs": documents}, tuple(tables), tuple(lines))
+
+
+def _results(
+    todo: Sequence[Job],
+    sealed: Mapping[int, Finished],
+    names: Sequence[str],
+    jobs: int,
+    scheduler: str | Path | None,
+    reporter: Reporter,
+) -> list[Result]:
+    """Do the jobs that have no result in `sealed`, and return the results of all jobs in their
+    order. The `reporter` prints how each run ended. Without a `scheduler`, the jobs are done by
+    processes of this machine, `jobs` at a time.
+    """
+    from mapmore_cli.annexes.campaigns.cluster import run_on_cluster
+    from mapmore_cli.annexes.campaigns.sealed import run_and_seal
+    from mapmore_cli.annexes.campaigns.workers import in_processes
+
+    def tell(number: int, message: str) -> None:
+        reporter.warn(RunWarning.of(names[number], message))
+
+    waiting = {number: job for number, job in enumerate(todo) if number not in sealed}
+    outcomes = (
+        in_processes(run_and_seal, waiting, jobs, tell)
+        if scheduler is None or not waiting
+        else run_on_cluster(waiting, scheduler, todo[0].runs, tell, reporter.say)
+    )
+    results: dict[int, Result] = {}
+    with closing(outcomes):
+        for number, result in chain(sealed.items(), outcomes):
+            results[number] = (
+                result
+                if isinstance(result, BaseException)
+                else replace(result, run_dir=todo[number].runs / result.name)
+            )
+            _tell(reporter, names[number], result, f"{len(results)} of {len(todo)}")
+    return [results[number] for number in range(len(todo))]
 
 
 def _tell(reporter: Reporter, name: str, result: Result, count: str) -> None:

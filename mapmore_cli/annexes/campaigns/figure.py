@@ -38,15 +38,11 @@ def campaign_figures(scores: CampaignScores) -> list[Drawing]:
     every = [*pooled]
     if len(every) < 2:
         return []
-    own_errors = {run: by_model[OWN].nrmse for run, by_model in pooled.items() if OWN in by_model}
-    best = min(
-        filter(lambda run: np.isfinite(own_errors[run]), own_errors),
-        key=own_errors.__getitem__,
-        default="",
-    )
+    own = {run: by_model[OWN].nrmse for run, by_model in pooled.items() if OWN in by_model}
+    best = min((run for run in own if np.isfinite(own[run])), key=own.__getitem__, default="")
     shown = {best, *(every[place] for place in panels.evenly(len(every), MOST_RUNS))}
     runs = [run for run in every if run in shown]
-    exact = [run for run in runs if own_errors.get(run, np.nan) <= ROUNDING]
+    exact = [run for run in runs if own.get(run, np.nan) <= ROUNDING]
     models = [*filter(None, dict.fromkeys([OWN, scores.relative_to, BEST_OTHER, REPEATABILITY]))]
     rows = []
     for run in runs:

@@ -32,7 +32,7 @@ def write_page(
     campaign: Campaign,
     results: Mapping[str, Finished | BaseException],
     runs: Path,
-    warn: Warn = lambda _message: None,
+    warn: Warn,
 ) -> tuple[Path, tuple[Table, ...]]:
     """Write `RUNS/CAMPAIGN/index.html` with its figures and tables. `results` holds the results of
     its runs by name, in order. `warn` is called for each file in this folder that somebody changed.
@@ -109,14 +109,18 @@ def scores_of(
 
     finished = {name: run for name, run in results.items() if not isinstance(run, BaseException)}
     runs = finished.values()
-    tables = {
-        f"{run.name} ({table.scores[0].target})" if len(run.table.each) > 1 else run.name: table
-        for run in runs
+    outputs = [
+        (
+            name,
+            f"{run.name} ({table.scores[0].target})" if len(run.table.each) > 1 else run.name,
+            table,
+        )
+        for name, run in finished.items()
         for table in run.table.each
-    }
+    ]
     scores = CampaignScores(
-        {name: table.scores for name, table in tables.items()},
-        units={name: unit for name, table in tables.items() for unit in table.units.values()},
+        {label: table.scores for _, label, table in outputs},
+        units={label: unit for _, label, table in outputs for unit in table.units.values()},
         published={run.name: run.published for run in runs if run.published is not None},
         failed=tuple(name for name in results if name not in finished),
     )
@@ -127,7 +131,7 @@ def scores_of(
         scores,
         relative_to=campaign.relative_to,
         best_of=campaign.best_of,
-        groups={run.name: group for name, run in finished.items() if (group := groups[name])},
+        groups={label: group for name, label, _ in outputs if (group := groups[name])},
     )
 
 

@@ -1,4 +1,4 @@
-"""Make the tables over all runs of a campaign, with links to the page of each run."""
+"""Make the tables over all runs of a campaign."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ class CampaignScores:
     - `units`: the unit of the modelled quantity, by run.
     - `published`: numbers of publications, by run.
     - `relative_to`: the model by whose error other errors are divided.
-    - `best_of`: models of which the best one in each run, chosen after the run, counts as a
-      competitor.
+    - `best_of`: names of models. In each run, the best of these models counts as one competitor,
+      although it is known only after the run.
     - `groups`: group of each run; the runs of a group are summarised together.
     - `failed`: the runs that have no scores.
     """

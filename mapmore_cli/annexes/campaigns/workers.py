@@ -40,7 +40,8 @@ def in_processes(
 
     If a worker dies, all running jobs end with it. The first `count` of them are started again, one
     at a time, because memory may have been short; `tell` is called with the number of each. The
-    other jobs follow in new processes.
+    other jobs follow in new processes. With `again`, the jobs are such a second attempt: a job
+    whose worker dies then gets an error.
     """
     if not jobs:  # a pool must have at least one process
         return

@@ -1,1 +1,1 @@
-"""Write models in other languages: C, FMU, Python, LaTeX, tables."""
+"""Write models in C, JavaScript, MATLAB, Python and LaTeX, and as FMUs and lookup tables."""

@@ -10,7 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from mapmore_cli.annexes.exporting.dialect import DOUBLE, SINGLE, Dialect, program_words
+from mapmore_cli.annexes.exporting.dialect import DOUBLE, SINGLE, Dialect
+from mapmore_cli.annexes.exporting.program_text import program_words
 from mapmore_cli.annexes.exporting.templates import (
     Code,
     Wanted,

@@ -51,13 +51,6 @@ class UnitSources:
     description: str
     sources: dict[str, str]
     compiled: tuple[str, ...]
-    standard: int
-
-    @property
-    def verifier(self) -> dict[str, str]:
-        """Source of a program that runs the FMU for the comparison with `predict`, by file name."""
-        name = "verify-unit.c" if self.standard == 2 else "verify-unit-3.c"
-        return {name: source(name)}
 
 
 class Variable(NamedTuple):
@@ -82,9 +75,10 @@ def unit_file(model: Model, wanted: Wanted, standard: int = 2) -> dict[str, byte
     }
     try:
         if wanted.verify:
-            # the test program for FMI 3 contains the other sources already
-            others = unit.compiled if standard == 2 else unit.compiled[:1]
-            verify_program(model, {**unit.sources, **unit.verifier}, [*others, *unit.verifier])
+            test, others = "verify-unit.c", unit.compiled
+            if standard == 3:  # the test program for FMI 3 contains the other sources already
+                test, others = "verify-unit-3.c", unit.compiled[:1]
+            verify_program(model, {**unit.sources, test: source(test)}, [*others, test])
         files[library_place(unit.name, standard)] = built(unit.sources, unit.compiled)
     except CompilerMissing as reason:
         wanted.warn(
@@ -135,7 +129,7 @@ def fmu_sources(model: Model, tool: str, standard: int = 2) -> UnitSources:
         texts["buildDescription.xml"] = rendered_template("buildDescription.xml", **words)
     form = "modelDescription.xml" if standard == 2 else "modelDescription3.xml"
     description = rendered_template(form, **words, about=_about(written))
-    return UnitSources(name, description, texts, compiled, standard)
+    return UnitSources(name, description, texts, compiled)
 
 
 def input_names(model: Model) -> list[str]:

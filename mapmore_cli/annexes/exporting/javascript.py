@@ -7,7 +7,8 @@ from __future__ import annotations
 import shutil
 from typing import Any
 
-from mapmore_cli.annexes.exporting.dialect import JAVASCRIPT, program_words
+from mapmore_cli.annexes.exporting.dialect import JAVASCRIPT
+from mapmore_cli.annexes.exporting.program_text import program_words
 from mapmore_cli.annexes.exporting.templates import (
     Code,
     Wanted,

@@ -12,7 +12,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from mapmore_cli.annexes.exporting.dialect import NUMPY, SCALAR, Dialect, program_words
+from mapmore_cli.annexes.exporting.dialect import NUMPY, SCALAR, Dialect
+from mapmore_cli.annexes.exporting.program_text import program_words
 from mapmore_cli.annexes.exporting.templates import (
     Wanted,
     identifier,

@@ -72,17 +72,49 @@ def code(form: str, *parts: Code | str | float) -> Code:
 
 
 PYTHON = (
-    *("np", "float", "s", "finite", "_beyond", "state", "State", "step", "evaluate"),
+    *["np", "float", "s", "finite", "_beyond", "state", "State", "step", "evaluate"],
     *map(HELPER.format, FUNCTIONS),
 )
 """Names in functions of a module that its inputs must not hide."""
 
 OWN = (
     *PYTHON,
-    *("outside_range", "derivatives", "reset", "eval", "valid", "measured", "math", "in", "out"),
-    *("outside", "x", "n", "j", "k", "y", "given", "largest", "shape", "value", "one_sample"),
-    *("beyond", "interpolated", "begun", "places", "values", "validity", "fileName", "cellfun"),
-    *("numel", "size", "ones", "isempty", "verify_model", "power_of"),
+    *[
+        "outside_range",
+        "derivatives",
+        "reset",
+        "eval",
+        "valid",
+        "measured",
+        "math",
+        "in",
+        "out",
+        "outside",
+        "x",
+        "n",
+        "j",
+        "k",
+        "y",
+        "given",
+        "largest",
+        "shape",
+        "value",
+        "one_sample",
+        "beyond",
+        "interpolated",
+        "begun",
+        "places",
+        "values",
+        "validity",
+        "fileName",
+        "cellfun",
+        "numel",
+        "size",
+        "ones",
+        "isempty",
+        "verify_model",
+        "power_of",
+    ],
 )
 """Names in the templates of all languages, which no output and no model may have."""
 

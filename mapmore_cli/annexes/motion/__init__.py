@@ -1,5 +1,5 @@
-"""Model motion by the piecewise state-space models of the paper P: linear sections of second order
-along an input, for example the voltage of a pressure regulator.
+"""Model motion by the piecewise state-space models of Brown and Xie 2024: linear sections of second
+order along an input, for example the voltage of a pressure regulator.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Define the data of a state-space model of motion as in the paper P, and of the search that found
-it.
+"""Define the data of a state-space model of motion, as in Brown and Xie 2024, and of the search
+that found it.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def poles(p1: float, p2: float) -> tuple[complex, complex]:
 @dataclass(frozen=True)
 class MotionSection:
     """A linear section: `x1[k+1] = x2[k]`, `x2[k+1] = P1 x1[k] + P2 x2[k] + sum_m w_m d_m[k]`,
-    output x1 (P eq 10, in discrete time).
+    output x1 (equation 10 of Brown and Xie 2024, in discrete time).
 
     `x2` is the output one sample ahead. The signals d drive the section (`drives` of the model).
     The first of them is the input, so that `w_1` is P3.
@@ -76,7 +76,7 @@ class MotionSection:
 
 @dataclass(frozen=True)
 class Motion:
-    """Sections along an input (P eq 14-17).
+    """Sections along an input (equations 14 to 17 of Brown and Xie 2024).
 
     With `hard` switching, every section runs along the whole input, and the output of the active
     one is used. `carried` sections pass on their state; `bumpless` sections also have equal steady
@@ -135,7 +135,7 @@ class MotionFit(Fit):
 
 @dataclass(frozen=True)
 class StateSpace(Body):
-    """A model of motion: linear sections along an input, as in the paper P."""
+    """A model of motion: linear sections along an input, as in Brown and Xie 2024."""
 
     motion: Annotated[Motion, "the sections"]
     ranges: Annotated[tuple[CurveRange, ...], "training range of each curve"]

@@ -16,9 +16,14 @@ def findings(spec: ExperimentSpec) -> Iterator[Finding]:
     """Check a state-space model: the quantities that drive it are measured and are not its target,
     and every setting has an effect.
     """
-    if spec.model.type != "state_space":
-        return
-    model = cast(MotionSettings, spec.model)
+    if spec.model.type == "state_space":
+        model = cast(MotionSettings, spec.model)
+        yield from _of_quantities(spec, model)
+        yield from _of_settings(model)
+
+
+def _of_quantities(spec: ExperimentSpec, model: MotionSettings) -> Iterator[Finding]:
+    """Check the input, the target and the load."""
     if model.input is None:
         yield Finding(
             "model.type",
@@ -39,6 +44,12 @@ def findings(spec: ExperimentSpec) -> Iterator[Finding]:
                     f"`{name}` is the target itself",
                     "name the quantity that drives it, for example a pressure or a voltage",
                 )
+
+
+def _of_settings(model: MotionSettings) -> Iterator[Finding]:
+    """Check the boundaries between sections, the settings for the direction of the input, and those
+    of the solver.
+    """
     if not isinstance(model.sections, int) and any(
         after <= before for before, after in pairwise(model.sections)
     ):
@@ -52,10 +63,6 @@ def findings(spec: ExperimentSpec) -> Iterator[Finding]:
             "settings every change of the input counts"
         )
         yield Finding("model.dead_band:", problem, "remove it")
-    for key in ("begin", "seed") if model.solver != "swarm" else ():
-        if getattr(model, key) != getattr(MotionSettings, key):
-            problem = f"`solver: {model.solver}` has no particles, so that `{key}` has no effect"
-            yield Finding(f"model.{key}:", problem, f"remove `{key}`, or write `solver: swarm`")
     if model.mask != "input" and not model.direction:
         yield Finding(
             "model.mask:",
@@ -63,6 +70,10 @@ def findings(spec: ExperimentSpec) -> Iterator[Finding]:
             "`direction: true` the sections do not distinguish the two",
             "add `direction: true`",
         )
+    for key in ("begin", "seed") if model.solver != "swarm" else ():
+        if getattr(model, key) != getattr(MotionSettings, key):
+            problem = f"`solver: {model.solver}` has no particles, so that `{key}` has no effect"
+            yield Finding(f"model.{key}:", problem, f"remove `{key}`, or write `solver: swarm`")
     if model.solver == "swarm" and (
         model.offset or model.load is not None or model.switching == "bumpless"
     ):
@@ -70,8 +81,4 @@ def findings(spec: ExperimentSpec) -> Iterator[Finding]:
             "`solver: swarm` finds P1, P2 and P3 only; it cannot find an offset, a load or "
             "bumpless switching"
         )
-        yield Finding(
-            "model.solver",
-            problem,
-            "use `least_squares`",
-        )
+        yield Finding("model.solver", problem, "use `least_squares`")

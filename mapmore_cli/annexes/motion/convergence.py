@@ -1,5 +1,5 @@
 """Draw the searches for the sections of models of motion: the smallest error so far, iteration by
-iteration (P section 2.2).
+iteration (section 2.2 of Brown and Xie 2024).
 """
 
 from __future__ import annotations

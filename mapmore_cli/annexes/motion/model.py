@@ -52,13 +52,12 @@ def motion_inputs(motion: Motion) -> list[str]:
 
 
 def _motion(model: Model) -> Motion:
-    assert isinstance(model.body, StateSpace)
-    return model.body.motion
+    return model.body_of(StateSpace).motion
 
 
 def _falls(m: Writer, motion: Motion, u: Expression, first: Condition) -> Expression:
-    """Write 1 if the input does not rise above its value one sample before, and 0 otherwise (P eq
-    16).
+    """Write 1 if the input does not rise above its value one sample before, and 0 otherwise
+    (equation 16 of Brown and Xie 2024).
 
     With bumpless switching, write 1 once the input has fallen from its last peak by more than the
     dead band, until it has risen as far from its last trough.
@@ -104,7 +103,7 @@ def _shared(
     m: Writer, motion: Motion, of_section: OfSection, drives: list[Expression], first: Condition
 ) -> Expression:
     """Write the output of sections that share one state, which the active section drives: `x1[k+2]
-    = P2 x1[k+1] + P1 x1[k] + d[k]` (P eq 10).
+    = P2 x1[k+1] + P1 x1[k] + d[k]` (equation 10 of Brown and Xie 2024).
     """
     now, later = m.number("now"), m.number("later")
     resting = [
@@ -196,9 +195,9 @@ class MotionVerbs(Verbs):
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
         """Write a model of motion. It begins at rest under the first input, or at zero."""
-        assert isinstance(model.body, StateSpace)
-        motion = model.body.motion
-        limit(m, model.body.ranges, None, inputs)
+        body = model.body_of(StateSpace)
+        motion = body.motion
+        limit(m, body.ranges, None, inputs)
         m.kept.steps.append(motion.step)
         seen = m.number("seen")
         first = Condition(seen, "==", ZERO)

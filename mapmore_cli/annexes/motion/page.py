@@ -19,9 +19,7 @@ from mapmore_cli.reporting.table import MODEL, Cells, Column, Columns, Table
 
 def show(model: Model) -> View:
     """Return what `mapmore show` prints about a model."""
-    body = model.body
-    assert isinstance(body, StateSpace)
-    return View({"motion": _document(body.motion)})
+    return View({"motion": _document(model.body_of(StateSpace).motion)})
 
 
 def show_fit(fit: Fit) -> tuple[dict[str, object], tuple[Table, ...]]:
@@ -52,8 +50,8 @@ def _document(motion: Motion) -> dict[str, object]:
 
 
 def sections_table(fits: Mapping[str, MotionFit], unit: str) -> Table:
-    """Return a table with a row for every section of every model: its parameters (as in P table 1),
-    its poles, its gain, and how it was found.
+    """Return a table with a row for every section of every model: its parameters (as in
+    table 1 of Brown and Xie 2024), its poles, its gain, and how it was found.
     """
     drives = tuple(dict.fromkeys(text for fit in fits.values() for text in fit.model.drives[1:]))
     columns: Columns = (
@@ -95,8 +93,8 @@ def sections_table(fits: Mapping[str, MotionFit], unit: str) -> Table:
 
 def waveforms_table(inputs: ReportInputs, motion: Motion) -> Table:
     """Return the table of errors of displacement and velocity over the last wavelength of every
-    held-out recording, as in P table 3. The table has no rows if only some samples are stored,
-    because no velocity can be computed from these.
+    held-out recording, as in table 3 of Brown and Xie 2024. The table has no rows if only some
+    samples are stored, because no velocity can be computed from these.
     """
     unit = inputs.target.unit
     held_out = [

@@ -1,4 +1,6 @@
-"""Define the settings of a model of motion: the keys of `model: {type: state_space}`."""
+"""Define the settings of a model of motion, which are the keys of `model: {type: state_space}`, and
+the error that its solvers minimise.
+"""
 
 from __future__ import annotations
 
@@ -179,8 +181,6 @@ class Problem:
         self.start, self.reach = start, reach
         self.random = np.random.default_rng(seed)
         self.pieces = tuple(piece for piece in pieces if piece.counts.any())
-        # a slice avoids a copy
-        self.own = [slice(None) if piece.counts.all() else piece.counts for piece in self.pieces]
         self.y = np.concatenate([piece.y[piece.counts] for piece in self.pieces])
         self.size = root_mean_square(self.y) or 1.0
         self.evaluations = 0
@@ -191,10 +191,7 @@ class Problem:
         """
         self.evaluations += 1
         return np.concatenate(
-            [
-                response(p1, p2, piece.drives, self.start)[rows]
-                for piece, rows in zip(self.pieces, self.own, strict=True)
-            ]
+            [response(p1, p2, piece.drives, self.start)[piece.counts] for piece in self.pieces]
         )
 
     def rmse(self, p1: float, p2: float, weights: Array | None = None) -> float:
@@ -204,7 +201,7 @@ class Problem:
         """
         if not stable(p1, p2, self.reach if weights is None else 1.0):
             return PENALTY * self.size * max(abs(poles(p1, p2)[0]), 1.0)
-        return _root_mean_square(
+        return root_mean_square(
             self.projected(p1, p2)[1]
             if weights is None
             else _weighted(self.responses(p1, p2), weights) - self.y
@@ -228,14 +225,10 @@ class Problem:
         errors during the search, in their order.
         """
         weights, residuals = self.projected(p1, p2)
-        rmse, lowest = _root_mean_square(residuals), np.minimum.accumulate(history)
+        rmse, lowest = root_mean_square(residuals), np.minimum.accumulate(history)
         return Found(p1, p2, weights, rmse, self.evaluations, lowest)
 
 
 def _weighted(moved: Array, weights: Array) -> Array:
     """Return `moved @ weights`, for a single column without the matrix product, which is slow."""
     return moved[:, 0] * weights[0] if len(weights) == 1 else moved @ weights
-
-
-def _root_mean_square(residuals: Array) -> float:
-    return float(np.sqrt(residuals @ residuals / len(residuals)))

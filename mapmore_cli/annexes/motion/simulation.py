@@ -1,5 +1,5 @@
 """Simulate sections along recordings, test their stability, find the active section at each sample,
-and compute the error measures of the paper P.
+and compute the error measures of Brown and Xie 2024.
 
 A section `x2[k+1] = P1 x1 + P2 x2 + ...` has the poles of `z^2 - P2 z - P1`. It is stable in the
 triangle `|P1| < 1`, `|P2| < 1 - P1`. Sections are linear filters, so no loop over samples is
@@ -79,9 +79,10 @@ def spread(u: Array, count: int) -> tuple[float, ...]:
 def rising(u: Array, dead_band: float, *, latched: bool) -> BoolArray:
     """Return True for samples at which the input rises, (n,).
 
-    P eq 16: it rises if `u[k] > u[k-1]`; a constant input, and the first sample, count as falling.
-    If `latched`, the direction is kept until the input has turned back by more than the dead band.
-    Before its first movement, the input then counts as rising.
+    The input rises if `u[k] > u[k-1]` (equation 16 of Brown and Xie 2024). At the first sample, and
+    while it is constant, the input counts as falling. If `latched`, the direction is kept until the
+    input has turned back by more than the dead band. Before its first movement, the input then
+    counts as rising.
     """
     if not latched:
         return np.diff(u, prepend=u[:1]) > 0
@@ -92,7 +93,7 @@ def rising(u: Array, dead_band: float, *, latched: bool) -> BoolArray:
 
 def active(motion: Motion, u: Array, moving: Array | None = None) -> IntArray:
     """Return the index of the active section at each sample, (n,), counted from 0: section j is
-    active from its lower boundary on (P eq 15).
+    active from its lower boundary on (equation 15 of Brown and Xie 2024).
 
     The direction of motion is taken from `moving`, (n,), or by default from the input u, (n,).
     """

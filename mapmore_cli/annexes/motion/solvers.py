@@ -1,4 +1,5 @@
-"""Find a section's parameters by least squares or by particle swarms (P eq 11-12).
+"""Find a section's parameters by least squares or by particle swarms (equations 11 and 12 of Brown
+and Xie 2024).
 
 Least squares searches only the poles; for given poles, linear least squares gives the
 weights of the drives.
@@ -81,8 +82,8 @@ def linear_start(pieces: tuple[Piece, ...], stride: int) -> tuple[float, float] 
 
 PARTICLES, ITERATIONS = 50, 20
 INERTIA, OWN, COMMON = 0.9, 2.0, 2.0
-"""W, C1 and C2 of P. They lie outside the region in which a swarm settles, which needs `C1 + C2 <
-24 (1 - W^2)/(7 - 5 W)`, here 1.8.
+"""W, C1 and C2 of Brown and Xie 2024. They lie outside the region in which a swarm settles, which
+needs `C1 + C2 < 24 (1 - W^2)/(7 - 5 W)`, here 1.8.
 """
 
 
@@ -123,8 +124,8 @@ WIDE = 4.0  # for stable sections, `|P3| = |gain| |1 - P1 - P2| < 4 |gain|`
 
 
 def swarm(problem: Problem, recipe: MotionRecipe) -> Found:
-    """Return the best P1, P2 and P3 in the region in which sections can be stable (P section 2.2).
-    An unstable particle costs more than any stable one.
+    """Return the best P1, P2 and P3 that the particles find in the region in which sections can be
+    stable (section 2.2 of Brown and Xie 2024). An unstable particle costs more than any stable one.
 
     The input is the only drive; the check of the spec refuses other drives. Raises FitError if no
     particle was stable.

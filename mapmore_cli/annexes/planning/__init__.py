@@ -1,1 +1,1 @@
-"""Decide what to measure next: the next level, or the next points of a map."""
+"""Compare settings of a model, and decide what to measure next."""

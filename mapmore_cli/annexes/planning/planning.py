@@ -30,8 +30,8 @@ def plan(
     loaded: LoadedSpec,
     runs: Path,
     *,
-    points: int | None = None,
-    until: str | None = None,
+    points: int | None,
+    until: str | None,
     prices: Mapping[str, float],
     **listeners: Unpack[Listeners],
 ) -> Plan:

@@ -152,15 +152,14 @@ def next_points(
     names: Sequence[str],
     count: int,
     prices: Mapping[str, float],
-    free: BoolArray | None = None,
+    free: BoolArray,
 ) -> tuple[tuple[Candidate, ...], tuple[Array, Array]]:
     """Return the next points in the order of their worth, and the half widths of the interval at
     all candidates before and after these points are measured.
 
-    The worth of a point is divided by its cost. The cost is the sum of the prices of all
-    quantities whose value differs from that at every point chosen before. The cost is at least the
-    lowest price. Only candidates at which
-    `free`, (m,), is True are chosen; None allows all candidates.
+    The worth of a point is divided by its cost. The cost is the sum of the prices of all quantities
+    whose value differs from that at every point chosen before. The cost is at least the lowest
+    price. Only candidates at which `free`, (m,), is True are chosen.
     """
     before, places = committee.half, committee.places
     next_ones, chosen = list[Candidate](), list[int]()
@@ -170,7 +169,7 @@ def next_points(
         new = np.column_stack([~np.isin(column, values) for column, values in known])
         cost = np.maximum(new @ each, each.min()) if prices else np.ones(len(places))
         worth = committee.score / cost
-        number = int(np.argmax(worth if free is None else np.where(free, worth, -1.0)))
+        number = int(np.argmax(np.where(free, worth, -1.0)))
         chosen.append(number)
         half, error = float(committee.half[number]), float(committee.error[number])
         committee.add(number)

@@ -75,12 +75,9 @@ class Trial:
     """One combination of settings, by their paths in the spec, and its errors."""
 
     settings: Mapping[str, Any]
-    parameters: int = (
-        0  # number of free parameters of the model that is fitted to all training data
-    )
-    errors: tuple[
-        float, ...
-    ] = ()  # NRMSE on each fold, of a model fitted without this fold; empty if a fit failed
+    parameters: int = 0  # number of free parameters of the model fitted to all training data
+    # NRMSE on each fold, of a model fitted without this fold; empty if a fit failed
+    errors: tuple[float, ...] = ()
     error: float = math.nan  # geometric mean of `errors`
     excess: float = math.nan  # mean over the folds of ln(error / error of the best combination)
     spread: float = math.nan  # standard error of `excess`

@@ -1,4 +1,6 @@
-"""Add models, for example a static and a damping model (M2 section 3)."""
+"""Add models, for example a static and a damping model (section 3 of Veale, Xie and Anderson
+2018).
+"""
 
 from __future__ import annotations
 

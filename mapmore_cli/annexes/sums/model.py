@@ -42,7 +42,7 @@ def _outside(parts: Sequence[Part], columns: Columns) -> BoolArray:
 
 def _whole(model: Model) -> Equation:
     terms, printed = [], []
-    for part in _body(model).parts:
+    for part in model.body_of(Sum).parts:
         sign = "-" if part.sign < 0 else "+"
         sources: dict[str, Expression] = {
             q.name: parse(part.inputs.get(q.name, q.name)) for q in part.model.inputs
@@ -70,11 +70,6 @@ def _parts(parts: Sequence[Part], columns: Columns) -> Iterator[tuple[Part, Colu
             for inner, inputs in _parts(part.fed, columns)
         }
         yield part, {**columns, **renamed, **fed}
-
-
-def _body(model: Model) -> Sum:
-    assert isinstance(model.body, Sum)
-    return model.body
 
 
 def _value(m: Writer, part: Part, inputs: Inputs) -> Expression:
@@ -121,7 +116,7 @@ class SumVerbs(Verbs):
         """Return the sum at every row, (n,), and the rows at which any part diverges."""
         runs = [
             (part.sign, kinds.simulate(part.model, inputs))
-            for part, inputs in _parts(_body(model).parts, columns)
+            for part, inputs in _parts(model.body_of(Sum).parts, columns)
         ]
         values = sum((sign * run.values for sign, run in runs), start=np.zeros(row_count(columns)))
         return SimulatedRun(values, tuple(sorted({row for _, run in runs for row in run.diverged})))
@@ -130,7 +125,7 @@ class SumVerbs(Verbs):
         """Return the one-step-ahead prediction of the sum from the measured past, (n,)."""
         runs = [
             part.sign * kinds.one_step_ahead(part.model, inputs)
-            for part, inputs in _parts(_body(model).parts, columns)
+            for part, inputs in _parts(model.body_of(Sum).parts, columns)
         ]
         return np.asarray(np.sum(runs, axis=0))
 
@@ -138,13 +133,13 @@ class SumVerbs(Verbs):
         """Return True for rows at which any part, or a model that feeds it, is outside its training
         range, (n,).
         """
-        return _outside(_body(model).parts, columns)
+        return _outside(model.body_of(Sum).parts, columns)
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
         """Return the equation of the sum in terms of its parts, with the expressions of their
         inputs; then the equations of each part, with its name.
         """
-        parts = _body(model).parts
+        parts = model.body_of(Sum).parts
         whole = (
             ()
             if all(part.sign == 1.0 and not part.inputs and not part.fed for part in parts)
@@ -163,18 +158,20 @@ class SumVerbs(Verbs):
         """Yield the sentences that say how the equations of each part are combined, each after the
         name of the part's model.
         """
-        for part in _body(model).parts:
+        for part in model.body_of(Sum).parts:
             for inner in part.models:
                 yield from (f"{inner.name}: {rule}" for rule in kinds.rules(inner))
 
     def faults(self, model: Model) -> Iterator[str]:
         """Yield the faults for which a stored sum is refused."""
-        if not _body(model).parts:
+        if not model.body_of(Sum).parts:
             yield "the sum has no parts"
 
     def parameters(self, model: Model) -> int:
         """Return the number of parameters of all parts."""
-        return sum(kinds.parameters(inner) for part in _body(model).parts for inner in part.models)
+        return sum(
+            kinds.parameters(inner) for part in model.body_of(Sum).parts for inner in part.models
+        )
 
     def fed_back(self, model: Model) -> tuple[str, ...]:
         """Return the names of the outputs whose measured values at least one part needs to
@@ -183,7 +180,7 @@ class SumVerbs(Verbs):
         return tuple(
             dict.fromkeys(
                 name
-                for part in _body(model).parts
+                for part in model.body_of(Sum).parts
                 for inner in part.models
                 for name in kinds.fed_back(inner)
             )
@@ -192,7 +189,7 @@ class SumVerbs(Verbs):
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
         """Write the sum of models, each with its sign and with its own names of the inputs."""
         values = []
-        for part in _body(model).parts:
+        for part in model.body_of(Sum).parts:
             value = _value(m, part, inputs)
             values.append(
                 value if part.sign == 1.0 else product_as_written(Number(part.sign), value)

@@ -11,11 +11,11 @@ from mapmore_cli.domain.models import Model
 
 def show(model: Model, show_other: Callable[[Model], View]) -> View:
     """Return what `mapmore show` prints about a sum: its parts, with their tables and lines."""
-    assert isinstance(model.body, Sum)
-    shown = [(part.name, show_other(part)) for part in model.body.models]
+    body = model.body_of(Sum)
+    shown = [(part.name, show_other(part)) for part in body.models]
     tables = tuple(table for _, view in shown for table in view.tables)
     lines = tuple(f"{name}: {line}" for name, view in shown for line in view.lines)
-    parts = [_part(part, show_other) for part in model.body.parts]
+    parts = [_part(part, show_other) for part in body.parts]
     return View({"parts": parts}, tables, lines)
 
 

@@ -12,7 +12,9 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, Ends
 
 SAME = 1e-12
-"""Share of a number by which another differs from it by rounding alone."""
+"""Two numbers differ by rounding alone if their difference is at most this fraction of the larger
+number.
+"""
 
 Place = Callable[[Any], Array]
 """Function that converts values on an axis to positions on the sheet, in points."""

@@ -1,4 +1,4 @@
-"""Draw the figures of the commands `tune`, `plan`, `compare` and of campaigns, and a single model
+"""Draw the drift of a muscle over several campaigns for `mapmore compare`, and draw a single model
 for notebooks.
 """
 
@@ -46,9 +46,7 @@ def drift_drawing(
     return Drawing("drift", caption, (Panel("", on, "Campaign", (what,)),), Layout(2.6))
 
 
-def draw_model(
-    ax: Axes, model: Model, level: float | None = None, held_out: Sequence[Curve] = ()
-) -> None:
+def draw_model(ax: Axes, model: Model, level: float | None, held_out: Sequence[Curve]) -> None:
     """Draw a line for every training curve over the input that varies most within it, with the
     other inputs in the middle of their ranges. For `held_out` curves, draw samples as dots, and the
     model at them as a dashed line.
@@ -87,7 +85,3 @@ def draw_model(
     ax.set_xlabel(style.PLAIN.axis_label(quantity))
     ax.set_ylabel(style.PLAIN.axis_label(model.output))
     ax.legend()
-
-
-# Campaigns
-# --------------------------------------------------------------------------------------------------

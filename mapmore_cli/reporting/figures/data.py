@@ -39,13 +39,11 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     height = max((len(one.columns.keys() & drawn - {"time"}) for one in shown), default=0)
     if height == 0:
         return []
-    unitless = {"time": Quantity("time", "s")}
+    quantities = {"time": Quantity("time", "s"), **inputs.dataset.quantities}
     panels = []
     for recording in shown:
         columns = {
-            inputs.axis_label(
-                inputs.dataset.quantities.get(name, unitless.get(name, Quantity(name, "")))
-            ): values
+            inputs.axis_label(quantities.get(name, Quantity(name, ""))): values
             for name, values in sorted(recording.columns.items(), key=lambda one: one[0] != "time")
             if name in drawn
         }

@@ -124,9 +124,12 @@ def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:
     The function `draw` in the module of this name makes the figures. The module belongs to mapmore
     or to a plugin.
     """
+    module = _modules().get(name)
+    if module is None:
+        return []
     try:
-        figures: list[Drawing] = _modules()[name].draw(inputs) if name in _modules() else []
-        if figures and not _modules()[name].__name__.startswith("mapmore_cli."):
+        figures: list[Drawing] = module.draw(inputs)
+        if not module.__name__.startswith("mapmore_cli."):
             for drawing in figures:  # a plug-in may also fail when its figure is drawn
                 compose(drawing, inputs.style)
     except Exception as fault:

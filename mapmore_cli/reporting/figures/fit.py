@@ -2,8 +2,8 @@
 time, models with memory also as loops. Everything else is drawn over the quantity that varies
 within a curve.
 
-Curves are drawn as in M2's figures 9, 10, 12, 13 and 15, with the predictions above and the errors
-below. Training curves of a static model share one panel.
+Curves are drawn with the predictions above and the errors below, as in figures 9, 10, 12, 13 and 15
+of Veale, Xie and Anderson 2018. Training curves of a static model share one panel.
 """
 
 from __future__ import annotations

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.domain.scores import REPEATABILITY
@@ -39,21 +40,13 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     splits = [split for split in SPLITS if any((m, split) in errors for m in inputs.models)]
     if not splits:
         return []
-    paper, published = inputs.published, dict[str, float]()
     # published numbers belong beside held-out data only
-    if paper is not None and splits[0] == "validate":
-        published = {m: 100 * paper.nrmse[m] for m in inputs.models if m in paper.nrmse}
+    paper = inputs.published if splits[0] == "validate" else None
+    known = {} if paper is None else paper.nrmse
+    published = {(m, "validate"): 100 * known[m] for m in inputs.models if m in known}
     floor, looks = errors.get((REPEATABILITY, splits[0])), looks_of(inputs)
-    rows = [
-        (
-            model,
-            split,
-            errors.get((model, split), math.nan),
-            published.get(model, "") if split == "validate" else "",
-        )
-        for model in inputs.models
-        for split in splits
-    ]
+    bars = product(inputs.models, splits)
+    rows = [(*bar, errors.get(bar, math.nan), published.get(bar, "")) for bar in bars]
 
     def on(ax: Axes) -> None:
         for number, (model, split, error, printed) in enumerate(rows):

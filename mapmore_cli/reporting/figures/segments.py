@@ -1,4 +1,6 @@
-"""Draw segments with their weights, as in M2's figures 5 and 6, and the model over the levels."""
+"""Draw segments with their weights, as in figures 5 and 6 of Veale, Xie and Anderson 2018, and draw
+the model over the levels.
+"""
 
 from __future__ import annotations
 
@@ -105,7 +107,8 @@ def draw_segments(top: Axes, bottom: Axes, curve: SegmentCurve, fusion: Fusion) 
     """Draw the samples, coloured and marked by segment, and the weights below them, if there are
     any.
 
-    Boundaries are vertical lines, transition zones are shaded (M2 eq 10 and 11).
+    Boundaries are vertical lines, and transition zones are shaded (equations 10 and 11 of Veale,
+    Xie and Anderson 2018).
     """
     starts, ends = zones(curve.boundaries, fusion)
     x = np.linspace(curve.boundaries[0], curve.boundaries[-1], GRID)

@@ -22,7 +22,7 @@ paper.
 """
 
 LETTER, WIDE = 0.62, 1.0
-"""Widths of a letter, and of one of `mwMW`, as fractions of the font size."""
+"""Widths of a usual letter, and of the wide letters `mwMW`, as fractions of the font size."""
 
 TICK = 2.5
 

@@ -7,12 +7,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from common import dataset_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from literature_cases import MUSCLE_LIKE, TABLE_I, muscle_like, uniform
 
 from mapmore_cli.annexes.sums import Part, Sum, joint
-from mapmore_cli.annexes.sums.fitted import _unit
+from mapmore_cli.annexes.sums.fitted import SumMaker, _unit, behind_tendon, formula_parts
 from mapmore_cli.annexes.sums.joint import (
     fit_jointly,
     joint_formula,
@@ -24,9 +25,10 @@ from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Formula, Model
 from mapmore_cli.domain.recording import CurveRange, Quantity
+from mapmore_cli.domain.results import FitResult
 from mapmore_cli.modelling.kinds import equations, one_step_ahead, outside_range, predict
 from mapmore_cli.modelling.literature import get
-from mapmore_cli.study.sections.model import Summand
+from mapmore_cli.study.sections.model import Summand, TendonSettings
 
 FORCE = Quantity("force", "N")
 
@@ -245,3 +247,60 @@ def test_inputs_of_a_sum_that_are_quantities_have_their_units():
     dataset = SimpleNamespace(unit={"p1": "kPa", "s": "mm"}.get)
     texts = ("p1", "-s", "0.1 - s", "2*s", "p1 + s", "-p1")
     assert [_unit(text, dataset) for text in texts] == ["kPa", "mm", "1", "1", "1", "kPa"]
+
+
+def test_a_tendon_has_the_units_of_its_muscle():
+    muscle = replace(braid("m", 2.0), output=Quantity("force", "kN"))
+    assert behind_tendon(muscle, None) is muscle
+    with pytest.raises(SpecError, match="m does not depend on `length`"):
+        behind_tendon(muscle, SimpleNamespace(stiffness=2e6, force=50.0))
+    long = replace(muscle, inputs=(Quantity("length", "mm"), *muscle.inputs))
+    found = behind_tendon(long, SimpleNamespace(stiffness=2e6, force=50.0))
+    assert (found.name, found.body.muscle) == ("m-behind-a-tendon", long)
+    # 2e6 N/m are 2 kN/mm
+    assert (found.body.stiffness, found.body.force) == (pytest.approx(2.0), pytest.approx(0.05))
+
+
+def test_formulas_of_a_sum_are_models_of_their_own_inputs_with_signs_and_ranges():
+    columns = {"p1": np.array([1.0, 3.0]), "x": np.array([0.0, 0.2]), "force": np.zeros(2)}
+    pair = (
+        summand("chou_hannaford", 1, pressure="p1", strain="x"),
+        summand("chou_hannaford", -1, pressure="2*p1", strain="-x"),
+    )
+    numbers = {f"{name}_{i}": float(i) for name in ("c1", "c2") for i in (1, 2)}
+    fit = FormulaFit("pair", numbers, numbers, "converged", "-", 4, 1.0, 0.0, 2)
+    units = {"p1": "kPa", "x": "%", "force": "N"}
+    dataset = dataset_of(columns, output="force")
+    quantities = {name: Quantity(name, unit) for name, unit in units.items()}
+    first, second = formula_parts(pair, fit, replace(dataset, quantities=quantities))
+    assert [part.sign for part in (first, second)] == [1, -1]
+    assert first.model.name == "chou_hannaford_1"
+    assert second.model.body.fit.parameters == {"c1": 2.0, "c2": 2.0}
+    assert [one.label for one in first.model.inputs] == ["pressure [kPa]", "strain [%]"]
+    assert [one.unit for one in second.model.inputs] == ["1", "%"]
+    (limits,) = second.model.body.ranges
+    assert limits.limits == {"pressure": (2, 6), "strain": (-0.2, 0)}
+
+
+def test_models_of_other_runs_are_added_with_their_inputs_signs_and_tendons():
+    units = {"p1": "kPa", "p2": "kPa", "s": "1", "force": "N", "pressure": "kPa", "strain": "1"}
+    quantities = {name: Quantity(name, unit) for name, unit in units.items()}
+    runs = {"a.yaml": braid("flexor", 2.0), "b.yaml": braid("extensor", 3.0)}
+    dataset = SimpleNamespace(target="force", quantities=quantities)
+    given = SimpleNamespace(dataset=dataset, model_of=runs.get)
+
+    def built(*summands, needed=()):
+        part = SimpleNamespace(
+            name="joint", model=SimpleNamespace(sum=summands or None), summands=needed
+        )
+        return SumMaker().build(part, given, FitResult(None))
+
+    first = Summand(model="a.yaml", inputs={"pressure": "p1", "strain": "s"})
+    second = Summand(model="b.yaml", sign=-1, inputs={"pressure": "p2", "strain": "-s"})
+    assert built(first, second) == flexed()
+    alone = built(needed=["a.yaml"])
+    assert alone.body.parts == (Part(runs["a.yaml"]),)
+    with pytest.raises(SpecError, match="both have an input called `strain`"):
+        built(first, Summand(model="b.yaml", inputs={"pressure": "p2"}), first)
+    with pytest.raises(SpecError, match="does not depend on `length`"):
+        built(Summand(model="a.yaml", tendon=TendonSettings(stiffness=1000.0)), second)

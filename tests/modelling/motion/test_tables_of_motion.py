@@ -1,10 +1,13 @@
 """Tables of models of motion, by hand."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
+from mapmore_cli.annexes.motion import convergence
 from mapmore_cli.annexes.motion.body import HARD, Motion, MotionFit, MotionSection, SectionSearch
 from mapmore_cli.annexes.motion.page import sections_table, show_fit, waveforms_table
 from mapmore_cli.annexes.motion.simulation import motion_errors
@@ -40,6 +43,30 @@ def test_parameters_poles_and_gains_of_sections():
     first, _ = shown["motion"]["sections"]
     assert first["gain"] == pytest.approx(0.3 / 0.3)
     assert np.ravel(first["poles"]) == pytest.approx([0.5, 0, 0.4, 0])
+
+
+def test_searches_are_lines_that_are_dashed_if_the_input_falls():
+    falling = replace(SECTIONS[1], direction="fall")
+    exact = replace(SEARCHES[1], history=np.array([2.0, 0.0]))
+    fit = replace(
+        FIT,
+        model=replace(MOTION, sections=(SECTIONS[0], falling)),
+        searches=(SEARCHES[0], exact),
+    )
+    inputs = SimpleNamespace(fits={"mapmore": fit, "other": None}, target=Quantity("y", "mm"))
+    (drawing,) = convergence.draw(inputs)
+    (panel,) = drawing.panels
+    assert panel.data["section"].tolist() == ["1"] * 3 + ["2"] * 2
+    assert panel.data["iteration"].tolist() == [0, 1, 2, 0, 1]
+    assert panel.data["lowest RMSE [mm]"].tolist() == [3, 2, 1, 2, 0]
+    ax = Figure().subplots()
+    panel.draw(ax)
+    rising, dashed = ax.lines
+    assert (rising.get_linestyle(), dashed.get_linestyle()) == ("-", "--")
+    assert rising.get_ydata().tolist() == [3, 2, 1]
+    assert 0 < dashed.get_ydata()[1] < 1e-300  # an exact fit, on a logarithmic axis
+    assert ax.get_yscale() == "log"
+    assert convergence.draw(SimpleNamespace(fits={"other": None})) == []
 
 
 @pytest.mark.parametrize("shown", [None, "some samples"])

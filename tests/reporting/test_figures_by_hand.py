@@ -1,0 +1,303 @@
+"""What figures draw, call by call: which numbers, in which order, and in which colours."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from common import curve_of
+from export_samples import FORMULAS
+from matplotlib.colors import to_rgb
+
+from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.results import ErrorBand
+from mapmore_cli.domain.scores import REPEATABILITY
+from mapmore_cli.reporting.figures import (
+    bands,
+    colours,
+    commands,
+    drawing,
+    error,
+    fit,
+    nrmse,
+    residual_map,
+    sketch,
+    sketched,
+    style,
+    terms,
+)
+from mapmore_cli.reporting.inputs import FigureStyle
+
+
+class Recorder:
+    """Axes that remember every call."""
+
+    def __init__(self):
+        self.calls = []
+
+    def __getattr__(self, name):
+        def call(*args, **look):
+            self.calls.append((name, args, look))
+            return Recorder()
+
+        return call
+
+    def named(self, name):
+        return [(args, look) for called, args, look in self.calls if called == name]
+
+
+def calls_of(panel, axes=1):
+    made = [Recorder() for _ in range(axes)]
+    panel.draw(*made)
+    return made if axes > 1 else made[0]
+
+
+def test_errors_of_training_are_pale_below_those_of_held_out_samples(mixed):
+    (figure,) = error.draw(mixed)
+    (pale, look), (held, own) = calls_of(figure.panels[0]).named("plot")
+    assert (look["color"], own["color"]) == (style.LIGHT, style.VERMILLION)
+    measured, held_out = mixed.pooled("force"), mixed.pooled_held_out
+    assert {*pale[0]} <= {*measured[~held_out]}
+    assert {*held[0]} <= {*measured[held_out]}
+    assert {*held[1]} <= {*mixed.errors_of("mapmore")[held_out]}
+
+
+def test_models_that_are_far_off_do_not_set_the_scale_and_say_how_far_they_are(inputs):
+    scores = [replace(s, rmse=1e6) if s.model == "sarosi" else s for s in inputs.validation.scores]
+    validation = replace(inputs.validation, scores=tuple(scores))
+    (figure,) = error.draw(replace(inputs, validation=validation))
+    assert figure.caption.endswith("Too far off for the scale: Sárosi.")
+    own, far = map(calls_of, figure.panels[:2])
+    assert [len(ax.named("plot")) for ax in (own, far)] == [2, 0]
+    assert [len(ax.named("add_artist")) for ax in (own, far)] == [0, 2]
+    largest = np.abs(inputs.errors_of("sarosi")).max()
+    words = [args[0] for ax in (own, far) for args, _ in ax.named("annotate")]
+    assert words == [f"beyond the scale: up to {largest:.3g} N"]
+    (held, *_) = fit.draw(replace(inputs, validation=validation))
+    assert "Too far off for the scale: Sárosi." in held.caption
+
+
+def test_bars_of_a_model_stand_around_its_row_the_held_out_one_above_and_solid(inputs):
+    (figure,) = nrmse.draw(inputs)
+    ax = calls_of(figure.panels[0])
+    bars = ax.named("barh")
+    assert [args[0] for args, _ in bars] == pytest.approx([-0.18, 0.18, 0.82, 1.18, 1.82, 2.18])
+    scores = {(s.model, s.split): s.nrmse for s in inputs.validation.scores if s.curve == "all"}
+    expected = [100 * scores[m, split] for m in inputs.models for split in ("validate", "train")]
+    assert [args[1] for args, _ in bars] == pytest.approx(expected)
+    assert [look["hatch"] is None for _, look in bars] == [True, False] * 3
+    assert [args for args, _ in ax.named("plot")] == [
+        (pytest.approx(error), pytest.approx(row - 0.18))
+        for row, error in enumerate((2.2, 2.5, 7.0))
+    ]
+    assert ax.named("set_xlim") == [((), {"left": 0})]
+    assert not ax.named("axvline")
+    row = next(s for s in inputs.validation.scores if (s.curve, s.split) == ("all", "validate"))
+    scores = (*inputs.validation.scores, replace(row, model=REPEATABILITY, nrmse=0.015))
+    study = replace(inputs, validation=replace(inputs.validation, scores=scores))
+    (figure,) = nrmse.draw(study)
+    (line,) = calls_of(figure.panels[0]).named("axvline")
+    assert line[0] == (pytest.approx(1.5),)
+    assert figure.legend[-1].label == "repeatability 1.50"
+
+
+@pytest.mark.parametrize(("largest", "logarithmic"), [(20.0, False), (20.1, True)])
+def test_errors_that_differ_by_more_than_twenty_times_are_on_a_logarithmic_axis(
+    inputs, largest, logarithmic
+):
+    sizes = [
+        ErrorBand(low, low + 1, 9, dict.fromkeys(inputs.models, low)) for low in (1.0, largest)
+    ]
+    (figure,) = bands.draw(
+        replace(inputs, validation=replace(inputs.validation, bands=tuple(sizes)))
+    )
+    ax = sketch.Sketch(7.0)
+    figure.panels[0].draw(ax)
+    assert ax.yaxis.logarithmic is logarithmic
+    assert logarithmic or ax.yaxis.ends == (0.0, pytest.approx(1.05 * largest))
+    words = [bands._short(value) for value in (999.4, 1000.0, 99_999.0, 1e5, 0.12345)]
+    assert words == ["999", "1000", "99999", "1e+05", "0.123"]
+
+
+def test_a_map_of_errors_has_rims_around_held_out_samples(mixed, monkeypatch):
+    monkeypatch.setattr(residual_map, "colour_bar", lambda *_, **_look: None)
+    (figure,) = residual_map.draw(mixed)
+    data, (panel,) = figure.panels[0].data, figure.panels
+    (small, plain), (large, rimmed) = calls_of(panel).named("scatter")
+    held = data["held out"].astype(bool)
+    assert (small[2], large[2], rimmed["edgecolors"], plain["edgecolors"]) == (8, 16, "0.3", "none")
+    errors = next(values for name, values in data.items() if name.startswith("Predicted less"))
+    np.testing.assert_array_equal(large[3], errors[held])
+    np.testing.assert_array_equal(small[3], errors[~held])
+    limit = np.quantile(np.abs(errors), 0.98)
+    assert (rimmed["vmin"], rimmed["vmax"]) == pytest.approx((-limit, limit))
+
+
+def test_shares_left_unexplained_are_between_powers_of_ten(inputs):
+    (figure,) = terms.draw(inputs)
+    ax = drawing.compose(figure).axes[0]
+    ends = np.log10(ax.get_xlim())
+    assert ends == pytest.approx(ends.round(), abs=1e-9)
+    shown = np.concatenate([line.get_xdata() for line in ax.lines])
+    shown = shown[np.isfinite(shown)]
+    assert ends[0] <= np.log10(shown.min())
+    assert ends[1] >= np.log10(shown.max()) > ends[1] - 1
+
+
+def test_a_training_curve_has_its_error_below(inputs):
+    (figure,) = fit.training_figures(inputs)
+    top, bottom = calls_of(figure.panels[0], 2)
+    curve, predicted = inputs.dataset.curves[0], inputs.validation.predictions["mapmore"][0]
+    (x, y), _ = bottom.named("plot")[0]
+    np.testing.assert_array_equal(x, curve.columns["strain"])
+    np.testing.assert_allclose(y, predicted - curve.columns["force"])
+    (_, line), look = top.named("plot")[0]
+    np.testing.assert_array_equal(line, predicted)
+    assert look["label"] == "mapmore"
+
+
+def test_a_model_without_pieces_is_named_in_the_caption(inputs):
+    assert fit.own_words(inputs) == ""
+    formula = replace(inputs, model=FORMULAS["sarosi"])
+    assert fit.own_words(formula) == " mapmore is sarosi, fitted to the training samples here."
+    other = replace(formula.validation, predictions={"sarosi": ()})
+    assert fit.own_words(replace(formula, validation=other)) == ""
+
+
+def test_a_loop_is_cut_where_samples_are_not_held_out():
+    held = np.array([1, 1, 0, 1, 1, 1], dtype=bool)
+    curve = curve_of({"u": np.arange(6.0), "y": np.arange(6.0) ** 2}, held)
+    inputs = SimpleNamespace(
+        dataset=SimpleNamespace(curves=[curve], target="y"),
+        in_curve=Quantity("u", "1"),
+        target=Quantity("y", "mm"),
+        validation=SimpleNamespace(predictions={"mapmore": [-curve.columns["y"]]}),
+        axis_label=lambda quantity: quantity.name,
+        curve_label=lambda curve: curve.id,
+    )
+    (panel,) = fit._loops(inputs, 0, style.model_styles(["mapmore"]))
+    drawn = [(*map(list, args), look["label"]) for args, look in calls_of(panel).named("plot")]
+    assert drawn == [
+        ([0, 1], [0, 1], "measured"),
+        ([0, 1], [0, -1], "mapmore"),
+        ([3, 4, 5], [9, 16, 25], "measured"),
+        ([3, 4, 5], [-9, -16, -25], "mapmore"),
+    ]
+    assert panel.data["y [mm]"].tolist() == [0, 1, 9, 16, 25]
+
+
+def test_a_drift_is_in_per_cent_of_the_first_campaign():
+    points = [
+        SimpleNamespace(inputs={"p": 100.0, "x": 0.12345}, outputs=(50.0, 55.0)),
+        SimpleNamespace(inputs={"p": 200.0}, outputs=(-10.0, -8.0)),
+    ]
+    figure = commands.drift_drawing(["spring", "autumn"], points, Quantity("force", "N"))
+    ax = calls_of(figure.panels[0])
+    lines = [(args[0], look["label"]) for args, look in ax.named("plot")]
+    assert lines == [
+        (pytest.approx([100, 110]), "p 100, x 0.123"),
+        (pytest.approx([100, 80]), "p 200"),
+    ]
+    assert ax.named("set_xticks")[0][0] == (range(2), ["spring", "autumn"])
+
+
+# Colours and elements
+# --------------------------------------------------------------------------------------------------
+
+
+def test_levels_are_blue_from_pale_to_dark_and_a_palette_is_used_again():
+    shades = [sum(to_rgb(colour)) for colour in style.level_colours(4)]
+    assert shades == sorted(shades, reverse=True)
+    assert style.level_colours(1) == ["#08306b"]
+    looks = style.model_styles(["own", "a", "b", "own"], ["red", "blue"])
+    assert [(name, look.colour) for name, look in looks.items()] == [
+        ("own", "red"),
+        ("a", "blue"),
+        ("b", "red"),
+    ]
+    nested = "$" + "{" * 10 + "x" + "}" * 10 + "$"
+    assert style.wrong_formula(nested) is None
+    assert "nested 11 levels deep" in style.wrong_formula(nested.replace("x", "{x}"))
+
+
+def test_colours_of_a_map_lie_between_its_neighbours():
+    assert colours.colour_at("Blues", -1.0) == "#f7fbff"
+    assert colours.colour_at("Blues", 1.0) == "#08306b"
+    assert colours.colour_at("Blues", 0.25 / 8) == "#f1f7fd"  # a quarter from f7fbff to deebf7
+    assert (colours.hex_of("0.2"), colours.hex_of("#123")) == ("#333333", "#123")
+    shades = colours.Shades("Blues", np.array([0.0, 1.0, 2.0, 3.0]))
+    ends = colours.colour_at("Blues", 0.0), colours.colour_at("Blues", 1.0)
+    found = shades.of(np.array([-5.0, 0.5, 1.0, np.nan, 2.0, 9.0]))
+    assert found == [ends[0], ends[0], colours.colour_at("Blues", 0.5), "", ends[1], ends[1]]
+
+
+def svg_of(*calls):
+    """What the last of the calls draws on a sheet whose places are ten times the numbers."""
+    ax = sketch.Sketch(10.0)
+    for name, args, look in calls:
+        getattr(ax, name)(*args, **look)
+    _, made = (ax.beside or ax.marks)[-1]
+    return ax, made(*[lambda values: 10 * np.asarray(values, dtype=float)] * 2)
+
+
+def test_a_sketch_draws_bars_areas_and_dots_at_their_places():
+    look = {"facecolor": "#111", "edgecolor": "#222", "hatch": None}
+    ax, bar = svg_of(("barh", (3.0, 5.0, 1.0), look))
+    assert '<rect x="0.00" y="25.00" width="50.00" height="10.00"' in bar
+    assert (ax.yaxis.low, ax.yaxis.high, ax.xaxis.low, ax.xaxis.high) == (2.5, 3.5, 0, 5)
+    ends = np.array([0.0, 1, 2, 3]), np.array([1.0, np.nan, 1, 1]), 2.0
+    _, area = svg_of(("fill_between", ends, {"color": "#333", "alpha": 0.5}))
+    assert 'd="M0 10l0 10ZM20 10l10 0l0 10l-10 0Z" fill="#333" fill-opacity="0.5"' in area
+    _, dots = svg_of(
+        ("scatter", (np.array([1.0]), np.array([2.0]), 16.0, np.array([0.0])),
+         {"cmap": "Blues", "vmin": 0.0, "vmax": 1.0, "edgecolors": "0.2"}),
+    )  # fmt: skip
+    assert '<circle cx="10.0" cy="20.0" r="2" fill="#f7fbff"/>' in dots
+    assert 'stroke="#333333" stroke-width="0.3"' in dots
+    ranges = ("set_ylim", (1.0, 4.0), {}), ("axvspan", (2.0, 3.0), {"color": "#444"})
+    assert '<rect x="20.00" y="10.00" width="10.00" height="30.00"' in svg_of(*ranges)[1]
+
+
+def test_a_sketch_writes_words_beside_their_places():
+    """An offset upwards, an anchor, and space at the right for words that begin there."""
+    limits = ("set_xlim", (2.0, 6.0), {}), ("set_ylim", (1.0, 4.0), {})
+    ax, words = svg_of(*limits, ("annotate", ("ab", (3.0, 2.0), (5, 4)), {}))
+    assert 'x="35.0" y="16.0">ab' in words
+    assert ax.right == 0
+    shares = {"xycoords": ("axes fraction", "data"), "va": "center", "ha": "right"}
+    ax, words = svg_of(*limits, ("annotate", ("abc", (1.0, 2.0), (5, 0)), shares))
+    assert 'text-anchor="end"' in words
+    assert 'x="65.0" y="23.5">abc' in words  # 60 + 5, and 20 + 0.35 of the size
+    assert ax.right == pytest.approx(5 + 3 * 0.55 * 10)
+    half = {"xycoords": ("axes fraction", "axes fraction"), "va": "top"}
+    assert (
+        'x="40.0" y="33.0">a' in svg_of(*limits, ("annotate", ("a", (0.5, 0.5), (0, 0)), half))[1]
+    )
+
+
+def test_a_colour_bar_has_its_colours_from_bottom_to_top_and_its_ticks_beside():
+    shades = colours.Shades("Blues", np.array([0.0, 1.0, 2.0]))
+    limits = ("set_xlim", (0.0, 6.0), {}), ("set_ylim", (4.0, 1.0), {})
+    ax, svg = svg_of(*limits, ("colorbar", (shades,), {"label": "force"}))
+    low, high = (colours.colour_at("Blues", share) for share in (0.0, 1.0))
+    assert f'<rect x="68.00" y="25.00" width="8.00" height="15.00" fill="{low}"' in svg
+    assert f'<rect x="68.00" y="10.00" width="8.00" height="15.00" fill="{high}"' in svg
+    assert 'x="79.0" y="28.5">1.0' in svg
+    assert ax.right == pytest.approx(14 + 3 * 0.55 * 10 + 20)
+
+
+def test_a_panel_is_an_element_as_large_on_the_screen_as_its_letters_need():
+    svg = sketched._svg("inside", (3.0, 4.0, 100.0, 50.0), FigureStyle(size=9.0), 'class="x"')
+    assert 'width="180.0" height="90.0" viewBox="0 0 100.0 50.0"' in svg
+    assert "min-width: 115px; max-width: 180px" in svg  # 9.2 pixels for letters of 8 points
+    assert '{"x": 3.0, "y": 4.0, "width": 100.0, "height": 50.0}' in svg
+
+
+def test_panels_stand_in_rows_of_three_or_of_two_if_they_are_four():
+    panels = [drawing.Panel(str(k), lambda ax: ax.plot([0, 1]), "x", ("y",)) for k in range(7)]
+    for count, columns in ((1, 1), (3, 3), (4, 2), (5, 3), (7, 3)):
+        figure = drawing.Drawing("q", "", tuple(panels[:count]), drawing.Layout(2.0))
+        plan = drawing.arranged(figure, style.PLAIN)
+        assert (plan.columns, plan.width) == (columns, 3.5 if count == 1 else drawing.DOUBLE)
+        narrow = drawing.arranged(figure, style.PLAIN, width=drawing.DOUBLE * 0.7)
+        assert narrow.columns == max(1, int(columns * 0.7))
