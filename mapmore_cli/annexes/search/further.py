@@ -11,7 +11,7 @@ from operator import attrgetter
 import numpy as np
 
 from mapmore_cli.annexes.search.bench import Bench
-from mapmore_cli.annexes.search.black_boxes import BLACK_BOX, SHOWN, Outcome
+from mapmore_cli.annexes.search.black_boxes import BLACK_BOX, SHOWN
 from mapmore_cli.domain.results import Search
 from mapmore_cli.modelling.validation.significance import NOTHING, PRICE
 
@@ -44,12 +44,7 @@ def outdone_note(result: Search, bench: Bench) -> str:
     return note if ratio > 1 / LESS else ""
 
 
-def go_on(
-    first: Search,
-    bench: Bench,
-    try_round: Callable[[str], list[Outcome]],
-    choose: Callable[[list[Outcome]], Search],
-) -> Search:
+def go_on(first: Search, bench: Bench, with_round: Callable[[str], Search]) -> Search:
     """Return the choice after later rounds.
 
     A round begins if a black box is clearly better than the structure found so far. The rounds end
@@ -57,23 +52,21 @@ def go_on(
     kept, unless a structure of the round has a smaller error and no more parameters.
 
     - `first`: result of the first round.
-    - `try_round`: function that tries the candidates of a file.
-    - `choose`: function that chooses among the first round and all outcomes of later rounds.
+    - `with_round`: function that also tries the candidates of a file, and chooses among all
+      structures that were tried so far.
     """
-    result, later = first, list[Outcome]()
+    result = first
     for name in ROUNDS:
         if not outdone_note(result, bench):
             break
-        later += try_round(name)
-        longer = choose(later)
+        longer = replace(with_round(name), short=first.chosen)
         costs = [
             one.excess + PRICE * np.log(max(one.parameters, 1))
             for one in (longer.found, longer.tried[result.chosen])
         ]
         if costs[1] - costs[0] < GAIN:
-            kept = _least(longer, result.chosen)
-            return replace(longer, chosen=kept, short=first.chosen)
-        result = replace(longer, short=first.chosen)
+            return replace(longer, chosen=_least(longer, result.chosen))
+        result = longer
     return result
 
 
@@ -81,13 +74,13 @@ def _least(result: Search, number: int) -> int:
     """Return the index of the structure with the smallest error among all that have at most as many
     parameters as the structure `number`. At equal errors, the structure `number` is preferred.
     """
-    ranked = [
-        (rival.excess, place != number, place)
+    rivals = [
+        place
         for place, rival in enumerate(result.tried)
         if not rival.failure and rival.family not in SHOWN
         if rival.parameters <= result.tried[number].parameters
     ]
-    return min(ranked)[-1]
+    return min([number, *rivals], key=lambda place: result.tried[place].excess)
 
 
 def note_of(result: Search, short: int) -> str:
