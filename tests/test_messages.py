@@ -88,6 +88,7 @@ PARTS = (
     "guess of the spec is",
     "guesses of the spec are",
     "the first of ... gaps",
+    "chooses the short one",
 )
 """Texts that are parts of other warnings, or of errors."""
 

@@ -66,6 +66,21 @@ def test_rounds_go_on_while_a_black_box_errs_less_and_one_gains(box, rounds, ask
     assert result.short == (0 if asked else None)
 
 
+@pytest.mark.parametrize(
+    ("found", "words", "advised"),
+    [
+        ((1.0, 10), "none of them gains 5 % over structure 0", False),
+        ((0.98, 10), "smaller by a factor of 1.02 than that of structure 0 with 10", False),
+        ((0.5, 11), "smaller by a factor of 2 than that of structure 0 with 10", True),
+    ],
+)
+def test_the_short_structure_is_recommended_only_if_it_has_fewer_parameters(found, words, advised):
+    result = choice_of((1.0, 10), found, box=0.4)
+    note = further.note_of(result if words[0] == "s" else replace(result, chosen=0), 0)
+    assert words in note
+    assert ("prefer: short" in note) == advised
+
+
 def smooth_map(size, seed=0):
     """A smooth map of three inputs, a fifth of it held out."""
     rng = np.random.default_rng(seed)

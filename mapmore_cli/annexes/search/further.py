@@ -84,16 +84,20 @@ def _least(result: Search, number: int) -> int:
 
 
 def note_of(result: Search, short: int) -> str:
-    """Return a note that compares the later rounds with the structure found before."""
+    """Return a note that compares the chosen structure with the choice of the first round, `short`.
+    The note recommends the short structure only if the chosen one has more parameters.
+    """
     long, before = result.found, result.tried[short]
     if long is before:
         return (
             "the search went on with longer structures, because a black box has a smaller error, "
-            f"but none of them is better than {before.words} by {100 * GAIN:g} %"
+            f"but none of them gains {100 * GAIN:g} % over {before.words} if its additional "
+            "parameters are taken into account"
         )
-    return (
+    compared = (
         f"the error of {long.words} with {long.parameters} parameters on left-out data is smaller "
-        f"by a factor of {np.exp(before.excess - long.excess):.2g} than that of {before.words} "
-        f"with {before.parameters}, the best short structure; `model: {{type: auto, prefer: "
-        "short}` chooses the short one"
+        f"by a factor of {np.exp(before.excess - long.excess):.3g} than that of {before.words} "
+        f"with {before.parameters}, the choice from the list of short structures"
     )
+    advice = "; `model: {type: auto, prefer: short}` chooses the short one"
+    return compared + advice * (long.parameters > before.parameters)
