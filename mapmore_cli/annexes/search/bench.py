@@ -55,9 +55,9 @@ class Bench:
 
     Each fold, (n,), covers all samples, curve after curve. The first `blocks` folds leave out
     stretches of curves, the others whole levels, recordings or their ends. Their `weights`, (f,),
-    count relative to each other. `asks_parts` is True if most held-out samples are whole levels,
-    recordings or ends. The `study` holds evenly thinned samples, training and held-out samples. The
-    outputs of held-out samples are not used.
+    count relative to each other. `asks_parts` is True if most held-out samples belong to whole
+    levels, to recordings or to ends. The `study` contains training samples and held-out samples,
+    both evenly thinned; the outputs of its held-out samples are not used.
     """
 
     dataset: Dataset

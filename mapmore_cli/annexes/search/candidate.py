@@ -34,7 +34,7 @@ others, it is the smallest.
 
 FORMULAS = ("sarosi", "sarosi_hinged", "kerscher")
 FORCE = "force"
-"""The quantity that formulas of muscles predict."""
+"""The quantity that the formulas of muscles predict."""
 
 DECADES = (10, 30, 100, 300)
 """Time constants in steps, which are used if the longest recording has at least twice as many
@@ -184,11 +184,8 @@ def filled(part: Any, words: Mapping[str, Any]) -> Any:
     """
     match part:
         case str():
-            return (
-                words[part]
-                if part in words
-                else WORD.sub(lambda word: str(words.get(word[0], word[0])), part)
-            )
+            text = WORD.sub(lambda word: str(words.get(word[0], word[0])), part)
+            return words.get(part, text)
         case {"every": text, **loops}:
             return [filled(text, {**words, **own}) for own in combinations(loops, words)]
         case Mapping():

@@ -39,9 +39,10 @@ kind. A fold leaves out at most the second fraction of the range of an input at 
 """
 
 ASKED, OTHERWISE, ALONE = 2 / 3, (1 / 4, 1 / 2), 1 / 2
-"""Weights of all folds that leave out whole levels or recordings: if the study holds out such parts
-alone; if it holds out none, for tables and for recordings; and if there is only one such fold. All
-stretches together have the rest.
+"""Weights of all folds together that leave out whole levels or recordings. `ASKED`: if the study
+holds out such parts only. `OTHERWISE`: if the study holds out no such part, for tables and for
+recordings. `ALONE`: if there is only one such fold. All folds that leave out stretches together
+have the rest of the weight.
 """
 
 
@@ -67,8 +68,9 @@ def parts_of(dataset: Dataset, situation: Situation, study: Dataset, by_level: b
     - the end of a recording: it comes after all training samples of its recording;
     - a level or a recording: its curve is held out as a whole.
 
-    Ends of an input have their share of the weight, because only ends say something about ends.
-    With `by_level`, the study leaves out every level in turn.
+    The weight of the folds at ends of an input is the share of the held-out samples at such ends,
+    because only these folds can predict the error beyond the range. With `by_level`, the study
+    leaves out every level in turn.
     """
     samples, every = pooled_samples(dataset), pooled_samples(study)
     whole = _of_curves(study, [curve.held_out.all() for curve in study.curves])
