@@ -58,8 +58,8 @@ FROM = {
     "pipeline/report.py write_pages": ("pipeline/report.py: faults_of",),
     "pipeline/report.py drawn_figure": ("pipeline/report.py: faults_of",),
     "annexes/search/stage.py run_search": (
-        "annexes/search/searching.py: search _uneven _notes_of",
-        "annexes/search/further.py: note_of outdone_note",
+        "annexes/search/searching.py: search _uneven _plain_note",
+        "annexes/search/further.py: longer_note outdone_note",
     ),
     "pipeline/predict.py predicted_lines": INTERVALS,
     "pipeline/foreign.py foreign_lines": IN_FILES,

@@ -75,8 +75,8 @@ def test_rounds_go_on_while_a_black_box_errs_less_and_one_gains(box, rounds, ask
     ],
 )
 def test_the_short_structure_is_recommended_only_if_it_has_fewer_parameters(found, words, advised):
-    result = choice_of((1.0, 10), found, box=0.4)
-    note = further.note_of(result if words[0] == "s" else replace(result, chosen=0), 0)
+    result = replace(choice_of((1.0, 10), found, box=0.4), short=0)
+    note = further.longer_note(result if words[0] == "s" else replace(result, chosen=0))
     assert words in note
     assert ("prefer: short" in note) == advised
 

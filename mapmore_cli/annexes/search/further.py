@@ -83,11 +83,14 @@ def _least(result: Search, number: int) -> int:
     return min([number, *rivals], key=lambda place: result.tried[place].excess)
 
 
-def note_of(result: Search, short: int) -> str:
-    """Return a note that compares the chosen structure with the choice of the first round, `short`.
-    The note recommends the short structure only if the chosen one has more parameters.
+def longer_note(result: Search) -> str:
+    """Return a note that compares the chosen structure with the choice of the first round; empty if
+    there was no later round. The note recommends the choice of the first round only if the chosen
+    structure has more parameters.
     """
-    long, before = result.found, result.tried[short]
+    if result.short is None:
+        return ""
+    long, before = result.found, result.tried[result.short]
     if long is before:
         return (
             "the search went on with longer structures, because a black box has a smaller error, "

@@ -24,7 +24,7 @@ from mapmore_cli.annexes.search.candidate import (
     offered_structures,
 )
 from mapmore_cli.annexes.search.choosing import PLAIN, choose_structure
-from mapmore_cli.annexes.search.further import go_on, note_of, outdone_note
+from mapmore_cli.annexes.search.further import go_on, longer_note, outdone_note
 from mapmore_cli.annexes.search.samples import searchable
 from mapmore_cli.annexes.search.situation import Situation, situation_of
 from mapmore_cli.annexes.search.trying import tried_ways
@@ -97,7 +97,13 @@ def search(
         f"the budget of {part.model.budget:g} s ended before {trials.cut} of {trials.listed} "
         "structures were tried"
     )
-    notes = (ended if trials.cut else "", *uneven, *_notes_of(result), outdone)
+    notes = (
+        ended if trials.cut else "",
+        *uneven,
+        _plain_note(result),
+        longer_note(result),
+        outdone,
+    )
     return replace(result, cut=trials.cut, notes=tuple(filter(None, notes)), outdone=outdone)
 
 
@@ -174,16 +180,13 @@ class Trials:
         return [(replace(tried, seconds=each), left) for tried, left in outcomes]
 
 
-def _notes_of(result: Search) -> list[str]:
-    """Return notes for the reader of the table: that more parameters add nothing, or what later
-    rounds gained.
+def _plain_note(result: Search) -> str:
+    """Return a note that more parameters would add nothing; empty if no plain structure was chosen,
+    or if it has the smallest error.
     """
-    own, best, notes = result.found, result.tried[result.best], list[str]()
-    if own.family in PLAIN and result.chosen != result.best:
-        notes.append(
-            f"{own.words} is as good as structures with more parameters, because left-out "
-            f"data show no advantage of {best.words}"
-        )
-    if result.short is not None:
-        notes.append(note_of(result, result.short))
-    return notes
+    own, best = result.found, result.tried[result.best]
+    note = (
+        f"{own.words} is as good as structures with more parameters, because left-out data show no "
+        f"advantage of {best.words}"
+    )
+    return note if own.family in PLAIN and own is not best else ""
