@@ -152,7 +152,8 @@ def test_terms_grow_with_the_inputs_and_those_of_long_structures_with_the_sample
         changes = {"inputs": tuple(inputs), "level": None}
         assert most_terms("quadratic", **changes) == quadratic
         assert most_terms("cubic splines of a", **changes) == splines
-    for samples, terms in ((60, 28), (4000, 100)):  # one for every forty samples
+    # one for every forty samples, and 200 at most
+    for samples, terms in ((60, 28), (4000, 100), (12_000, 200)):
         assert most_terms("order 5 of the inputs", curves=6, samples=samples) == terms
 
 
@@ -347,15 +348,6 @@ def test_recordings_at_one_value_of_what_is_held_out_are_left_out_together(lengt
     assert [[mask.all() for mask in fold] for fold in bench.masks[bench.blocks :]] == out
 
 
-def test_a_recording_without_which_an_input_stands_still_is_not_left_out():
-    of = dict.fromkeys(("time", "u", "y"), np.arange(100) * 0.01)
-    bench = bench_of(dataset_of(*({**of, "load": np.full(100, load)} for load in (1, 1, 2))))
-    assert [[mask.all() for mask in fold] for fold in bench.masks[bench.blocks :]] == [
-        [True, False, False],
-        [False, True, False],
-    ]
-
-
 def leveled(*levels, held=()):
     """The bench of a map whose pressures were held, some of them held out."""
     curves = [
@@ -375,6 +367,7 @@ def leveled(*levels, held=()):
     [
         (3, [], [[2]], 1 / 2),  # the only inner one
         (5, [], [[2], [3], [4]], 1 / 4),
+        (10, [], [[2], [3], [5], [6], [8], [9]], 1 / 4),  # six at most
         (5, [3], [[2], [4]], 2 / 3),
         (5, [2, 3], [[4]], 1 / 2),  # of 1, 4 and 5, one is between two others
         (5, [1, 5], [[2], [4]], 1),
@@ -545,7 +538,15 @@ def test_time_constants_are_at_most_half_of_a_record(steps, taus):
     assert vocabulary(of)["DECADES"] == pytest.approx(taus)
 
 
+@pytest.mark.parametrize(("inputs", "velocities"), [("uv", ["v", "rate(u)"]), ("uvw", ["v"])])
+def test_rates_of_at_most_two_moving_inputs_are_velocities(inputs, velocities):
+    of = Situation("y", tuple(inputs), None, 500, 1, 0.1, 200, around_zero=("v",))
+    assert vocabulary(of)["VELOCITIES"] == velocities
+
+
 def test_an_input_that_begins_at_zero_is_not_around_it():
+    """The input that moves most within a recording comes first."""
     u = np.linspace(0, 1, 20)
-    found = situation_of(dataset_of({"u": u, "v": u**2 - 0.5, "w": -(u**3), "y": u + u**2}))
-    assert found.around_zero == ("v",)
+    columns = {"u": u, "v": u**2 - 0.5, "w": -(u**3), "y": u + u**2}
+    found = situation_of(dataset_of(columns, {**columns, "u": u + 9}))
+    assert (found.around_zero, found.inputs) == (("v",), ("v", "w", "u"))
