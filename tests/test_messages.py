@@ -59,8 +59,8 @@ FROM = {
     "pipeline/report.py write_pages": ("pipeline/report.py: faults_of",),
     "pipeline/report.py drawn_figure": ("pipeline/report.py: faults_of",),
     "annexes/search/stage.py run_search": (
-        "annexes/search/searching.py: search _uneven _notes_of",
-        "annexes/search/further.py: note_of outdone_note",
+        "annexes/search/searching.py: search _uneven _plain_note",
+        "annexes/search/further.py: longer_note outdone_note",
     ),
     "pipeline/predict.py predicted_lines": INTERVALS,
     "pipeline/foreign.py foreign_lines": IN_FILES,
@@ -89,6 +89,7 @@ PARTS = (
     "guess of the spec is",
     "guesses of the spec are",
     "the first of ... gaps",
+    "chooses the short one",
 )
 """Texts that are parts of other warnings, or of errors."""
 

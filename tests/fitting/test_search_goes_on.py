@@ -54,16 +54,31 @@ def choice_of(*structures, box):
 def test_rounds_go_on_while_a_black_box_errs_less_and_one_gains(box, rounds, asked, chosen):
     structures, names = [(1.0, 10)], []
 
-    def try_round(name):
+    def with_round(name):
         names.append(name)
         structures.append(rounds[len(names) - 1])
-        return [name]
+        return choice_of(*structures, box=box)
 
     first = choice_of(*structures, box=box)
     bench = SimpleNamespace(asks_parts=False)
-    result = go_on(first, bench, try_round, lambda _later: choice_of(*structures, box=box))
+    result = go_on(first, bench, with_round)
     assert (names, result.chosen) == (asked, chosen)
     assert result.short == (0 if asked else None)
+
+
+@pytest.mark.parametrize(
+    ("found", "words", "advised"),
+    [
+        ((1.0, 10), "none of them gains 5 % over structure 0", False),
+        ((0.98, 10), "smaller by a factor of 1.02 than that of structure 0 with 10", False),
+        ((0.5, 11), "smaller by a factor of 2 than that of structure 0 with 10", True),
+    ],
+)
+def test_the_short_structure_is_recommended_only_if_it_has_fewer_parameters(found, words, advised):
+    result = replace(choice_of((1.0, 10), found, box=0.4), short=0)
+    note = further.longer_note(result if words[0] == "s" else replace(result, chosen=0))
+    assert words in note
+    assert ("prefer: short" in note) == advised
 
 
 def smooth_map(size, seed=0):
@@ -85,7 +100,7 @@ def held_out_error(dataset, found):
 def error_of_process(dataset):
     """RMSE of the Gaussian process of the search on the held-out samples."""
     situation, (curve,) = situation_of(dataset), dataset.curves
-    (missed, _), *_ = next(
+    (missed,) = next(
         left
         for one, left in black_boxes(dataset, [curve.held_out], situation)
         if one.words == "gaussian process"
@@ -115,8 +130,7 @@ def is_of_higher_order(one):
 
 def exact(_dataset, folds, _situation):
     """A black box that errs nowhere."""
-    left = [(np.zeros(int(fold.sum())), np.ones(int(fold.sum()), dtype=bool)) for fold in folds]
-    return [(Tried("black box", "oracle", {}), left)]
+    return [(Tried("black box", "oracle", {}), [np.zeros(int(fold.sum())) for fold in folds])]
 
 
 def test_a_smooth_map_gets_more_terms_unless_the_study_prefers_the_short_one(monkeypatch):

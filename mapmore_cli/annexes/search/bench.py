@@ -5,14 +5,14 @@ folds that are left out.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
 
 import numpy as np
 
 from mapmore_cli.annexes.search.parts import parts_of
-from mapmore_cli.annexes.search.samples import MOST_SAMPLES, cut_short, ends_of
+from mapmore_cli.annexes.search.samples import cut_short, ends_of, thinned
 from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.annexes.search.stretches import held_run, stretches
 from mapmore_cli.domain.arrays import Array, BoolArray, extremes
@@ -20,7 +20,6 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.pieces.recipe import Fuse
-from mapmore_cli.modelling.signals.sampling import even_share
 from mapmore_cli.modelling.simple import polynomial_fit
 from mapmore_cli.study.sections.data import Levels
 from mapmore_cli.study.sections.model import ModelChoice
@@ -56,9 +55,9 @@ class Bench:
 
     Each fold, (n,), covers all samples, curve after curve. The first `blocks` folds leave out
     stretches of curves, the others whole levels, recordings or their ends. Their `weights`, (f,),
-    count relative to each other. `asks_parts` is True if most held-out samples are whole levels,
-    recordings or ends. The `study` holds evenly thinned samples, training and held-out samples. The
-    outputs of held-out samples are not used.
+    count relative to each other. `asks_parts` is True if most held-out samples belong to whole
+    levels, to recordings or to ends. The `study` contains training samples and held-out samples,
+    both evenly thinned; the outputs of its held-out samples are not used.
     """
 
     dataset: Dataset
@@ -90,11 +89,9 @@ class Bench:
         parts = [kind.weight for kind in kinds]
         counts = [len(blocks), *(len(kind.folds) for kind in kinds)]
         weights = np.array([1 - sum(parts), *parts]) / np.maximum(counts, 1)
-        most = max(MOST_SAMPLES // len(study.curves), 1)
-        shown = [curve.at(even_share(np.arange(curve.size), most)) for curve in study.curves]
         return cls(
             training,
-            replace(study, curves=tuple(shown)),
+            thinned(study),
             situation,
             (*blocks, *chain.from_iterable(kind.folds for kind in kinds)),
             len(blocks),

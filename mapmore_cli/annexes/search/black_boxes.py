@@ -34,13 +34,10 @@ BLACK_BOX = "black box"
 SHOWN = (BLACK_BOX, "papers")
 """Kinds that are shown in the table but never chosen."""
 
-Left = tuple[Array, BoolArray]
-"""Errors of a structure on the left-out samples of a fold, (n,), and a mask of the samples that it
-predicts.
+Outcome = tuple[Tried, Sequence[Array]]
+"""A structure with its errors on the left-out samples of every fold, (n,) each; NaN for a sample
+that the structure does not predict.
 """
-
-Outcome = tuple[Tried, Sequence[Left]]
-"""A structure with its left-out errors in every fold."""
 
 
 def black_boxes(
@@ -54,26 +51,21 @@ def black_boxes(
     scikit-learn takes longer than fitting all structures of a small table; it is fitted to tables
     only. Each black box learns from at most half of the samples that it may have as a competitor.
     """
-    inputs = situation.inputs
-    if not inputs:
-        return []
-    samples = pooled_samples(dataset)
+    inputs, samples = situation.inputs, pooled_samples(dataset)
     known, y = samples.training, samples.columns[dataset.target]
-    learners = list[tuple[str, Callable[..., Any], Sequence[int]]]()
-    if not situation.timed and len(inputs) <= MOST_INPUTS:
-        learners.append(("gaussian_process", smooth, (0,)))
-    if known.sum() >= FEWEST and find_spec("sklearn") is not None:
+    learners = dict[str, tuple[Callable[..., Any], Sequence[int]]]()
+    if not situation.timed and 0 < len(inputs) <= MOST_INPUTS:
+        learners["gaussian_process"] = smooth, (0,)
+    if inputs and known.sum() >= FEWEST and find_spec("sklearn") is not None:
         # a neural network is not fitted, because this takes as long as the rest of the search
         delays = DELAYS if situation.timed or situation.ordered else (0,)
-        learners.append(("gradient_boosting", partial(learned, "gradient_boosting"), delays))
+        learners["gradient_boosting"] = partial(learned, "gradient_boosting"), delays
     outcomes = list[Outcome]()
-    for name, learner, back in learners:
-        x = features(samples, inputs, back)
-        left = list[Left]()
+    for name, (learner, back) in learners.items():
+        x, left = features(samples, inputs, back), list[Array]()
         for out in folds:
             learnt = even_share(np.flatnonzero(known & ~out), LEARNERS[name].most_samples // 2)
-            missed = learner(x[learnt], y[learnt])(x[out]) - y[out]
-            left.append((missed, np.isfinite(missed)))
+            left.append(learner(x[learnt], y[learnt])(x[out]) - y[out])
         outcomes.append((Tried(BLACK_BOX, name.replace("_", " "), {}), left))
     return outcomes
 

@@ -7,15 +7,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from itertools import product
+from itertools import chain, product
 from math import ceil, comb
 from typing import Any
 
 from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.domain.results import Tried
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.literature import TARGET
-from mapmore_cli.modelling.literature.formula import Formula
 
 MOST_PARAMETERS = 28
 """Largest number of parameters of a structure that a search may choose for a table, or that of a
@@ -36,13 +34,12 @@ others, it is the smallest.
 
 FORMULAS = ("sarosi", "sarosi_hinged", "kerscher")
 FORCE = "force"
-"""The quantity that formulas of muscles predict."""
+"""The quantity that the formulas of muscles predict."""
 
 DECADES = (10, 30, 100, 300)
 """Time constants in steps, which are used if the longest recording has at least twice as many
 steps.
 """
-
 
 BEYOND = "fuse.extrapolation"
 """Setting for the behaviour of pieces outside the range of each curve."""
@@ -57,21 +54,20 @@ a structure that behaves differently from what its file of candidates says.
 """
 
 
-def way_of(candidate: Tried) -> str:
-    """Return the extrapolation of the pieces of a candidate. If the candidate sets none,
-    the value at the end of a curve is held.
+def continuations(candidate: Tried) -> list[Tried]:
+    """Return a candidate with each of the behaviours in `WAYS` outside the range of a curve. The
+    first one is that of the candidate itself, which holds the value at the end of a curve if its
+    file of candidates sets none.
     """
-    return str(candidate.sections.get(BEYOND, "saturate"))
-
-
-def going_on(candidate: Tried, way: str | None) -> Tried:
-    """Return the candidate with another extrapolation of its pieces, or the candidate itself if
-    `way` is None.
-    """
-    if way is None:
-        return candidate
-    words = candidate.words + WAYS[way] * (way != way_of(candidate))
-    return replace(candidate, words=words, sections={**candidate.sections, BEYOND: way})
+    own = candidate.sections.get(BEYOND, "saturate")
+    return [
+        replace(
+            candidate,
+            words=candidate.words + WAYS[way] * (way != own),
+            sections={**candidate.sections, BEYOND: way},
+        )
+        for way in sorted(WAYS, key=lambda way: way != own)
+    ]
 
 
 def offered_structures(family: Mapping[str, Any], of: Situation) -> Iterator[Tried]:
@@ -85,10 +81,8 @@ def offered_structures(family: Mapping[str, Any], of: Situation) -> Iterator[Tri
     for one in family["candidates"]:
         if not _applies(one.get("when", {}), of):
             continue
-        known = vocabulary(of)
-        loops = {name: filled(values, known) for name, values in one.get("for", {}).items()}
-        for values in product(*loops.values()):
-            words = vocabulary(of, **dict(zip(loops, values, strict=True)))
+        for values in combinations(one.get("for", {}), vocabulary(of)):
+            words = vocabulary(of, **values)
             parts = {
                 key: filled(part, words) for key, part in one.items() if key not in ("when", "for")
             }
@@ -133,60 +127,48 @@ def vocabulary(of: Situation, **more: Any) -> dict[str, Any]:
     - `REST`: the inputs without the input of the loop. `FIRST_REST`: the first input of `REST` that
       moves. `MOVING_REST`: all inputs of `REST` that move.
     - `PLANE`, `QUADRATIC`, `CUBIC`: number of monomials of these polynomials.
-    - `SLOW_ORDER`: order of products of slow states.
     - `MANY`: number of terms that the samples support, between `MOST_PARAMETERS` and 200.
-    - `FORMULAS`: formulas whose quantities the study has.
+    - `FORMULAS`: formulas of muscles whose quantities the study has and that have fewer parameters
+      than there are training samples.
     - `AROUND_ZERO`: moving inputs that take both signs. `VELOCITIES`: inputs that take both signs
       and, if at most two inputs move, the rates of the other moving inputs.
     - `DECADES`, `MIDDLE_DECADES`: time constants, s.
-    - `BACK`: the lags from 1 to `ORDER`. `NOW_AND_BACK`: the lags from 0 to `ORDER`.
     """
-    inputs, moving = [*of.inputs], [*of.moving]
+    inputs, moving, count = [*of.inputs], [*of.moving], len(of.inputs)
     without = more.get("OUT", more.get("VELOCITY"))
     rest = [name for name in moving if name != without]
     zero = [name for name in moving if name in of.around_zero]
     rates = [name for name in moving if name not in of.around_zero and len(moving) <= 2]
-    taus = [steps * of.step for steps in DECADES if 2 * steps <= of.steps] if of.step else []
-    monomials = {
-        word: comb(len(inputs) + order, order)
-        for order, word in enumerate(("PLANE", "QUADRATIC", "CUBIC"), 1)
-    }
+    taus = [steps * of.step for steps in DECADES if of.step and 2 * steps <= of.steps]
+    formulas = [
+        name
+        for name in FORMULAS
+        if of.target == FORCE
+        and {*literature.get(name).inputs} <= {*inputs}
+        and len(literature.get(name).parameters) < of.samples
+    ]
     return {
         "INPUTS": inputs,
         "MOVING": moving,
         "SWEPT": of.swept,
-        "OTHERS": [name for name in inputs if name != of.swept],
+        "OTHERS": inputs[1:],
         "LEVEL": of.level,
         "SPARE": [name for name in inputs if {*moving} - {name}],
         "TARGET": of.target,
         "REST": [name for name in inputs if name != without],
         "FIRST_REST": rest[:1],
         "MOVING_REST": rest,
-        **monomials,
+        "PLANE": count + 1,
+        "QUADRATIC": comb(count + 2, 2),
+        "CUBIC": comb(count + 3, 3),
         "MANY": min(max(MOST_PARAMETERS, of.samples // SHARE), 200),
-        "SLOW_ORDER": 3 if len(inputs) == 1 else 2,
-        "FORMULAS": [name for name in FORMULAS if _is_known(literature.get(name), of)],
+        "FORMULAS": formulas,
         "AROUND_ZERO": zero,
         "VELOCITIES": [*of.around_zero, *(f"rate({name})" for name in rates)],
         "DECADES": taus,
         "MIDDLE_DECADES": taus[1:3],
-        "BACK": [*range(1, more.get("ORDER", 0) + 1)],
-        "NOW_AND_BACK": [*range(more.get("ORDER", 0) + 1)],
         **more,
     }
-
-
-def _is_known(formula: Formula, of: Situation) -> bool:
-    """Return True if the quantities of a formula are among the inputs, and it has no dimensions and
-    fewer parameters than there are samples.
-    """
-    return (
-        of.target == FORCE
-        and formula.fitted_to == TARGET
-        and {*formula.inputs} <= {*of.inputs}
-        and not formula.dimensions
-        and len(formula.parameters) < of.samples
-    )
 
 
 WORD = re.compile(r"[A-Z][A-Z_]+|\bN\b")
@@ -195,36 +177,31 @@ WORD = re.compile(r"[A-Z][A-Z_]+|\bN\b")
 def filled(part: Any, words: Mapping[str, Any]) -> Any:
     """Return a part of a spec with values in place of its placeholders.
 
-    A placeholder with several values is replaced by a list of them. `{every: TEXT, WORD: values,
-    ...}` is replaced by a list with one copy of the text for each of the values.
+    If an item of a list is replaced by several values, they all become items of the list.
+    `{every: TEXT, WORD: values, ...}` is replaced by a list with one copy of the text for each of
+    the values. A setting without values is left out, and so is a description of states whose `of`
+    is empty.
     """
     match part:
         case str():
-            return (
-                words[part]
-                if part in words
-                else WORD.sub(lambda word: str(words.get(word[0], word[0])), part)
-            )
-        case {"every": text}:
-            loops = {name: filled(each, words) for name, each in part.items() if name != "every"}
-            return [
-                filled(text, {**words, **dict(zip(loops, some, strict=True))})
-                for some in product(*loops.values())
-            ]
+            text = WORD.sub(lambda word: str(words.get(word[0], word[0])), part)
+            return words.get(part, text)
+        case {"every": text, **loops}:
+            return [filled(text, {**words, **own}) for own in combinations(loops, words)]
         case Mapping():
             entries = {filled(key, words): filled(one, words) for key, one in part.items()}
-            return {key: one for key, one in entries.items() if key == "of" or one != []}
+            if entries.get("of") == []:
+                return {}
+            return {key: one for key, one in entries.items() if one not in ([], {})}
         case list():
-            return [each for one in part for each in _spliced(one, filled(one, words))]
+            items = (filled(one, words) for one in part)
+            lists = (item if isinstance(item, list) else [item] for item in items if item != {})
+            return [*chain.from_iterable(lists)]
     return part
 
 
-def _spliced(one: object, value: object) -> list[Any]:
-    """Return the items by which one item of a list is replaced: all items of `value` if the item is
-    a placeholder for several values, and no item if the item describes states whose `of` is empty.
-    """
-    if isinstance(value, Mapping) and any(
-        isinstance(each, Mapping) and each.get("of") == [] for each in value.values()
-    ):
-        return []
-    return value if isinstance(value, list) and not isinstance(one, list) else [value]
+def combinations(loops: Mapping[Any, Any], words: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+    """Yield each combination of the values of several placeholders, by the placeholder."""
+    values = {name: filled(each, words) for name, each in loops.items()}
+    for some in product(*values.values()):
+        yield dict(zip(values, some, strict=True))

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from mapmore_cli.annexes.search.bench import Bench
-from mapmore_cli.annexes.search.black_boxes import SHOWN, Left, Outcome
+from mapmore_cli.annexes.search.black_boxes import SHOWN, Outcome
 from mapmore_cli.domain.arrays import Array, root_mean_square
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.results import Search
@@ -30,40 +30,36 @@ PLAIN = ("simple", "formula")
 """Kinds that are preferred if they are as good as any other."""
 
 
-def choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: int | None) -> Search:
+def choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: float) -> Search:
     """Score all structures and black boxes on the rows that all of them predict, and choose one
-    structure.
+    structure; none with more than `most` parameters.
     """
     tried = [one for one, _ in outcomes]
     usable = [number for number, one in enumerate(tried) if not one.failure]
     sizes = np.array([tried[number].parameters for number in usable])
     kinds = [tried[number].family for number in usable]
-    eligible = ~np.isin(kinds, SHOWN) & (True if most is None else sizes <= most)
+    eligible = ~np.isin(kinds, SHOWN) & (sizes <= most)
     if not eligible.any():
         reasons = next((one.failure for one in tried if one.failure), "there was no time for any")
         raise FitError(
             f"no structure could be fitted with a part of the data left out: {reasons}",
             "define the model in the spec, or raise `model.budget`",
         )
-    target = bench.dataset.target
+    target, over_time, decide = bench.dataset.target, bench.situation.timed, bench.weights > 0
     scale = float(np.ptp(pooled_training(bench.dataset.curves)[target])) or 1.0
     errors = on_common_rows([outcomes[number][1] for number in usable]) / scale
-    decide, over_time, counts = bench.weights > 0, most is None, sizes.tolist()
-    rank = simplest_of(counts, errors[:, decide], bench.weights[decide], eligible, over_time)
+    rank = simplest_of(sizes, errors[:, decide], bench.weights[decide], eligible, over_time)
     front = undominated(sizes, np.where(eligible, rank.excess, np.inf))
     as_good = front & (rank.excess <= WITHIN[0]) & (sizes <= sizes[rank.chosen])
-    simple = np.flatnonzero(as_good & np.isin(kinds, PLAIN)).tolist()
+    simple = np.flatnonzero(as_good & np.isin(kinds, PLAIN))
     chosen = min(simple, key=lambda i: (sizes[i], rank.excess[i]), default=rank.chosen)
     for place, number in enumerate(usable):
-        blocks, parts = (
-            root_mean_square(of) if of.size else np.nan
-            for of in np.split(errors[place], [bench.blocks])
-        )
+        blocks, parts = np.split(errors[place], [bench.blocks])
         tried[number] = replace(
             tried[number],
             errors=tuple(errors[place].tolist()),
-            error=blocks,
-            parts=parts,
+            error=root_mean_square(blocks) if blocks.size else np.nan,
+            parts=root_mean_square(parts) if parts.size else np.nan,
             excess=float(rank.excess[place]),
             spread=float(rank.spread[place]),
         )
@@ -80,13 +76,14 @@ def choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: int | None
     )
 
 
-def on_common_rows(predicted: Sequence[Sequence[Left]]) -> Array:
-    """Return the RMSE of every structure on every fold, on the rows that all structures predict,
-    (s, f); infinite for a run that diverged.
+def on_common_rows(left: Sequence[Sequence[Array]]) -> Array:
+    """Return the RMSE of every structure on every fold, (s, f), from the errors of the structures
+    on the samples of each fold. Samples that some structure does not predict, so that its error is
+    NaN, do not count. The RMSE is infinite for a run that diverged.
     """
     rmse = []
-    for fold in zip(*predicted, strict=True):
-        common = np.logical_and.reduce([ready for _, ready in fold])
-        squares = np.array([missed[common] for missed, _ in fold]) ** 2
-        rmse.append(np.sqrt(np.sum(squares, axis=1) / max(common.sum(), 1)))
-    return np.asarray(np.nan_to_num(np.column_stack(rmse), nan=np.inf, posinf=np.inf))
+    for fold in zip(*left, strict=True):
+        errors = np.array(fold)
+        squares = np.compress(~np.isnan(errors).any(axis=0), errors, axis=1) ** 2
+        rmse.append(np.sqrt(np.sum(squares, axis=1) / max(squares.shape[1], 1)))
+    return np.column_stack(rmse)

@@ -11,7 +11,7 @@ from operator import attrgetter
 import numpy as np
 
 from mapmore_cli.annexes.search.bench import Bench
-from mapmore_cli.annexes.search.black_boxes import BLACK_BOX, SHOWN, Outcome
+from mapmore_cli.annexes.search.black_boxes import BLACK_BOX, SHOWN
 from mapmore_cli.domain.results import Search
 from mapmore_cli.modelling.validation.significance import NOTHING, PRICE
 
@@ -44,12 +44,7 @@ def outdone_note(result: Search, bench: Bench) -> str:
     return note if ratio > 1 / LESS else ""
 
 
-def go_on(
-    first: Search,
-    bench: Bench,
-    try_round: Callable[[str], list[Outcome]],
-    choose: Callable[[list[Outcome]], Search],
-) -> Search:
+def go_on(first: Search, bench: Bench, with_round: Callable[[str], Search]) -> Search:
     """Return the choice after later rounds.
 
     A round begins if a black box is clearly better than the structure found so far. The rounds end
@@ -57,23 +52,21 @@ def go_on(
     kept, unless a structure of the round has a smaller error and no more parameters.
 
     - `first`: result of the first round.
-    - `try_round`: function that tries the candidates of a file.
-    - `choose`: function that chooses among the first round and all outcomes of later rounds.
+    - `with_round`: function that also tries the candidates of a file, and chooses among all
+      structures that were tried so far.
     """
-    result, later = first, list[Outcome]()
+    result = first
     for name in ROUNDS:
         if not outdone_note(result, bench):
             break
-        later += try_round(name)
-        longer = choose(later)
+        longer = replace(with_round(name), short=first.chosen)
         costs = [
             one.excess + PRICE * np.log(max(one.parameters, 1))
             for one in (longer.found, longer.tried[result.chosen])
         ]
         if costs[1] - costs[0] < GAIN:
-            kept = _least(longer, result.chosen)
-            return replace(longer, chosen=kept, short=first.chosen)
-        result = replace(longer, short=first.chosen)
+            return replace(longer, chosen=_least(longer, result.chosen))
+        result = longer
     return result
 
 
@@ -81,26 +74,33 @@ def _least(result: Search, number: int) -> int:
     """Return the index of the structure with the smallest error among all that have at most as many
     parameters as the structure `number`. At equal errors, the structure `number` is preferred.
     """
-    ranked = [
-        (rival.excess, place != number, place)
+    rivals = [
+        place
         for place, rival in enumerate(result.tried)
         if not rival.failure and rival.family not in SHOWN
         if rival.parameters <= result.tried[number].parameters
     ]
-    return min(ranked)[-1]
+    return min([number, *rivals], key=lambda place: result.tried[place].excess)
 
 
-def note_of(result: Search, short: int) -> str:
-    """Return a note that compares the later rounds with the structure found before."""
-    long, before = result.found, result.tried[short]
+def longer_note(result: Search) -> str:
+    """Return a note that compares the chosen structure with the choice of the first round; empty if
+    there was no later round. The note recommends the choice of the first round only if the chosen
+    structure has more parameters.
+    """
+    if result.short is None:
+        return ""
+    long, before = result.found, result.tried[result.short]
     if long is before:
         return (
             "the search went on with longer structures, because a black box has a smaller error, "
-            f"but none of them is better than {before.words} by {100 * GAIN:g} %"
+            f"but none of them gains {100 * GAIN:g} % over {before.words} if its additional "
+            "parameters are taken into account"
         )
-    return (
+    compared = (
         f"the error of {long.words} with {long.parameters} parameters on left-out data is smaller "
-        f"by a factor of {np.exp(before.excess - long.excess):.2g} than that of {before.words} "
-        f"with {before.parameters}, the best short structure; `model: {{type: auto, prefer: "
-        "short}` chooses the short one"
+        f"by a factor of {np.exp(before.excess - long.excess):.3g} than that of {before.words} "
+        f"with {before.parameters}, the choice from the list of short structures"
     )
+    advice = "; `model: {type: auto, prefer: short}` chooses the short one"
+    return compared + advice * (long.parameters > before.parameters)

@@ -5,7 +5,7 @@ proportion: levels, recordings, their ends, and ends of an input.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -39,9 +39,10 @@ kind. A fold leaves out at most the second fraction of the range of an input at 
 """
 
 ASKED, OTHERWISE, ALONE = 2 / 3, (1 / 4, 1 / 2), 1 / 2
-"""Weights of all folds that leave out whole levels or recordings: if the study holds out such parts
-alone; if it holds out none, for tables and for recordings; and if there is only one such fold. All
-stretches together have the rest.
+"""Weights of all folds together that leave out whole levels or recordings. `ASKED`: if the study
+holds out such parts only. `OTHERWISE`: if the study holds out no such part, for tables and for
+recordings. `ALONE`: if there is only one such fold. All folds that leave out stretches together
+have the rest of the weight.
 """
 
 
@@ -67,29 +68,33 @@ def parts_of(dataset: Dataset, situation: Situation, study: Dataset, by_level: b
     - the end of a recording: it comes after all training samples of its recording;
     - a level or a recording: its curve is held out as a whole.
 
-    Ends of an input have their share of the weight, because only ends say something about ends.
-    With `by_level`, the study leaves out every level in turn.
+    The weight of the folds at ends of an input is the share of the held-out samples at such ends,
+    because only these folds can predict the error beyond the range. With `by_level`, the study
+    leaves out every level in turn.
     """
     samples, every = pooled_samples(dataset), pooled_samples(study)
-    whole = np.concatenate([np.full(curve.size, curve.held_out.all()) for curve in study.curves])
-    standing = _standing(situation.inputs, study, whole)
+    whole = _of_curves(study, [curve.held_out.all() for curve in study.curves])
+    standing = _standing(situation.inputs, study, every, whole)
     words, folds, end_folds, at_end = "recordings", _fair(samples), list[BoolArray](), whole
     if standing is not None:
-        words, (folds, end_folds, at_end) = "levels", _neighbours(dataset, study, whole, standing)
+        at, every_at = (_values(data, standing) for data in (dataset, study))
+        words, (folds, end_folds, at_end) = "levels", _neighbours(at, every_at, whole)
     folds, end_folds = (_taught(each, samples, situation.inputs) for each in (folds, end_folds))
     end_words = "groups of outermost levels"
     if not end_folds:
         end_words = "ends of an input, as the study holds one out"
-        end_folds, at_end = _beyond(dataset, situation, study)
-    behind, whole = _behind(every), whole | by_level
+        end_folds, at_end = _beyond(dataset, samples, situation, study, every)
+    behind, whole = (_remaining(every) == 0) & ("time" in every.columns), whole | by_level
     if situation.timed and standing is None and len(samples.logs) == 1:
         # with one training recording, only its end can be left out like a held-out recording
         behind |= whole
     ends, drift, parts, rest = _shares([at_end, behind, whole], every.held_out | by_level)
     asked, other = (ALONE, ALONE) if len(folds) == 1 else (ASKED, OTHERWISE[situation.timed])
+    remaining = _remaining(samples)
+    last = [samples.training & (remaining <= share) for share in BEHIND]
     kinds = (
         Parts(end_words, end_folds, ends, ends),
-        Parts("ends of recordings", _ends(samples), drift, ASKED * drift),
+        Parts("ends of recordings", [fold for fold in last if fold.any()], drift, ASKED * drift),
         Parts(words, folds, parts, asked * parts + other * rest),
     )
     return [kind for kind in kinds if kind.weight and kind.folds]
@@ -109,51 +114,33 @@ def _shares(kinds: Sequence[BoolArray], held: BoolArray) -> list[float]:
 
 
 def _taught(folds: Sequence[BoolArray], samples: Curve, inputs: Sequence[str]) -> list[BoolArray]:
-    """Return at most `MOST_PARTS` of the folds without which every input still varies, because
-    nothing can be learnt about a constant input.
+    """Return at most `MOST_PARTS` of the folds, restricted to training samples. Every input still
+    varies without the samples of a fold, because nothing can be learnt about a constant input.
     """
-    columns = [samples.columns[name].astype(np.float32) for name in inputs]
+    columns = np.array([samples.columns[name] for name in inputs], np.float32)
     taught = [
-        fold for fold in folds if all(np.ptp(x[samples.training & ~fold]) > 0 for x in columns)
+        fold & samples.training
+        for fold in folds
+        if np.all(np.ptp(columns[:, samples.training & ~fold], axis=1) > 0)
     ]
-    places = even_share(np.arange(len(taught)), MOST_PARTS)
-    return [samples.training & taught[place] for place in places]
+    return [taught[place] for place in even_share(np.arange(len(taught)), MOST_PARTS)]
 
 
-def _behind(samples: Curve) -> BoolArray:
-    """Return True for samples, (n,), after the last training sample of their recording."""
-    behind = np.zeros(samples.size, dtype=np.bool_)
-    for log in samples.logs if "time" in samples.columns else ():
-        trained = np.flatnonzero(samples.training[log])
-        if len(trained):
-            behind[log[trained[-1] + 1 :]] = True
-    return behind
-
-
-def _ends(samples: Curve) -> list[BoolArray]:
-    """Return folds, (n,), that leave out the last fraction of the training samples of every
-    recording, for each fraction in `BEHIND`.
+def _remaining(samples: Curve) -> Array:
+    """Return, for each sample, the fraction of the training samples of its recording that do not
+    come before it, (n,). If the recording has no training samples, the fraction is 1.
     """
-    left = np.full(samples.size, 1.0)
+    remaining = np.ones(samples.size)
     for log in samples.logs:
-        rows = log[samples.training[log]]
-        left[rows] = np.arange(len(rows), 0, -1) / len(rows)
-    return [fold for fold in (left <= share for share in BEHIND) if fold.any()]
+        counts = np.cumsum(samples.training[log][::-1])[::-1]
+        if counts[0]:
+            remaining[log] = counts / counts[0]
+    return remaining
 
 
-def _standing(inputs: Sequence[str], study: Dataset, whole: BoolArray) -> str | None:
-    """Return the name of the level quantity, or of an input that is constant in every curve, if
-    its values in the curves that are held out as a whole (`whole`) occur in no other curve. Return
-    None if there is neither.
-    """
-    if study.level is not None:
-        return study.level
-    for name in inputs:
-        values = _values(study, name)
-        still = all(np.ptp(curve.columns[name].astype(np.float32)) == 0 for curve in study.curves)
-        if still and whole.any() and not np.isin(values[whole], values[~whole]).any():
-            return name
-    return None
+def _of_curves(dataset: Dataset, values: Sequence[Any]) -> Any:
+    """Return the value of the curve of each sample, (n, ...), from one value for each curve."""
+    return np.repeat(values, [curve.size for curve in dataset.curves], axis=0)
 
 
 def _values(dataset: Dataset, name: str) -> Array:
@@ -161,38 +148,54 @@ def _values(dataset: Dataset, name: str) -> Array:
     values have single precision, so that rounding errors do not count.
     """
     values = [c.columns[name][0] if c.level is None else c.level for c in dataset.curves]
-    return np.repeat(np.array(values, np.float32), [curve.size for curve in dataset.curves])
+    single: Array = _of_curves(dataset, values).astype(np.float32)
+    return single
+
+
+def _standing(inputs: Sequence[str], study: Dataset, every: Curve, whole: BoolArray) -> str | None:
+    """Return the name of the level quantity, or of an input that is constant in every curve, if
+    its values in the curves that are held out as a whole (`whole`) occur in no other curve. Return
+    None if there is neither. `every` holds the samples of the study.
+    """
+    for name in inputs if study.level is None and whole.any() else ():
+        values = _values(study, name)
+        still = np.array_equal(values, every.columns[name].astype(np.float32))
+        if still and not np.isin(values[whole], values[~whole]).any():
+            return name
+    return study.level
 
 
 def _neighbours(
-    dataset: Dataset, study: Dataset, whole: BoolArray, name: str
+    at: Array, every: Array, whole: BoolArray
 ) -> tuple[list[BoolArray], list[BoolArray], BoolArray]:
     """Return folds, (n,), that leave out inner neighbouring values: as many as the study holds out
     in a row, or a single value. Also return folds that leave out outermost values, and a mask of
     the samples of the study that lie beyond all training values. At each end that the study holds
     out, one fold leaves out as many values as the study does. Another fold leaves out one value
     more, because a choice by a single fold is uncertain. At least two values remain.
+
+    `at`, (n,), and `every`, (m,), hold the values at the training samples and at the samples of the
+    study.
     """
-    at, every = _values(dataset, name), _values(study, name)
     values, known, trained = np.unique(every), np.unique(every[~whole]), np.unique(at)
     most = len(trained) - 2
     if most < 1:
-        return [], [], np.zeros_like(whole)
-    below, above = values < known[0], values > known[-1]
-    outer = [
-        side[:count]
-        for side, held in ((trained, below.sum()), (trained[::-1], above.sum()))
+        return [], [], whole
+    sides = (trained, np.sum(values < known[0])), (trained[::-1], np.sum(values > known[-1]))
+    ends = [
+        np.isin(at, side[:count])
+        for side, held in sides
         if held
         for count in sorted({min(held, most), min(held + 1, most)})
     ]
     longest = np.diff(np.searchsorted(values, known)).max() - 1
     inner = sliding_window_view(trained[1:-1], int(np.clip(longest, 1, most)))
-    folds, ends = ([np.isin(at, row) for row in rows] for rows in (inner, outer))
-    return folds, ends, np.isin(every, values[below | above])
+    folds = [np.isin(at, row) for row in inner]
+    return folds, ends, (every < known[0]) | (every > known[-1])
 
 
 def _beyond(
-    dataset: Dataset, situation: Situation, study: Dataset
+    dataset: Dataset, samples: Curve, situation: Situation, study: Dataset, every: Curve
 ) -> tuple[list[BoolArray], BoolArray]:
     """Return folds, (n,), that leave out an end of an input's range, as wide as the part that the
     study holds out beyond this end. Also return a mask of the samples of the study beyond these
@@ -200,38 +203,38 @@ def _beyond(
     the range of each curve is tried instead. No fold is returned if too few samples lie outside of
     that range too, or if samples are in the order of time.
     """
-    samples, held = pooled_samples(dataset), pooled_samples(study).held_out
-    training, folds, beyond = samples.training, list[BoolArray](), np.zeros_like(held)
+    training, held, folds = samples.training, every.held_out, list[BoolArray]()
+    beyond = np.zeros_like(held)
     for of_each in () if situation.timed else (False, True):
         for name in () if folds else situation.inputs:
             values = samples.columns[name]
-            outside, inside = (_from_ends(data, name, of_each) for data in (study, dataset))
-            widths = -inside.sum(axis=0)
+            outside = _from_ends(study, every, name, of_each)
+            inside = _from_ends(dataset, samples, name, of_each)
             for far, over in zip(outside, inside, strict=True):
-                reach = np.minimum(np.max(far[held], initial=0.0), WIDEST * widths)
+                reach = np.minimum(np.max(far[held], initial=0.0), -WIDEST * inside.sum(axis=0))
                 fold = training & (over >= -reach) & (reach > 0)
-                is_held = fold.any() and np.sum(far[held] > 0) >= SOME * held.sum()
                 rest = values[training & ~fold]
+                is_held = fold.any() and np.sum(far[held] > 0) >= SOME * held.sum()
                 # at least half of the range remains, so that an input with two values keeps both
-                if is_held and len(rest) and 2 * np.ptp(rest) >= np.ptp(values[training]):
+                if is_held and 2 * np.ptp(rest) >= np.ptp(values[training]):
                     folds.append(fold)
                     beyond |= far > 0
     return folds, beyond
 
 
-def _from_ends(dataset: Dataset, name: str, of_each: bool) -> Array:
+def _from_ends(dataset: Dataset, samples: Curve, name: str, of_each: bool) -> Array:
     """Return the distances of all samples below the lower end and above the upper end of the
     training range, (2, n). Distances inside the range are negative, so that both add up to the
     negative width of the range. With `of_each`, each curve has its own range, which is unlimited
     for a curve without training samples. Otherwise, all curves together have one range.
     """
+    values = samples.columns[name]
     trained = [curve.columns[name][curve.training] for curve in dataset.curves]
-    whole, far = extremes(np.concatenate(trained)), list[Array]()
-    for curve, values in zip(dataset.curves, trained, strict=True):
-        limits = extremes(values) if len(values) else (-np.inf, np.inf)
-        low, high = limits if of_each else whole
-        far.append(np.array([low - curve.columns[name], curve.columns[name] - high]))
-    return np.concatenate(far, axis=1)
+    if not of_each:
+        trained = [values[samples.training]] * len(trained)
+    limits = [extremes(of) if len(of) else (-np.inf, np.inf) for of in trained]
+    low, high = _of_curves(dataset, limits).T
+    return np.array([low - values, values - high])
 
 
 def _fair(samples: Curve) -> list[BoolArray]:
@@ -241,6 +244,6 @@ def _fair(samples: Curve) -> list[BoolArray]:
     logs = samples.origin
     assert logs is not None
     sizes = np.bincount(logs, samples.training)
-    low, high = (bound * (sizes @ sizes) / sizes.sum() for bound in FAIR)
+    low, high = np.array(FAIR) * (sizes @ sizes) / sizes.sum()
     fair = np.flatnonzero((low <= sizes) & (sizes <= high))
     return [logs == number for number in fair] if len(fair) > 1 else []

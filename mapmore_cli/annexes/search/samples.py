@@ -52,24 +52,24 @@ def cut_short(dataset: Dataset, run: int, step: float | None) -> Dataset:
     If possible, no piece is shorter than `run`, the length of a held-out run in samples. Each piece
     begins with known outputs, so shorter pieces would flatter models that feed their output back.
     """
-    most = max(MOST_SAMPLES // len(dataset.curves), 1)
+    if step is None:
+        training = tuple(curve.at(curve.training) for curve in dataset.curves)
+        return thinned(replace(dataset, curves=training))
     share = min(MOST_SAMPLES / sum(curve.size for curve in dataset.curves), 1.0)
+    short = []
+    for curve in dataset.curves:
+        kept = list[IntArray]()
+        for log in curve.logs:
+            count = int(np.clip(share * len(log) // max(run, 1), 1, BLOCKS))
+            kept += [part[: math.ceil(share * len(part))] for part in np.array_split(log, count)]
+        short.append(begun(curve.at(np.sort(np.concatenate(kept))), MOST_DELAYS, step))
+    return replace(dataset, curves=tuple(short))
 
-    def kept(curve: Curve) -> IntArray:
-        if step is None:
-            return even_share(np.flatnonzero(curve.training), most)
-        pieces = [
-            piece[: math.ceil(share * len(piece))]
-            for log in curve.logs
-            for piece in np.array_split(
-                log, int(np.clip(share * len(log) // max(run, 1), 1, BLOCKS))
-            )
-        ]
-        return np.sort(np.concatenate(pieces))
 
-    short = [curve.at(kept(curve)) for curve in dataset.curves]
-    if step is not None:
-        short = [begun(curve, MOST_DELAYS, step) for curve in short]
+def thinned(dataset: Dataset) -> Dataset:
+    """Return at most `MOST_SAMPLES` samples, evenly spread along every curve."""
+    most = max(MOST_SAMPLES // len(dataset.curves), 1)
+    short = [curve.at(even_share(np.arange(curve.size), most)) for curve in dataset.curves]
     return replace(dataset, curves=tuple(short))
 
 

@@ -4,13 +4,13 @@ spec is made.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from importlib.resources import files
 from itertools import chain
-from math import comb
 from operator import call
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +24,7 @@ from mapmore_cli.annexes.search.candidate import (
     offered_structures,
 )
 from mapmore_cli.annexes.search.choosing import PLAIN, choose_structure
-from mapmore_cli.annexes.search.further import go_on, note_of, outdone_note
+from mapmore_cli.annexes.search.further import go_on, longer_note, outdone_note
 from mapmore_cli.annexes.search.samples import searchable
 from mapmore_cli.annexes.search.situation import Situation, situation_of
 from mapmore_cli.annexes.search.trying import tried_ways
@@ -46,13 +46,9 @@ left out.
 
 @cache
 def family(name: str) -> Mapping[str, Any]:
-    """Return the contents of a file of candidates (`annexes/search/NAME.yaml`)."""
-    text = (
-        files("mapmore_cli.annexes.search")
-        .joinpath(f"families/{name}.yaml")
-        .read_text(encoding="utf-8")
-    )
-    document: Mapping[str, Any] = yaml.safe_load(text)
+    """Return the contents of a file of candidates (`annexes/search/families/NAME.yaml`)."""
+    path = files(__package__).joinpath("families", f"{name}.yaml")
+    document: Mapping[str, Any] = yaml.safe_load(path.read_text(encoding="utf-8"))
     return document
 
 
@@ -85,34 +81,42 @@ def search(
     families = [*map(family, FAMILIES), *(plugin.value for plugin in added)]
     bench = Bench.of(training, situation, part, dataset)
     boxes = [partial(black_boxes, bench.dataset, bench.folds, situation)] if beside else []
-    budget = Budget(part.model.budget)
-    try_all = partial(_try_all, bench, budget, partial(progress, "structures"))
-    outcomes = try_all(families, boxes)
+    trials = Trials(bench, partial(progress, "structures"))
+    outcomes = trials.outcomes(families, boxes)
     most = most_parameters(situation)
     result = choose_structure(outcomes, bench, most)
+
+    def with_round(name: str) -> Search:
+        outcomes.extend(trials.outcomes([family(name)]))
+        return choose_structure(outcomes, bench, max(most, situation.samples // SHARE))
+
     if part.model.prefer is None:
-        more = None if most is None else max(most, situation.samples // SHARE)
-        result = go_on(
-            result,
-            bench,
-            lambda name: try_all([family(name)]),
-            lambda later: choose_structure([*outcomes, *later], bench, more),
-        )
+        result = go_on(result, bench, with_round)
+    outdone = outdone_note(result, bench)
     ended = (
-        f"the budget of {budget.seconds:g} s ended before {budget.cut} of {budget.listed} "
+        f"the budget of {part.model.budget:g} s ended before {trials.cut} of {trials.listed} "
         "structures were tried"
     )
-    outdone = outdone_note(result, bench)
-    notes = (ended if budget.cut else "", *uneven, *_notes_of(result), outdone)
-    return replace(result, cut=budget.cut, notes=tuple(filter(None, notes)), outdone=outdone)
+    notes = (
+        ended if trials.cut else "",
+        *uneven,
+        _plain_note(result),
+        longer_note(result),
+        outdone,
+    )
+    return replace(result, cut=trials.cut, notes=tuple(filter(None, notes)), outdone=outdone)
 
 
-def most_parameters(situation: Situation) -> int | None:
+def most_parameters(situation: Situation) -> float:
     """Return the largest number of parameters of a structure in the first round: as many as a
-    cubic polynomial of all inputs has, but at least `MOST_PARAMETERS`; None for structures over
-    time, whose number of parameters is not limited.
+    cubic polynomial of all inputs has, but at least `MOST_PARAMETERS`. The number is infinite for
+    structures over time.
     """
-    return None if situation.timed else max(MOST_PARAMETERS, comb(len(situation.inputs) + 3, 3))
+    return (
+        math.inf
+        if situation.timed
+        else max(MOST_PARAMETERS, math.comb(len(situation.inputs) + 3, 3))
+    )
 
 
 def _uneven(dataset: Dataset) -> tuple[str, ...]:
@@ -126,70 +130,63 @@ def _uneven(dataset: Dataset) -> tuple[str, ...]:
     return ()
 
 
+Work = Callable[[], list[Outcome]]
+
+
 @dataclass
-class Budget:
-    """Time for trying structures, the number of structures that were `listed`, and the number that
-    were `cut` because the time was over. The time is processor time of each process, s, so that
-    other programs hardly change how many structures are tried. With faster or more processors, more
-    structures are tried.
+class Trials:
+    """Trials of structures until the budget of computing time is used up.
+
+    `worked` is the processor time of each process, s, so that other programs hardly change how many
+    structures are tried. With faster or more processors, more structures are tried. `listed` counts
+    the structures that were offered, and `cut` those that were not tried because the time was over.
     """
 
-    seconds: float
+    bench: Bench
+    progress: Callable[[int, int], None]
     worked: float = 0.0
     listed: int = 0
     cut: int = 0
 
+    def outcomes(
+        self, families: Sequence[Mapping[str, Any]], boxes: Sequence[Work] = ()
+    ) -> list[Outcome]:
+        """Try the structures that families offer, and the black boxes."""
+        before = self.worked
+        offered = chain(*(offered_structures(known, self.bench.situation) for known in families))
+        jobs: list[Work] = [partial(self.outcomes_of, one) for one in offered]
+        done = shared_out(call, [*jobs, *boxes], self.progress)
+        outcomes = [*chain(*done)]
+        self.listed += len(jobs)
+        self.cut += done[: len(jobs)].count([])
+        # forks of this process have done work that its own clock does not include
+        self.worked = before + sum(one.seconds for one, _ in outcomes) / free_processors()
+        return outcomes
 
-Work = Callable[[], list[Outcome]]
+    def outcomes_of(self, candidate: Tried) -> list[Outcome]:
+        """Fit a structure to all samples and, if that succeeds, again without each fold; return
+        nothing if the time is used up.
+        """
+        if self.worked > self.bench.part.model.budget:
+            return []
+        started = time.process_time()
+        try:
+            outcomes = tried_ways(candidate, self.bench)
+        except MapmoreError as fault:
+            outcomes = [(replace(candidate, failure=fault.message), ())]
+        seconds = time.process_time() - started
+        self.worked += seconds
+        each = round(seconds / len(outcomes), 2)
+        return [(replace(tried, seconds=each), left) for tried, left in outcomes]
 
 
-def _try_all(
-    bench: Bench,
-    budget: Budget,
-    progress: Callable[[int, int], None],
-    families: Sequence[Mapping[str, Any]],
-    boxes: Sequence[Work] = (),
-) -> list[Outcome]:
-    """Try the structures that families offer, and the black boxes."""
-    before = budget.worked
-    offered = chain(*(offered_structures(known, bench.situation) for known in families))
-    jobs: list[Work] = [partial(_try_structure, one, bench, budget) for one in offered]
-    done = shared_out(call, [*jobs, *boxes], progress)
-    outcomes = [*chain(*done)]
-    budget.listed += len(jobs)
-    budget.cut += done[: len(jobs)].count([])
-    # forks of this process have done work that its own clock does not include
-    budget.worked = before + sum(one.seconds for one, _ in outcomes) / free_processors()
-    return outcomes
-
-
-def _try_structure(candidate: Tried, bench: Bench, budget: Budget) -> list[Outcome]:
-    """Fit a structure to all samples and, if that succeeds, again without each fold; return nothing
-    if the time is used up.
+def _plain_note(result: Search) -> str:
+    """Return a note that more parameters would add nothing; empty if no plain structure was chosen,
+    or if it has the smallest error.
     """
-    if budget.worked > budget.seconds:
-        return []
-    started = time.process_time()
-    try:
-        outcomes = tried_ways(candidate, bench)
-    except MapmoreError as fault:
-        outcomes = [(replace(candidate, failure=fault.message), ())]
-    seconds = time.process_time() - started
-    budget.worked += seconds
-    each = round(seconds / len(outcomes), 2)
-    return [(replace(tried, seconds=each), left) for tried, left in outcomes]
-
-
-def _notes_of(result: Search) -> list[str]:
-    """Return notes for the reader of the table: that more parameters add nothing, or what later
-    rounds gained.
-    """
-    own, best, notes = result.found, result.tried[result.best], list[str]()
-    if own.family in PLAIN and result.chosen != result.best:
-        notes.append(
-            f"{own.words} is as good as structures with more parameters, because left-out "
-            f"data show no advantage of {best.words}"
-        )
-    if result.short is not None:
-        notes.append(note_of(result, result.short))
-    return notes
+    own, best = result.found, result.tried[result.best]
+    note = (
+        f"{own.words} is as good as structures with more parameters, because left-out data show no "
+        f"advantage of {best.words}"
+    )
+    return note if own.family in PLAIN and own is not best else ""

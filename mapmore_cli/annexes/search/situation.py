@@ -77,7 +77,7 @@ class Situation:
     @property
     def swept(self) -> str:
         """Name of the input that moves most within recordings."""
-        return (self.moving or self.inputs)[0]
+        return self.inputs[0]
 
 
 def situation_of(
@@ -100,16 +100,12 @@ def situation_of(
             "within a curve at one level",
             f"remove `levels` from `data`: {dataset.level} is then an input like others",
         )
-    spread = {
-        name: float(
-            np.mean([np.ptp(curve.columns[name][curve.training]) for curve in training])
-            / np.ptp(pooled[name])
-        )
-        for name in apart
-    }
-    ordered = sorted(
-        apart, key=lambda name: (name == dataset.level, -round(spread[name], 3), apart.index(name))
-    )
+
+    def rank(name: str) -> tuple[bool, float]:
+        widths = [np.ptp(curve.columns[name][curve.training]) for curve in training]
+        return name == dataset.level, -round(np.mean(widths) / np.ptp(pooled[name]), 3)
+
+    ordered = sorted(apart, key=rank)
     step, steps = _even_step(training) if "time" in pooled else (None, 0)
     return Situation(
         target=dataset.target,

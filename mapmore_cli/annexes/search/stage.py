@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pydantic import TypeAdapter
 from pydantic_core import to_json
@@ -27,38 +27,27 @@ if TYPE_CHECKING:
 
 
 def search_slice(spec: ExperimentSpec) -> Slice:
-    """Return the part of the spec on which the search depends. Three kinds of quantities are never
-    inputs: rates by which samples are kept, quantities that distinguish groups or recordings, and
-    quantities from which the target is computed or that are computed from it.
+    """Return the part of the spec on which the search depends. Some quantities are never inputs:
+    the target, quantities that are computed from the target, the quantity from which alone the
+    target is computed, rates by which samples are kept, and quantities that distinguish groups or
+    recordings.
     """
-    rules = spec.data.derive
-    rates = {name for name, rule in rules.items() if not isinstance(rule, str)}
-    ignored = (
-        *_kin(spec.target_quantity, spec),
-        *(rule.quantity for rule in spec.data.keep if rule.quantity in rates),
-    )
-    ignored += () if spec.data.groups is None else (spec.data.groups.of,)
-    ignored += () if spec.data.recordings is None else (*spec.data.recordings.quantities,)
-    split = spec.data.split
+    data, target = spec.data, spec.target_quantity
+    of = data.sources.get(target, ())
+    ignored = [target, *sorted(data.computed_from(target)), *(of if len(of) == 1 else ())]
+    rates = {name for name, rule in data.derive.items() if not isinstance(rule, str)}
+    ignored += [rule.quantity for rule in data.keep if rule.quantity in rates]
+    ignored += [] if data.groups is None else [data.groups.of]
+    ignored += [] if data.recordings is None else data.recordings.quantities
     return Slice(
-        spec.data.levels,
+        data.levels,
         spec.model,
         spec.fuse,
         spec.muscle.lengths,
-        split.hold_out,
-        ignored,
-        split.leaves_out,
+        data.split.hold_out,
+        tuple(ignored),
+        data.split.leaves_out,
     )
-
-
-def _kin(target: str, spec: ExperimentSpec) -> tuple[str, ...]:
-    """Return the quantities that contain the target: the target itself, all quantities that are
-    derived from the target, and, if the target is derived from a single quantity, this
-    quantity.
-    """
-    of = spec.data.sources.get(target, ())
-    made = spec.data.computed_from(target)
-    return (target, *sorted(made), *(sorted(of) if len(of) == 1 else ()))
 
 
 def run_search(part: Slice, workspace: Workspace) -> None:
@@ -75,11 +64,6 @@ def run_search(part: Slice, workspace: Workspace) -> None:
 STAGE = Stage(name="search", revision=23, outputs=(SEARCH,), reads=search_slice, run=run_search)
 
 
-def settings_of(result: Search) -> dict[str, Any]:
-    """Return the sections that were found, as settings on top of the spec."""
-    return {**EMPTY, **result.found.sections}
-
-
 def formulas_beside(result: Search, every: bool = False) -> list[str]:
     """Return the formula of the literature that has the smallest error of all that were tried;
     none if this formula is the chosen structure. With `every`, return all formulas, so
@@ -87,8 +71,8 @@ def formulas_beside(result: Search, every: bool = False) -> list[str]:
     """
     formulas = [tried for tried in result.tried if tried.family == "formula" and not tried.failure]
     if not every:
-        best = min(formulas, key=attrgetter("excess"), default=result.found)
-        formulas = [best] * (best is not result.found)
+        best = sorted(formulas, key=attrgetter("excess"))[:1]
+        formulas = [tried for tried in best if tried is not result.found]
     return [str(tried.sections["model"]["name"]) for tried in formulas]
 
 
@@ -107,13 +91,12 @@ def with_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
     result = RunFiles(run_dir).search()
     if result is None:
         return loaded
-    seen = loaded.spec.data.split.leaves_out
-    rivals = [] if loaded.spec.validation.against else formulas_beside(result, seen)
-    settings = {
-        **settings_of(result),
-        **({"validate.against": rivals} if rivals else {}),
-        **({"data.split.structure_seen": True} if seen else {}),
-    }
+    settings, seen = {**EMPTY, **result.found.sections}, loaded.spec.data.split.leaves_out
+    rivals = formulas_beside(result, seen)
+    if rivals and not loaded.spec.validation.against:
+        settings["validate.against"] = rivals
+    if seen:
+        settings["data.split.structure_seen"] = True
     return changed(loaded, as_overrides(settings))
 
 

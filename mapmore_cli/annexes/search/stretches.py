@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from mapmore_cli.annexes.search.samples import ends_of, pooled_samples
 from mapmore_cli.annexes.search.situation import Situation
-from mapmore_cli.domain.arrays import BoolArray, IntArray, extremes
+from mapmore_cli.domain.arrays import BoolArray, IntArray
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.fitting.refitting import contiguous
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS
@@ -37,11 +37,11 @@ def stretches(
     if situation.timed:
         words = f"each of {BLOCKS} stretches of the training samples of every recording"
         return words, _windows([log[training[log]] for log in samples.logs], samples.size, run)
-    inputs = situation.moving or situation.inputs
-    if bands := _bands(samples, held_out, inputs):
+    bands = _bands(samples, {} if held_out is None else held_out.quantities, situation.moving)
+    if bands:
         return f"each of {len(bands)} bands of an input, as wide as those held out", bands
     folds: list[BoolArray] = []
-    for name in inputs:
+    for name in situation.moving:
         x, inner = samples.columns[name], list[IntArray]()
         for rows in np.split(np.arange(samples.size), ends_of(dataset)):
             if np.ptp(x[rows]) > 0:
@@ -76,13 +76,16 @@ def held_run(study: Dataset) -> int:
     samples = pooled_samples(study)
     out = [0]
     for log in samples.logs:
-        out += [*samples.held_out[log].astype(int), 0]
+        out += [*samples.held_out[log], 0]
     edges = np.flatnonzero(np.diff(out))
-    runs = np.sort(edges[1::2] - edges[::2])
-    return int(runs[np.searchsorted(np.cumsum(runs), runs.sum() / 2)]) if len(runs) else 0
+    runs = edges[1::2] - edges[::2]
+    of_each_sample = [*np.sort(np.repeat(runs, runs)), 0]
+    return int(of_each_sample[(len(of_each_sample) - 2) // 2])
 
 
-def _bands(samples: Curve, held_out: Holdout | None, inputs: Sequence[str]) -> list[BoolArray]:
+def _bands(
+    samples: Curve, held_out: Mapping[str, object], inputs: Sequence[str]
+) -> list[BoolArray]:
     """Return bands of an input, around evenly spaced quantiles of the training data, that are as
     wide as the bands that the study holds out.
 
@@ -90,15 +93,14 @@ def _bands(samples: Curve, held_out: Holdout | None, inputs: Sequence[str]) -> l
     so that leaving them out would not test interpolation.
     """
     folds: list[BoolArray] = []
-    for name, held in ({} if held_out is None else held_out.quantities).items():
-        if name not in inputs or not isinstance(held, Between):
-            continue
-        low, high = np.array(held.between).T
-        half = float(np.median(high - low)) / 2
-        values = samples.columns[name]
-        trained = values[samples.training]
-        least, largest = extremes(trained)
-        inner = ((low > least) & (high < largest)).any()
-        middles = np.quantile(trained, np.linspace(0, 1, BLOCKS + 2)[1:-1]) if inner else ()
-        folds += [samples.training & (np.abs(values - middle) <= half) for middle in middles]
-    return folds if len(folds) > 1 else []
+    for name, held in held_out.items():
+        if name in inputs and isinstance(held, Between):
+            low, high = np.array(held.between).T
+            values = samples.columns[name]
+            least, *middles, largest = np.quantile(
+                values[samples.training], np.linspace(0, 1, BLOCKS + 2)
+            )
+            if ((low > least) & (high < largest)).any():
+                apart = [np.abs(values - middle) for middle in middles]
+                folds += [samples.training & (x <= np.median(high - low) / 2) for x in apart]
+    return folds

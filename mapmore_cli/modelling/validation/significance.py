@@ -107,7 +107,7 @@ class Ranked:
 
 
 def simplest_of(
-    sizes: Sequence[int],
+    sizes: Sequence[int] | Array,
     errors: Array,
     weights: Array | None = None,
     eligible: BoolArray | None = None,
