@@ -9,9 +9,19 @@ import pytest
 from common import curve_of, dataset_of
 
 from mapmore_cli.checking.evidence import Unequal, spikes, unequal
-from mapmore_cli.checking.rules import Subject, curves, odd_values, pairs, samples, signs, units
+from mapmore_cli.checking.rules import (
+    Subject,
+    curves,
+    fits,
+    odd_values,
+    pairs,
+    samples,
+    signs,
+    units,
+)
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.study.experiment import ExperimentSpec
+from mapmore_cli.study.sections.results import Validate
 
 UNITS = {"time": "s", "pressure": "kPa", "strain": "1", "force": "N", "u": "1"}
 BASE = {
@@ -125,6 +135,7 @@ CYCLES = {"cycles": {"over": "strain"}}
         ([0.06, 0.04], None),
         ([0.049, 0.04], "error"),
         ([0.06, None], "warning"),
+        ([1.0, 0.0], "warning"),
         ([None, None], "error"),
     ],
 )
@@ -182,6 +193,30 @@ def test_a_few_samples_of_another_input_may_lie_outside():
         messages = [issue.message for issue in curves.beyond_training(subject)]
         share = "6% of the validation samples have strain 1.5, outside the training range 0 to 1"
         assert messages == [share] * told
+
+
+@pytest.mark.parametrize(("count", "told"), [(0, False), (1, True), (4, True), (5, False)])
+def test_a_formula_needs_as_many_samples_as_it_has_parameters(count, told):
+    """A plane in pressure and strain with a bend in the pressure has five."""
+    columns = {"strain": np.zeros(9), "pressure": np.zeros(9), "force": np.zeros(9)}
+    made = dataset_of(columns, held_out=np.arange(9) >= count, output="force")
+    subject = subject_of(ZEROS, made=made)
+    validation = Validate(against=["polynomial_2"])
+    spec = subject.spec.model_copy(update={"validation": validation})
+    issues = [*fits.few_for_formula(replace(subject, spec=spec))]
+    assert [(issue.id, issue.place) for issue in issues] == [
+        ("few-for-formula", "validate.against.0")
+    ] * told
+
+
+def test_the_strain_is_compared_with_the_force_at_equal_pressure():
+    """A partial correlation is that of what a straight line of the third signal leaves."""
+    x, y, z = np.random.default_rng(0).normal(size=(3, 50)) + np.linspace(0, 2, 50)
+    r = np.corrcoef([x, y, z])
+    line = np.column_stack([np.ones(50), z])
+    left = [v - line @ np.linalg.lstsq(line, v, rcond=None)[0] for v in (x, y)]
+    assert signs._partial(r[0, 1], r[0, 2], r[1, 2]) == pytest.approx(np.corrcoef(left)[0, 1])
+    assert signs._partial(0.3, 1.0, 0.3) == 0
 
 
 def test_no_gauge_shows_less_than_a_vacuum():
