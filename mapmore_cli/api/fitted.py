@@ -266,15 +266,16 @@ class Fitted(LoadedModel):
         )
 
     def _repr_html_(self) -> str:
-        equations = [
+        equations = "".join(
             f"<li><code>{escape(equation.id)} = {escape(equation.text)}</code></li>"
-            for equation in self.equations
-        ]
-        more = f"<p>... {len(equations)} equations in all</p>" if len(equations) > _SHOWN else ""
+            for equation in self.equations[:_SHOWN]
+        )
+        count, rest = len(self.equations), self.equations[_SHOWN:]
+        more = f"<p>... {count} equations in all</p>" if rest else ""
         warnings = "".join(f"<p>warning: {escape(warning)}</p>" for warning in self.warnings)
         scores = self.scores._repr_html_()
         head = f"<p>{escape(super().__repr__())}</p>{scores}"
-        return f"{head}<ul>{''.join(equations[:_SHOWN])}</ul>{more}{warnings}"
+        return f"{head}<ul>{equations}</ul>{more}{warnings}"
 
     @property
     def _sources(self) -> dict[str, SourceColumn]:

@@ -167,7 +167,7 @@ def print_view(view: View, as_json: bool) -> None:
 
 def print_document(document: Mapping[str, Any]) -> None:
     """Print one JSON document. NaN and infinities, which JSON does not have, become null."""
-    print(json.dumps(_as_json(document), indent=2, allow_nan=False), file=_documents.get())
+    print(json.dumps(_as_json(document), indent=2), file=_documents.get())
 
 
 _documents: ContextVar[TextIO | None] = ContextVar("_documents", default=None)

@@ -1,5 +1,5 @@
-"""Read the table on which `predict`, `invert` or `adapt` evaluates a model, and write the table with
-the results.
+"""Read the table on which `predict`, `invert` or `adapt` evaluates a model, and write the result
+as a table.
 """
 
 from __future__ import annotations

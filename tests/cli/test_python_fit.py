@@ -147,6 +147,16 @@ def test_long_fits_show_a_bar_in_a_terminal(wanted, seconds, shown, monkeypatch,
     assert ("segments" in capsys.readouterr().err) == shown
 
 
+def test_a_file_gets_a_line_of_progress_every_five_seconds_and_at_the_end(monkeypatch, capsys):
+    clock = SimpleNamespace(now=0.0)
+    time = SimpleNamespace(monotonic=lambda: clock.now)
+    monkeypatch.setattr("mapmore_cli.api.fitted.time", time)
+    with fitted_module._Bar(True) as bar:
+        for clock.now, done in ((0.0, 1), (4.9, 2), (5.0, 3), (9.9, 3), (9.95, 4)):
+            bar("segments", done, 4)
+    assert capsys.readouterr().err == "".join(f"segments: {n} of 4\n" for n in (1, 3, 4))
+
+
 def test_a_target_by_its_label_takes_all_columns_by_theirs():
     motor = np.linspace(0, 1, 50)
     terms = [{"polynomial": {"of": ["motor"], "order": 2}}]
@@ -236,7 +246,18 @@ def test_it_shows_itself(fitted):
     )
     html = fitted._repr_html_()
     assert html.count("<table ") == 1
-    assert "<li><code>" in html
+    count = len(fitted.equations)
+    assert html.count("<li><code>") == 8 < count
+    assert f"</ul><p>... {count} equations in all</p>" in html
+
+
+def test_a_warning_points_to_the_line_that_asked_for_the_fit(tmp_path):
+    with pytest.warns(UserWarning, match="its sign seems to be inverted") as of_fit:
+        found = mm.fit({**FRAME, "F": -FRAME["F"]}, **SECTIONS)
+    spec = found.to_yaml(tmp_path / "turned.yaml")
+    with pytest.warns(UserWarning, match="its sign seems to be inverted") as of_run:
+        mm.run(spec, tmp_path / "runs")
+    assert {one.filename for one in (*of_fit, *of_run)} == {__file__}
 
 
 def test_a_summary_has_what_a_regression_table_has():
