@@ -34,12 +34,3 @@ def joint(folder, spec):
 def test_a_muscle_without_length_has_no_tendon(tmp_path, mapmore):
     spec = joint(tmp_path, RUNS.replace("sign: -1", "tendon: {stiffness: 1 N/mm}"))
     mapmore("validate", spec, code=3, says="does not depend on `length`")
-
-
-def test_two_runs_whose_pressures_have_one_name_are_refused(tmp_path, mapmore):
-    spec = joint(tmp_path, RUNS.replace("pressure: p1, ", "").replace("pressure: p2, ", ""))
-    words = [
-        "flexor and extensor both have an input called `pressure`",
-        "inputs: {pressure: pressure_1}",
-    ]
-    mapmore("run", spec, code=3, says=words)
