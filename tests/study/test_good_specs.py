@@ -133,7 +133,8 @@ at: [80, 150, 250, 350]               at: [0.8 bar, 1.5 bar, 250, 350000 Pa], wi
 split: {validate: {pressure: [250]}}  split: {leave_one_level_out: true}
 split: {validate: {pressure: [250]}}  split: {validate: {recordings: [load_cycle_150]}}
 split: {validate: {pressure: [250]}}  split: {validate: {last: 50 %}}
-{pressure: [250]}                     {pressure: [260]}
+{pressure: [250]}                     {pressure: [285]}
+{pressure: [250]}                     {pressure: {between: [[250, 250]]}}
 against: [sarosi, polynomial_2]       against: []
 samples: 200}                         samples: 0x20}
 """),
