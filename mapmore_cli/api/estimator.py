@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import sys
 import warnings
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from fractions import Fraction
@@ -152,12 +153,13 @@ class FROLS:
         powers = np.log2(dictionary_matrix(candidates, twos, m)).round().astype(int).T.tolist()
         number_of = {tuple(power): number for number, power in enumerate(powers)}
         offsets = list(map(Fraction, self._centre.tolist()))
-        total, size = dict.fromkeys(chosen, Fraction(0)), dict.fromkeys(chosen, 0.0)
+        total = defaultdict(Fraction, dict.fromkeys(chosen, Fraction(0)))
+        size = defaultdict[int, float](float)
         for term, theta in zip(chosen, selection.theta.tolist(), strict=True):
             for power, factor in _expanded(powers[term], offsets):
                 number, part = number_of[power], Fraction(theta) * factor
-                total[number] = total.get(number, Fraction(0)) + part
-                size[number] = size.get(number, 0.0) + abs(float(part))
+                total[number] += part
+                size[number] += abs(float(part))
         kept = [number for number in total if abs(float(total[number])) > ROUNDING * size[number]]
         ratio = dict(zip(chosen, selection.err.tolist(), strict=True))
         return (

@@ -82,13 +82,12 @@ class Loaded(Generic[M]):
     folder: Path  # folder at which relative paths of the spec start
     overrides: tuple[str, ...]  # settings that were applied on top of the file
     _root: Node = field(repr=False, compare=False)
-    _source: SourceText = field(repr=False, compare=False)
     tables: Mapping[str, RawTable] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def name(self) -> str:
         """Name of the spec in messages: the path of its file."""
-        return self._source.name
+        return self._root.at.source.name
 
     @cached_property
     def resolved(self) -> str:
@@ -175,7 +174,8 @@ def load_text(
 def changed(loaded: LoadedSpec, overrides: Sequence[str]) -> LoadedSpec:
     """Return a spec with further settings on top; raises the same errors as `load`."""
     every = (*loaded.overrides, *overrides)
-    again = _validated(loaded._source, loaded.path, ExperimentSpec, every, findings)
+    source = loaded._root.at.source
+    again = _validated(source, loaded.path, ExperimentSpec, every, findings)
     return replace(again, tables=loaded.tables)
 
 
@@ -206,7 +206,7 @@ def _validated(
     # a spec without a file has no comments
     if isinstance(spec, ExperimentSpec) and path.is_file():
         spec._unconfirmed = questions_in(path.read_text(encoding="utf-8-sig"))
-    return Loaded(spec, path, path.parent, tuple(overrides), root, source)
+    return Loaded(spec, path, path.parent, tuple(overrides), root)
 
 
 def _further_mistakes(

@@ -93,7 +93,7 @@ def clipped(subject: Subject) -> Issues:
     levels = subject.spec.data.levels
     held = ("time", None if levels is None else levels.of)
     for name in (name for name in subject.spec.data.columns if name not in held):
-        largest = subject.largest(name)
+        largest = max(map(abs, subject.span(name))) if subject.has(name) else 0.0
         for recording in (recording for recording in subject.recordings if recording.rows_kept):
             values = recording.columns.get(name, np.zeros(0))
             ends = zip(("above", "below"), extremes(values), strict=True) if values.size else ()
