@@ -10,7 +10,13 @@ from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve, Grouping
-from mapmore_cli.fitting.groups import GroupEffects, _require_apart, group_effects
+from mapmore_cli.fitting.groups import (
+    GroupEffects,
+    _GroupFit,
+    _polynomial,
+    _require_apart,
+    group_effects,
+)
 from mapmore_cli.pipeline.example import write_example
 from mapmore_cli.storage.run_folder import RunFiles
 
@@ -183,6 +189,26 @@ def test_another_output_is_not_an_input_of_the_groups():
     curves = [Curve("all", None, each, out, ("a",)) for each in (columns, columns | {"z": 2 * y})]
     alone = group_effects(curves[:1], Grouping("y", "g", gain=True))
     assert group_effects(curves[1:], Grouping("y", "g", gain=True, outputs=("y", "z"))) == alone
+
+
+def test_groups_share_a_polynomial_of_order_three():
+    x, y = np.array([0.0, 1.0, 4.0]), np.array([5.0, 5.0, 9.0])
+    a, b = np.array([-1, -0.5, 1]), np.array([-1.0, -1, 1])
+    one = np.ones(3)
+    quadratic, cubic = [a * a, a * b, b * b], [a**3, a * a * b, a * b * b, b**3]
+    expected = np.stack([one, a, b, *quadratic, *cubic], axis=1)
+    np.testing.assert_allclose(_polynomial([x, y], 3), expected)
+
+
+def test_residuals_are_as_large_as_those_of_a_line_for_each_group():
+    rng, squares, tables = np.random.default_rng(0), 0.0, []
+    for size in (5, 9):
+        x, y = rng.normal(size=(2, size))
+        line = np.column_stack([x, np.ones(size)])
+        squares += float(np.linalg.lstsq(line, y, rcond=None)[1][0])
+        tables.append(np.column_stack([line, y]))
+    found = _GroupFit([*tables, tables[0][:2]], np.eye(3), offset=False)  # a group of two samples
+    assert found.scatter == pytest.approx(np.sqrt(squares / (5 - 2 + 9 - 2)))
 
 
 def test_what_goes_with_the_group_is_no_offset():
