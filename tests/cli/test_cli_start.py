@@ -1,5 +1,6 @@
 """The command starts quickly, and says what it can do."""
 
+import os
 from importlib.metadata import version
 
 import pytest
@@ -60,6 +61,14 @@ def test_commands_of_plugins_come_last_in_the_order_of_the_alphabet(monkeypatch)
     names = Commands(name="mapmore").list_commands(None)
     assert names[-5:] == ["a", "b", "c", "d", "e"]
     assert names[names.index("run") + 1] == "batch"
+
+
+def test_variables_are_allowed_anywhere_on_the_line(mapmore, monkeypatch):
+    monkeypatch.setenv("MAPMORE_ENV", "RIG")
+    shown = mapmore("schema", "--env", "LAB", "keys", "--env", "ROOM", code=0)
+    assert shown.stdout.startswith("### Top level")
+    assert os.environ["MAPMORE_ENV"] == "LAB,ROOM,RIG"
+    assert "Commands:" in mapmore().output
 
 
 @pytest.mark.parametrize("command", ORDER)

@@ -8,6 +8,7 @@ from dataclasses import replace
 from itertools import count
 from types import SimpleNamespace
 
+import h5py
 import numpy as np
 import pytest
 import yaml
@@ -193,7 +194,7 @@ def test_bands_are_fitted_when_they_are_asked_for(fitted):
 
 
 def test_what_is_written_runs_to_the_same_scores(fitted, tmp_path):
-    spec = fitted.to_yaml(tmp_path / "there" / "muscle.yaml")
+    spec = fitted.to_yaml(tmp_path / "not" / "there" / "muscle.yaml")
     written = {"mapmore.schema.json", "muscle.yaml", "muscle_data"}
     assert {path.name for path in spec.parent.iterdir()} == written
     modeline = "# yaml-language-server: $schema=mapmore.schema.json\n"
@@ -204,10 +205,18 @@ def test_what_is_written_runs_to_the_same_scores(fitted, tmp_path):
     assert found.missed == ()
     assert mm.run(spec, tmp_path / "runs").stages["fit"] == "up-to-date"
     assert mm.run(spec, tmp_path / "runs", settings={"validate.require": {"nrmse": 1e-9}}).missed
-    loaded = mm.load_model(fitted.save(tmp_path / "model.h5"))
+    path = fitted.save(tmp_path / "model.h5")
+    loaded = mm.load_model(path)
     np.testing.assert_array_equal(
         loaded(pressure=150, strain=EPS), fitted(pressure=150, strain=EPS)
     )
+    with h5py.File(path, "a") as file:
+        file.attrs["checksum"] = "0"
+    with pytest.raises(DataError, match="checksum"):
+        mm.load_model(path)
+    with pytest.warns(UserWarning, match="checksum") as told:
+        assert mm.load_model(path, unverified=True).units == loaded.units
+    assert told[0].filename == __file__
 
 
 def test_frames_are_in_memory_and_stay_as_they_are(monkeypatch):
@@ -319,6 +328,7 @@ def test_a_summary_has_what_a_regression_table_has():
         ({"columns": {"force": {"column": "G"}}}, DataError, "no column 'G'"),
         ({"columns": {"force": {"unit": "N"}}}, SpecError, "does not name its column"),
         ({"split": {"validate": {"pressure": [1000]}}}, DataError, "no level"),
+        ({"frame": {**FRAME, "eps": 100 * EPS}}, SpecError, "probably in per cent"),
     ],
 )
 def test_mistakes_are_told_with_remedies(change, kind, message):
