@@ -2,7 +2,6 @@
 behind.
 """
 
-import json
 import tempfile
 from dataclasses import replace
 from itertools import count
@@ -11,86 +10,12 @@ from types import SimpleNamespace
 import h5py
 import numpy as np
 import pytest
-import yaml
-from cli_samples import CONFIGS, write_columns
+from cli_samples import write_columns
 
 import mapmore_cli as mm
 from mapmore_cli.api import fitted as fitted_module
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.ingestion.files import expand
-
-
-def columns_of(path):
-    """The table as a notebook would have it: arrays by title."""
-    titles = path.read_text().split("\n", 1)[0].split(",")
-    return dict(zip(titles, np.loadtxt(path, delimiter=",", skiprows=1).T, strict=True))
-
-
-def sections_of(config):
-    document = yaml.safe_load(config.read_text())
-    if "extends" in document:
-        base = yaml.safe_load((config.parent / document.pop("extends")).read_text())
-        document = {**base, **document}
-    return {
-        key: value for key, value in document.items() if key not in ("schema_version", "report")
-    }
-
-
-def scored(config, runs, mapmore):
-    mapmore("validate", config, "--runs", runs, "-q", code=0)
-    return json.loads((runs / config.stem / "scores.json").read_text())["scores"]
-
-
-def agree(found, command):
-    """Row for row the same to 1e-12."""
-    assert len(found) == len(command) > 2
-    for row, other in zip(found, command, strict=True):
-        assert row.keys() == other.keys()
-        for key in row:
-            if isinstance(other[key], float):
-                assert row[key] == pytest.approx(other[key], rel=1e-12, abs=1e-12), key
-            else:
-                assert row[key] == other[key]
-
-
-def test_frames_score_as_the_command_does(tmp_path, mapmore):
-    """Load cycles: one frame a recording."""
-    config = CONFIGS / "m2" / "dmsp-20-88-static.yaml"
-    sections = sections_of(config)
-    frames = [columns_of(config.parent / file) for file in sections["data"].pop("files")]
-    del sections["data"]["reader"]
-    agree(mm.fit(frames, **sections).scores, scored(config, tmp_path, mapmore))
-
-
-def test_what_a_reviewer_asks_for_stands_beside_without_being_named(tmp_path):
-    """An ARX beside what runs over time; the backbone alone beside pieces on it. What is written of
-    a model with memory runs to the same scores.
-    """
-    time = np.arange(300) * 0.05
-    u = np.sin(time) + np.sin(2.7 * time)
-    y = np.zeros(300)
-    for k in range(1, 300):
-        y[k] = 0.9 * y[k - 1] + 0.1 * u[k]
-    moving = mm.fit(
-        {"time": time, "u": u, "y": y},
-        columns={
-            "time": {"column": "time", "unit": "s"},
-            "u": {"column": "u"},
-            "y": {"column": "y"},
-        },
-        target={"column": "y"},
-        split={"validate": {"last": 0.3}},
-        dictionary=[{"slow": {"of": ["u"], "tau": [0.5]}}],
-    )
-    bent = {**FRAME, "F": FRAME["F"] + 20 * np.sin(60 * EPS)}
-    on_formula = mm.fit(bent, **{**SECTIONS, "validate": {}}, model={"backbone": "sarosi"})
-    for found, other in ((moving, "arx"), (on_formula, "backbone")):
-        models = {row["model"] for row in found.scores}
-        assert models == {"mapmore", "plane", "quadratic", "cubic", other}
-    assert [one.size for one in moving.held_out] == [90]  # its last samples
-    written = mm.run(moving.to_yaml(tmp_path / "moving.yaml"), tmp_path / "runs")
-    assert tuple(written.scores) == tuple(moving.scores)
-
 
 # --- one small study
 # --------------------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.models import Formula, Model
 from mapmore_cli.domain.recording import Curve, CurveRange, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult
+from mapmore_cli.fitting import competitors
 from mapmore_cli.fitting.competitors import Contest
 from mapmore_cli.fitting.kinds.choices import metres_of
 from mapmore_cli.modelling import literature
@@ -192,6 +194,15 @@ def test_simple_models_beside_have_fewer_parameters_than_samples(samples, count)
     one = replace(DATASET.curves[0], held_out=np.arange(40) >= samples)
     beside = contest(dataset=replace(DATASET, curves=(one,))).simple_beside(())
     assert beside == ("plane", "quadratic", "cubic")[:count]
+
+
+def test_a_backbone_and_an_arx_stand_beside_models_that_have_them(monkeypatch):
+    formula = model_of("sarosi").body.fit
+    pieces = contest(model=model_of("sarosi", body=SimpleNamespace(backbone=formula)))
+    for moves, more in ((False, ["backbone"]), (True, ["backbone", "arx"])):
+        monkeypatch.setattr(competitors, "runs_over_time", lambda _, moves=moves: moves)
+        assert pieces.simple_beside(["plane"]) == ("quadratic", "cubic", *more)
+    assert pieces.simple_beside(["sarosi", "arx"]) == ("plane", "quadratic", "cubic")
 
 
 def test_a_composite_adds_damping_without_what_is_left_at_rest(tmp_path):

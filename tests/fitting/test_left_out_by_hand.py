@@ -72,6 +72,9 @@ def test_of_two_recordings_blocks_are_left_out_and_of_levels_those_within():
         [4, 5, 6, 7],
         [2, 3],
     ]
+    times = {"time": np.arange(20.0), "x": np.zeros(20), "y": np.zeros(20)}
+    _, count, parts = parts_of(dataset_of(times), CHOICES)
+    assert (count, [*parts]) == (5, [f"block {k} of 5" for k in range(1, 6)])
     at_levels = tuple(
         replace(curve_of({"p": np.full(2, level), "y": np.zeros(2)}, name=str(level)), level=level)
         for level in (3.0, 1.0, 2.0)
