@@ -32,7 +32,8 @@ MODULES = {
     **dict.fromkeys(("ingest", "segment", "fit", "fuse", "validate", "report", "run"), "pipeline"),
     **dict.fromkeys(("freeze", "compare"), "compare"),
     **dict.fromkeys(("figure", "show", "schema", "example"), "files"),
-    **{name: name for name in ("predict", "adapt", "invert", "check", "clean")},
+    **dict.fromkeys(("predict", "invert"), "predict"),
+    **{name: name for name in ("adapt", "check", "clean")},
 }
 """Module of `cli/` with the function of each command, which has the same name. Plugins add others
 (`domain.plugins`).
