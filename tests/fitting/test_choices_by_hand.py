@@ -12,9 +12,11 @@ from mapmore_cli.fitting.kinds.choices import (
     level_of,
     model_choices,
     summands,
+    with_definitions,
 )
 from mapmore_cli.fitting.kinds.dictionary import signal_of
 from mapmore_cli.fitting.kinds.pieces import recipe_of
+from mapmore_cli.modelling.literature.own import formula_of
 from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.study.experiment import ExperimentSpec
 from mapmore_cli.study.sections.data import Direction, Levels, Rate
@@ -76,6 +78,33 @@ def test_a_sum_adds_the_runs_that_it_names_each_once():
     both = spec_of(dictionary=[], target="dynamic", needs=needs)
     assert summands(both) == ["s.yaml", "d.yaml"]
     assert summands(spec_of(needs=needs)) == []
+
+
+def test_definitions_take_the_place_of_the_names_of_own_formulas():
+    own = {"name": "own", "expression": "a*pressure", "parameters": {"a": {}}}
+    pair = {"as": "pair", "sum": [{"formula": "own"}, {"formula": "sarosi"}]}
+    against = ["own", "sarosi", {"model": "own", "as": "b"}, pair]
+    spec = spec_of(formulas=[own], model={"backbone": "own"}, validate={"against": against})
+    made = with_definitions(spec)
+    text = made.model.backbone
+    assert formula_of(text).inputs == ("pressure",)
+    first, second, third, fourth = made.validation.against
+    assert (first.model, first.label, second) == (text, "own", "sarosi")
+    assert (third.model, third.label, fourth.label) == (text, "b", "pair")
+    assert [part.formula for part in fourth.sum] == [text, "sarosi"]
+    plain = spec_of()
+    assert with_definitions(plain) is plain
+
+
+@pytest.mark.parametrize(
+    ("terms", "kind", "over_time"),
+    [({"terms": ["strain"]}, "pieces", False), ({"play": {"of": ["strain"]}}, "memory", True)],
+)
+def test_a_dictionary_with_memory_makes_a_model_over_time(terms, kind, over_time):
+    choices = model_choices(spec_of(dictionary=[terms]))
+    assert (choices.kind, choices.over_time) == (kind, over_time)
+    formula = {"type": "literature", "name": "sarosi"}
+    assert model_choices(spec_of(dictionary=[], model=formula)).kind == "formula"
 
 
 def test_a_rate_is_in_the_units_of_the_model():
