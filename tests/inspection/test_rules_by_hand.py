@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from common import curve_of, dataset_of
 
-from mapmore_cli.checking.evidence import Unequal, spikes, unequal
+from mapmore_cli.checking import evidence
+from mapmore_cli.checking.evidence import Unequal, _left, spikes, unequal
 from mapmore_cli.checking.findings import (
     FINDINGS,
     Issue,
@@ -193,6 +194,27 @@ def test_held_out_values_within_the_training_range(values, told):
     assert issues == [("warning", "validation-outside", "data.split.validate.strain")] * told
 
 
+@pytest.mark.parametrize(
+    ("split", "day", "told"),
+    [
+        ({"leave_one_level_out": True}, [1, 2, 2], ["pressure is 3 in all curves"]),
+        ({"leave_one_group_out": True}, [1, 2, 2], []),
+        ({"leave_one_group_out": True}, [2, 2, 2], ["u is 2 in all curves"]),
+        ({}, [2, 2, 2], []),
+    ],
+)
+def test_a_level_or_group_that_is_left_out_is_not_the_only_one(split, day, told):
+    columns = {"pressure": 3 * np.ones(3), "u": np.array(day), "force": np.zeros(3)}
+    made = dataset_of(columns, output="force")
+    curves_at = tuple(replace(curve, level=3.0) for curve in made.curves)
+    made = replace(made, level="pressure", curves=curves_at)
+    subject = subject_of(ZEROS, made=made, groups={"of": "u"}, split=split)
+    messages = [issue.message for issue in curves.one_fold(subject)]
+    assert [words in message for words, message in zip(told, messages, strict=True)] == [
+        True for _ in told
+    ]
+
+
 def test_a_few_samples_of_another_input_may_lie_outside():
     training = {"strain": np.linspace(0, 1, 11), "u": np.arange(11.0), "force": np.zeros(11)}
     for outside, told in ((5, False), (6, True)):
@@ -298,7 +320,7 @@ def test_effects_that_explain_most_of_a_difference(gain, offset, both, effects):
     )
 
 
-def test_the_two_recordings_that_differ_most_are_told():
+def test_the_two_recordings_that_differ_most_are_told(monkeypatch):
     u = np.sin(np.arange(60.0))
     outputs = [u, u + 0.2, u + 0.5, u + 0.3]
     subject = subject_of(*({"u": u, "force": y} for y in outputs), {"u": -u, "force": 4 * u})
@@ -314,8 +336,15 @@ def test_the_two_recordings_that_differ_most_are_told():
         equal = subject_of(*({"u": x, "force": wide + k} for k, x in enumerate(near)))
         assert (unequal(equal.recordings, ["u"], "force") is not None) == told
     for n, told in ((29, False), (30, True)):
-        parts = subject_of({"u": u[:n], "force": u[:n] + 1}, {"u": u, "force": u})
-        assert (unequal(parts.recordings, ["u"], "force") is not None) == told
+        both = [{"u": u[:n], "force": u[:n] + 1}, {"u": u, "force": u}]
+        for parts in (subject_of(*both), subject_of(*both[::-1])):
+            assert (unequal(parts.recordings, ["u"], "force") is not None) == told
+    apart, left = _left(u, 0.4 * u + 0.1)
+    assert (apart, left) == _left(0.4 * u + 0.1, u)
+    assert left["offset gain"] == pytest.approx(0, abs=1e-9)
+    monkeypatch.setattr(evidence, "COMPARED", 2)  # every third of five is compared
+    found = unequal(subject.recordings, ["u"], "force")
+    assert (found.one.id, found.other.id) == ("r0", "r3")
 
 
 @pytest.mark.parametrize(
