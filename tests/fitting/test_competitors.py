@@ -14,7 +14,7 @@ from mapmore_cli.domain.models import Formula, Model
 from mapmore_cli.domain.recording import Curve, CurveRange, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.fitting import competitors
-from mapmore_cli.fitting.competitors import Contest
+from mapmore_cli.fitting.competitors import Contest, Rival
 from mapmore_cli.fitting.kinds.choices import metres_of
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import predict
@@ -126,6 +126,13 @@ def test_in_a_fold_another_run_is_made_anew(tmp_path):
     np.testing.assert_allclose(
         rival.forecasts[0].values, contest().rival("sarosi").forecasts[0].values
     )
+
+
+def test_a_competitor_fails_with_any_of_its_formulas():
+    fit = fit_formula("polynomial_2", DATASET.curves, "force")
+    both = {"static": fit, "damping": replace(fit, status="failed")}
+    assert Rival("a", (), both).failed
+    assert not Rival("a", (), {"static": fit}).failed
 
 
 def test_composites_need_a_static_run():

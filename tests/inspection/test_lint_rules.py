@@ -340,9 +340,9 @@ FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
         (
             "memory-breaks",
             "warning",
-            lambda _, c: {name: np.delete(values, slice(20, 25)) for name, values in c.items()},
+            at(100, lambda _, c: {key: np.delete(x, slice(20, 25)) for key, x in c.items()}),
             MEMORY,
-            ["after 4 gaps within", "have 27 samples or fewer", "`resample: 0.1 s`"],
+            ["after 1 gap within", "have 60 samples or fewer", "`resample: 0.1 s`"],
         ),
         (
             "uneven-steps",
