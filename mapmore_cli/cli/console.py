@@ -220,8 +220,8 @@ def folder_of(run: Path, runs: Path) -> Path:
 
 
 def spec_of(config: Path, overrides: list[str], runs: Path) -> tuple[Path, list[str]]:
-    """Return the path of a spec and its settings. `config` is this path, or the name or the folder
-    of a run. For a run, the settings are those of the run, and then the `overrides`.
+    """Return the path of a spec and its settings. `config` is the path of the spec, or the name or
+    the folder of a run. For a run, its spec is returned, and its settings before the `overrides`.
     """
     from mapmore_cli.storage.run_record import load_origin
 

@@ -30,7 +30,8 @@ def lines_for(
     reporter: Reporter,
 ) -> tuple[Iterator[str], str]:
     """Return the lines of a table in the names and units of the model, and the name of the table
-    in messages. The lines have the columns of the first set in `ways` that the table has.
+    in messages. Each element of `ways` is a set of columns with which the model can be evaluated.
+    The lines have the columns of the first of these sets that the table contains.
     """
     from mapmore_cli.pipeline.foreign import foreign_lines, is_foreign, units_of
 

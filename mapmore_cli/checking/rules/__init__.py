@@ -45,6 +45,11 @@ class Subject:
         assert self.made is not None, "the rule checks curves, but was called without any"
         return self.made
 
+    @property
+    def kept(self) -> list[Recording]:
+        """The recordings in which samples were kept."""
+        return [recording for recording in self.recordings if recording.rows_kept]
+
     def has(self, *names: str) -> bool:
         """Return True if every recording has all these quantities."""
         return all(name in recording.columns for recording in self.recordings for name in names)
@@ -56,11 +61,7 @@ class Subject:
 
     def span(self, name: str) -> Ends:
         """Return the smallest and the largest value of a quantity that every recording has."""
-        ends = [
-            extremes(recording.columns[name])
-            for recording in self.recordings
-            if recording.rows_kept
-        ]
+        ends = [extremes(recording.columns[name]) for recording in self.kept]
         return min(low for low, _ in ends), max(high for _, high in ends)
 
     def source(self, name: str) -> str:
