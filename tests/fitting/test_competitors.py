@@ -112,6 +112,18 @@ def test_a_run_of_other_units_is_refused(tmp_path):
         of_run(tmp_path, other).rival(Competitor(run="other.yaml"))
 
 
+def test_a_frozen_model_and_the_backbone_are_asked_as_they_are(tmp_path):
+    frozen = model_of("polynomial_2")
+    write_model(tmp_path / "old.h5", frozen)
+    asked = Competitor.model_validate({"model": "old.h5", "as": "before"})
+    before = contest(spec_dir=tmp_path).rival(asked)
+    backbone = contest(model=frozen).rival("backbone")
+    assert (before.name, backbone.name, before.failed) == ("before", "backbone", False)
+    for one, *said in zip(DATASET.curves, before.forecasts, backbone.forecasts, strict=True):
+        for forecast in said:
+            np.testing.assert_allclose(forecast.values, predict(frozen, one.columns), rtol=1e-12)
+
+
 def test_in_a_fold_another_run_is_made_anew(tmp_path):
     asked = []
 

@@ -136,6 +136,18 @@ def test_a_force_whose_squares_pull_by_less_than_a_hundredth(above, told):
     assert [message.startswith("r0.csv") for message in messages] == [True] * told
 
 
+def test_rules_say_nothing_without_the_quantities_that_they_look_at():
+    u, rules = np.arange(40.0), [pairs.computed_from, pairs.untold_difference, samples.offset]
+    rules += [signs.force_never_pulls, signs.strain_turned, units.strain_in_per_cent]
+    for rule in rules:
+        assert found(rule, {"u": u, "pressure": u}, {"u": u, "pressure": u}) == []
+    assert found(samples.still_cycles, {"u": 0 * u}, **CYCLES) == []
+    constant = subject_of({"u": u, "force": 0 * u}, {"u": u, "force": 0 * u})
+    assert unequal(constant.recordings, ["u"], "force") is None
+    ratio = subject_of({"pressure_b": u}, units={"pressure_b": "1", "u": "1"})
+    assert [odd_values._vacuum(ratio, name) for name in ("pressure_b", "u")] == [None, None]
+
+
 CYCLES = {"cycles": {"over": "strain"}}
 
 

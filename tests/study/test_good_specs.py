@@ -171,6 +171,8 @@ UNSAID = STATIC.replace(", max_terms: 1, tolerance: 1.0e-4", "")
         (MOTION.replace(FIT, "fit: {tolerance: 0.01}"), 12, "tolerance"),
         (UNSAID, 1, "tolerance"),
         (UNSAID.replace("strain: {method: even, count: 4}", "pressure: none"), 12, "bic"),
+        (UNSAID.replace("  strain: {m", "  pressure: none\n  strain: {m"), 1, "tolerance"),
+        (UNSAID.replace("segment:\n  strain: {method: even, count: 4}\n", ""), 1, "tolerance"),
     ],
 )
 def test_one_model_of_everything_has_as_many_terms_as_data_support(tmp_path, text, terms, stop):
