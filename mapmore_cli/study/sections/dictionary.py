@@ -320,7 +320,8 @@ class Families(Section):
         """
         if self.bounds is not None:
             return self.bounds
-        return (0.0, inf) if self.sign == "positive" else (-inf, 0.0)
+        assert self.sign is not None
+        return {"positive": (0.0, inf), "negative": (-inf, 0.0)}[self.sign]
 
     @property
     def family(self) -> tuple[str, Family]:
