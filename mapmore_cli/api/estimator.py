@@ -81,8 +81,8 @@ class FROLS:
     def fit(self, X: ArrayLike, y: ArrayLike) -> Self:
         """Select terms for the target `y`, (n,), among monomials of the columns of `X`, (n, m).
 
-        Raises ValueError if `X` is no table of numbers, if `y` is no column of numbers, or if a
-        value is not finite.
+        Raises ValueError if `X` is no table of numbers with at least two rows, if `y` is no column
+        of as many numbers, or if a value is not finite.
         """
         names, values = _names_of_frame(X), _numeric_table(X)
         target = _target(y, len(values))

@@ -10,9 +10,10 @@ from common import curve_of, dataset_of
 
 from mapmore_cli.domain.recording import Grouping
 from mapmore_cli.fitting.groups import regrouped
-from mapmore_cli.fitting.kinds import refit
+from mapmore_cli.fitting.kinds import Given, fit, refit
 from mapmore_cli.fitting.kinds.choices import model_choices
 from mapmore_cli.fitting.kinds.memory import _asked
+from mapmore_cli.fitting.kinds.pieces import segmented
 from mapmore_cli.fitting.left_out import parts_of, residuals, share_beyond, trained_on
 from mapmore_cli.fitting.refitting import left_out_of
 from mapmore_cli.modelling.expressions.operators.lags import spread_times
@@ -157,6 +158,15 @@ def test_time_constants_are_spread_over_the_longest_recording():
     _, recipe = _asked(choices, dataset_of(columns, held_out=np.arange(120) >= 100), None)
     taus = [float(term.split(", ")[1].rstrip(")")) for term in recipe.dictionary]
     assert taus == pytest.approx(spread_times(3, 0.1, 10.0), rel=0.01)
+
+
+def test_the_progress_of_a_fit_counts_its_segments():
+    halves = {"segment": {"x": {"method": "even", "count": 2, "min_samples": 2}}}
+    choices = model_choices(ExperimentSpec.model_validate({**SPEC, **halves}))
+    dataset, steps = dataset_of({"x": np.arange(20.0), "y": np.arange(20.0)}), []
+    cuts = segmented(dataset, choices)
+    fit(choices, Given(dataset, cuts, progress=lambda *step: steps.append(step)))
+    assert steps == [("segments", 1, 2), ("segments", 2, 2)]
 
 
 @pytest.mark.parametrize("wanted", [False, True])
