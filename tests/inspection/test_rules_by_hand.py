@@ -207,6 +207,30 @@ def test_held_out_values_within_the_training_range(values, told):
 
 
 @pytest.mark.parametrize(
+    ("model", "inputs"),
+    [
+        ({}, ["strain"]),
+        ({"type": "literature", "name": "sarosi"}, ["pressure", "strain"]),
+        ({"backbone": "sarosi"}, ["pressure", "strain"]),
+    ],
+)
+def test_the_inputs_of_a_formula_are_inputs_of_the_model(model, inputs):
+    subject = subject_of(ZEROS, made=dataset_of(ZEROS, output="force"))
+    alone = {"dictionary": []} if "name" in model else {}
+    spec = ExperimentSpec.model_validate({**BASE, "model": model, **alone})
+    assert sorted(curves.inputs_of_model(replace(subject, spec=spec))) == inputs
+
+
+@pytest.mark.parametrize(
+    ("unit", "told"), [("bar", False), ("bar abs", False), ("kPa", True), ("psi abs", True)]
+)
+def test_a_name_with_bar_may_mean_absolute_pressure(unit, told):
+    columns = {**BASE["data"]["columns"], "pressure": {"column": "P_bar", "unit": unit}}
+    issues = found(units.unit_in_the_name, ZEROS, columns=columns)
+    assert issues == [("warning", "unit-in-name", "data.columns.pressure")] * told
+
+
+@pytest.mark.parametrize(
     ("split", "day", "told"),
     [
         ({"leave_one_level_out": True}, [1, 2, 2], ["pressure is 3 in all curves"]),
