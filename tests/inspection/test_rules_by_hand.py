@@ -222,6 +222,19 @@ def test_the_inputs_of_a_formula_are_inputs_of_the_model(model, inputs):
 
 
 @pytest.mark.parametrize(
+    ("row", "told"),
+    [
+        *((["0", "1", "2"], False), ([" 1", "2", "", None, "3"], False), (["2", "3"], True)),
+        *((["0"], True), (["1", ""], True), (["1", "x"], False), (["", None], False)),
+    ],
+)
+def test_a_header_line_of_numbers_that_count_the_columns_is_no_sample(row, told):
+    """One number counts nothing."""
+    top = SimpleNamespace(is_number=lambda cell: cell.strip().isdigit())
+    assert units._is_sample(row, top) is told
+
+
+@pytest.mark.parametrize(
     ("unit", "told"), [("bar", False), ("bar abs", False), ("kPa", True), ("psi abs", True)]
 )
 def test_a_name_with_bar_may_mean_absolute_pressure(unit, told):
