@@ -6,7 +6,8 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from fractions import Fraction
 from itertools import product
@@ -80,47 +81,51 @@ class FROLS:
     def fit(self, X: ArrayLike, y: ArrayLike) -> Self:
         """Select terms for the target `y`, (n,), among monomials of the columns of `X`, (n, m).
 
-        Raises ValueError if `X` is no table of numbers, if `y` is no column of numbers, or if a
-        value is not finite.
+        Raises ValueError if `X` is no table of numbers with at least two rows, if `y` is no column
+        of as many numbers, or if a value is not finite.
         """
         names, values = _names_of_frame(X), _numeric_table(X)
         target = _target(y, len(values))
-        if len(values) < 2:
+        samples, m = values.shape
+        if samples < 2:
             raise ValueError(
-                f"n_samples={len(values)}: at least 2 samples are needed to fit a model, and "
+                f"n_samples={samples}: at least 2 samples are needed to fit a model, and "
                 "there is 1 sample"
             )
-        columns = (
-            names
-            if names is not None and all(map(IDENTIFIER.fullmatch, names))
-            else [f"x{i}" for i in range(values.shape[1])]
-        )
-        refuse_beyond_memory(comb(values.shape[1] + self.order, self.order))
-        candidates = products(columns, self.order, constant=self.constant)
-        self._columns = tuple(columns)
+        refuse_beyond_memory(comb(m + self.order, self.order))
+        self._columns = tuple(f"x{i}" for i in range(m))
+        if names is not None and all(map(IDENTIFIER.fullmatch, names)):
+            self._columns = tuple(names)
         self._centre = self._centre_of(values)
-        centred = {
-            name: parse(f"{name} - {centre!r}" if centre > 0 else f"{name} + {-centre!r}")
-            for name, centre in zip(columns, self._centre.tolist(), strict=True)
-            if centre
-        }
+        candidates = products(self._columns, self.order, constant=self.constant)
         selection = frols(
             self._dictionary(candidates, values),
             target,
-            max(FEWEST, len(values) // 2) if self.max_terms is None else self.max_terms,
+            max(FEWEST, samples // 2) if self.max_terms is None else self.max_terms,
             TOLERANCE if self.tolerance is None else self.tolerance,
             stop=self.stop or ("ebic" if self.tolerance is None else "tolerance"),
-            names=tuple(to_text(substitute(candidate, centred)) for candidate in candidates),
+            names=self._names_of_centred(candidates),
         )
-        self.n_features_in_ = values.shape[1]
+        self.n_features_in_ = m
         self.__dict__.pop("feature_names_in_", None)
         if names is not None:
             self.feature_names_in_ = np.array(names, dtype=object)
         self._terms, self.selection_ = tuple(candidates[i] for i in selection.chosen), selection
         self.terms_, self.coef_, self.err_ = selection.names, selection.theta, selection.err
-        if centred:
+        if self._centre.any():
             self.terms_, self.coef_, self.err_ = self._in_columns(candidates, selection)
         return self
+
+    def _names_of_centred(self, candidates: Sequence[Expression]) -> tuple[str, ...]:
+        """Return the candidates as texts in which a centred column is written as the difference of
+        the column and its offset.
+        """
+        centred = {
+            name: parse(f"{name} - {centre!r}" if centre > 0 else f"{name} + {-centre!r}")
+            for name, centre in zip(self._columns, self._centre.tolist(), strict=True)
+            if centre
+        }
+        return tuple(to_text(substitute(candidate, centred)) for candidate in candidates)
 
     def _centre_of(self, values: Array) -> Array:
         """Return the offset that is subtracted from each column, (m,). If a column is far from
@@ -142,22 +147,21 @@ class FROLS:
         (k,) each. If a column was centred, the powers of (column - offset) are expanded in exact
         fractions.
         """
-        m, total = len(self._columns), dict.fromkeys(selection.chosen.tolist(), Fraction(0))
+        m, chosen = len(self._columns), selection.chosen.tolist()
+        # In row j, column j is 2 and the others are 1, so a monomial is 2^(its power of column j).
         twos = dict(zip(self._columns, 1 + np.eye(m), strict=True))
         powers = np.log2(dictionary_matrix(candidates, twos, m)).round().astype(int).T.tolist()
-        place = {tuple(power): number for number, power in enumerate(powers)}
-        size, centre = dict.fromkeys(total, 0.0), list(map(Fraction, self._centre.tolist()))
-        for chosen, theta in zip(selection.chosen.tolist(), selection.theta.tolist(), strict=True):
-            for power in product(*(range(highest + 1) for highest in powers[chosen])):
-                part = Fraction(theta)
-                for most, least, c in zip(powers[chosen], power, centre, strict=True):
-                    part *= comb(most, least) * (-c) ** (most - least)
-                if part:
-                    number = place[power]
-                    total[number] = total.get(number, Fraction(0)) + part
-                    size[number] = size.get(number, 0.0) + abs(float(part))
+        number_of = {tuple(power): number for number, power in enumerate(powers)}
+        offsets = list(map(Fraction, self._centre.tolist()))
+        total = defaultdict(Fraction, dict.fromkeys(chosen, Fraction(0)))
+        size = defaultdict[int, float](float)
+        for term, theta in zip(chosen, selection.theta.tolist(), strict=True):
+            for power, factor in _expanded(powers[term], offsets):
+                number, part = number_of[power], Fraction(theta) * factor
+                total[number] += part
+                size[number] += abs(float(part))
         kept = [number for number in total if abs(float(total[number])) > ROUNDING * size[number]]
-        ratio = dict(zip(selection.chosen.tolist(), selection.err.tolist(), strict=True))
+        ratio = dict(zip(chosen, selection.err.tolist(), strict=True))
         return (
             tuple(to_text(candidates[number]) for number in kept),
             np.array([float(total[number]) for number in kept]),
@@ -259,6 +263,20 @@ class FROLS:
             raise _of_sklearn("NotFittedError", NotFitted)(
                 "This FROLS instance is not fitted yet: call `fit` first"
             )
+
+
+def _expanded(
+    powers: Sequence[int], offsets: Sequence[Fraction]
+) -> Iterator[tuple[tuple[int, ...], Fraction]]:
+    """Expand the product of all (column - offset)^power by the binomial theorem. Yield the powers
+    and the coefficient of every monomial whose coefficient is not zero.
+    """
+    for lower in product(*(range(power + 1) for power in powers)):
+        factor = Fraction(1)
+        for power, low, offset in zip(powers, lower, offsets, strict=True):
+            factor *= comb(power, low) * (-offset) ** (power - low)
+        if factor:
+            yield lower, factor
 
 
 def _names_of_frame(X: object) -> list[str] | None:

@@ -8,7 +8,7 @@ import math
 import os
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -126,7 +126,7 @@ class Study:
         """Return the validated spec. Its recordings are the frames in memory, unless files are
         read.
         """
-        document, tables = {"schema_version": 1, **self.document}, dict[str, RawTable]()
+        document, tables = dict(self.document), dict[str, RawTable]()
         if self.frames:
             tables = tables_of(self.frames, self.columns, self.document.get("units", {}))
             document["data"] = {**document["data"], **section_of(tables, self.columns)}
@@ -162,7 +162,7 @@ class Study:
             shown = run.validation().shown or run.dataset()
             return Fitted(
                 run.model(),
-                Scores.of(table),
+                scores=Scores.of(table),
                 study=self,
                 spec=loaded.spec,
                 file=(outcome.run_dir / MODEL).read_bytes(),
@@ -221,7 +221,7 @@ class _Bar:
         self._due = time.monotonic() + 0.1
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, kw_only=True)
 class Fitted(LoadedModel):
     """A model with its scores and the spec that made it. Call the model with its inputs, in the
     units of the model.
@@ -249,12 +249,12 @@ class Fitted(LoadedModel):
     """
 
     scores: Scores
-    study: Study = field(kw_only=True)
-    spec: ExperimentSpec = field(kw_only=True)
-    file: bytes = field(kw_only=True)
-    fit: FitResult = field(kw_only=True)
-    warnings: tuple[str, ...] = field(default=(), kw_only=True)
-    doubts: tuple[str, ...] = field(default=(), kw_only=True)
+    study: Study
+    spec: ExperimentSpec
+    file: bytes
+    fit: FitResult
+    warnings: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return "\n".join(
@@ -266,15 +266,16 @@ class Fitted(LoadedModel):
         )
 
     def _repr_html_(self) -> str:
-        equations = [
+        equations = "".join(
             f"<li><code>{escape(equation.id)} = {escape(equation.text)}</code></li>"
-            for equation in self.equations
-        ]
-        more = f"<p>... {len(equations)} equations in all</p>" if len(equations) > _SHOWN else ""
+            for equation in self.equations[:_SHOWN]
+        )
+        count, rest = len(self.equations), self.equations[_SHOWN:]
+        more = f"<p>... {count} equations in all</p>" if rest else ""
         warnings = "".join(f"<p>warning: {escape(warning)}</p>" for warning in self.warnings)
         scores = self.scores._repr_html_()
         head = f"<p>{escape(super().__repr__())}</p>{scores}"
-        return f"{head}<ul>{''.join(equations[:_SHOWN])}</ul>{more}{warnings}"
+        return f"{head}<ul>{equations}</ul>{more}{warnings}"
 
     @property
     def _sources(self) -> dict[str, SourceColumn]:

@@ -24,7 +24,7 @@ def annotate(kind: Kind, text: str) -> None:
     """Print a message as annotations on stderr if GitHub Actions runs the command."""
     if os.environ.get("GITHUB_ACTIONS") == "true":
         for line in workflow_commands(kind, text):
-            print(printable(line), file=sys.stderr, flush=True)
+            print(printable(line), file=sys.stderr)
 
 
 def workflow_commands(kind: Kind, text: str) -> Iterator[str]:

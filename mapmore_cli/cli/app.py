@@ -30,11 +30,10 @@ if TYPE_CHECKING:
 
 MODULES = {
     **dict.fromkeys(("ingest", "segment", "fit", "fuse", "validate", "report", "run"), "pipeline"),
-    **dict.fromkeys(("predict", "adapt", "invert"), "predict"),
     **dict.fromkeys(("freeze", "compare"), "compare"),
     **dict.fromkeys(("figure", "show", "schema", "example"), "files"),
-    "check": "check",
-    "clean": "clean",
+    **dict.fromkeys(("predict", "invert"), "predict"),
+    **{name: name for name in ("adapt", "check", "clean")},
 }
 """Module of `cli/` with the function of each command, which has the same name. Plugins add others
 (`domain.plugins`).

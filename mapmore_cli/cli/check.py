@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -27,6 +28,8 @@ from mapmore_cli.storage.atomic import write_own
 
 if TYPE_CHECKING:
     from mapmore_cli.pipeline.inspection import Inspection
+    from mapmore_cli.study.campaign import Entry
+    from mapmore_cli.study.loader import LoadedSpec
 
 LEVELS: dict[str, Kind] = {"error": "error", "warning": "warning", "hint": "notice"}
 """The kind of annotation for each severity of an issue."""
@@ -48,52 +51,65 @@ def check(
 ) -> None:
     """Check a spec and its data, or a campaign, before a run."""
     from mapmore_cli.cli.compared import of_campaign, of_inspection
-    from mapmore_cli.pipeline.inspection import inspect
     from mapmore_cli.study.campaign import expanded
-    from mapmore_cli.study.loader import LoadedSpec, confirmed, load
+    from mapmore_cli.study.loader import confirmed, load
 
     config, overrides = spec_of(config, overrides, runs)
     if confirm and load(config).spec.unconfirmed:
         write_own(config, confirmed(config.read_text(encoding="utf-8")))
     campaigns, entries = expanded([config], overrides)
     with Reporter(quiet) as reporter:
-
-        def inspected(loaded: LoadedSpec, before: Inspection | None = None) -> Inspection:
-            inspection = inspect(
-                loaded, runs / loaded.spec.name, reporter.progress, reporter.warn, before
-            )
-            for issue in inspection.issues:
-                annotate(LEVELS[issue.severity], issue.text)
-            return inspection
-
         if not campaigns:
-            loaded = load(entries[0].config, entries[0].overrides)
-            inspection = inspected(loaded)
-            print_view(
-                of_inspection(inspection, loaded.spec.unconfirmed).under(
-                    {"name": loaded.spec.name}
-                ),
-                as_json,
-            )
+            loaded = load(config, overrides)
+            inspection = _inspected(loaded, runs, reporter)
+            view = of_inspection(inspection, loaded.spec.unconfirmed)
+            print_view(view.under({"name": loaded.spec.name}), as_json)
             # with `--json`, the issues are a part of the printed document
             if inspection.verdict is not None:
                 print(message(inspection.verdict), file=sys.stderr)
                 raise Exit(exit_code(inspection.verdict))
             return
-        results: dict[str, Inspection | MapmoreError] = {}
-        before: Inspection | None = None
-        for number, entry in enumerate(entries):
-            reporter.progress("runs", number, len(entries))
-            try:
-                results[entry.called] = before = inspected(
-                    load(entry.config, entry.overrides), before
-                )
-            except MapmoreError as fault:
-                results[entry.called] = fault
+        results = _inspections(entries, runs, reporter)
     print_view(of_campaign(results).under({"campaign": campaigns[0].campaign.campaign}), as_json)
-    verdicts = [
-        result if isinstance(result, MapmoreError) else result.verdict
+    codes = [
+        exit_code(fault)
         for result in results.values()
+        if (fault := result if isinstance(result, MapmoreError) else result.verdict) is not None
     ]
-    if code := max((exit_code(verdict) for verdict in verdicts if verdict is not None), default=0):
-        raise Exit(code)
+    if codes:
+        raise Exit(max(codes))
+
+
+def _inspected(
+    loaded: LoadedSpec, runs: Path, reporter: Reporter, before: Inspection | None = None
+) -> Inspection:
+    """Inspect a spec and its data, and annotate the issues. The data of the inspection `before` are
+    used again if the same files are read in the same way.
+    """
+    from mapmore_cli.pipeline.inspection import inspect
+
+    run_dir = runs / loaded.spec.name
+    inspection = inspect(loaded, run_dir, reporter.progress, reporter.warn, before)
+    for issue in inspection.issues:
+        annotate(LEVELS[issue.severity], issue.text)
+    return inspection
+
+
+def _inspections(
+    entries: Sequence[Entry], runs: Path, reporter: Reporter
+) -> dict[str, Inspection | MapmoreError]:
+    """Inspect every run of a campaign. Return the inspection of each run by its name, or the error
+    that made the inspection impossible.
+    """
+    from mapmore_cli.study.loader import load
+
+    results: dict[str, Inspection | MapmoreError] = {}
+    before: Inspection | None = None
+    for number, entry in enumerate(entries):
+        reporter.progress("runs", number, len(entries))
+        try:
+            loaded = load(entry.config, entry.overrides)
+            results[entry.called] = before = _inspected(loaded, runs, reporter, before)
+        except MapmoreError as fault:
+            results[entry.called] = fault
+    return results

@@ -4,6 +4,7 @@ later comparisons).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Annotated
@@ -169,8 +170,8 @@ def _limit(fail_on: str | None) -> float | None:
     try:
         limit = float(fail_on or "")
     except ValueError:
-        limit = -1.0
-    if not 0 <= limit < float("inf"):
+        limit = math.nan
+    if not 0 <= limit < math.inf:
         raise UsageError(
             f"--fail-on {fail_on}: is neither `changed` nor a relative change",
             "write, for example, `--fail-on 0.03` for three per cent",

@@ -167,7 +167,7 @@ def print_view(view: View, as_json: bool) -> None:
 
 def print_document(document: Mapping[str, Any]) -> None:
     """Print one JSON document. NaN and infinities, which JSON does not have, become null."""
-    print(json.dumps(_as_json(document), indent=2, allow_nan=False), file=_documents.get())
+    print(json.dumps(_as_json(document), indent=2), file=_documents.get())
 
 
 _documents: ContextVar[TextIO | None] = ContextVar("_documents", default=None)
@@ -220,8 +220,8 @@ def folder_of(run: Path, runs: Path) -> Path:
 
 
 def spec_of(config: Path, overrides: list[str], runs: Path) -> tuple[Path, list[str]]:
-    """Return the path of a spec and its settings. `config` is this path, or the name or the folder
-    of a run. For a run, the settings are those of the run, and then the `overrides`.
+    """Return the path of a spec and its settings. `config` is the path of the spec, or the name or
+    the folder of a run. For a run, its spec is returned, and its settings before the `overrides`.
     """
     from mapmore_cli.storage.run_record import load_origin
 

@@ -1,31 +1,17 @@
-"""Implement `mapmore predict`, `invert` and `adapt`: evaluate a model on a table or a grid, invert
-it, or adapt it to one specimen.
+"""Implement `mapmore predict`, which evaluates a model on a table or a grid, and `mapmore invert`,
+which finds the input for a wanted output.
 """
 
 from __future__ import annotations
 
-import io
-import os
-import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import nullcontext
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
-from mapmore_cli.cli.console import (
-    NONE,
-    STANDARD,
-    AsJson,
-    ModelFile,
-    OutputOrStdout,
-    Quiet,
-    Unverified,
-    View,
-    print_view,
-    refuse_outputs,
-)
+from mapmore_cli.cli.console import NONE, STANDARD, ModelFile, OutputOrStdout, Quiet, Unverified
+from mapmore_cli.cli.model_tables import constants_of, lines_for, write_lines
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.cli.table_options import (
     Columns,
@@ -37,12 +23,10 @@ from mapmore_cli.cli.table_options import (
     remedies_by_options,
     table_options,
 )
-from mapmore_cli.domain.errors import MapmoreError, UsageError
-from mapmore_cli.storage.inputs import note_read
+from mapmore_cli.domain.errors import UsageError
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.models import Model
-    from mapmore_cli.pipeline.foreign import TableOptions
 
 
 def predict(
@@ -132,10 +116,8 @@ def predict(
     needs the measured output: it runs free from the first rows of every recording, and restarts
     when the column recording changes, when time goes back, and after gaps.
     """
-    from mapmore_cli.modelling.kinds import runs_over_time
     from mapmore_cli.pipeline.foreign import columns_of
     from mapmore_cli.pipeline.predict import predicted_lines
-    from mapmore_cli.pipeline.records import grid_lines
     from mapmore_cli.storage.artefacts import read_model
 
     if (table is None) == (grid is None):
@@ -151,24 +133,13 @@ def predict(
     options = table_options(delimiter, decimal, thousands, sheet, columns, units)
     with Reporter(quiet) as reporter:
         model = read_model(model_file, reporter.warn, unverified)
-        constants = _constants_of(model, given)
-        if grid is not None:
-            if runs_over_time(model):
-                needed = ", ".join(["time", *model.input_names])
-                raise UsageError(
-                    "--grid: this model has memory, and a grid contains no time",
-                    f"give a TABLE of recordings with the columns {needed}",
-                )
-            axes = ",".join([grid, *(f"{name}={value!r}" for name, value in constants.items())])
-            lines, label, constants = (
-                grid_lines(axes, model.input_names),
-                "--grid",
-                {},
-            )
+        constants = constants_of(model, given)
+        if table is not None:
+            lines, label = lines_for(table, model, columns_of(model, turned_for), options, reporter)
         else:
-            assert table is not None
-            wanted = columns_of(model, turned_for)
-            lines, label = _lines_of(table, model, wanted, options, reporter)
+            assert grid is not None
+            lines, label = _lines_of_grid(grid, model, constants), "--grid"
+            constants = {}
         added = predicted_lines(
             model,
             lines,
@@ -180,88 +151,24 @@ def predict(
             constants=constants,
         )
         with remedies_by_options(table):
-            _write_lines(added, output)
+            write_lines(added, output)
 
 
-def _lines_of(
-    table: Path,
-    model: Model,
-    ways: Sequence[Sequence[str]],
-    options: TableOptions,
-    reporter: Reporter,
-) -> tuple[Iterator[str], str]:
-    """Return the lines of a table in the names and units of the model, and the name of the table
-    in messages. The lines have the columns of the first set in `ways` that the table has.
+def _lines_of_grid(grid: str, model: Model, constants: Mapping[str, float]) -> Iterator[str]:
+    """Return a table of all combinations of the inputs on a grid. An input that `constants` gives
+    has one value in the grid. Raises UsageError for a model with memory.
     """
-    from mapmore_cli.pipeline.foreign import foreign_lines, is_foreign, units_of
+    from mapmore_cli.modelling.kinds import runs_over_time
+    from mapmore_cli.pipeline.records import grid_lines
 
-    if table == STANDARD and options.says_something:
+    if runs_over_time(model):
+        needed = ", ".join(["time", *model.input_names])
         raise UsageError(
-            "stdin is always read as CSV with the names and units of the model, so options for "
-            "other tables cannot be used",
-            "write the table to a file, and give the path of the file",
+            "--grid: this model has memory, and a grid contains no time",
+            f"give a TABLE of recordings with the columns {needed}",
         )
-    # the prediction for a foreign table lacks some of its columns, so it must not replace the table
-    if table != STANDARD and is_foreign(table, options):
-        note_read([table])
-        lines = foreign_lines(table, options, ways, units_of(model, ways), reporter.warn)
-        return lines, table.name
-    return _open_table(
-        table, lambda read, size: reporter.progress("MB read", read // 10**6, -(-size // 10**6))
-    )
-
-
-def _open_table(table: Path, progress: Callable[[int, int], None]) -> tuple[Iterator[str], str]:
-    """Return the lines of a table or of stdin, and the name of the table in messages."""
-    from mapmore_cli.storage.tables.lines import as_text, lines_of
-
-    if table != STANDARD:
-        return lines_of(table, progress), str(table)
-    try:
-        os.read(0, 0)
-    except OSError as fault:  # stdin may be closed, or be a folder
-        raise UsageError(
-            f"stdin: cannot be read ({os.strerror(fault.errno or 0)})",
-            "pipe a table into it, or name a file",
-        ) from fault
-    return as_text(sys.stdin.buffer), "stdin"
-
-
-def _constants_of(model: Model, settings: Sequence[str]) -> dict[str, float]:
-    """Return the inputs that `--set` gives, in the units of the model. Raises UsageError for an
-    unknown input or a value that is no number.
-    """
-    from mapmore_cli.study.units import parse_quantity
-
-    units = {quantity.name: quantity.unit for quantity in model.inputs}
-    constants: dict[str, float] = {}
-    for text in settings:
-        name, _, value = (part.strip() for part in text.partition("="))
-        if name not in units:
-            raise UsageError(
-                f"--set {text}: the model has no input '{name}'", f"name one of {', '.join(units)}"
-            )
-        try:
-            constants[name] = parse_quantity(value, units[name])
-        except MapmoreError as fault:
-            raise UsageError(
-                f"--set {text}: {fault}",
-                f"write, for example, `--set {name}=0.25` in {units[name]}",
-            ) from fault
-    return constants
-
-
-def _write_lines(lines: Iterator[str], output: Path) -> None:
-    """Write lines to a file or to stdout as soon as they are available."""
-    from mapmore_cli.storage.outputs import written_as_text
-    from mapmore_cli.storage.tables.lines import TEXT_ERRORS
-
-    if output == STANDARD:
-        cast(io.TextIOWrapper, sys.stdout).reconfigure(
-            encoding="utf-8", errors=TEXT_ERRORS, newline=""
-        )
-    with nullcontext(sys.stdout) if output == STANDARD else written_as_text(output) as stream:
-        stream.writelines(lines)
+    axes = ",".join([grid, *(f"{name}={value!r}" for name, value in constants.items())])
+    return grid_lines(axes, model.input_names)
 
 
 def invert(
@@ -314,93 +221,5 @@ def invert(
     with Reporter(quiet) as reporter:
         model = read_model(model_file, reporter.warn)
         with remedies_by_options(table):
-            lines, label = _lines_of(table, model, columns_of(model, name), options, reporter)
-            _write_lines(inverted_lines(model, lines, label, name, rule), output)
-
-
-ADAPTED = Path("adapted.h5")
-"""Name of the model that `adapt` writes if no other is given."""
-
-
-def adapt(
-    model_file: Annotated[Path, Argument(metavar="MODEL", help="The model.h5 of a family.")],
-    table: Annotated[
-        Path | None,
-        Argument(
-            metavar="[TABLE]",
-            help="A table of a few measured points (pressure, strain and force), which is read "
-            "like that of `predict`.",
-        ),
-    ] = None,
-    output: Annotated[
-        Path | None,
-        Option(
-            "--output",
-            "-o",
-            metavar="FILE",
-            callback=refuse_outputs,
-            help=f"The model to write. Default: {ADAPTED}.",
-        ),
-    ] = None,
-    given: Annotated[
-        list[str],
-        Option(
-            "--set",
-            metavar="NAME=VALUE",
-            help="The property in which specimens differ, for example length=250 mm.",
-        ),
-    ] = NONE,
-    delimiter: Delimiter = None,
-    decimal: Decimal = None,
-    thousands: Thousands = None,
-    sheet: SheetTitle = None,
-    columns: Columns = NONE,
-    units: Units = NONE,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-) -> None:
-    """Adapt the model of a family to a specimen by a few points.
-
-    The force is multiplied by one factor and the strain by another. Both are expected to be near 1
-    (prior: 1 +- 15 %). The new model has the inputs pressure and strain, and can be used like any
-    other model. Without a TABLE, the new model is computed only from the dimension that --set
-    gives, and its intervals are the intervals of the family.
-    """
-    from mapmore_cli.pipeline.adapting import adapt, dimension_of, names_of_points
-    from mapmore_cli.reporting.table import Column, Table
-    from mapmore_cli.storage.artefacts import read_model, write_model
-    from mapmore_cli.storage.outputs import note_chosen, refuse_early, refuse_foreign_file
-
-    chosen, output = output is None, output or ADAPTED
-    if chosen:
-        refuse_foreign_file(output)
-        refuse_early(output)
-    options = table_options(delimiter, decimal, thousands, sheet, columns, units)
-    with Reporter(quiet) as reporter:
-        family = read_model(model_file, reporter.warn)
-        dimension_of(family)
-        lines, label = None, ""
-        if table is not None:
-            note_read([table])
-            ways = [names_of_points(family)]
-            lines, label = _lines_of(table, family, ways, options, reporter)
-        with remedies_by_options(table):
-            model = adapt(family, lines, label, _constants_of(family, given))
-    write_model(output, model)
-    if chosen:
-        note_chosen(output.parent, [output.name])
-    fit = model.backbone
-    assert fit is not None
-    rows = tuple((name, fit.parameters[name], fit.errors[name]) for name in fit.parameters)
-    titles = (Column("scale"), Column("value"), Column("standard error"))
-    document = {
-        "model": str(output),
-        "parameters": fit.parameters,
-        "errors": fit.errors,
-        "errors_note": fit.errors_note,
-        "samples": fit.samples,
-        "notes": model.notes,
-    }
-    notes = (fit.errors_note, *model.notes)
-    scales = Table("adapted", f"{model.name}, adapted", titles, rows, notes)
-    print_view(View(document, (scales,), (f"model: {output}",)), as_json)
+            lines, label = lines_for(table, model, columns_of(model, name), options, reporter)
+            write_lines(inverted_lines(model, lines, label, name, rule), output)

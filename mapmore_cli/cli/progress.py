@@ -52,11 +52,8 @@ class Reporter:
         self._quiet = quiet
         self._verbose = verbose
         self._bar: Progress | None = None
-        # the work in progress, and the time of its next message
-        self._task, self._due = (
-            "",
-            0.0,
-        )
+        self._task = ""  # the work in progress
+        self._due = 0.0  # time of the next message about it
         self._stage: tuple[str, float] | None = None
         self._cleanup = ExitStack()
         self._warnings: dict[str, list[str]] = {}
@@ -121,7 +118,7 @@ class Reporter:
     def complain(self, message: str) -> None:
         """Print an error, which `quiet` does not suppress."""
         self._end_task()
-        print(printable(message), file=sys.stderr, flush=True)
+        print(printable(message), file=sys.stderr)
 
     def stage(self, name: str, reason: str | None) -> None:
         """Print why a stage runs, or that it is up to date."""
@@ -142,7 +139,7 @@ class Reporter:
         if sys.stderr.isatty():
             self._draw(what, done, total)
         else:
-            print(f"{what}: {done} of {total}", file=sys.stderr, flush=True)
+            print(f"{what}: {done} of {total}", file=sys.stderr)
             self._due = now + LINE_EVERY
 
     def _draw(self, what: str, done: int, total: int) -> None:

@@ -119,8 +119,9 @@ class Compared:
 
     @property
     def correlation(self) -> float:
-        """Correlation index R of the paper W, `sum y yhat / sqrt(sum y^2 sum yhat^2)`, which is not
-        Pearson's; NaN if either signal is zero throughout.
+        """Correlation without subtracting means, `sum y yhat / sqrt(sum y^2 sum yhat^2)`, which the
+        paper about the wrist joint calls R (docs/references.md). It is not Pearson's correlation;
+        NaN if either signal is zero throughout.
         """
         products = self.total(lambda block: block.measured * block.predicted)
         squares = self.total(lambda block: block.measured**2)

@@ -322,10 +322,12 @@ OfKey = Annotated[
 ]
 """Number in the unit of the quantity that the key above it names."""
 OfTarget = Annotated[
-    float, Difference(lambda place: place.unit_of(place.target), "that of the target")
+    float, Difference(lambda place: place.unit_of(place.context.target), "that of the target")
 ]
 """An error, a residual or a coefficient, in the unit of the target."""
-OfHeld = Annotated[float, InUnit(lambda place: place.unit_of(place.level), "that of `levels.of`")]
+OfHeld = Annotated[
+    float, InUnit(lambda place: place.unit_of(place.context.level), "that of `levels.of`")
+]
 """Number in the unit of the quantity that is constant within a curve."""
 
 

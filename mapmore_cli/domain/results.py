@@ -302,8 +302,8 @@ class Search:
 
     name: str
     target: str
-    left_out: str  # what the folds leave out from which `Tried.error` is computed
-    parts: str  # what the folds leave out from which `Tried.parts` is computed
+    left_out: str  # data that each fold leaves out to compute `Tried.error`
+    parts: str  # data that each fold leaves out to compute `Tried.parts`
     scale: float  # divisor of errors, in the unit of the target
     tried: tuple[Tried, ...]
     best: int  # index of the structure with the smallest error

@@ -50,11 +50,12 @@ class Score:
     the target's unit. `rrse` is the root relative squared error. For a model with memory, `rrse` is
     computed from a free run and `rrse_one_step` from one-step-ahead predictions; for other models,
     `rrse_one_step` is NaN. `r_uncentred` is the correlation without subtracting means, `sum y yhat
-    / sqrt(sum y^2 sum yhat^2)`, which the paper W prints. `interval_coverage` and
-    `interval_half_width` exist only for the run's own model on held-out data, if the spec asks for
-    intervals. `chi2_dof` is `sum (error / uncertainty)^2 / (n - p)`. On the training rows of the
-    run's own model, p is its number of free parameters; otherwise p is 0. `nrmse_range` is divided
-    by the range of the normaliser's samples, which is more informative for a target far from zero.
+    / sqrt(sum y^2 sum yhat^2)`, which the paper about the wrist joint prints.
+    `interval_coverage` and `interval_half_width` exist only for the run's own model on held-out
+    data, if the spec asks for intervals. `chi2_dof` is `sum (error / uncertainty)^2 / (n - p)`. On
+    the training rows of the run's own model, p is its number of free parameters; otherwise p is 0.
+    `nrmse_range` is divided by the range of the normaliser's samples, which is more informative for
+    a target far from zero.
     """
 
     model: Annotated[Label, "`mapmore`, or the name of a literature model"]
@@ -124,7 +125,7 @@ class Score:
     ] = math.nan
     r_uncentred: Annotated[
         float,
-        "correlation of measured and predicted values without subtracting their means (R of W)",
+        "correlation of measured and predicted values without subtracting their means",
         Measure(lambda row: row.correlation, at_least=True),
     ] = math.nan
     interval_coverage: Annotated[

@@ -31,6 +31,7 @@ within a factor of 1.6 of the mean.
 class GroupEffects:
     """Gains and offsets by the value of the quantity `of` that distinguishes groups; empty if they
     were not requested. The offsets have mean zero, and so have the logarithms of the gains.
+    `unknown` holds the groups without training samples, whose gains and offsets cannot be known.
     """
 
     of: str

@@ -122,12 +122,8 @@ def raise_if_any(problems: Sequence[Mistake]) -> None:
     )
     blocks = [_mistake_text(problem) for problem in dict.fromkeys(ordered)]
     if len(blocks) > _MOST:
-        blocks = [
-            *blocks[:_MOST],
-            "... and "
-            f"{'at least ' if len(blocks) >= MOST_ERRORS else ''}{len(blocks) - _MOST} more "
-            "mistakes",
-        ]
+        least = "at least " if len(blocks) >= MOST_ERRORS else ""
+        blocks = [*blocks[:_MOST], f"... and {least}{len(blocks) - _MOST} more"]
     raise SpecError("\n\n".join(blocks))
 
 

@@ -194,16 +194,6 @@ class Place:
                 return step
         return None
 
-    @property
-    def level(self) -> str | None:
-        """Name of the quantity that is constant within a curve."""
-        return self.context.level
-
-    @property
-    def target(self) -> str:
-        """Name of the quantity that is modelled."""
-        return self.context.target
-
     def unit_of(self, quantity: object) -> str | None:
         """Return the model's unit of a quantity; None if the spec does not name the quantity."""
         return default_unit(quantity, self.context.units) if isinstance(quantity, str) else None
@@ -223,7 +213,7 @@ def _metric_unit(place: Place) -> str | None:
     each target, the unit depends on the target of this limit.
     """
     if place.key in OF_TARGET:
-        return place.unit_of(place.target)
+        return place.unit_of(place.context.target)
     return place.unit_of(place.quantity) if place.text.way[-2] in OF_TARGET else "1"
 
 

@@ -1,8 +1,4 @@
-"""Load a YAML file as a validated spec in which every value knows its place in the file.
-
-A spec has layers: the file that it `extends`, the file itself, and each `--set key.path=value` on
-top.
-"""
+"""Load a YAML file as a validated spec in which every value knows its place in the file."""
 
 from __future__ import annotations
 
@@ -18,7 +14,6 @@ from typing import Generic, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from mapmore_cli.domain.errors import SpecError, UsageError
 from mapmore_cli.storage.tables import RawTable
 from mapmore_cli.study import checks
 from mapmore_cli.study.diagnostics import (
@@ -27,29 +22,25 @@ from mapmore_cli.study.diagnostics import (
     KeysAt,
     Mistake,
     explain,
-    fail,
     locate,
     lost,
     raise_if_any,
 )
 from mapmore_cli.study.experiment import ExperimentSpec
-from mapmore_cli.study.fields import Context, possible_path, stray_variables
+from mapmore_cli.study.fields import Context, stray_variables
+from mapmore_cli.study.layers import extended, with_formulas, with_overrides, with_units
 from mapmore_cli.study.tree import (
     Loc,
     Node,
     SourceText,
-    merged,
     nearest,
     renamed,
-    values_at,
-    with_child,
     without,
     written,
 )
-from mapmore_cli.study.units import default_unit, is_kept
-from mapmore_cli.study.variables import VARIABLES, escaped, expand
+from mapmore_cli.study.variables import VARIABLES, escaped
 from mapmore_cli.study.yaml_dumper import dump
-from mapmore_cli.study.yaml_loader import parse, read_source
+from mapmore_cli.study.yaml_loader import read_source
 
 
 def findings(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -82,13 +73,12 @@ class Loaded(Generic[M]):
     folder: Path  # folder at which relative paths of the spec start
     overrides: tuple[str, ...]  # settings that were applied on top of the file
     _root: Node = field(repr=False, compare=False)
-    _source: SourceText = field(repr=False, compare=False)
     tables: Mapping[str, RawTable] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def name(self) -> str:
         """Name of the spec in messages: the path of its file."""
-        return self._source.name
+        return self._root.at.source.name
 
     @cached_property
     def resolved(self) -> str:
@@ -175,7 +165,8 @@ def load_text(
 def changed(loaded: LoadedSpec, overrides: Sequence[str]) -> LoadedSpec:
     """Return a spec with further settings on top; raises the same errors as `load`."""
     every = (*loaded.overrides, *overrides)
-    again = _validated(loaded._source, loaded.path, ExperimentSpec, every, findings)
+    source = loaded._root.at.source
+    again = _validated(source, loaded.path, ExperimentSpec, every, findings)
     return replace(again, tables=loaded.tables)
 
 
@@ -186,9 +177,9 @@ def _validated(
     first is shown, because later ones follow from it.
     """
     problems: list[Mistake] = []
-    root = _with_overrides(_extended(source, path, problems), overrides, problems)
+    root = with_overrides(extended(source, path, problems), overrides, problems)
     if model is ExperimentSpec:
-        root = _with_units(_with_formulas(root, problems))
+        root = with_units(with_formulas(root, problems))
     context, document = Context.of(root), written(root)
     try:
         spec = model.model_validate(document, context=context)
@@ -206,7 +197,7 @@ def _validated(
     # a spec without a file has no comments
     if isinstance(spec, ExperimentSpec) and path.is_file():
         spec._unconfirmed = questions_in(path.read_text(encoding="utf-8-sig"))
-    return Loaded(spec, path, path.parent, tuple(overrides), root, source)
+    return Loaded(spec, path, path.parent, tuple(overrides), root)
 
 
 def _further_mistakes(
@@ -290,153 +281,3 @@ def confirmed(text: str) -> str:
     without `CHECK`.
     """
     return _QUESTION.sub(lambda match: f"# {match['text']}", text)
-
-
-# Files
-# --------------------------------------------------------------------------------------------------
-
-DEEPEST = 20
-"""Largest number of files in a chain of `extends`."""
-
-
-def _extended(
-    source: SourceText, path: Path, problems: list[Mistake], heirs: tuple[Path, ...] = ()
-) -> Node:
-    """Return the tree of a text with everything that it inherits. `path` is the text's own file,
-    and `heirs` are the files that extend it.
-    """
-    root = parse(source, problems)
-    if root.value is None:
-        raise SpecError(
-            f"{source.name}: the file is empty",
-            "write a spec: it needs at least `name`, `data` and `target`",
-        )
-    if not isinstance(root.value, dict):
-        fail(
-            root.at,
-            "the top level of a spec must be a mapping",
-            "write `key: value` lines, for example `name: my-study`",
-        )
-    document = without(root, ["extends"])
-    reference = root.child("extends")
-    if reference is None:
-        return document
-    if not isinstance(reference.value, str):
-        fail(reference.at, "`extends` does not name a file", "write `extends: other.yaml`")
-    if len(heirs) >= DEEPEST:
-        fail(
-            reference.at,
-            f"more than {DEEPEST} files extend each other",
-            "let this file extend the first file of the chain directly",
-        )
-    base = _file_at(reference, expand, path.parent, "write `extends: other.yaml`")
-    chain = (*heirs, path.resolve())
-    if base.resolve() in chain:
-        circle = " -> ".join([heir.name for heir in chain] + [base.name])
-        fail(
-            reference.at,
-            f"the files extend each other in a circle: {circle}",
-            "remove one `extends`",
-        )
-    return merged(_extended(read_source(base), base, problems, chain), document)
-
-
-def _file_at(node: Node, spelt: Callable[[str], str], folder: Path, remedy: str) -> Path:
-    try:
-        path = Path(os.path.normpath(folder / possible_path(spelt(str(node.value)))))
-    except ValueError as error:
-        fail(node.at, str(error), remedy)
-    if not path.is_file():
-        fail(
-            node.at,
-            f"there is no file {path}",
-            "paths are relative to the folder of the file in which they are written",
-        )
-    return path
-
-
-def _with_formulas(root: Node, problems: list[Mistake]) -> Node:
-    """Return the tree in which each path in `formulas` is replaced by the contents of its file.
-    Instead of a list, `formulas` may be a single formula.
-    """
-    listed = root.child("formulas")
-    if listed is None:
-        return root
-    read = []
-    for entry in listed.value if isinstance(listed.value, list) else [listed]:
-        formula = entry
-        if isinstance(entry.value, str):
-            path = _file_at(
-                entry, str, entry.at.source.folder, "write `formulas: [my_formula.yaml]`"
-            )
-            formula = parse(read_source(path), problems)
-        read.append(formula)
-    return with_child(root, "formulas", replace(listed, value=read))
-
-
-def _with_units(root: Node) -> Node:
-    """Return the tree with an entry in `units` for every column whose quantity has no default unit:
-    such a quantity keeps the unit of its column.
-
-    A unit of per cent becomes a plain number, unless `units` names the quantity.
-    """
-    units = root.child("units") or Node({}, root.at)
-    if not isinstance(units.value, dict):
-        return root
-    entries = dict(units.value)
-    for place in ("data.columns.*.unit", "data.join.*.columns.*.unit"):
-        for way, unit in values_at(written(root), place):
-            name = str(way[-2])
-            if name not in entries and default_unit(name) == "1" and is_kept(str(unit)):
-                entries[name] = nearest(root, way)
-    return with_child(root, "units", replace(units, value=entries)) if entries else root
-
-
-# Overrides
-# --------------------------------------------------------------------------------------------------
-
-
-def _with_overrides(root: Node, overrides: Sequence[str], problems: list[Mistake]) -> Node:
-    """Return the tree with each `key.path=value` applied in order. Numbers in a path count list
-    items from 0, and `null` removes a key.
-    """
-    for override in overrides:
-        path, equals, text = override.partition("=")
-        steps = path.strip().split(".")
-        if not equals or not all(steps):
-            raise UsageError(
-                f"--set {override}: not of the form KEY=VALUE",
-                "write, for example, `--set fit.max_terms=2`",
-            )
-        source = SourceText(f"--set {override}", root.at.source.folder, text, numbered=False)
-        root = _set(root, steps, parse(source, problems))
-    return root
-
-
-def _set(node: Node, steps: Sequence[str], value: Node) -> Node:
-    """Return the tree with `value` at the end of the path `steps`. Missing mappings on the way are
-    created.
-    """
-    if not steps:
-        return replace(value, key_at=value.at)
-    if len(steps) == 1 and value.value is None and isinstance(node.value, dict):
-        return without(node, steps)
-    if node.value is None:
-        node = replace(node, value={}, at=value.at)
-    step: str | int = steps[0]
-    if not isinstance(node.value, dict):
-        if not isinstance(node.value, list):
-            fail(
-                value.at,
-                f"`{step}` does not exist: {node.value!r} is a plain value, without keys",
-                "set that value itself",
-            )
-        if not (steps[0].isdecimal() and int(step) < len(node.value)):
-            fail(
-                value.at,
-                f"there is no item `{step}` in a list of {len(node.value)} items",
-                "count the items from 0, or set the whole list",
-            )
-        step = int(step)
-    child = node.child(step) or Node(None, value.at, value.at)
-    return with_child(node, step, _set(child, steps[1:], value))

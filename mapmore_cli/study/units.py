@@ -315,12 +315,10 @@ def unit_of(text: str, like: str | None = None) -> str | None:
     factors = [factor.partition("^")[0] for factor in re.split(r"[*/]", unit)]
     if (unit not in _KNOWN and not _KNOWN.issuperset(factors)) or unit.casefold() == "n/a":
         return None
-    meant = (unit_meant for unit_meant in (unit, _WEIGHTS.get(unit)) if unit_meant is not None)
-    return (
-        unit
-        if like is None
-        else next((unit_meant for unit_meant in meant if can_convert(unit_meant, like)), None)
-    )
+    if like is None:
+        return unit
+    meant = (unit, _WEIGHTS.get(unit, unit))
+    return next((candidate for candidate in meant if can_convert(candidate, like)), None)
 
 
 def unit_of_file(text: str, like: str) -> str | None:
@@ -434,10 +432,8 @@ def _suggestion(unit: str, wanted: str = "") -> str | None:
     """
     if unit in _WEIGHTS and wanted and can_convert(wanted, "N"):
         return f"did you mean `{_WEIGHTS[unit]}`, the weight of a mass?"
-    same_letters = [
-        known for known in _COMMON if known.casefold() == unit.strip().casefold() and known != unit
-    ]
-    near = same_letters or [
-        known for known in get_close_matches(unit, _COMMON, n=1, cutoff=0.6) if known != unit
-    ]
-    return f"did you mean `{near[0]}`?" if near and unit not in _COMMON else None
+    if unit in _COMMON:
+        return None
+    same_letters = [known for known in _COMMON if known.casefold() == unit.strip().casefold()]
+    near = same_letters or get_close_matches(unit, _COMMON, n=1, cutoff=0.6)
+    return f"did you mean `{near[0]}`?" if near else None

@@ -50,7 +50,7 @@ def readable_variables() -> dict[str, str]:
 
 
 def variable_in(text: str) -> str | None:
-    """Return the first variable reference as it is written in a text, or None without one."""
+    """Return the first reference to a variable as a text spells it; None if there is none."""
     return next((match[0] for match in _REFERENCE.finditer(text) if match[0] != "$${"), None)
 
 

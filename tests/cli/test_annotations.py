@@ -4,6 +4,8 @@ import json
 
 import pytest
 
+from mapmore_cli.cli.annotations import workflow_commands
+
 
 @pytest.fixture(autouse=True)
 def actions(monkeypatch):
@@ -15,24 +17,21 @@ def annotations(result):
     return [line for line in result.stderr.splitlines() if line.startswith("::")]
 
 
-def test_every_mistake_of_a_spec_is_annotated_at_its_line(study, mapmore):
-    rows = study.read_text().splitlines()
-    study.write_text("\n".join([*rows, "fit: {max_term: 1}", "valid: 1,2%", ""]))
-    lines = annotations(mapmore("run", study, code=3))
-    at = len(rows) + 1
-    assert len(lines) == 2
-    assert lines[0].startswith(f"::error file=bench.yaml,line={at},col=7::{study}:{at}:7: ")
-    assert lines[1].startswith(f"::error file=bench.yaml,line={at + 1},col=1::")
-    assert "valid: 1,2%25%0A" in lines[1]
-
-
-def test_paths_start_at_the_root_of_the_checkout(study, mapmore, monkeypatch, tmp_path):
+def test_every_mistake_is_a_command_with_its_place(tmp_path, monkeypatch):
+    """Indented lines belong to the mistake above them; a place is that of a file that exists."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("a.yaml", "b,1.csv"):
+        (tmp_path / name).touch()
+    text = "a.yaml:3:7: 5 % off\n  mend it\n\nb,1.csv:row 4: odd\nnone.yaml:1:1: gone\nall\n"
+    assert [*workflow_commands("error", text)] == [
+        "::error file=a.yaml,line=3,col=7::a.yaml:3:7: 5 %25 off%0A  mend it",
+        "::error file=b%2C1.csv,line=4::b,1.csv:row 4: odd",
+        "::error::none.yaml:1:1: gone",
+        "::error::all",
+    ]
     monkeypatch.setenv("GITHUB_WORKSPACE", str(tmp_path.parent))
-    study.write_text("name: [\n")
-    (line,) = annotations(mapmore("run", study.name, code=3))
-    assert line.startswith(f"::error file={tmp_path.name}/bench.yaml,line=")
-    (line,) = annotations(mapmore("run", "none.yaml", code=3))  # has no place
-    assert line.startswith("::error::none.yaml: ")
+    (line,) = workflow_commands("notice", "a.yaml:3: short")
+    assert line == f"::notice file={tmp_path.name}/a.yaml,line=3::a.yaml:3: short"
 
 
 def test_issues_of_check_have_the_level_of_their_severity(study, mapmore):
@@ -46,5 +45,6 @@ def test_issues_of_check_have_the_level_of_their_severity(study, mapmore):
 
 
 def test_elsewhere_nothing_is_annotated(mapmore, monkeypatch):
+    assert len(annotations(mapmore("run", "none.yaml", code=3))) == 1
     monkeypatch.setenv("GITHUB_ACTIONS", "false")
     assert annotations(mapmore("run", "none.yaml", code=3)) == []

@@ -26,6 +26,12 @@ def test_every_option_is_used(name):
     assert {*signature(function).parameters} - read == set()
 
 
+@pytest.mark.parametrize("name", ORDER)
+def test_no_switch_is_on_unless_it_is_given(name):
+    defaults = (parameter.default for parameter in signature(_function(name)).parameters.values())
+    assert not any(default is True for default in defaults)
+
+
 def test_check_says_what_was_found_and_writes_nothing(study, document, mapmore):
     before = sorted(study.parent.rglob("*"))
     found = document("check", study, "-q")

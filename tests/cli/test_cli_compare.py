@@ -3,9 +3,15 @@
 import json
 import shutil
 import stat
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from cli_samples import change_forces, write_study
+from test_views_by_hand import CHANGED
+
+from mapmore_cli.cli.compare import _of_models
+from mapmore_cli.domain.errors import UsageError
 
 
 def scaled_study(folder, factor):
@@ -182,3 +188,29 @@ def test_a_campaign_is_frozen_and_compared_run_by_run(campaigns, mapmore, tmp_pa
         code=4,
         says="does not contain the names of the campaign's runs",
     )
+
+
+def test_outputs_are_compared_one_by_one_and_models_with_the_first(monkeypatch):
+    asked, outputs = [], {"a": "x"}
+
+    def compared(*of):
+        asked.append(of)
+        return CHANGED
+
+    def model_at(path):
+        of = [SimpleNamespace(name=name) for name in outputs[path.name]]
+        return SimpleNamespace(outputs=of)
+
+    monkeypatch.setattr("mapmore_cli.pipeline.archive.compared", compared)
+    monkeypatch.setattr("mapmore_cli.storage.artefacts.read_model", model_at)
+    one, other, third = paths = [Path(name) for name in "abc"]
+    results, view = _of_models(["old", "mid", "new"], paths, 0.02, other_settings=True)
+    assert asked == [(one, other, 0.02, True), (one, third, 0.02, True)]
+    assert ([*results], view.document["after"]) == (["new"], "new")
+    outputs["a"] = "xy"
+    with pytest.raises(UsageError, match="several outputs are compared two at a time"):
+        _of_models(["old", "mid", "new"], paths, 0.02, other_settings=False)
+    results, view = _of_models(["old", "new"], paths[:2], 0.02, other_settings=False)
+    assert asked[2:] == [(one, other, 0.02, False, name) for name in "xy"]
+    assert [*results] == [each["run"] for each in view.document["runs"]] == ["x", "y"]
+    assert view.lines[0].startswith("2 outputs: 2 changed.")

@@ -1,7 +1,6 @@
 """`mapmore plan`: what to measure next."""
 
 import csv
-import json
 
 import numpy as np
 import pytest
@@ -48,17 +47,3 @@ def test_points_of_a_map_and_its_figure(tmp_path, planned):
     assert files[0].read_text().startswith("<?xml")
     with files[1].open() as file:
         assert [row["what"] for row in csv.DictReader(file)] == ["point"] * 4
-
-
-@pytest.mark.parametrize("command", [("check",), ("plan",), ("tune", "--over", "fit.max_terms=1")])
-def test_a_run_stands_for_its_spec_with_its_settings(command, copied, mapmore):
-    spec, runs = copied
-    mapmore("segment", spec, "--runs", runs, "--set", "name=other", "-q", code=0)
-    name, *options = command
-    for run in ("other", runs / "other"):
-        by_name = mapmore(name, run, *options, "--runs", runs, "--json", "-q")
-        by_spec = mapmore(
-            name, spec, *options, "--runs", runs, "--json", "-q", "--set", "name=other"
-        )
-        assert by_name.exit_code == by_spec.exit_code == 0
-        assert json.loads(by_name.stdout)["name"] == json.loads(by_spec.stdout)["name"]

@@ -1,12 +1,13 @@
 """The command starts quickly, and says what it can do."""
 
+import os
 from importlib.metadata import version
 
 import pytest
 from common import mapmore, python
 
 import mapmore_cli
-from mapmore_cli.cli.app import ORDER
+from mapmore_cli.cli.app import ORDER, Commands
 
 HEAVY = (
     "numpy",
@@ -52,6 +53,22 @@ def test_help_lists_the_commands_in_the_order_of_the_work(mapmore):
     listed = mapmore("--help").stdout.split("Commands:")[1]
     assert [line.split()[0] for line in listed.strip().splitlines()] == [*ORDER]
     assert "..." not in listed  # every summary is short enough to be shown whole
+
+
+def test_commands_of_plugins_come_last_in_the_order_of_the_alphabet(monkeypatch):
+    added = dict.fromkeys(("d", "b", "batch", "e", "a", "c"))
+    monkeypatch.setattr("mapmore_cli.domain.plugins.entry_points", lambda _group: added)
+    names = Commands(name="mapmore").list_commands(None)
+    assert names[-5:] == ["a", "b", "c", "d", "e"]
+    assert names[names.index("run") + 1] == "batch"
+
+
+def test_variables_are_allowed_anywhere_on_the_line(mapmore, monkeypatch):
+    monkeypatch.setenv("MAPMORE_ENV", "RIG")
+    shown = mapmore("schema", "--env", "LAB", "keys", "--env", "ROOM", code=0)
+    assert shown.stdout.startswith("### Top level")
+    assert os.environ["MAPMORE_ENV"] == "LAB,ROOM,RIG"
+    assert "Commands:" in mapmore().output
 
 
 @pytest.mark.parametrize("command", ORDER)

@@ -10,7 +10,13 @@ from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve, Grouping
-from mapmore_cli.fitting.groups import GroupEffects, _require_apart, group_effects
+from mapmore_cli.fitting.groups import (
+    GroupEffects,
+    _GroupFit,
+    _polynomial,
+    _require_apart,
+    group_effects,
+)
 from mapmore_cli.pipeline.example import write_example
 from mapmore_cli.storage.run_folder import RunFiles
 
@@ -33,26 +39,13 @@ report: {formats: [csv]}
 @pytest.fixture
 def campaign(tmp_path):
     """Three specimens at three pressures; the third pulls by a fifth more."""
+    strain = np.linspace(0.0, 0.2, 40)
     for name, factor in (("a", 1.0), ("b", 1.03), ("c", 1.2)):
-        write(tmp_path, name, (0.0, 0.2), factor=factor)
+        rng = np.random.default_rng(ord(name))
+        for level in (100, 200, 300):
+            force = factor * level * (2 - 8 * strain) + rng.normal(0, 0.3, 40)
+            write_recording(tmp_path, name, level, strain, force)
     return tmp_path
-
-
-@pytest.fixture
-def sessions(tmp_path):
-    """Two sessions whose load cells were zeroed apart: 8 N; each measured other strains, which
-    overlap.
-    """
-    write(tmp_path, "a", (0.0, 0.15), offset=5.0)
-    write(tmp_path, "b", (0.05, 0.2), offset=-3.0)
-    return tmp_path
-
-
-def write(folder, name, ends, factor=1.0, offset=0.0):
-    rng, strain = np.random.default_rng(ord(name)), np.linspace(*ends, 40)
-    for level in (100, 200, 300):
-        force = factor * level * (2 - 8 * strain) + offset + rng.normal(0, 0.3, 40)
-        write_recording(folder, name, level, strain, force)
 
 
 def rows(document, folder, split):
@@ -76,24 +69,6 @@ def test_each_group_is_scored_and_predicted_as_by_a_run_without_it(campaign, doc
         left_out["validate", "specimen=3"]["rmse"] > 2 * left_out["validate", "specimen=2"]["rmse"]
     )
     assert left_out["validate", "all"]["n"] == 9 * 40
-
-
-def of_sessions(folder, split, groups):
-    spec = folder / "sessions.yaml"
-    files = '[{path: "a_*.csv", set: {specimen: 1}}, {path: "b_*.csv", set: {specimen: 2}}]'
-    lines = SPEC.replace("SPLIT", split).replace("groups: {of: specimen}", groups).splitlines()
-    write_lines(spec, *lines[:2], f"  files: {files}", *lines[4:])
-    return spec
-
-
-def test_a_group_without_training_samples_has_no_offset(sessions, mapmore):
-    groups, runs = "groups: {of: specimen, offset: true}", sessions / "runs"
-    spec = of_sessions(sessions, "  split: {validate: {specimen: [2]}}", groups)
-    mapmore("validate", spec, "--runs", runs, "-q", code=0)
-    assert any(
-        "for 2, which is held out completely, the offset is not known" in note
-        for note in RunFiles(runs / "specimens").dataset().notes
-    )
 
 
 GROUP = np.repeat([1.0, 2.0, 5.0], 100)
@@ -138,6 +113,11 @@ def test_effects_are_taken_off_and_told():
         "offsets of g [N], which are subtracted from y: 1: +3, 2: -3; "
         "for 5, which is held out completely, the offset is not known",
     ]
+
+
+def test_a_group_without_training_samples_has_no_effects():
+    of = effects(of_groups(), GROUP == 5, offset=True, gain=True)
+    assert (of.unknown, [*of.gains], [*of.offsets]) == ((5.0,), [1.0, 2.0], [1.0, 2.0])
 
 
 def test_gains_that_nothing_tells_are_near_one():
@@ -209,6 +189,26 @@ def test_another_output_is_not_an_input_of_the_groups():
     curves = [Curve("all", None, each, out, ("a",)) for each in (columns, columns | {"z": 2 * y})]
     alone = group_effects(curves[:1], Grouping("y", "g", gain=True))
     assert group_effects(curves[1:], Grouping("y", "g", gain=True, outputs=("y", "z"))) == alone
+
+
+def test_groups_share_a_polynomial_of_order_three():
+    x, y = np.array([0.0, 1.0, 4.0]), np.array([5.0, 5.0, 9.0])
+    a, b = np.array([-1, -0.5, 1]), np.array([-1.0, -1, 1])
+    one = np.ones(3)
+    quadratic, cubic = [a * a, a * b, b * b], [a**3, a * a * b, a * b * b, b**3]
+    expected = np.stack([one, a, b, *quadratic, *cubic], axis=1)
+    np.testing.assert_allclose(_polynomial([x, y], 3), expected)
+
+
+def test_residuals_are_as_large_as_those_of_a_line_for_each_group():
+    rng, squares, tables = np.random.default_rng(0), 0.0, []
+    for size in (5, 9):
+        x, y = rng.normal(size=(2, size))
+        line = np.column_stack([x, np.ones(size)])
+        squares += float(np.linalg.lstsq(line, y, rcond=None)[1][0])
+        tables.append(np.column_stack([line, y]))
+    found = _GroupFit([*tables, tables[0][:2]], np.eye(3), offset=False)  # a group of two samples
+    assert found.scatter == pytest.approx(np.sqrt(squares / (5 - 2 + 9 - 2)))
 
 
 def test_what_goes_with_the_group_is_no_offset():

@@ -278,16 +278,6 @@ def test_a_table_of_thousands_of_columns_is_refused_by_init(tmp_path, limited):
     )
 
 
-@pytest.mark.parametrize("text", ["report: {figures: [LONG]}", "fit: {KEYS}"])
-def test_long_lists_in_a_spec_are_one_mistake(text, tmp_path, limited):
-    numbers = range(6000)
-    text = text.replace("LONG", ", ".join(map(str, numbers))).replace(
-        "KEYS", ", ".join(f"k{i}: 1" for i in numbers)
-    )
-    (tmp_path / "spec.yaml").write_text(SPEC.replace("READER", "csv") + text)
-    assert limited("check", "spec.yaml").returncode == 3
-
-
 @pytest.mark.timeout(60)  # to open a pipe waits for its other end
 @pytest.mark.parametrize("command", ["check", "run", "batch", "plan", "fit", "clean"])
 def test_a_pipe_is_no_spec(tmp_path, mapmore, command):

@@ -2,94 +2,20 @@
 behind.
 """
 
-import json
 import tempfile
 from dataclasses import replace
 from itertools import count
 from types import SimpleNamespace
 
+import h5py
 import numpy as np
 import pytest
-import yaml
-from cli_samples import CONFIGS, write_columns
+from cli_samples import write_columns
 
 import mapmore_cli as mm
 from mapmore_cli.api import fitted as fitted_module
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.ingestion.files import expand
-
-
-def columns_of(path):
-    """The table as a notebook would have it: arrays by title."""
-    titles = path.read_text().split("\n", 1)[0].split(",")
-    return dict(zip(titles, np.loadtxt(path, delimiter=",", skiprows=1).T, strict=True))
-
-
-def sections_of(config):
-    document = yaml.safe_load(config.read_text())
-    if "extends" in document:
-        base = yaml.safe_load((config.parent / document.pop("extends")).read_text())
-        document = {**base, **document}
-    return {
-        key: value for key, value in document.items() if key not in ("schema_version", "report")
-    }
-
-
-def scored(config, runs, mapmore):
-    mapmore("validate", config, "--runs", runs, "-q", code=0)
-    return json.loads((runs / config.stem / "scores.json").read_text())["scores"]
-
-
-def agree(found, command):
-    """Row for row the same to 1e-12."""
-    assert len(found) == len(command) > 2
-    for row, other in zip(found, command, strict=True):
-        assert row.keys() == other.keys()
-        for key in row:
-            if isinstance(other[key], float):
-                assert row[key] == pytest.approx(other[key], rel=1e-12, abs=1e-12), key
-            else:
-                assert row[key] == other[key]
-
-
-def test_frames_score_as_the_command_does(tmp_path, mapmore):
-    """Load cycles: one frame a recording."""
-    config = CONFIGS / "m2" / "dmsp-20-88-static.yaml"
-    sections = sections_of(config)
-    frames = [columns_of(config.parent / file) for file in sections["data"].pop("files")]
-    del sections["data"]["reader"]
-    agree(mm.fit(frames, **sections).scores, scored(config, tmp_path, mapmore))
-
-
-def test_what_a_reviewer_asks_for_stands_beside_without_being_named(tmp_path):
-    """An ARX beside what runs over time; the backbone alone beside pieces on it. What is written of
-    a model with memory runs to the same scores.
-    """
-    time = np.arange(300) * 0.05
-    u = np.sin(time) + np.sin(2.7 * time)
-    y = np.zeros(300)
-    for k in range(1, 300):
-        y[k] = 0.9 * y[k - 1] + 0.1 * u[k]
-    moving = mm.fit(
-        {"time": time, "u": u, "y": y},
-        columns={
-            "time": {"column": "time", "unit": "s"},
-            "u": {"column": "u"},
-            "y": {"column": "y"},
-        },
-        target={"column": "y"},
-        split={"validate": {"last": 0.3}},
-        dictionary=[{"slow": {"of": ["u"], "tau": [0.5]}}],
-    )
-    bent = {**FRAME, "F": FRAME["F"] + 20 * np.sin(60 * EPS)}
-    on_formula = mm.fit(bent, **{**SECTIONS, "validate": {}}, model={"backbone": "sarosi"})
-    for found, other in ((moving, "arx"), (on_formula, "backbone")):
-        models = {row["model"] for row in found.scores}
-        assert models == {"mapmore", "plane", "quadratic", "cubic", other}
-    assert [one.size for one in moving.held_out] == [90]  # its last samples
-    written = mm.run(moving.to_yaml(tmp_path / "moving.yaml"), tmp_path / "runs")
-    assert tuple(written.scores) == tuple(moving.scores)
-
 
 # --- one small study
 # --------------------------------------------------------------------------------------------------
@@ -147,6 +73,16 @@ def test_long_fits_show_a_bar_in_a_terminal(wanted, seconds, shown, monkeypatch,
     assert ("segments" in capsys.readouterr().err) == shown
 
 
+def test_a_file_gets_a_line_of_progress_every_five_seconds_and_at_the_end(monkeypatch, capsys):
+    clock = SimpleNamespace(now=0.0)
+    time = SimpleNamespace(monotonic=lambda: clock.now)
+    monkeypatch.setattr("mapmore_cli.api.fitted.time", time)
+    with fitted_module._Bar(True) as bar:
+        for clock.now, done in ((0.0, 1), (4.9, 2), (5.0, 3), (9.9, 3), (9.95, 4)):
+            bar("segments", done, 4)
+    assert capsys.readouterr().err == "".join(f"segments: {n} of 4\n" for n in (1, 3, 4))
+
+
 def test_a_target_by_its_label_takes_all_columns_by_theirs():
     motor = np.linspace(0, 1, 50)
     terms = [{"polynomial": {"of": ["motor"], "order": 2}}]
@@ -183,7 +119,7 @@ def test_bands_are_fitted_when_they_are_asked_for(fitted):
 
 
 def test_what_is_written_runs_to_the_same_scores(fitted, tmp_path):
-    spec = fitted.to_yaml(tmp_path / "there" / "muscle.yaml")
+    spec = fitted.to_yaml(tmp_path / "not" / "there" / "muscle.yaml")
     written = {"mapmore.schema.json", "muscle.yaml", "muscle_data"}
     assert {path.name for path in spec.parent.iterdir()} == written
     modeline = "# yaml-language-server: $schema=mapmore.schema.json\n"
@@ -194,10 +130,18 @@ def test_what_is_written_runs_to_the_same_scores(fitted, tmp_path):
     assert found.missed == ()
     assert mm.run(spec, tmp_path / "runs").stages["fit"] == "up-to-date"
     assert mm.run(spec, tmp_path / "runs", settings={"validate.require": {"nrmse": 1e-9}}).missed
-    loaded = mm.load_model(fitted.save(tmp_path / "model.h5"))
+    path = fitted.save(tmp_path / "model.h5")
+    loaded = mm.load_model(path)
     np.testing.assert_array_equal(
         loaded(pressure=150, strain=EPS), fitted(pressure=150, strain=EPS)
     )
+    with h5py.File(path, "a") as file:
+        file.attrs["checksum"] = "0"
+    with pytest.raises(DataError, match="checksum"):
+        mm.load_model(path)
+    with pytest.warns(UserWarning, match="checksum") as told:
+        assert mm.load_model(path, unverified=True).units == loaded.units
+    assert told[0].filename == __file__
 
 
 def test_frames_are_in_memory_and_stay_as_they_are(monkeypatch):
@@ -236,7 +180,18 @@ def test_it_shows_itself(fitted):
     )
     html = fitted._repr_html_()
     assert html.count("<table ") == 1
-    assert "<li><code>" in html
+    count = len(fitted.equations)
+    assert html.count("<li><code>") == 8 < count
+    assert f"</ul><p>... {count} equations in all</p>" in html
+
+
+def test_a_warning_points_to_the_line_that_asked_for_the_fit(tmp_path):
+    with pytest.warns(UserWarning, match="its sign seems to be inverted") as of_fit:
+        found = mm.fit({**FRAME, "F": -FRAME["F"]}, **SECTIONS)
+    spec = found.to_yaml(tmp_path / "turned.yaml")
+    with pytest.warns(UserWarning, match="its sign seems to be inverted") as of_run:
+        mm.run(spec, tmp_path / "runs")
+    assert {one.filename for one in (*of_fit, *of_run)} == {__file__}
 
 
 def test_a_summary_has_what_a_regression_table_has():
@@ -298,6 +253,7 @@ def test_a_summary_has_what_a_regression_table_has():
         ({"columns": {"force": {"column": "G"}}}, DataError, "no column 'G'"),
         ({"columns": {"force": {"unit": "N"}}}, SpecError, "does not name its column"),
         ({"split": {"validate": {"pressure": [1000]}}}, DataError, "no level"),
+        ({"frame": {**FRAME, "eps": 100 * EPS}}, SpecError, "probably in per cent"),
     ],
 )
 def test_mistakes_are_told_with_remedies(change, kind, message):

@@ -33,11 +33,6 @@ def test_an_error_of_check_ends_a_run_with_its_place_and_its_code(
     mapmore("run", study, *PER_CENT, code=3, says="probably in per cent")
 
 
-def test_a_constant_target_is_wrong_data(study, mapmore):
-    flat = options("data.columns.force.scale=0")
-    mapmore("run", study, *flat, code=4, says="0, in every sample [constant]")
-
-
 def test_warnings_are_told_each_time_and_data_are_not_read_again(
     study, tmp_path, mapmore, monkeypatch
 ):

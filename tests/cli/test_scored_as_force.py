@@ -59,9 +59,3 @@ def test_all_rows_are_of_the_force(study, tmp_path, mapmore, document):
     assert f"{verdict}{rows[OWN]['rmse']:.3g} N)" in said
     assert verdict in page_of("turned")
     assert "The model predicts strain; it is inverted, and scored as force." in page_of("turned")
-
-
-def test_what_does_not_depend_on_the_force_is_not_inverted(study, mapmore):
-    terms = "dictionary=[{polynomial: {of: [pressure], order: 1}}]"
-    settings = options("target={column: strain}", "segment={}", terms, "validate.as=force")
-    mapmore("validate", study, *settings, code=3, says="cannot be inverted for `force`")

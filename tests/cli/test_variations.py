@@ -153,8 +153,3 @@ def test_what_is_wrong_with_another_run_is_told_by_its_name(pair, entry, code, w
     bench, _ = pair
     bench.write_text(bench.read_text().replace("{run: rival_base.yaml, as: line}", entry))
     mapmore("run", bench, code=code, says=words)
-
-
-def test_a_variation_that_cannot_be_is_checked(varied, mapmore):
-    edit(varied, "fit.max_terms: 2", "fit.max_term: 2")
-    mapmore("check", varied, code=3, says="did you mean `max_terms`?")

@@ -72,9 +72,9 @@ def test_cautions_about_a_comparison():
     )
     later = [(each["after"], each["answer"]) for each in shown.document["campaigns"]]
     assert (later, len(shown.tables)) == ([("mid", "same"), ("new", "changed")], 2)
-    lighter = replace(doubtful, curves=(replace(CURVES[0], weight=0.66), CURVES[1]), settings=())
+    lighter = replace(doubtful, curves=(replace(CURVES[0], weight=2 / 3), CURVES[1]), settings=())
     assert len(of_comparisons(["old", "new"], [lighter]).lines) == 1
-    results = {"x": doubtful, "y": CHANGED, "z": SAME}
+    results = {"z": SAME, "x": doubtful, "y": CHANGED}
     whole = of_campaigns(["old@1", "new"], results)
     assert whole.lines[0] == "3 runs: 2 changed, 1 same."
     assert whole.lines[1:] == (f"x: {shown.lines[1]}",)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,8 @@ from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.models import Formula, Model
 from mapmore_cli.domain.recording import Curve, CurveRange, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult
-from mapmore_cli.fitting.competitors import Contest
+from mapmore_cli.fitting import competitors
+from mapmore_cli.fitting.competitors import Contest, Rival
 from mapmore_cli.fitting.kinds.choices import metres_of
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import predict
@@ -110,6 +112,18 @@ def test_a_run_of_other_units_is_refused(tmp_path):
         of_run(tmp_path, other).rival(Competitor(run="other.yaml"))
 
 
+def test_a_frozen_model_and_the_backbone_are_asked_as_they_are(tmp_path):
+    frozen = model_of("polynomial_2")
+    write_model(tmp_path / "old.h5", frozen)
+    asked = Competitor.model_validate({"model": "old.h5", "as": "before"})
+    before = contest(spec_dir=tmp_path).rival(asked)
+    backbone = contest(model=frozen).rival("backbone")
+    assert (before.name, backbone.name, before.failed) == ("before", "backbone", False)
+    for one, *said in zip(DATASET.curves, before.forecasts, backbone.forecasts, strict=True):
+        for forecast in said:
+            np.testing.assert_allclose(forecast.values, predict(frozen, one.columns), rtol=1e-12)
+
+
 def test_in_a_fold_another_run_is_made_anew(tmp_path):
     asked = []
 
@@ -124,6 +138,13 @@ def test_in_a_fold_another_run_is_made_anew(tmp_path):
     np.testing.assert_allclose(
         rival.forecasts[0].values, contest().rival("sarosi").forecasts[0].values
     )
+
+
+def test_a_competitor_fails_with_any_of_its_formulas():
+    fit = fit_formula("polynomial_2", DATASET.curves, "force")
+    both = {"static": fit, "damping": replace(fit, status="failed")}
+    assert Rival("a", (), both).failed
+    assert not Rival("a", (), {"static": fit}).failed
 
 
 def test_composites_need_a_static_run():
@@ -192,6 +213,15 @@ def test_simple_models_beside_have_fewer_parameters_than_samples(samples, count)
     one = replace(DATASET.curves[0], held_out=np.arange(40) >= samples)
     beside = contest(dataset=replace(DATASET, curves=(one,))).simple_beside(())
     assert beside == ("plane", "quadratic", "cubic")[:count]
+
+
+def test_a_backbone_and_an_arx_stand_beside_models_that_have_them(monkeypatch):
+    formula = model_of("sarosi").body.fit
+    pieces = contest(model=model_of("sarosi", body=SimpleNamespace(backbone=formula)))
+    for moves, more in ((False, ["backbone"]), (True, ["backbone", "arx"])):
+        monkeypatch.setattr(competitors, "runs_over_time", lambda _, moves=moves: moves)
+        assert pieces.simple_beside(["plane"]) == ("quadratic", "cubic", *more)
+    assert pieces.simple_beside(["sarosi", "arx"]) == ("plane", "quadratic", "cubic")
 
 
 def test_a_composite_adds_damping_without_what_is_left_at_rest(tmp_path):

@@ -10,9 +10,10 @@ from common import curve_of, dataset_of
 
 from mapmore_cli.domain.recording import Grouping
 from mapmore_cli.fitting.groups import regrouped
-from mapmore_cli.fitting.kinds import refit
+from mapmore_cli.fitting.kinds import Given, fit, refit
 from mapmore_cli.fitting.kinds.choices import model_choices
 from mapmore_cli.fitting.kinds.memory import _asked
+from mapmore_cli.fitting.kinds.pieces import segmented
 from mapmore_cli.fitting.left_out import parts_of, residuals, share_beyond, trained_on
 from mapmore_cli.fitting.refitting import left_out_of
 from mapmore_cli.modelling.expressions.operators.lags import spread_times
@@ -72,6 +73,9 @@ def test_of_two_recordings_blocks_are_left_out_and_of_levels_those_within():
         [4, 5, 6, 7],
         [2, 3],
     ]
+    times = {"time": np.arange(20.0), "x": np.zeros(20), "y": np.zeros(20)}
+    _, count, parts = parts_of(dataset_of(times), CHOICES)
+    assert (count, [*parts]) == (5, [f"block {k} of 5" for k in range(1, 6)])
     at_levels = tuple(
         replace(curve_of({"p": np.full(2, level), "y": np.zeros(2)}, name=str(level)), level=level)
         for level in (3.0, 1.0, 2.0)
@@ -154,6 +158,15 @@ def test_time_constants_are_spread_over_the_longest_recording():
     _, recipe = _asked(choices, dataset_of(columns, held_out=np.arange(120) >= 100), None)
     taus = [float(term.split(", ")[1].rstrip(")")) for term in recipe.dictionary]
     assert taus == pytest.approx(spread_times(3, 0.1, 10.0), rel=0.01)
+
+
+def test_the_progress_of_a_fit_counts_its_segments():
+    halves = {"segment": {"x": {"method": "even", "count": 2, "min_samples": 2}}}
+    choices = model_choices(ExperimentSpec.model_validate({**SPEC, **halves}))
+    dataset, steps = dataset_of({"x": np.arange(20.0), "y": np.arange(20.0)}), []
+    cuts = segmented(dataset, choices)
+    fit(choices, Given(dataset, cuts, progress=lambda *step: steps.append(step)))
+    assert steps == [("segments", 1, 2), ("segments", 2, 2)]
 
 
 @pytest.mark.parametrize("wanted", [False, True])

@@ -237,6 +237,7 @@ VOLUME = {
 }
 SAME_INPUTS = {"data": {"levels": None, "split": None}, "segment": {}}
 ISOMETRIC_LINES = {"data": {"levels": None, "split": None}, "segment": {}}
+OPTIMAL = {"method": "optimal", "count": 3}
 FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
 
 
@@ -283,7 +284,7 @@ FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
             "short-segment",
             "error",
             first_rows(20),
-            {"segment": {"strain": {"method": "optimal", "count": 3}}},
+            {"segment": {"strain": OPTIMAL}},
             ["3 segments of 10 need 30"],
         ),
         (
@@ -308,12 +309,18 @@ FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
             ["`pressure: decreasing`", "contradict"],
         ),
         ("one-fold", "error", clean, ONE_LEVEL, ["pressure is 200 in all curves"]),
-        ("short-segment", "error", at(300, first_rows(5)), {}, []),
+        (
+            "short-segment",
+            "error",
+            at(300, first_rows(7)),
+            {},
+            ["pressure=300/strain:2 has 3 training samples: too few for 3 terms"],
+        ),
         (
             "short-segment",
             "error",
             at(300, first_rows(1)),
-            {"segment": {"strain": {"method": "optimal", "count": 3}}},
+            {"segment": {"strain": OPTIMAL}},
             ["pressure=300 has 1 training sample: 3 segments of 10 need 30"],
         ),
         (
@@ -333,9 +340,9 @@ FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
         (
             "memory-breaks",
             "warning",
-            lambda _, c: {name: np.delete(values, slice(20, 25)) for name, values in c.items()},
+            at(100, lambda _, c: {key: np.delete(x, slice(20, 25)) for key, x in c.items()}),
             MEMORY,
-            [],
+            ["after 1 gap within", "have 60 samples or fewer", "`resample: 0.1 s`"],
         ),
         (
             "uneven-steps",
@@ -428,6 +435,9 @@ def test_a_rule_speaks_of_what_it_is_made_for(tmp_path, id_, severity, spoil, sp
             lambda _, c: {name: values[:20] for name, values in with_spike(10)(_, c).items()},
             {"segment": {}},
         ),  # a table
+        ("short-segment", first_rows(8), {}),
+        ("short-segment", first_rows(4), {"segment": {}}),
+        ("short-segment", first_rows(30), {"segment": {"strain": OPTIMAL}}),
         ("untold-difference", at(200, copied(200)), {}),
         ("computed-from", clean, ISOMETRIC_LINES),
         (

@@ -3,15 +3,37 @@
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from common import curve_of, dataset_of
 
-from mapmore_cli.checking.evidence import Unequal, spikes, unequal
-from mapmore_cli.checking.rules import Subject, curves, odd_values, pairs, samples, signs, units
+from mapmore_cli.checking import evidence
+from mapmore_cli.checking.evidence import Unequal, _left, spikes, unequal
+from mapmore_cli.checking.findings import (
+    FINDINGS,
+    Issue,
+    as_text,
+    kept,
+    mark_of,
+    refusal,
+    sentences,
+)
+from mapmore_cli.checking.rules import (
+    Subject,
+    curves,
+    fits,
+    odd_values,
+    pairs,
+    samples,
+    signs,
+    units,
+)
+from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.study.experiment import ExperimentSpec
+from mapmore_cli.study.sections.results import Validate
 
 UNITS = {"time": "s", "pressure": "kPa", "strain": "1", "force": "N", "u": "1"}
 BASE = {
@@ -114,6 +136,18 @@ def test_a_force_whose_squares_pull_by_less_than_a_hundredth(above, told):
     assert [message.startswith("r0.csv") for message in messages] == [True] * told
 
 
+def test_rules_say_nothing_without_the_quantities_that_they_look_at():
+    u, rules = np.arange(40.0), [pairs.computed_from, pairs.untold_difference, samples.offset]
+    rules += [signs.force_never_pulls, signs.strain_turned, units.strain_in_per_cent]
+    for rule in rules:
+        assert found(rule, {"u": u, "pressure": u}, {"u": u, "pressure": u}) == []
+    assert found(samples.still_cycles, {"u": 0 * u}, **CYCLES) == []
+    constant = subject_of({"u": u, "force": 0 * u}, {"u": u, "force": 0 * u})
+    assert unequal(constant.recordings, ["u"], "force") is None
+    ratio = subject_of({"pressure_b": u}, units={"pressure_b": "1", "u": "1"})
+    assert [odd_values._vacuum(ratio, name) for name in ("pressure_b", "u")] == [None, None]
+
+
 CYCLES = {"cycles": {"over": "strain"}}
 
 
@@ -125,6 +159,7 @@ CYCLES = {"cycles": {"over": "strain"}}
         ([0.06, 0.04], None),
         ([0.049, 0.04], "error"),
         ([0.06, None], "warning"),
+        ([1.0, 0.0], "warning"),
         ([None, None], "error"),
     ],
 )
@@ -171,6 +206,64 @@ def test_held_out_values_within_the_training_range(values, told):
     assert issues == [("warning", "validation-outside", "data.split.validate.strain")] * told
 
 
+@pytest.mark.parametrize(
+    ("model", "inputs"),
+    [
+        ({}, ["strain"]),
+        ({"type": "literature", "name": "sarosi"}, ["pressure", "strain"]),
+        ({"backbone": "sarosi"}, ["pressure", "strain"]),
+    ],
+)
+def test_the_inputs_of_a_formula_are_inputs_of_the_model(model, inputs):
+    subject = subject_of(ZEROS, made=dataset_of(ZEROS, output="force"))
+    alone = {"dictionary": []} if "name" in model else {}
+    spec = ExperimentSpec.model_validate({**BASE, "model": model, **alone})
+    assert sorted(curves.inputs_of_model(replace(subject, spec=spec))) == inputs
+
+
+@pytest.mark.parametrize(
+    ("row", "told"),
+    [
+        *((["0", "1", "2"], False), ([" 1", "2", "", None, "3"], False), (["2", "3"], True)),
+        *((["0"], True), (["1", ""], True), (["1", "x"], False), (["", None], False)),
+    ],
+)
+def test_a_header_line_of_numbers_that_count_the_columns_is_no_sample(row, told):
+    """One number counts nothing."""
+    top = SimpleNamespace(is_number=lambda cell: cell.strip().isdigit())
+    assert units._is_sample(row, top) is told
+
+
+@pytest.mark.parametrize(
+    ("unit", "told"), [("bar", False), ("bar abs", False), ("kPa", True), ("psi abs", True)]
+)
+def test_a_name_with_bar_may_mean_absolute_pressure(unit, told):
+    columns = {**BASE["data"]["columns"], "pressure": {"column": "P_bar", "unit": unit}}
+    issues = found(units.unit_in_the_name, ZEROS, columns=columns)
+    assert issues == [("warning", "unit-in-name", "data.columns.pressure")] * told
+
+
+@pytest.mark.parametrize(
+    ("split", "day", "told"),
+    [
+        ({"leave_one_level_out": True}, [1, 2, 2], ["pressure is 3 in all curves"]),
+        ({"leave_one_group_out": True}, [1, 2, 2], []),
+        ({"leave_one_group_out": True}, [2, 2, 2], ["u is 2 in all curves"]),
+        ({}, [2, 2, 2], []),
+    ],
+)
+def test_a_level_or_group_that_is_left_out_is_not_the_only_one(split, day, told):
+    columns = {"pressure": 3 * np.ones(3), "u": np.array(day), "force": np.zeros(3)}
+    made = dataset_of(columns, output="force")
+    curves_at = tuple(replace(curve, level=3.0) for curve in made.curves)
+    made = replace(made, level="pressure", curves=curves_at)
+    subject = subject_of(ZEROS, made=made, groups={"of": "u"}, split=split)
+    messages = [issue.message for issue in curves.one_fold(subject)]
+    assert [words in message for words, message in zip(told, messages, strict=True)] == [
+        True for _ in told
+    ]
+
+
 def test_a_few_samples_of_another_input_may_lie_outside():
     training = {"strain": np.linspace(0, 1, 11), "u": np.arange(11.0), "force": np.zeros(11)}
     for outside, told in ((5, False), (6, True)):
@@ -182,6 +275,30 @@ def test_a_few_samples_of_another_input_may_lie_outside():
         messages = [issue.message for issue in curves.beyond_training(subject)]
         share = "6% of the validation samples have strain 1.5, outside the training range 0 to 1"
         assert messages == [share] * told
+
+
+@pytest.mark.parametrize(("count", "told"), [(0, False), (1, True), (4, True), (5, False)])
+def test_a_formula_needs_as_many_samples_as_it_has_parameters(count, told):
+    """A plane in pressure and strain with a bend in the pressure has five."""
+    columns = {"strain": np.zeros(9), "pressure": np.zeros(9), "force": np.zeros(9)}
+    made = dataset_of(columns, held_out=np.arange(9) >= count, output="force")
+    subject = subject_of(ZEROS, made=made)
+    validation = Validate(against=["polynomial_2"])
+    spec = subject.spec.model_copy(update={"validation": validation})
+    issues = [*fits.few_for_formula(replace(subject, spec=spec))]
+    assert [(issue.id, issue.place) for issue in issues] == [
+        ("few-for-formula", "validate.against.0")
+    ] * told
+
+
+def test_the_strain_is_compared_with_the_force_at_equal_pressure():
+    """A partial correlation is that of what a straight line of the third signal leaves."""
+    x, y, z = np.random.default_rng(0).normal(size=(3, 50)) + np.linspace(0, 2, 50)
+    r = np.corrcoef([x, y, z])
+    line = np.column_stack([np.ones(50), z])
+    left = [v - line @ np.linalg.lstsq(line, v, rcond=None)[0] for v in (x, y)]
+    assert signs._partial(r[0, 1], r[0, 2], r[1, 2]) == pytest.approx(np.corrcoef(left)[0, 1])
+    assert signs._partial(0.3, 1.0, 0.3) == 0
 
 
 def test_no_gauge_shows_less_than_a_vacuum():
@@ -252,7 +369,7 @@ def test_effects_that_explain_most_of_a_difference(gain, offset, both, effects):
     )
 
 
-def test_the_two_recordings_that_differ_most_are_told():
+def test_the_two_recordings_that_differ_most_are_told(monkeypatch):
     u = np.sin(np.arange(60.0))
     outputs = [u, u + 0.2, u + 0.5, u + 0.3]
     subject = subject_of(*({"u": u, "force": y} for y in outputs), {"u": -u, "force": 4 * u})
@@ -268,8 +385,15 @@ def test_the_two_recordings_that_differ_most_are_told():
         equal = subject_of(*({"u": x, "force": wide + k} for k, x in enumerate(near)))
         assert (unequal(equal.recordings, ["u"], "force") is not None) == told
     for n, told in ((29, False), (30, True)):
-        parts = subject_of({"u": u[:n], "force": u[:n] + 1}, {"u": u, "force": u})
-        assert (unequal(parts.recordings, ["u"], "force") is not None) == told
+        both = [{"u": u[:n], "force": u[:n] + 1}, {"u": u, "force": u}]
+        for parts in (subject_of(*both), subject_of(*both[::-1])):
+            assert (unequal(parts.recordings, ["u"], "force") is not None) == told
+    apart, left = _left(u, 0.4 * u + 0.1)
+    assert (apart, left) == _left(0.4 * u + 0.1, u)
+    assert left["offset gain"] == pytest.approx(0, abs=1e-9)
+    monkeypatch.setattr(evidence, "COMPARED", 2)  # every third of five is compared
+    found = unequal(subject.recordings, ["u"], "force")
+    assert (found.one.id, found.other.id) == ("r0", "r3")
 
 
 @pytest.mark.parametrize(
@@ -306,3 +430,25 @@ def test_a_spike_is_a_quarter_of_the_range_and_seldom():
     for count, found in ((4, 4), (5, 0)):
         record = np.where(np.isin(np.arange(400), 50 * np.arange(1, count + 1)), 90.0, slow / 100)
         assert len(spikes(record)) == found
+
+
+def test_errors_end_a_run_with_all_their_remedies():
+    of_spec = Issue("error", "a", "x:1", "it is wrong", "mend it")
+    of_data = replace(of_spec, id="b", cause="data")
+    assert refusal([replace(of_spec, severity="warning")]) is None
+    both = refusal([of_spec, of_data])
+    assert type(both) is SpecError
+    assert both.message == "x:1: it is wrong [a]\n  mend it\nx:1: it is wrong [b]"
+    assert both.remedy.startswith("mend it; or continue in spite of this error with --no-check")
+    assert type(refusal([of_data])) is DataError
+
+
+def test_findings_are_kept_until_something_changes_on_which_they_depend(tmp_path):
+    issue = Issue("error", "a", "x:1", "it is wrong", "mend it")
+    (tmp_path / FINDINGS).write_text(as_text("mark", [issue]))
+    assert kept(tmp_path) == kept(tmp_path, "mark") == (issue,)
+    assert kept(tmp_path, "other") is kept(tmp_path / "nowhere") is None
+    assert sentences(tmp_path) == ("it is wrong; mend it [a]",)
+    assert sentences(tmp_path / "nowhere") == ()
+    specs = [SimpleNamespace(resolved=text) for text in ("name: a", "name: b")]
+    assert len({mark_of(spec, data) for spec, data in product(specs, ("one", "two"))}) == 4

@@ -44,7 +44,7 @@ WAVES = [np.sin(speed * T) for speed in (3.0, 4.1, 5.7, 7.9, 9.3)]
         ("force_N_total", "force", "N"),
         ("Load (kN)", "load", "kN"),
         ("position_mm", "displacement", "mm"),
-        ("temperature||42|y_V", None, None),
+        ("temperature||42|y_V|value [Pa]", None, None),
     ],
 )
 def test_titles_say_quantities_and_units(titles, quantity, unit):

@@ -133,7 +133,8 @@ at: [80, 150, 250, 350]               at: [0.8 bar, 1.5 bar, 250, 350000 Pa], wi
 split: {validate: {pressure: [250]}}  split: {leave_one_level_out: true}
 split: {validate: {pressure: [250]}}  split: {validate: {recordings: [load_cycle_150]}}
 split: {validate: {pressure: [250]}}  split: {validate: {last: 50 %}}
-{pressure: [250]}                     {pressure: [260]}
+{pressure: [250]}                     {pressure: [285]}
+{pressure: [250]}                     {pressure: {between: [[250, 250]]}}
 against: [sarosi, polynomial_2]       against: []
 samples: 200}                         samples: 0x20}
 """),
@@ -170,6 +171,8 @@ UNSAID = STATIC.replace(", max_terms: 1, tolerance: 1.0e-4", "")
         (MOTION.replace(FIT, "fit: {tolerance: 0.01}"), 12, "tolerance"),
         (UNSAID, 1, "tolerance"),
         (UNSAID.replace("strain: {method: even, count: 4}", "pressure: none"), 12, "bic"),
+        (UNSAID.replace("  strain: {m", "  pressure: none\n  strain: {m"), 1, "tolerance"),
+        (UNSAID.replace("segment:\n  strain: {method: even, count: 4}\n", ""), 1, "tolerance"),
     ],
 )
 def test_one_model_of_everything_has_as_many_terms_as_data_support(tmp_path, text, terms, stop):

@@ -98,6 +98,24 @@ def test_every_key_is_in_the_reference_and_every_link_has_its_heading():
     assert set(re.findall(r"\]\(#([^)]+)\)", text)) <= headings
 
 
+def test_rows_of_the_reference_have_values_default_unit_and_example():
+    text = reference()
+    for key, cells, end in (
+        ("z_s", "number ≥ 0 ≤ 0.5 | `0.25`", "range. Example: `0.25`. |"),
+        ("within", "number > 0 or with unit | ", "Unit: that of `of`, as a difference. Example:"),
+        ("at", 'list of number or with unit or `auto` | `"auto"`', "Unit: that of `of`. Example:"),
+        ("fit", "[Fit](#fit) | ", "How terms are chosen, and how many. Example:"),
+        ("labels", "mapping | ", "Axis labels by quantity."),
+        ("name", "text | **required**", "Name of the run and of its folder."),
+        ("size", "number ≥ 5 ≤ 24 | `8.0`", "smaller. Unit: pt. Example: `9`. |"),
+        ("rmse", "root of the mean squared error", "the target |"),
+        ("r2", "coefficient of determination", "1 |"),
+    ):
+        rows = [row for row in text.splitlines() if row.startswith(f"| `{key}` | {cells} | ")]
+        assert any(end in row for row in rows), key
+    assert "A limit of `n`, `r2`, `r_uncentred` and `interval_coverage`\nis the smallest" in text
+
+
 SPEC = """\
 # look first at those marked CHECK
 data:

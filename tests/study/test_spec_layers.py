@@ -10,7 +10,7 @@ from spec_examples import FORMULA, STATIC, assert_says, load_text, refusal
 
 from mapmore_cli.domain.errors import SpecError, UsageError
 from mapmore_cli.study.loader import load
-from mapmore_cli.study.variables import expand
+from mapmore_cli.study.variables import expand, readable_variables
 from mapmore_cli.study.yaml_dumper import as_overrides
 
 # Environment
@@ -29,6 +29,15 @@ def test_variables_are_expanded(monkeypatch):
         == "lab7/a b/lab7y"
     )
     assert expand("$LAB $ {LAB} $${MAPMORE_LAB} }") == "$LAB $ {LAB} ${MAPMORE_LAB} }"
+
+
+def test_specs_may_read_variables_of_mapmore_and_those_that_are_named(monkeypatch):
+    for name in ("MAPMORE_LAB", "ROOM", "SECRET"):
+        monkeypatch.setenv(name, name.lower())
+    monkeypatch.setenv("MAPMORE_ENV", "RIG,ROOM")
+    found = readable_variables()
+    assert {name for name in found if not name.startswith("MAPMORE_")} == {"ROOM"}
+    assert (found["MAPMORE_LAB"], found["ROOM"]) == ("mapmore_lab", "room")
 
 
 @pytest.mark.parametrize(

@@ -49,6 +49,11 @@ def test_every_canonical_quantity_has_a_name_and_a_unit_that_are_known():
         units.check_unit(unit)
 
 
+def test_rates_of_canonical_quantities_are_canonical():
+    assert all(map(units.is_canonical, ("pressure", "strain_rate", "force_rate_rate")))
+    assert not any(map(units.is_canonical, ("speed", "speed_rate", "_rate", "step_pressure")))
+
+
 def test_every_unit_that_is_suggested_or_spelt_otherwise_is_known():
     for unit in units._KNOWN:
         units._pint_unit(unit)
@@ -156,6 +161,9 @@ a (m/s²)        -    m/s^2
 kPa(a)          -    kPa_abs
 kPaa            -    none
 N/A             -    none
+KN              -    kN
+S               -    none
+S               s    s
 xy2             -    none
 force           -    none
 """), ("", "-", "none")],

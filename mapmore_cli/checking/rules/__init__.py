@@ -10,13 +10,10 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from mapmore_cli.checking.findings import Issue
 from mapmore_cli.domain.arrays import Array, Ends, extremes, joined
 from mapmore_cli.domain.recording import Dataset, Recording
 from mapmore_cli.study.experiment import ExperimentSpec
-from mapmore_cli.study.units import convert
 
 __all__ = ["Issue", "Issues", "Rule", "Subject"]
 
@@ -48,31 +45,24 @@ class Subject:
         assert self.made is not None, "the rule checks curves, but was called without any"
         return self.made
 
+    @property
+    def kept(self) -> list[Recording]:
+        """The recordings in which samples were kept."""
+        return [recording for recording in self.recordings if recording.rows_kept]
+
     def has(self, *names: str) -> bool:
         """Return True if every recording has all these quantities."""
         return all(name in recording.columns for recording in self.recordings for name in names)
 
-    def pooled(self, name: str, unit: str | None = None) -> Array:
-        """Return a quantity of all recordings together, (n,), converted to `unit`."""
-        columns = [recording.columns[name] for recording in self.recordings]
-        values: Array = joined(columns)
-        return values if unit is None else convert(values, self.units[name], unit)
+    def pooled(self, name: str) -> Array:
+        """Return a quantity of all recordings together, (n,)."""
+        values: Array = joined([recording.columns[name] for recording in self.recordings])
+        return values
 
     def span(self, name: str) -> Ends:
         """Return the smallest and the largest value of a quantity that every recording has."""
-        ends = [
-            extremes(recording.columns[name])
-            for recording in self.recordings
-            if recording.rows_kept
-        ]
+        ends = [extremes(recording.columns[name]) for recording in self.kept]
         return min(low for low, _ in ends), max(high for _, high in ends)
-
-    def largest(self, name: str, unit: str | None = None) -> float:
-        """Return the largest absolute value of a quantity; 0 if a recording lacks it."""
-        if not self.has(name):
-            return 0.0
-        ends = np.array(self.span(name))
-        return float(np.abs(ends if unit is None else convert(ends, self.units[name], unit)).max())
 
     def source(self, name: str) -> str:
         """Return a text that says how the spec defines a quantity: by a column, by an expression,

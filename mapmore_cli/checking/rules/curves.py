@@ -58,14 +58,12 @@ def beyond_training(subject: Subject) -> Issues:
     hold_out, dataset = subject.spec.data.split.hold_out, subject.dataset
     if hold_out is None:
         return
-    chosen = {*([dataset.level] if dataset.level else ()), *hold_out.quantities}
+    chosen = dict.fromkeys(filter(None, (dataset.level, *hold_out.quantities)))
     measured = {*subject.spec.data.measured}
     inputs = (name for name in inputs_of_model(subject) if name in measured)
-    for name in dict.fromkeys((*sorted(chosen), *inputs)):
-        training, validation = (
-            _split_values(dataset, name, held_out=False),
-            _split_values(dataset, name, held_out=True),
-        )
+    for name in dict.fromkeys((*chosen, *inputs)):
+        training = _split_values(dataset, name, held_out=False)
+        validation = _split_values(dataset, name, held_out=True)
         if not training.size:
             continue
         margin = LITTLE * float(np.ptp(training))

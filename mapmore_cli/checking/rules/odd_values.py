@@ -19,10 +19,10 @@ WITH_ROWS = ("csv", "xlsx")  # names of the readers whose files have numbered ro
 
 def spikes_in(subject: Subject) -> Issues:
     """Find single samples far from their neighbours: a dropout, or a digit too many."""
-    for name in (name for name in subject.spec.data.columns if name != "time"):
-        for recording in (
-            recording for recording in subject.recordings if name in recording.columns
-        ):
+    for name in subject.spec.data.columns:
+        for recording in subject.recordings:
+            if name == "time" or name not in recording.columns:
+                continue
             values = recording.columns[name]
             # values are examined block by block, because a long record may change its character
             blocks = enumerate(in_blocks(values, rows=WIDE))
@@ -57,7 +57,7 @@ def below_vacuum(subject: Subject) -> Issues:
             values = recording.columns.get(name, np.zeros(0))
             rows = np.flatnonzero(by_blocks(partial(np.greater, limit), values))
             if rows.size:
-                lowest = f"{recording.columns[name][rows].min():.6g} {subject.units[name]}"
+                lowest = f"{values[rows].min():.6g} {subject.units[name]}"
                 below = (
                     f"below absolute zero, which is a gauge pressure of {limit:.4g} "
                     f"{subject.units[name]}"

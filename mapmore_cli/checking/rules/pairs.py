@@ -20,8 +20,9 @@ def computed_from(subject: Subject) -> Issues:
     target = subject.target
     if target not in subject.spec.data.columns or not subject.has(target):
         return
-    others = [name for name in subject.spec.data.columns if name not in (target, "time")]
-    for name in (quantity for quantity in others if subject.has(quantity)):
+    for name in subject.spec.data.columns:
+        if name in (target, "time") or not subject.has(name):
+            continue
         if same_signals([subject.pooled(name), subject.pooled(target)]):
             continue  # the rule `same_signal` reports such a column as an error
         slopes = [

@@ -92,9 +92,11 @@ def clipped(subject: Subject) -> Issues:
     """
     levels = subject.spec.data.levels
     held = ("time", None if levels is None else levels.of)
-    for name in (name for name in subject.spec.data.columns if name not in held):
-        largest = subject.largest(name)
-        for recording in (recording for recording in subject.recordings if recording.rows_kept):
+    for name in subject.spec.data.columns:
+        if name in held:
+            continue
+        largest = max(map(abs, subject.span(name))) if subject.has(name) else 0.0
+        for recording in subject.kept:
             values = recording.columns.get(name, np.zeros(0))
             ends = zip(("above", "below"), extremes(values), strict=True) if values.size else ()
             some = values if len(values) <= PART else even_share(values)
@@ -143,13 +145,14 @@ def still_cycles(subject: Subject) -> Issues:
     low, high = subject.span(cycles.over)
     # a movement below a share of the range of all recordings, or of the largest value, is noise
     least = max(STILL * (high - low), LITTLE * max(abs(low), abs(high)))
-    kept = [recording for recording in subject.recordings if recording.rows_kept]
-    columns = [recording.columns[cycles.over] for recording in kept]
+    columns = [recording.columns[cycles.over] for recording in subject.kept]
     noisy = [_is_noise(values) for values in columns]
     spans = [ends[1] - ends[0] for ends in map(extremes, columns)]
     everywhere = all(noise or span <= least for noise, span in zip(noisy, spans, strict=True))
     held = [
-        recording.name for recording, noise in zip(kept, noisy, strict=True) if noise or everywhere
+        recording.name
+        for recording, noise in zip(subject.kept, noisy, strict=True)
+        if noise or everywhere
     ]
     if held:
         others = f" and {len(held) - 1} more" if len(held) > 1 else ""
@@ -179,7 +182,7 @@ def recorded_twice(subject: Subject) -> Issues:
     curves = subject.made.curves if subject.made else ()
     held_out = {name for curve in curves if curve.held_out.all() for name in curve.recordings}
     known: dict[tuple[object, ...], Recording] = {}
-    for recording in (recording for recording in subject.recordings if recording.rows_kept):
+    for recording in subject.kept:
         # only measured columns are compared, not values that the spec sets for a whole file
         measured = sorted(recording.columns.keys() & subject.spec.data.columns)
         samples = (hash(even_share(recording.columns[name]).tobytes()) for name in measured)

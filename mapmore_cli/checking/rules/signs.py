@@ -31,9 +31,8 @@ def force_never_pulls(subject: Subject) -> Issues:
     if not subject.has("force"):
         return
     low, high = subject.span("force")
-    kept = [recording for recording in subject.recordings if recording.rows_kept]
-    turned = [recording for recording in kept if _pull(recording) < PULL]
-    if turned and len(turned) == len(kept):
+    turned = [recording for recording in subject.kept if _pull(recording) < PULL]
+    if turned and len(turned) == len(subject.kept):
         ends = f"it goes from {low:.4g} to {high:.4g}"
         yield _turned(subject, f"the force is almost never positive ({ends})", "")
         return
@@ -47,7 +46,7 @@ def force_never_pulls(subject: Subject) -> Issues:
 
 
 def _pull(recording: Recording) -> float:
-    """Return the share of forces above zero in the sum of squares; one if all forces are zero."""
+    """Return the share of forces above zero in the sum of squares; 1 if no force is below zero."""
     above = below = 0.0
     for (x,) in in_blocks(recording.columns["force"]):
         above += float(np.sum(x[x > 0] ** 2))

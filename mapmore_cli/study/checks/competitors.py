@@ -170,6 +170,7 @@ def competitors(spec: ExperimentSpec) -> Iterator[Finding]:
     shown, moves = [OWN, REPEATABILITY], spec.target in MOTION
     for loc, rival in rivals_of(spec):
         formula, composite = formula_called(spec, rival.model), rival.static is not None
+        at_levels = rival.levels is not None
         if formula is not None and rival.starts is not None:
             yield from refused((*loc, "starts"), formula.starting_from, rival.starts)
         yield from applying(
@@ -191,11 +192,6 @@ def competitors(spec: ExperimentSpec) -> Iterator[Finding]:
                 "two models in the table of scores have the name `{label}`",
                 "give this one a name: `{{model: ..., as: NAME}}`",
             ),
-            target=spec.target,
-            label=rival.label,
-        )
-        at_levels = rival.levels is not None
-        yield from applying(
             (
                 at_levels and rival.model is not None and formula is None and not rival.is_file,
                 (*loc, "levels"),
@@ -208,6 +204,8 @@ def competitors(spec: ExperimentSpec) -> Iterator[Finding]:
                 "the data have no levels",
                 "add `levels: {{of: ...}}` to `data`, or remove `levels` here",
             ),
+            target=spec.target,
+            label=rival.label,
             model=rival.model,
         )
         shown.append(rival.label)

@@ -12,8 +12,8 @@ from mapmore_cli.study.tree import Loc
 
 
 def shapes(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check that every shape names a quantity of the study, that the kind of model can keep a
-    shape, and that the fit can identify every term whose coefficient has bounds.
+    """Check that every shape names a quantity of the study, that the kind of model can keep it, and
+    that the fit can keep the limits of coefficients.
     """
     fit, target = spec.fit, spec.target_quantity
     is_other = spec.model.type not in ("mapmore", "literature")
@@ -59,6 +59,11 @@ def shapes(spec: ExperimentSpec) -> Iterator[Finding]:
             ),
             target=target,
         )
+    yield from _bounded_terms(spec)
+
+
+def _bounded_terms(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Check that the fit can keep the `sign` and the `bounds` of every entry of the dictionary."""
     for i, entry in enumerate(spec.dictionary):
         _, family = entry.family
         inner = family.of if isinstance(family, Products) else []

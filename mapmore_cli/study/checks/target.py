@@ -70,7 +70,7 @@ def target(spec: ExperimentSpec) -> Iterator[Finding]:
         (
             low >= high,
             "data.plateau",
-            f"the plateau ends before it begins: from {low:g} s to {high:g} s",
+            f"the plateau must begin before it ends, but goes from {low:g} s to {high:g} s",
             "put the earlier time first",
         ),
         target=spec.target,

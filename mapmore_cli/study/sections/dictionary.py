@@ -315,12 +315,13 @@ class Families(Section):
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Smallest and largest coefficient of the terms of this entry, in the unit of the
-        target.
+        """Smallest and largest coefficient of the terms of an entry with `sign` or `bounds`, in the
+        unit of the target.
         """
         if self.bounds is not None:
             return self.bounds
-        return {"positive": (0.0, inf), "negative": (-inf, 0.0)}.get(self.sign or "", (-inf, inf))
+        assert self.sign is not None
+        return {"positive": (0.0, inf), "negative": (-inf, 0.0)}[self.sign]
 
     @property
     def family(self) -> tuple[str, Family]:

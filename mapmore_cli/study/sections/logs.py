@@ -69,7 +69,7 @@ class Keep(Section):
             *(
                 (
                     low >= high,
-                    f"`{name}`: the lower end {low:g} lies above the upper end {high:g}",
+                    f"`{name}`: the lower end {low:g} must lie below the upper end {high:g}",
                     "put the lower end first",
                     name,
                 )

@@ -145,6 +145,17 @@ def test_a_model_has_three_terms_or_half_as_many_as_samples(samples, most):
     assert len(mm.FROLS(order=2, tolerance=0.0).fit(noise[:, :3], noise[:, 3]).terms_) == most
 
 
+def test_without_a_tolerance_a_term_of_a_ten_thousandth_is_the_last():
+    """Of orthogonal columns, whose shares of the squares are those of their coefficients."""
+    columns = np.linalg.qr(np.random.default_rng(0).normal(size=(40, 3)))[0]
+    model = mm.FROLS(order=1, stop="tolerance", max_terms=3, constant=False)
+    for share, terms in ((3e-4, 2), (3e-5, 1)):
+        found = model.fit(columns, columns @ [1, np.sqrt(share), 0])
+        assert len(found.terms_) == terms
+    usual = {"order": 2, "max_terms": None, "tolerance": None, "stop": None, "constant": True}
+    assert mm.FROLS().get_params() == usual
+
+
 def test_settings_are_shown_where_they_are_not_the_usual_ones():
     model = mm.FROLS(tolerance=0.5, constant=False)
     assert repr(model) == "FROLS(tolerance=0.5, constant=False)"

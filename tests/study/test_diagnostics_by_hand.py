@@ -1,0 +1,89 @@
+"""How the mistakes of a spec are collected, ordered and worded, by hand."""
+
+from pathlib import Path
+
+import pytest
+
+from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.study.diagnostics import Mistake, _value_in_words, did_you_mean, raise_if_any
+from mapmore_cli.study.loader import _echoes
+from mapmore_cli.study.tree import Position, SourceText
+
+ONE, OTHER = (SourceText(name, Path(), "a: 1\nb: 2\n") for name in ("one.yaml", "other.yaml"))
+
+
+def told(*places):
+    """What is told of mistakes at some places, each by its source, line and column."""
+    mistakes = [Mistake(Position(*place), "wrong") for place in places]
+    with pytest.raises(SpecError) as caught:
+        raise_if_any(mistakes)
+    return [line for line in str(caught.value).splitlines() if not line.startswith(" ") and line]
+
+
+def test_mistakes_are_in_the_order_of_the_sources_and_of_their_lines():
+    assert raise_if_any([]) is None
+    places = [(OTHER, 2, 1), (ONE, 2, 4), (ONE, 1, 1), (ONE, 2, 1), (OTHER, 1, 1), (ONE, 1, 1)]
+    assert told(*places) == [
+        "other.yaml:1:1: wrong",
+        "other.yaml:2:1: wrong",
+        "one.yaml:1:1: wrong",
+        "one.yaml:2:1: wrong",
+        "one.yaml:2:4: wrong",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("count", "last"),
+    [
+        (25, "one.yaml:25:1: wrong"),
+        (26, "... and 1 more"),
+        (199, "... and 174 more"),
+        (200, "... and at least 175 more"),
+    ],
+)
+def test_twenty_five_mistakes_are_shown(count, last):
+    lines = told(*((ONE, number, 1) for number in range(1, count + 1)))
+    assert (len(lines), lines[-1]) == (min(count, 26), last)
+
+
+@pytest.mark.parametrize(
+    ("word", "known", "said"),
+    [
+        ("PRESSUR", ["strain", "pressure"], "did you mean `pressure`?"),
+        ("zzz", ["b", "a", "b"], "known are `b`, `a`"),
+        ("zzz", [], None),
+    ],
+)
+def test_a_near_word_is_suggested_and_all_words_otherwise(word, known, said):
+    assert did_you_mean(word, known) == said
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        (None, "empty"),
+        (True, "true"),
+        (1.5, "1.5"),
+        ([1], "a list"),
+        ({}, "a mapping"),
+        ("x" * 40, f"the text '{'x' * 40}'"),
+        ("x" * 41, f"the text '{'x' * 40}...'"),
+    ],
+)
+def test_a_value_is_described_by_its_type_and_its_beginning(value, words):
+    assert _value_in_words(value) == words
+
+
+@pytest.mark.parametrize(
+    ("loc", "echoes"),
+    [
+        (("name",), True),
+        (("fit", "max_terms"), False),
+        (("data", "columns", "x"), True),
+        (("data", "columns", "x", "unit"), False),
+        (("data", "levels", "at", 0), True),
+        (("fit", "shape", "x"), False),
+    ],
+)
+def test_parts_whose_removal_would_cause_other_mistakes(loc, echoes):
+    assert _echoes(loc) == echoes

@@ -1,0 +1,101 @@
+"""Sections of a spec, made from their values: what the code reads of them, by hand."""
+
+import numpy as np
+import pytest
+
+from mapmore_cli.modelling.literature.own import formula_of
+from mapmore_cli.study import campaign as campaigns
+from mapmore_cli.study.fields import possible_path
+from mapmore_cli.study.sections.data import Data, Levels, MissingRule
+from mapmore_cli.study.sections.logs import Logs, SourceColumn
+from mapmore_cli.study.sections.model import OwnFormula
+from mapmore_cli.study.sections.results import Competitor
+
+
+def test_a_clock_in_parts_has_stamps_and_numbers_with_units():
+    stamps = SourceColumn(columns=["date", "h", "f"], format=["%Y-%m-%d", "%H", "ms"])
+    assert stamps.places == ["date", "h", "f"]
+    assert stamps.formats == {"date": "%Y-%m-%d"}
+    assert stamps.units_of_parts == {"date": "s", "h": "h", "f": "ms"}
+    numbers = SourceColumn(columns=[0, 1, 2], format="%H %M %S")
+    assert (numbers.formats, numbers.units_of_parts) == ({}, {0: "h", 1: "min", 2: "s"})
+    alone = SourceColumn(column="t", format="%H:%M")
+    assert (alone.places, alone.formats) == (["t"], {"t": "%H:%M"})
+    assert SourceColumn(column="t").formats == {}
+
+
+def test_a_column_that_two_quantities_share_is_no_clock():
+    clock = SourceColumn(columns=["date", "t"], format="%Y-%m-%d s")
+    columns = {"time": clock, "x": SourceColumn(column="t")}
+    logs = Logs.model_construct(columns=columns)
+    assert logs.clocks() == {"date"}
+
+
+def test_missing_values_are_texts_without_spaces_and_numbers():
+    rule = MissingRule(tokens=[" no signal", "-", -999.0, 0.0])
+    assert (rule.texts, rule.numbers) == ({"no signal", "-"}, (-999.0, 0.0))
+
+
+def test_what_is_computed_from_a_quantity_also_through_others():
+    columns = {"x": SourceColumn(column=0), "y": SourceColumn(column=1)}
+    rate = {"rate_of": "a", "window": 0.1}
+    derive = {"a": "x + 1", "b": rate, "c": "b*y", "d": "2*y"}
+    data = Data(files=["a.csv"], columns=columns, derive=derive)
+    assert data.computed_from("x") == {"a", "b", "c"}
+    assert data.computed_from("y", "a") == {"b", "c", "d"}
+    assert data.computed_from("d") == set()
+
+
+@pytest.mark.parametrize(
+    ("at", "spacing"), [("auto", None), ([2.0], None), ([3.0, 1.0], 2.0), ([3.0, 1.0, 2.5], 0.5)]
+)
+def test_levels_are_apart_by_the_smallest_distance(at, spacing):
+    assert Levels(of="p", at=at).spacing == spacing
+
+
+def test_an_own_formula_computes_in_its_units():
+    """With 2 N per bar, 100 kPa are 2 N."""
+    own = OwnFormula(name="own", expression="a*p", units={"p": "bar"}, parameters={"a": {}})
+    made = formula_of(own.definition({"p": "kPa"}))
+    assert made.predict({"a": 2.0}, {"p": np.array([100.0])}) == pytest.approx([2])
+    assert made.reference == "the spec"
+    assert "me" in formula_of(own.model_copy(update={"source": "me"}).definition({})).reference
+
+
+@pytest.mark.parametrize(
+    ("settings", "label"),
+    [
+        ({"model": "sarosi"}, "sarosi"),
+        ({"model": "sarosi", "as": "a"}, "a"),
+        ({"static": "sarosi", "damping": "none"}, "sarosi+none"),
+        ({"run": "other/o.yaml"}, "o"),
+    ],
+)
+def test_a_competitor_has_its_name_or_that_of_what_it_is(settings, label):
+    assert Competitor.model_validate(settings).label == label
+
+
+def test_paths_are_as_long_as_a_file_system_allows():
+    for path in ("a/" + 255 * "b", 1999 * "a/" + "bb", "é" * 127):
+        assert possible_path(path) == path
+    for path in ("a/" + 256 * "b", 2000 * "a/" + "b", "é" * 128, "a\0"):
+        with pytest.raises(ValueError, match=r"than a system allows|a zero byte"):
+            possible_path(path)
+
+
+def test_runs_of_a_campaign_have_names_and_settings_in_order(tmp_path):
+    (tmp_path / "c.yaml").write_text(
+        "campaign: c\nbase: b.yaml\nruns: [{name: one, set: {fit.max_terms: 1}}, "
+        "{base: d/x.yaml}, {base: e/x.yaml}]\n"
+    )
+    alone = tmp_path / "alone.yaml"
+    alone.write_text("name: alone\n")
+    found, entries = campaigns.expanded([alone, tmp_path / "c.yaml", alone], ["a=2"])
+    assert [entry.called for entry in entries] == [
+        *("alone", "one", "d/x.yaml", "e/x.yaml", "alone"),
+    ]
+    assert [entry.overrides for entry in entries[:3]] == [
+        *(("a=2",), ('name="one"', "fit.max_terms=1", "a=2"), ("a=2",)),
+    ]
+    assert [entry.config.name for entry in entries[1:3]] == ["b.yaml", "x.yaml"]
+    assert [each.jobs for each in found] == [(1, 2, 3)]
