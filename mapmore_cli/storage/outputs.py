@@ -71,15 +71,17 @@ def _run_with(path: Path) -> Path | None:
     return None
 
 
-def refuse_early(path: Path) -> None:
+def refuse_early(path: Path, chosen: bool = False) -> None:
     """Raise WriteError before a command computes if its output cannot be written: as
-    `refuse_needed` does, and if its folder does not exist or cannot be written to. The output is
-    noted, so that `note_read` raises an error if the command later reads this file.
+    `refuse_needed` does, or, if mapmore has `chosen` the name, as `refuse_foreign_file` does.
+    Raise WriteError also if the folder does not exist or cannot be written to.
+
+    The output is noted, so that `note_read` raises an error if the command later reads this file.
     """
     with refusals_told(path.parent):
-        if is_special(path):
+        if is_special(path) and not chosen:
             return
-        refuse_needed(path)
+        (refuse_foreign_file if chosen else refuse_needed)(path)
         if not path.parent.is_dir():
             raise WriteError(
                 f"{path}: cannot be written, because there is no folder {path.parent}",

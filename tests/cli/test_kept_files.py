@@ -98,6 +98,15 @@ def test_no_output_replaces_a_file_that_is_needed(option, start, mapmore, monkey
         assert files_here() == before, line
 
 
+def test_an_export_that_may_not_be_written_is_refused_before_its_code_is_made(
+    start, mapmore, monkeypatch
+):
+    monkeypatch.setattr("mapmore_cli.annexes.exporting.exports.exported", None)
+    output = start / "mine"
+    line = (start / MODEL, "--to", "csv", "--grid", GRID, "-o", output)
+    mapmore("export", *map(str, line), code=7, says=f"{output / 'bench.csv'}: exists")
+
+
 def files_here():
     """Return the files below the current folder with their contents and times."""
     files = [path for path in sorted(Path().rglob("*")) if path.is_file()]
