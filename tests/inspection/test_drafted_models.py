@@ -17,7 +17,7 @@ from recorded import checked, drafted, write
 
 from mapmore_cli.annexes.drafting.answers import Answers
 from mapmore_cli.annexes.search.stage import search_slice
-from mapmore_cli.ingestion.files import expand
+from mapmore_cli.ingestion.globs import expand
 
 # Specimens that the names of files tell apart
 # --------------------------------------------------------------------------------------
