@@ -104,7 +104,7 @@ def test_an_unknown_cell_is_told_from_one_of_a_known_kind():
     assert (error.message, error.at("", "so").remedy) == ("here: 'a' is odd", "so")
     assert NotANumber("", "is odd", "").message == "is odd"
     with pytest.raises(NotANumber) as error:
-        CellReader(clock=True, usual="")("abc")
+        CellReader(clock=True)("3/1/2026")
     assert "%H" not in error.value.remedy
     assert "%I" in error.value.remedy
 

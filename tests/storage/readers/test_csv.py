@@ -14,7 +14,7 @@ from reading import csv_table, refusal
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import READERS, TableRequest
-from mapmore_cli.storage.readers.csv import values_of_records
+from mapmore_cli.storage.tables.fields import values_of_records
 
 PATIENT = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 EXPECTED = np.array([[0.0, 1.5], [0.5, -2000.25], [1.0, np.nan]])
