@@ -91,11 +91,6 @@ _KINDS = (
 a remedy.
 """
 
-USUAL = (
-    "correct the cell, or list it in `missing: {tokens: [...]}`; column names belong in the header"
-)
-"""Remedy for a cell of an unknown kind."""
-
 
 @dataclass(frozen=True)
 class Lacking:
@@ -166,6 +161,7 @@ class CellReader:
     - `decimal`, `thousands`: separators in numbers.
     - `clock`: True for the column of the time; `format`: format of its stamps for `strptime`.
     - `second`: one second in the unit of the column.
+    - `usual`: default remedy.
     - `form`: form of the stamps read so far; all stamps of a column must have the same form.
     - `texts`: for a column of texts, the number of each text that was read so far.
     """
@@ -176,6 +172,10 @@ class CellReader:
     clock: bool = False
     format: str | None = None
     second: float = 1.0
+    usual: str = (
+        "correct the cell, or list it in `missing: {tokens: [...]}`; column names belong in "
+        "the header"
+    )
     form: str = ""
     texts: dict[str, float] | None = None
 
@@ -214,7 +214,7 @@ class CellReader:
                 for one in _KINDS
                 if re.fullmatch(one[0], text[: LONGEST_STAMP + 1], re.I | re.S)
             )
-            kind, remedy = next(known, ("", USUAL))
+            kind, remedy = next(known, ("", self.usual))
             stamps = f"give the form of the stamps, for example {FORMAT}" if self.clock else DATES
             raise NotANumber(
                 text, f"is not a number{kind and f': {kind}'}", remedy or stamps, bool(kind)

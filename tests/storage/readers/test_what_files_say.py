@@ -307,3 +307,24 @@ def test_merged_cells(tmp_path):
     told = "a.xlsx:a:row 4, column P: is one of the merged cells B3:B5"
     refusal([told, "unmerge them"], "xlsx", tmp_path / "a.xlsx", "t", "P", "F")
     assert table_of("xlsx", tmp_path / "a.xlsx", "t", "F").size == 6
+
+
+def test_hidden_rows_and_columns_are_told_or_left_out(tmp_path):
+    path = tmp_path / "a.xlsx"
+    made = workbook(path, a=[["t", "F", "G"], *([i, 10 * i, 0] for i in range(5))])
+    for row in (3, 5):
+        made["a"].row_dimensions[row].hidden = True
+    made["a"].column_dimensions["B"].hidden = True
+    made.save(path)
+    kept = table_of("xlsx", path, "t", "G")
+    assert [*kept.rows] == [2, 3, 4, 5, 6]
+    assert [told.partition(";")[0] for told in kept.doubts] == [
+        "a.xlsx:a: 2 hidden rows are read (first: row 3)"
+    ]
+    shown = table_of("xlsx", path, "F", hidden="drop")
+    assert ([*shown.rows], shown.columns["F"].tolist()) == ([2, 4, 6], [0, 20, 40])
+    assert shown.doubts == ("a.xlsx:a: the column 'F' is hidden in the workbook, and is read",)
+    for row in range(2, 7):
+        made["a"].row_dimensions[row].hidden = True
+    made.save(path)
+    refusal(["no row that is shown", "`hidden: drop`"], "xlsx", path, "t", hidden="drop")
