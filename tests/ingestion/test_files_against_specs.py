@@ -95,6 +95,8 @@ def test_a_factor_of_the_file_and_one_of_the_spec(ingest):
     stream = io.BytesIO(hdf5())
     with h5py.File(stream, "a") as file:
         file["F"].attrs["scale_factor"] = 0.1
+    for scale in (1.0, -1.0):
+        assert read(ingest, stream.getvalue(), columns=columns(force={"scale": scale}))[1] == []
     _, warnings = read(ingest, stream.getvalue(), columns=columns(force={"scale": 0.1}))
     assert warnings == [
         "a.h5: 'F' is scaled by the file itself, and `scale: 0.1` scales it again; remove `scale` "

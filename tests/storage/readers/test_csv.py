@@ -225,6 +225,12 @@ def test_one_odd_line_costs_its_chunk_alone(tmp_path, monkeypatch):
     np.testing.assert_array_equal(table.rows, np.arange(2, 102))
 
 
+def test_a_record_may_begin_with_an_empty_field(tmp_path):
+    table = csv_table(tmp_path / "a", b"t,P\n1,2\n,5\n\n3,n/a\n", "P")
+    np.testing.assert_array_equal(table.columns["P"], [2, 5, np.nan])
+    assert [*table.rows] == [2, 3, 5]
+
+
 def test_a_quoted_field_may_go_on_in_the_next_block(tmp_path, monkeypatch):
     monkeypatch.setattr("mapmore_cli.storage.tables.lines.CHUNK", 2)
     table = csv_table(tmp_path / "a", b't,note\n1,a\n2,"b\nb\nb"\n3,c\n4,d\n5,e\n', "t")
