@@ -186,7 +186,9 @@ def _found(
                     "change the patterns of `files` so that each file matches one of them",
                 )
             log = Log(
-                *(path, name, entry.sheet),
+                path,
+                name,
+                entry.sheet,
                 table=table,
                 table_below=entry.table,
                 columns=entry.columns,
@@ -203,14 +205,11 @@ def _automatic(logs: Sequence[Log]) -> list[str]:
     ids = dict(zip(sheets, unique_ids([*sheets]), strict=True))
     return [
         f"{ids[log.name]}[{part}]"
-        if sheets[log.name] > 1 and (part := ":".join(map(str, filter(None, _part_of(log)))))
+        if sheets[log.name] > 1
+        and (part := ":".join(map(str, filter(None, (log.sheet, log.table_below)))))
         else ids[log.name]
         for log in logs
     ]
-
-
-def _part_of(log: Log) -> tuple[str | None, WhichTable | None]:
-    return log.sheet, log.table_below
 
 
 def _logs_to_join(join: Join, count: int, folder: Path, warn: Warn) -> list[Log]:

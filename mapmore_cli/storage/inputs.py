@@ -62,7 +62,9 @@ def note_output(path: Path) -> None:
 
 
 def refuse_read(path: Path) -> None:
-    """Raise WriteError if an existing file is one of those that were read, under any name."""
+    """Raise WriteError if the command has read the file `path`, under this name or another one (a
+    hard link).
+    """
     if (files := _FILES.get()) is not None:
         _refuse_same(path, files.read)
 

@@ -93,8 +93,9 @@ def refuse_early(path: Path, chosen: bool = False) -> None:
 
 @contextmanager
 def written(path: Path) -> Iterator[IO[bytes]]:
-    """Open a file that the user has named, for writing as a whole, as `replacing` does. If `path`
-    is no regular file, for example a pipe or `/dev/null`, it is opened directly.
+    """Open a file that the user has named. It replaces the old file when the block ends without an
+    error, as in `replacing`. If `path` is no regular file, for example a pipe or `/dev/null`, the
+    data are written into it directly.
 
     Raises WriteError as `refuse_needed` does.
     """
@@ -109,8 +110,8 @@ def written(path: Path) -> Iterator[IO[bytes]]:
 
 @contextmanager
 def written_as_text(path: Path) -> Iterator[TextIO]:
-    """Open a text stream that replaces `path` when the block ends without an error
-    (`written`).
+    """Open a UTF-8 text that replaces the file `path` when the block ends without an error. The
+    text is compressed with gzip if the name of the file ends with `.gz`.
 
     Errors of the file system inside the block count as errors of this file, and become WriteErrors.
     Raises BrokenPipeError if the program that reads from a pipe has ended.

@@ -4,8 +4,8 @@ made. The entry of a stage is written after its outputs; outputs without an entr
 Sizes, times and hashes show whether files are still the ones that were read or written. There are
 no absolute paths, users, hosts or environment variables.
 
-1.0  first version. 1.1  `origin`: the spec from which the run was made. 1.2  `files`: files that
-the run wrote in addition to the outputs of its stages.
+Version 1.1 of this format added `origin`, the spec from which the run was made. Version 1.2 added
+`files`, the files that the run wrote in addition to the outputs of its stages.
 """
 
 from __future__ import annotations

@@ -49,14 +49,14 @@ def test_a_signal_has_the_first_of_equal_stamps_and_no_missing_values():
         _ordered_signal(samples(time=[0, 2, np.nan, 1], P=[1, 1, 1, 1]), "P")
 
 
-def shift(monkeypatch, second="P2", **found):
+def shift(monkeypatch, second="P2", is_found=True, **found):
     asked = []
     usual = {"value": -7.26, "half_width": 0.03, "correlation": 0.98765, "ratio": 2.0}
     usual |= {"lost_in_noise": False, "ambiguous": False, "rival": 4.0, "next_best": 0.5}
 
     def find(*signals, same_sign):
         asked.append(same_sign)
-        return SimpleNamespace(**usual | found) if found is not None else None
+        return SimpleNamespace(**usual | found) if is_found else None
 
     monkeypatch.setattr(second_logs, "find_shift", find)
     join = SimpleNamespace(match=SimpleNamespace(first="P", second=second))
@@ -93,3 +93,5 @@ def test_a_shift_that_noise_could_give_or_another_one_rivals_is_refused(monkeypa
         shift(monkeypatch, lost_in_noise=True)
     with refused("a shift of 4 ms (correlation 0.500) fits nearly as well as -7.260 ms"):
         shift(monkeypatch, ambiguous=True)
+    with refused("P2 of b.csv and P of a.csv, because one of them never changes"):
+        shift(monkeypatch, is_found=False)

@@ -8,14 +8,20 @@ from mapmore_cli.storage.artefacts import write_dataset
 from mapmore_cli.storage.run_folder import DATASET, RunFiles
 
 
-def write(folder, slope):
-    columns = {"strain": np.arange(5.0), "force": slope * np.arange(5)}
-    write_dataset(folder / DATASET, dataset_of(columns, output="force"))
+def write(folder, slope, step=1):
+    columns = {"strain": np.arange(5.0), "force": slope * np.arange(5 * step)[::step]}
+    made = dataset_of(columns, output="force")
+    write_dataset(folder / DATASET, made)
+    return made
 
 
 def test_results_stay_in_memory_until_their_file_is_replaced(tmp_path):
-    write(tmp_path, 2.0)
+    first = write(tmp_path, 2.0)
+    assert RunFiles(tmp_path).dataset() is first
+    # in a file, all arrays are contiguous
+    other = write(tmp_path, 2.0, step=2)
     first = RunFiles(tmp_path).dataset()
+    assert first is not other
     assert RunFiles(tmp_path).dataset() is first
     with pytest.raises(ValueError, match="read-only"):  # nobody changes what others read
         first.curves[0].columns["force"][0] = 1.0

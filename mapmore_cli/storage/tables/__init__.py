@@ -222,8 +222,8 @@ class Reader:
     - `name`: value of `data.reader`.
     - `read`: function that reads the wanted columns of a file, with one table for every recording
       in it. The gate (`tables/gate.py`) checks its result.
-    - `suffixes`: suffixes of such files, in lower case. - `keys`: keys of `data` that this reader
-      uses, besides the keys that every reader uses.
+    - `suffixes`: suffixes of such files, in lower case.
+    - `keys`: keys of `data` that this reader uses, besides the keys that every reader uses.
     - `column`: example of the name of a column in a spec.
     - `by_index`: True if columns can also be addressed by their 0-based index.
     - `peek`: function that reads the first rows of a file in every way that may be meant, the most

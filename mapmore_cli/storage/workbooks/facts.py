@@ -25,12 +25,12 @@ MOST = 1 << 20
 
 
 def hidden_rows(first: int, last: int) -> Fact:
-    """Return the record that says which rows are hidden."""
+    """Return the fact that the rows from `first` to `last` (0-based) are hidden."""
     return first, 0, last, MOST, HIDDEN
 
 
 def hidden_columns(first: int, last: int) -> Fact:
-    """Return the record that says which columns are hidden."""
+    """Return the fact that the columns from `first` to `last` (0-based) are hidden."""
     return 0, first, MOST, last, HIDDEN
 
 

@@ -149,15 +149,6 @@ def test_what_a_workbook_lacks(book, columns, request_, parts):
     refusal(parts, "xlsx", book, *columns, **request_)
 
 
-def test_every_cut_of_a_workbook_is_noticed(book, tmp_path):
-    whole = book.read_bytes()
-    cut = tmp_path / "cut.xlsx"
-    for end in range(0, len(whole), 211):
-        cut.write_bytes(whole[:end])
-        with pytest.raises(DataError, match=r"a\.xlsx: the file is damaged, or is no workbook"):
-            read(cut, "t", sheet="Run1")
-
-
 def test_sheet_with_broken_bytes_inside_is_noticed(book, tmp_path):
     whole = bytearray(book.read_bytes())
     place = whole.find(b"xl/worksheets/sheet2.xml") + 30
