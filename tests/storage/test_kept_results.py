@@ -1,5 +1,7 @@
 """Results stay in memory as long as their files are the same."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from common import dataset_of
@@ -9,8 +11,11 @@ from mapmore_cli.storage.run_folder import DATASET, RunFiles
 
 
 def write(folder, slope, step=1):
-    columns = {"strain": np.arange(5.0), "force": slope * np.arange(5 * step)[::step]}
+    columns = {"strain": np.arange(5.0), "force": slope * np.arange(5)}
     made = dataset_of(columns, output="force")
+    force = np.repeat(columns["force"], step)[::step]
+    curve = replace(made.curves[0], columns={**columns, "force": force})
+    made = replace(made, curves=(curve,))
     write_dataset(folder / DATASET, made)
     return made
 
