@@ -113,6 +113,17 @@ def test_dates_count_as_seconds_in_the_column_of_the_time(tmp_path):
         refusal(parts, "xlsx", path, column, header=0)
 
 
+@pytest.mark.parametrize("year", [1900, 1904])
+def test_dates_count_from_the_year_of_the_workbook(tmp_path, year):
+    made = workbook(tmp_path / "a.xlsx", a=[])
+    made.epoch = datetime(year, 1, 1) if year == 1904 else made.epoch
+    for second in (0, 1):
+        made["a"].append([datetime(2026, 3, 1, 12, 0, second)])
+    made.save(tmp_path / "a.xlsx")
+    table = read(tmp_path / "a.xlsx", 0, header=0, clocks=frozenset({0}))
+    np.testing.assert_allclose(table.columns[0], [1772366400, 1772366401], atol=1e-3)
+
+
 def test_wrong_dimensions_of_other_software_do_not_cut_the_sheet(book, tmp_path):
     patched = tmp_path / "patched.xlsx"
     with zipfile.ZipFile(book) as old, zipfile.ZipFile(patched, "w") as new:
