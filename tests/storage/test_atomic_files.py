@@ -100,8 +100,14 @@ def test_only_refusals_in_the_folder_are_write_errors(tmp_path):
         raise PermissionError(errno.EACCES, "refused", str(tmp_path / "fit.h5"))
     with pytest.raises(PermissionError), refusals_told(tmp_path / "run"):
         raise PermissionError(errno.EACCES, "refused", str(tmp_path / "data.csv"))
-    with pytest.raises(WriteError), refusals_told(tmp_path):
-        full_disk()
+    with pytest.raises(WriteError, match=f"{tmp_path}: cannot"), refusals_told(tmp_path / "run"):
+        raise PermissionError(errno.EACCES, "refused", os.fsencode(tmp_path))
+    with pytest.raises(OSError, match="odd"), refusals_told(tmp_path):
+        raise OSError(errno.EIO, "odd", str(tmp_path))
+    for fault in (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG):  # whatever the file
+        with pytest.raises(WriteError, match="cannot be written") as told, refusals_told(tmp_path):
+            raise OSError(fault, "", "/elsewhere")
+        assert "make room" in told.value.remedy
 
 
 def test_stamp_is_taken_again_when_size_or_time_changed(tmp_path):

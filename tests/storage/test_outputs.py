@@ -1,5 +1,6 @@
 """Which files an output replaces: none that is read; by a chosen name, those of mapmore alone."""
 
+import gzip
 import os
 import shutil
 from pathlib import Path
@@ -28,6 +29,9 @@ def test_a_file_with_a_chosen_name_replaces_those_of_mapmore_alone(tmp_path):
         write_chosen(place, {"a.c": b"3", "d.c": b"3"})
     with pytest.raises(WriteError, match=r"b\.csv: exists, .* somebody has changed it since"):
         write_chosen(place, {"a.c": b"3", "b.csv": b"3"})
+    (place / "e.c").symlink_to("d.c")
+    with pytest.raises(WriteError, match=r"e\.c: is a link"):
+        write_chosen(place, {"e.c": (place / "d.c").read_bytes()})
     moved = shutil.copytree(place, tmp_path / "moved")
     write_chosen(moved, {"a.c": b"3"})
     assert [(folder / "a.c").read_bytes() for folder in (place, moved)] == [b"2", b"3"]
@@ -97,11 +101,25 @@ def test_a_chosen_name_is_refused_early_if_the_file_is_of_somebody_else(tmp_path
     refuse_early(tmp_path / "a.c")
     with pytest.raises(WriteError, match="mapmore has not written it"):
         refuse_early(tmp_path / "a.c", chosen=True)
+    (tmp_path / "empty").write_text("")
+    refuse_early(tmp_path / "empty", chosen=True)
     os.mkfifo(tmp_path / "pipe")
     refuse_early(tmp_path / "pipe")
     with pytest.raises(WriteError, match="is a pipe, a socket or a device"):
         refuse_early(tmp_path / "pipe", chosen=True)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.c", "pipe"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.c", "empty", "pipe"]
+
+
+def test_the_same_text_gives_the_same_packed_bytes(tmp_path):
+    path = tmp_path / "a.csv.gz"
+    with written_as_text(path) as text:
+        text.write("ü\r\n")
+    packed = path.read_bytes()
+    assert gzip.decompress(packed) == "ü\r\n".encode()
+    assert packed[3:8] == bytes(5)  # no name, and no time
+    with written_as_text(tmp_path / "a.csv") as text:
+        text.write("ü\n")
+    assert (tmp_path / "a.csv").read_bytes() == "ü\n".encode()
 
 
 def test_text_goes_into_a_pipe_and_never_over_it(tmp_path):
