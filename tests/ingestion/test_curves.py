@@ -112,15 +112,15 @@ def test_held_out_samples_are_marked_one_by_one(ingest):
 
 
 def test_random_fraction_is_exact_and_hangs_on_the_seed_alone(ingest):
-    def chosen(seed):
-        dataset = ingest(
-            REPEATS, levels=LEVELS, split={"validate": {"fraction": 0.25, "seed": seed}}
-        )
+    def chosen(*seed):
+        choice = {"fraction": 0.25, **dict(zip(["seed"], seed, strict=False))}
+        dataset = ingest(REPEATS, levels=LEVELS, split={"validate": choice})
         return np.concatenate([curve.held_out for curve in dataset.curves])
 
     assert chosen(1).sum() == 30
     np.testing.assert_array_equal(chosen(1), chosen(1))
     assert (chosen(1) != chosen(2)).any()
+    np.testing.assert_array_equal(chosen(), chosen(0))
 
 
 def held(**choice):

@@ -2,6 +2,7 @@
 
 from datetime import date, datetime, time
 from struct import pack
+from types import SimpleNamespace
 
 import pytest
 
@@ -142,6 +143,42 @@ def test_lengths_of_records_have_seven_bits_in_a_byte():
     assert [*xlsb._records(content)] == [(5, b"\x09"), (0x9C, b"x" * 130)]
     assert xlsb._length(bytes([0xFF, 0xFF, 0xFF, 0x7F, 0x01]), 0) == ((1 << 28) - 1, 4)
     assert xlsb._text(b"??" + pack("<I", 2) + "äb".encode("utf-16-le") + b"!", 2) == ("äb", 10)
+
+
+def of_xlsb(kind, *numbers, value=b""):
+    """Return a record of an .xlsb that begins with numbers of four bytes."""
+    content = pack(f"<{len(numbers)}I", *numbers) + value
+    head = bytes([kind]) if kind < 128 else bytes([kind & 127 | 128, kind >> 7])
+    return head + bytes([len(content)]) + content
+
+
+def test_facts_of_the_records_of_a_binary_sheet(monkeypatch):
+    monkeypatch.setattr(xlsb, "_key_of_sheet", lambda *_: "")
+    monkeypatch.setattr(xlsb, "part_of_sheet", lambda *_: "sheet")
+    formats = of_xlsb(44, value=pack("<HI", 164, 2) + "0%".encode("utf-16-le"))
+    # only the styles between 617 and 618 are those of cells
+    styles = [of_xlsb(47, value=pack("<2H", 0, number)) for number in (10, 0, 164, 10)]
+    styles = styles[0] + of_xlsb(617) + styles[1] + styles[2] + of_xlsb(618) + styles[3]
+    own = [
+        *(of_xlsb(60, 1, 2, 0, 0, value=b"\1\0"), of_xlsb(60, 4, 5, 0, 0, value=b"\2\0")),
+        *(of_xlsb(0, 3, 0, 0), of_xlsb(0, 7, 0, value=bytes([0, 0, 0, 16]))),
+        *(of_xlsb(5, 2, 1, 0, 0), of_xlsb(5, 3, 0, 0, 0), of_xlsb(3, 4, 0, value=b"\x2a")),
+        *(of_xlsb(11, 5, 0, value=b"\0"), of_xlsb(8, 6, 0, 0), of_xlsb(176, 1, 3, 0, 2)),
+    ]
+    parts = {"xl/styles.bin": formats + styles, "xl/workbook.bin": b""}
+
+    def facts(*more):
+        parts["sheet"] = b"".join([*own, *more])
+        archive = SimpleNamespace(read=parts.get, namelist=lambda: [*parts])
+        return [*xlsb.facts_of(archive, "a")]
+
+    found = [
+        *(hidden_columns(1, 2), hidden_rows(7, 7), (7, 2, 7, 2, PERCENT), (7, 4, 7, 4, "#N/A")),
+        *((7, 5, 7, 5, "#NULL!"), (1, 0, 3, 2, ""), (7, 6, 7, 6, NEVER_COMPUTED)),
+    ]
+    assert facts() == found
+    for computed in (of_xlsb(8, 1, 0, 1), of_xlsb(9, 1, 0, 0, 0), of_xlsb(10, 1, 0, value=b"\1")):
+        assert facts(computed) == found[:-1]
 
 
 SHEET = """<worksheet xmlns="urn:x">
