@@ -162,7 +162,7 @@ def test_facts_of_the_records_of_a_binary_sheet(monkeypatch):
     own = [
         *(of_xlsb(60, 1, 2, 0, 0, value=b"\1\0"), of_xlsb(60, 4, 5, 0, 0, value=b"\2\0")),
         *(of_xlsb(0, 3, 0, 0), of_xlsb(0, 7, 0, value=bytes([0, 0, 0, 16]))),
-        *(of_xlsb(5, 2, 1, 0, 0), of_xlsb(5, 3, 0, 0, 0), of_xlsb(3, 4, 0, value=b"\x2a")),
+        *(of_xlsb(5, 2, 1, 0, 0), of_xlsb(5, 3, 2, 0, 0), of_xlsb(3, 4, 0, value=b"\x2a")),
         *(of_xlsb(11, 5, 0, value=b"\0"), of_xlsb(8, 6, 0, 0), of_xlsb(176, 1, 3, 0, 2)),
     ]
     parts = {"xl/styles.bin": formats + styles, "xl/workbook.bin": b""}
@@ -184,7 +184,7 @@ def test_facts_of_the_records_of_a_binary_sheet(monkeypatch):
 SHEET = """<worksheet xmlns="urn:x">
 <cols><col min="2" max="3" hidden="1"/><col min="5" max="5"/></cols>
 <row r="3" hidden="true"><c r="A3" s="2"><v>1</v></c><c r="B3" t="e"><v>#N/A</v></c></row>
-<row><c r="AA4"><f>1</f></c><c r="B4" t="str"><f>1</f><v></v></c>
+<row hidden="1"><c r="AA4"><f>1</f></c><c r="B4" t="str"><f>1</f><v></v></c>
 <c r="C4" t="str"><f>1</f></c></row>
 <row r="9" ht="0"><c r="D9" s="3"><f>1</f><v>2</v></c></row></worksheet>"""
 
@@ -192,7 +192,8 @@ SHEET = """<worksheet xmlns="urn:x">
 def test_facts_of_a_sheet_of_xml():
     assert [*markup._facts_of_xlsx(SHEET.encode(), {"2"})] == [
         *(hidden_columns(1, 2), (2, 0, 2, 0, PERCENT), (2, 1, 2, 1, "#N/A"), hidden_rows(2, 2)),
-        *((3, 26, 3, 26, NEVER_COMPUTED), (3, 2, 3, 2, NEVER_COMPUTED), hidden_rows(8, 8)),
+        *((3, 26, 3, 26, NEVER_COMPUTED), (3, 2, 3, 2, NEVER_COMPUTED)),
+        *(hidden_rows(3, 3), hidden_rows(8, 8)),
     ]
 
 
