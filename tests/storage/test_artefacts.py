@@ -261,7 +261,7 @@ def test_arrays_of_middle_length_are_compressed(size, packed, tmp_path):
     with h5py.File(tmp_path / "s.h5") as file:
         found = []
         file.visititems(lambda name, node: found.append(node) if "rows" in name else None)
-        assert [node.compression for node in found] == [packed]
+        assert [(node.compression, node.shuffle) for node in found] == [(packed, bool(packed))]
     assert same(artefacts.read_segmentation(tmp_path / "s.h5"), (curve,))
 
 
