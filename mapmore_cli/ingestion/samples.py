@@ -82,7 +82,7 @@ class Samples(RawTable):
 
 @contextmanager
 def located(label: str) -> Iterator[None]:
-    """Put the file's name before the message of a DataError that is raised inside."""
+    """Put `label`, for example the name of a file, before the message of a DataError."""
     try:
         yield
     except DataError as error:

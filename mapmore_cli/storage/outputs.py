@@ -72,9 +72,9 @@ def _run_with(path: Path) -> Path | None:
 
 
 def refuse_early(path: Path, chosen: bool = False) -> None:
-    """Raise WriteError before a command computes if its output cannot be written: as
-    `refuse_needed` does, or, if mapmore has `chosen` the name, as `refuse_foreign_file` does.
-    Raise WriteError also if the folder does not exist or cannot be written to.
+    """Raise WriteError before a command computes if its output cannot be written: an existing file
+    is still needed (`refuse_needed`), or the folder does not exist or cannot be written to. If
+    mapmore has `chosen` the name, a file of somebody else is refused, too (`refuse_foreign_file`).
 
     The output is noted, so that `note_read` raises an error if the command later reads this file.
     """
@@ -166,7 +166,7 @@ def refuse_foreign_file(path: Path) -> None:
 
 def note_chosen(folder: Path, names: Iterable[str]) -> None:
     """Note the contents of files whose names mapmore has chosen, so that it may replace them later
-    (`refuse_foreign_file`). If the note is lost, these files are refused.
+    (`refuse_foreign_file`). If the note is lost, mapmore no longer replaces these files.
     """
     hashes = {**_hashes_in(folder), **hashes_of(folder, names)}
     text = json.dumps(hashes, indent=1, ensure_ascii=False, sort_keys=True) + "\n"

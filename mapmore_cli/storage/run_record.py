@@ -96,8 +96,8 @@ def refuse_newer(path: Path, found: str, known: str) -> None:
 
 @cache
 def tool_versions() -> Mapping[str, str]:
-    """Return the versions of everything that affects numbers and files, without importing any of
-    it.
+    """Return the versions of all packages that affect numbers and files, without importing the
+    packages.
     """
     packages = {name: version(name) for name in ("mapmore", "numpy", "scipy", "h5py")}
     return {**packages, "python": platform.python_version()}

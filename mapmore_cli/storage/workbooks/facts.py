@@ -58,8 +58,8 @@ def never_computed(empty: Iterable[tuple[int, int]], computed: bool) -> Iterator
     """Yield the formulas that were never computed. `empty` holds the row and column of each formula
     whose stored value is an empty text.
 
-    If no formula of the sheet has a value (`computed` is False), none was computed. If another
-    formula has one, an empty text is the computed value.
+    If another formula of the sheet has a value (`computed` is True), all formulas were computed, and
+    the empty texts are their values. Otherwise none was computed.
     """
     if not computed:
         yield from ((row, column, row, column, NEVER_COMPUTED) for row, column in empty)
