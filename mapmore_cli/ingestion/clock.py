@@ -1,5 +1,5 @@
-"""Treat time stamps: resets, repeated stamps, gaps, equal time steps and second logs. Faults are
-reported, and corrected only as the spec says.
+"""Treat time stamps: resets, repeated stamps, gaps and equal time steps. Faults are reported, and
+corrected only as the spec says.
 """
 
 from __future__ import annotations

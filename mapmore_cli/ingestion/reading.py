@@ -35,7 +35,7 @@ def read_tables(
 ) -> list[Samples]:
     """Return the samples of each recording in a file, with NaN for missing values.
 
-    A table in memory is not read. If missing values are dropped, incomplete last records are
+    If `log` is a table in memory, no file is read. If missing values are dropped, incomplete last records are
     dropped too. Raises DataError if the file cannot be read.
     """
     if log.columns:

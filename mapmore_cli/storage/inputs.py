@@ -54,8 +54,8 @@ def note_read(paths: Iterable[Path]) -> None:
 
 
 def note_output(path: Path) -> None:
-    """Remember an output of the command. If the command later reads this file, `note_read` raises an
-    error. Outside of the context of `files_read`, do nothing.
+    """Remember an output of the command. If the command later reads this file, `note_read` raises
+    an error. Outside of the context of `files_read`, do nothing.
     """
     if (files := _FILES.get()) is not None:
         files.outputs.append(path)

@@ -1,5 +1,5 @@
-"""Represent facts that a workbook contains about its cells besides their values, for example errors
-and hidden rows.
+"""Represent facts about the cells of a workbook, for example errors and hidden rows. The values of
+the cells are read elsewhere.
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ def never_computed(empty: Iterable[tuple[int, int]], computed: bool) -> Iterator
     """Yield the formulas that were never computed. `empty` holds the row and column of each formula
     whose stored value is an empty text.
 
-    If another formula of the sheet has a value (`computed` is True), all formulas were computed, and
-    the empty texts are their values. Otherwise none was computed.
+    If another formula of the sheet has a value (`computed` is True), all formulas were computed,
+    and the empty texts are their values. Otherwise none was computed.
     """
     if not computed:
         yield from ((row, column, row, column, NEVER_COMPUTED) for row, column in empty)
