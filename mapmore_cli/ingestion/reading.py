@@ -35,8 +35,8 @@ def read_tables(
 ) -> list[Samples]:
     """Return the samples of each recording in a file, with NaN for missing values.
 
-    If `log` is a table in memory, no file is read. If missing values are dropped, incomplete last records are
-    dropped too. Raises DataError if the file cannot be read.
+    If `log` is a table in memory, no file is read. If missing values are dropped, incomplete last
+    records are dropped too. Raises DataError if the file cannot be read.
     """
     if log.columns:
         table = table.model_copy(update={"columns": {**table.columns, **log.columns}})

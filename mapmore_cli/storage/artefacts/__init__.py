@@ -134,8 +134,8 @@ class FileKind(Generic[T]):
             file.attrs.update(about | {CHECKSUM: digest.hexdigest()})
         mark = _mark(path)
         _as_written[mark] = digest.hexdigest()
-        # Arrays from a file are contiguous. A record with other arrays is not kept, because the last
-        # digit of a sum over an array can depend on this.
+        # Arrays from a file are contiguous. A record with other arrays is not kept, because the
+        # last digit of a sum over an array can depend on this.
         if mark[-1] < ROOM and all(array.value.flags.c_contiguous for array in arrays):
             _keep(mark, record)
 
