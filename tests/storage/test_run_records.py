@@ -86,7 +86,7 @@ def test_a_path_in_a_record_is_one_that_a_file_can_have(tmp_path, name, known):
     ("text", "ours"),
     [
         *(('{"creator": "mapmore"}', True), ('{"stages": {}}', True), ("{}", True), ("{", True)),
-        *(('{"creator": "other"}', False), ('{"a": 1}', False), ("[]", True)),
+        *(('{"creator": "other"}', False), ('{"a": 1}', False), ("[1]", True)),
     ],
 )
 @pytest.mark.parametrize("record", [RUN_RECORD, "campaign.json"])

@@ -1,11 +1,14 @@
 """What workbooks say of cells besides values: formats, letters of columns, marks, hidden rows."""
 
+from contextlib import nullcontext
 from datetime import date, datetime, time
 from struct import pack
 from types import SimpleNamespace
 
 import pytest
+from reading import workbook
 
+from mapmore_cli.storage.workbooks import __main__ as program
 from mapmore_cli.storage.workbooks import binary, markup, xlsb
 from mapmore_cli.storage.workbooks.__main__ import _hidden, _mark, _plain
 from mapmore_cli.storage.workbooks.facts import (
@@ -58,6 +61,18 @@ def test_marks_replace_the_cells_that_they_are_about():
     cells = [[0]]
     _mark(cells, [(0, 0, 0, 0, str(number)) for number in range(9)])
     assert cells == [["3"]]  # four marks for each cell are enough
+
+
+def test_a_sheet_may_span_as_many_cells_as_the_file_has_bytes_for(tmp_path, monkeypatch):
+    workbook(tmp_path / "a.xlsx", a=[[1, 2, 3], [4, 5, 6]])
+    size = (tmp_path / "a.xlsx").stat().st_size
+    assert (program.MOST_CELLS, program.CELLS_OF_BYTE) == (100_000, 50)
+    for free, each, fits in ((2, 4 / size, True), (2, 3 / size, False), (6, 0, True)):
+        monkeypatch.setattr(program, "MOST_CELLS", free)
+        monkeypatch.setattr(program, "CELLS_OF_BYTE", each)
+        with nullcontext() if fits else pytest.raises(SystemExit):
+            ((title, is_visible, cells, *_),) = program.sheets_of(tmp_path / "a.xlsx", 0)
+            assert (title, is_visible, cells) == ("a", True, [[1, 2, 3], [4, 5, 6]])
 
 
 def test_hidden_rows_and_columns_end_with_the_cells():
