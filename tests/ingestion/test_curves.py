@@ -81,6 +81,7 @@ def test_the_value_of_a_level_is_what_was_measured_or_the_nominal_one(ingest):
         ({"pressure": [150.6, 79.4]}, [40, 40, 0]),
         ({"time": {"between": [(0.0, 0.45), (1.75, 9.0)]}}, [14, 14, 14]),
         ({"force": [8001.0]}, [20, 0, 0]),
+        ({"force": {"between": [(8001.0, 8002.0)]}}, [40, 0, 0]),
         ({"files": ["*_2.csv"]}, [20, 20, 20]),
         ({"files": ["./80_1.csv"]}, [20, 0, 0]),
         ({"recordings": ["250_*", "80_1"]}, [20, 0, 40]),
